@@ -1,0 +1,1 @@
+"""The command line `vast`: parse, call the library, render."""
