@@ -1,0 +1,207 @@
+"""What a schema cannot say: rules between keys, files that must exist, parameters that must be."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from robovast.common.scenario import Scenario, read_scenario
+from robovast.common.variation import Variation
+from robovast.common.variation.loader import load_variation
+from robovast.document.files import host_path, match_run_files
+from robovast.document.model import ConfigurationEntry, Execution, PluginCall, Search
+from robovast.document.problems import problems_of, suggest
+from robovast.document.source import Path_, Source
+from robovast.errors import InputError, Problem
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The parts of a document that are valid by themselves."""
+
+    folder: Path
+    source: Source
+    entries: dict[int, ConfigurationEntry]
+    execution: Execution | None
+    search: Search | None
+
+    @cached_property
+    def scenario_key(self) -> Path_:
+        """Where the scenario is named; `execution` when it is named nowhere."""
+        if self.execution is not None and self.execution.scenario_file is not None:
+            return ("execution", "scenario_file")
+        for index, entry in self.entries.items():
+            if entry.scenario_file is not None:
+                return ("configuration", index, "scenario_file")
+        return ("execution",)
+
+    @cached_property
+    def scenario(self) -> Scenario | InputError | None:
+        """The scenario, why it cannot be read, or None when none is named."""
+        names = [self.execution.scenario_file if self.execution else None]
+        names += [entry.scenario_file for entry in self.entries.values()]
+        name = next((name for name in names if name is not None), None)
+        if name is None:
+            return None
+        try:
+            return read_scenario(self.folder / name)
+        except InputError as error:
+            return error
+
+
+def check_parts(parts: Parts) -> list[Problem]:
+    """All problems that need more than one key, or the files around the document."""
+    return [
+        *_check_scenario(parts),
+        *_check_names(parts),
+        *_check_parameters(parts),
+        *_check_variations(parts),
+        *_check_files(parts),
+    ]
+
+
+def _check_scenario(parts: Parts) -> Iterator[Problem]:
+    if parts.scenario is None and parts.execution is not None:
+        yield parts.source.problem(
+            ("execution",),
+            "the key `scenario_file` is missing",
+            "OpenSCENARIO 2 file, relative to the .vast file.",
+        )
+    if isinstance(parts.scenario, InputError):
+        yield parts.source.problem(parts.scenario_key, str(parts.scenario))
+    named = {entry.scenario_file for entry in parts.entries.values() if entry.scenario_file}
+    if parts.execution is not None and parts.execution.scenario_file is not None:
+        named.add(parts.execution.scenario_file)
+    if len(named) > 1:
+        yield parts.source.problem(
+            parts.scenario_key,
+            f"a campaign runs one scenario, but several are named: {', '.join(sorted(named))}",
+            "Put each scenario into a .vast file of its own.",
+        )
+
+
+def _check_names(parts: Parts) -> Iterator[Problem]:
+    first: dict[str, int] = {}
+    for index, entry in parts.entries.items():
+        if entry.name in first:
+            yield parts.source.problem(
+                ("configuration", index, "name"),
+                f"the name `{entry.name}` stands twice; the first is configuration"
+                f"[{first[entry.name]}]",
+                "Results are kept by name: give each configuration its own.",
+            )
+        first.setdefault(entry.name, index)
+
+
+def _check_parameters(parts: Parts) -> Iterator[Problem]:
+    for index, entry in parts.entries.items():
+        base: Path_ = ("configuration", index, "parameters")
+        yield from _unknown_parameters(parts, base, entry.parameters or [])
+    if parts.execution is not None:
+        base = ("execution", "local", "parameter_overrides")
+        yield from _unknown_parameters(parts, base, parts.execution.local.parameter_overrides)
+
+
+def _unknown_parameters(
+    parts: Parts, base: Path_, pairs: Iterable[dict[str, Any]]
+) -> Iterator[Problem]:
+    for position, pair in enumerate(pairs):
+        for name in pair:
+            problem = _unknown_parameter(parts, (*base, position, name), name, at_key=True)
+            if problem is not None:
+                yield problem
+
+
+def _unknown_parameter(parts: Parts, path: Path_, name: str, *, at_key: bool) -> Problem | None:
+    if not isinstance(parts.scenario, Scenario):
+        return None
+    known = [parameter.name for parameter in parts.scenario.parameters]
+    if name in known:
+        return None
+    return parts.source.problem(
+        path,
+        f"the scenario `{parts.scenario.name}` has no parameter `{name}`",
+        suggest(name, known) or "It declares no parameters.",
+        at_key=at_key,
+    )
+
+
+def _check_variations(parts: Parts) -> Iterator[Problem]:
+    for index, entry in parts.entries.items():
+        base: Path_ = ("configuration", index, "variations")
+        for position, call in enumerate(entry.variations or []):
+            yield from _check_variation(parts, (*base, position), call)
+
+
+def _check_variation(parts: Parts, path: Path_, call: PluginCall) -> Iterator[Problem]:
+    try:
+        variation = load_variation(call.name, parts.folder)
+    except InputError as error:
+        yield parts.source.problem(path, str(error))
+        return
+    in_mapping = isinstance(_value_at(parts.source.data, path), dict)
+    base = (*path, call.name) if in_mapping else path
+    yield from _check_variation_parameters(parts, base, variation, call.parameters)
+
+
+def _check_variation_parameters(
+    parts: Parts, base: Path_, variation: type[Variation], parameters: dict[str, Any]
+) -> Iterator[Problem]:
+    model: type[BaseModel] | None = variation.CONFIG_CLASS
+    if model is not None:
+        try:
+            model.model_validate(parameters)
+        except ValidationError as error:
+            yield from problems_of(error, parts.source, model, base)
+            return
+    # A plugin's `name` may mean anything; of the built-in ones it is a scenario parameter.
+    name = parameters.get("name")
+    if variation.__module__.startswith("robovast.common.variation.") and isinstance(name, str):
+        problem = _unknown_parameter(parts, (*base, "name"), name, at_key=False)
+        if problem is not None:
+            yield problem
+
+
+def _value_at(data: Any, path: Path_) -> Any:
+    for part in path:
+        data = data[part]
+    return data
+
+
+def _check_files(parts: Parts) -> Iterator[Problem]:
+    if parts.execution is None:
+        return
+    for position, pattern in enumerate(parts.execution.run_files):
+        if not match_run_files(parts.folder, pattern):
+            yield parts.source.problem(
+                ("execution", "run_files", position),
+                f"`{pattern}` matches no file in {parts.folder}",
+                "Patterns are relative to the .vast file and stay in its folder; `**` matches any "
+                "number of folders.",
+            )
+    for key in ("pre_command", "post_command"):
+        command = getattr(parts.execution, key)
+        if command is not None:
+            yield from _check_command(parts, key, command)
+
+
+def _check_command(parts: Parts, key: str, command: str) -> Iterator[Problem]:
+    path = host_path(parts.folder, command)
+    if path is None:
+        return  # a file of the image, which is not here to look at
+    if not path.is_file():
+        yield parts.source.problem(
+            ("execution", key),
+            f"`{command}` is {path} on this machine, and there is no such file",
+            "`/config` is the folder of the .vast file.",
+        )
+    elif key == "post_command" and not os.access(path, os.X_OK):
+        yield parts.source.problem(
+            ("execution", key), f"{path} is not executable", f"chmod +x {path.name}"
+        )

@@ -1,0 +1,38 @@
+"""The files that a .vast document names, found relative to its folder."""
+
+from __future__ import annotations
+
+import glob
+from pathlib import Path
+
+from robovast.common.execution import is_campaign_dir
+
+CONFIG_MOUNT = "/config/"
+"""Where a container sees the folder of the .vast file."""
+
+
+def match_run_files(folder: Path, pattern: str) -> list[Path]:
+    """Files that a pattern of `run_files` matches, relative to the folder, sorted.
+
+    Results of earlier campaigns below the folder hold copies of the same files; they never match.
+    """
+    found = glob.glob(pattern, root_dir=folder, recursive=True)
+    return sorted(Path(name) for name in found if _is_input(folder, Path(name)))
+
+
+def _is_input(folder: Path, relative: Path) -> bool:
+    if relative.is_absolute() or ".." in relative.parts or not (folder / relative).is_file():
+        return False
+    if "__pycache__" in relative.parts or "out_template" in relative.parts:
+        return False
+    return not any(is_campaign_dir(folder / parent) for parent in relative.parents)
+
+
+def run_files(folder: Path, patterns: list[str]) -> list[Path]:
+    """Files that any of the patterns matches, relative to the folder, sorted, each once."""
+    return sorted({path for pattern in patterns for path in match_run_files(folder, pattern)})
+
+
+def host_path(folder: Path, command: str) -> Path | None:
+    """The file behind a command in the container, when it comes from the folder."""
+    return folder / command.removeprefix(CONFIG_MOUNT) if command.startswith(CONFIG_MOUNT) else None

@@ -1,0 +1,85 @@
+"""Reading a .vast document: every problem of a file is reported in one go."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from robovast.document.checks import Parts, check_parts
+from robovast.document.model import ConfigurationEntry, Execution, Vast
+from robovast.document.problems import problems_of
+from robovast.document.source import Source
+from robovast.errors import DocumentError, Problem
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class Document:
+    """A valid .vast document and where it came from."""
+
+    path: Path
+    """Absolute path of the file."""
+    vast: Vast
+    """The validated model."""
+    source: Source
+    """The plain data with the place of every value."""
+
+    @property
+    def folder(self) -> Path:
+        """The file's folder; paths in the document are relative to it."""
+        return self.path.parent
+
+    @property
+    def scenario(self) -> Path:
+        """Absolute path of the scenario file."""
+        assert self.vast.scenario_file is not None, "checked when the document was loaded"  # noqa: S101
+        return self.folder / self.vast.scenario_file
+
+
+def load_document(path: Path) -> Document:
+    """Read and check a .vast file and what it names.
+
+    Args:
+        path: the file, relative to the working directory or absolute.
+
+    Raises:
+        InputError: the file cannot be read.
+        DocumentError: all that is wrong with its content, each with line and column.
+    """
+    source = Source.read(path)
+    if not isinstance(source.data, dict):
+        found = "empty" if source.data is None else f"a {type(source.data).__name__}"
+        raise DocumentError(
+            [source.problem((), f"a .vast file is a mapping of sections; this one is {found}")]
+        )
+    vast, problems = _validate(Vast, source.data, source, ())
+    parts = _valid_parts(vast, source, path.absolute())
+    problems += check_parts(parts)
+    if vast is None or problems:
+        raise DocumentError(problems)
+    return Document(path.absolute(), vast, source)
+
+
+def _validate(
+    model: type[ModelT], data: Any, source: Source, base: tuple[str | int, ...]
+) -> tuple[ModelT | None, list[Problem]]:
+    try:
+        return model.model_validate(data), []
+    except ValidationError as error:
+        return None, problems_of(error, source, model, base)
+
+
+def _valid_parts(vast: Vast | None, source: Source, path: Path) -> Parts:
+    """What can be checked further although other parts of the document are wrong."""
+    entries = source.data.get("configuration")
+    valid = {}
+    for index, entry in enumerate(entries if isinstance(entries, list) else []):
+        model, _ = _validate(ConfigurationEntry, entry, source, ("configuration", index))
+        if model is not None:
+            valid[index] = model
+    execution, _ = _validate(Execution, source.data.get("execution") or {}, source, ("execution",))
+    return Parts(path.parent, source, valid, execution, vast.search if vast else None)

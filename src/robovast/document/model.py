@@ -1,0 +1,469 @@
+"""Every section and key of a .vast document, with its default.
+
+These models are the single source of the loader, the JSON schema, the `spec.vast` schema of the
+Campaign resource and the reference page of the documentation. A field's description is what all
+of them show.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$"
+
+RESERVED_ENVIRONMENT = frozenset(
+    {
+        "AVAILABLE_CPUS",
+        "AVAILABLE_MEM",
+        "CAMPAIGN_ID",
+        "CONTAINER_NAME",
+        "OUTPUT_DIR",
+        "OUTPUT_RESULT_PER_SCENARIO",
+        "POST_COMMAND",
+        "PRE_COMMAND",
+        "ROBOVAST_CONFIG_DIR",
+        "ROBOVAST_OUT_DIR",
+        "SCENARIO_EXECUTION_PARAMETERS",
+        "SCENARIO_FILE",
+        "SCENARIO_OUTPUT_DIR",
+        "SCENARIO_PARAMETER_FILE",
+        "SIMULATION",
+    }
+)
+"""Names that the run contract sets itself (docs/run-contract.md)."""
+
+
+class Section(BaseModel):
+    """A mapping whose keys are all known."""
+
+    model_config = ConfigDict(extra="forbid", use_attribute_docstrings=True, frozen=True)
+
+
+class PluginCall(BaseModel):
+    """A plugin by name, with its parameters: `name` or `name: {parameter: value}`."""
+
+    model_config = ConfigDict(frozen=True)
+
+    name: str
+    parameters: dict[str, Any] = Field(default_factory=dict)
+
+
+def _parse_plugin_call(value: Any) -> Any:
+    if isinstance(value, PluginCall):
+        return value
+    if isinstance(value, str):
+        return PluginCall(name=value)
+    if isinstance(value, dict) and len(value) == 1:
+        ((name, parameters),) = value.items()
+        if isinstance(name, str) and (parameters is None or isinstance(parameters, dict)):
+            return PluginCall(name=name, parameters=parameters or {})
+    raise PydanticCustomError(
+        "plugin_call", "must be a plugin's name, or one name with a mapping of its parameters"
+    )
+
+
+def _parse_pair(value: Any) -> Any:
+    if isinstance(value, dict) and len(value) == 1 and isinstance(next(iter(value)), str):
+        return value
+    raise PydanticCustomError("pair", "must be one `name: value` pair")
+
+
+Plugin = Annotated[
+    PluginCall,
+    BeforeValidator(_parse_plugin_call),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "string"},
+                {
+                    "type": "object",
+                    "minProperties": 1,
+                    "maxProperties": 1,
+                    "additionalProperties": {"type": ["object", "null"]},
+                },
+            ]
+        }
+    ),
+]
+
+Pair = Annotated[
+    dict[str, Any],
+    BeforeValidator(_parse_pair),
+    WithJsonSchema({"type": "object", "minProperties": 1, "maxProperties": 1}),
+]
+
+
+def merge_pairs(pairs: list[dict[str, Any]]) -> dict[str, Any]:
+    """A list of `name: value` pairs as one mapping; of a repeated name the last value counts."""
+    return {name: value for pair in pairs for name, value in pair.items()}
+
+
+class ConfigurationEntry(Section):
+    """A named set of runs: fixed parameters, or variations of them."""
+
+    name: str
+    """Unique name; the results folders begin with it."""
+    scenario_file: str | None = None
+    """Older place of `execution.scenario_file`; must be the same in every entry."""
+    parameters: list[Pair] | None = None
+    """Fixed parameter values, one `name: value` pair an item."""
+    variations: list[Plugin] | None = None
+    """Variations in order; each multiplies the configurations of the one before."""
+
+    @field_validator("name")
+    @classmethod
+    def _check_name(cls, value: str) -> str:
+        if not re.match(NAME_PATTERN, value) or value.endswith("."):
+            raise PydanticCustomError(
+                "configuration_name",
+                "`{name}` cannot name a folder: use letters, digits, `-`, `_` and `.`, beginning "
+                "with a letter or digit, at most 100",
+                {"name": value},
+            )
+        return value
+
+    @model_validator(mode="after")
+    def _either_or(self) -> ConfigurationEntry:
+        if self.parameters and self.variations:
+            raise PydanticCustomError(
+                "parameters_and_variations",
+                "`parameters` and `variations` cannot stand together: write a fixed value as a "
+                "ParameterVariationList with one value",
+            )
+        return self
+
+
+Quantity = int | float | str
+PerCluster = list[Pair]
+
+
+class Resources(Section):
+    """CPU, memory and GPU of a container; a list gives one value for each cluster context."""
+
+    cpu: Annotated[int | float, Field(gt=0)] | str | PerCluster | None = None
+    """Number of CPU cores, or a list of `context: value` pairs."""
+    memory: Quantity | PerCluster | None = None
+    """Memory limit such as `8Gi` or `4096Mi`, or a list of `context: value` pairs."""
+    gpu: Annotated[int, Field(ge=0)] | PerCluster | None = None
+    """Number of GPUs, or a list of `context: value` pairs."""
+
+
+class SecondaryContainer(Section):
+    """A container beside the main one, in the same network namespace, with the same image."""
+
+    name: str
+    """The container's name."""
+    resources: Resources = Field(default_factory=Resources)
+    """Limits of the container."""
+
+
+def _parse_secondary(value: Any) -> Any:
+    if isinstance(value, SecondaryContainer):
+        return value
+    name, settings = value, None
+    if isinstance(value, dict) and len(value) == 1:
+        ((name, settings),) = value.items()
+    well_named = isinstance(name, str) and re.match(r"^[a-z0-9]([a-z0-9-]{0,40}[a-z0-9])?$", name)
+    if not well_named or not isinstance(settings, dict | None):
+        raise PydanticCustomError(
+            "secondary_container",
+            "must be a container's name (lower-case letters, digits, `-`), or one name with its "
+            "`resources`",
+        )
+    return {**(settings or {}), "name": name}
+
+
+Secondary = Annotated[
+    SecondaryContainer,
+    BeforeValidator(_parse_secondary),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "string"},
+                {
+                    "type": "object",
+                    "minProperties": 1,
+                    "maxProperties": 1,
+                    "additionalProperties": {
+                        "type": ["object", "null"],
+                        "properties": {"resources": {"$ref": "#/$defs/Resources"}},
+                        "additionalProperties": False,
+                    },
+                },
+            ]
+        }
+    ),
+]
+
+
+class Local(Section):
+    """Settings of local runs alone."""
+
+    parameter_overrides: list[Pair] = Field(default_factory=list)
+    """Scenario parameters that replace what the variations made, in local runs only."""
+
+
+class Nodes(Section):
+    """Where pods may be scheduled."""
+
+    node_labels: dict[str, str] = Field(default_factory=dict)
+    """Labels that a node must have, all of them."""
+
+
+class Kubernetes(Section):
+    """Settings of cluster runs alone."""
+
+    jobs: Nodes = Field(default_factory=Nodes)
+    """The pods that execute runs."""
+    control: Nodes = Field(default_factory=Nodes)
+    """The pods that compose a campaign and process its results."""
+
+
+class Execution(Section):
+    """How and where runs are executed."""
+
+    image: str | None = None
+    """Container image; the `--image` option and `ROBOVAST_IMAGE` come before it."""
+    runs: Annotated[int, Field(ge=1, le=100_000)] = 1
+    """How often each configuration is run."""
+    runs_per_job: Annotated[int, Field(ge=1, le=10_000)] = 1
+    """How many runs share one job (one simulator set-up)."""
+    timeout: Annotated[int, Field(ge=1)] | None = None
+    """Longest wall-clock time of one run [s]; no limit when omitted."""
+    scenario_file: str | None = None
+    """OpenSCENARIO 2 file, relative to the .vast file."""
+    simulation: Annotated[str, Field(pattern=r"^[^\s:]+:[^\s:]+$")] | None = None
+    """Simulation backend of scenario-execution, as `module:Class`."""
+    run_as_user: Annotated[int, Field(ge=0)] = 1000
+    """User id of the processes in the container; 0 is root."""
+    pre_command: str | None = None
+    """Script that is sourced before each run; a path in the container, without arguments."""
+    post_command: str | None = None
+    """Program that is executed after each run; a path in the container, without arguments."""
+    run_files: list[str] = Field(default_factory=list)
+    """Glob patterns of files that the container needs, relative to the .vast file."""
+    env: list[Pair] = Field(default_factory=list)
+    """Environment variables of the container, one `NAME: value` pair an item."""
+    resources: Resources = Field(default_factory=Resources)
+    """Limits of the main container."""
+    secondary_containers: list[Secondary] = Field(default_factory=list)
+    """Containers that run beside the main one."""
+    local: Local = Field(default_factory=Local)
+    """Settings of local runs alone."""
+    kubernetes: Kubernetes = Field(default_factory=Kubernetes)
+    """Settings of cluster runs alone."""
+
+    @field_validator("pre_command", "post_command")
+    @classmethod
+    def _check_command(cls, value: str | None) -> str | None:
+        if value is not None and (not value.strip() or len(value.split()) > 1):
+            raise PydanticCustomError(
+                "command", "must be the path of one executable file, without arguments"
+            )
+        return value
+
+    @field_validator("env")
+    @classmethod
+    def _check_env(cls, pairs: list[dict[str, Any]]) -> list[dict[str, str]]:
+        return [{name: _environment_value(name, value)} for p in pairs for name, value in p.items()]
+
+
+def _environment_value(name: str, value: Any) -> str:
+    if not re.match(r"^[A-Za-z_][A-Za-z0-9_]*$", name):
+        raise PydanticCustomError(
+            "env_name", "`{name}` is no name of an environment variable", {"name": name}
+        )
+    if name in RESERVED_ENVIRONMENT:
+        raise PydanticCustomError(
+            "env_reserved", "`{name}` is set by RoboVAST itself and cannot be given", {"name": name}
+        )
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str | int | float):
+        return str(value)
+    raise PydanticCustomError(
+        "env_value", "the value of `{name}` must be text or a number", {"name": name}
+    )
+
+
+class SearchDimension(Section):
+    """One dimension of a search space."""
+
+    type: Literal["float", "int", "choice", "bool"]
+    low: int | float | None = None
+    high: int | float | None = None
+    log: bool = False
+    step: int | None = None
+    values: list[Any] | None = None
+
+    @model_validator(mode="after")
+    def _check_domain(self) -> SearchDimension:
+        if self.type in {"float", "int"} and (
+            self.low is None or self.high is None or self.low >= self.high
+        ):
+            raise PydanticCustomError(
+                "search_domain", "a number needs `low` and `high`, with `low` below `high`"
+            )
+        if self.type == "choice" and not self.values:
+            raise PydanticCustomError("search_domain", "a choice needs `values`")
+        return self
+
+
+class SearchObjective(Section):
+    """A value that a search optimizes."""
+
+    name: str
+    direction: Literal["maximize", "minimize"]
+
+
+class SearchExtract(Section):
+    """The plugin that turns a configuration's results into objectives and measures."""
+
+    plugin: str
+    params: dict[str, Any] = Field(default_factory=dict)
+
+
+class Search(Section):
+    """Closed-loop search in place of a fixed list of configurations."""
+
+    strategy: str
+    """Strategy plugin: `random`, `qd`, `optuna` or a file reference."""
+    search_space: dict[str, SearchDimension]
+    """Typed dimensions by name."""
+    postprocessing: list[Plugin] = Field(default_factory=list)
+    """Plugins that run over each batch before it is scored."""
+    extract: SearchExtract
+    """The scoring step."""
+    objectives: Annotated[list[SearchObjective], Field(min_length=1)]
+    """What to optimize."""
+    per_batch: Annotated[int, Field(ge=1)] = 1
+    """Parameter sets proposed for each batch."""
+    budget: list[Pair] = Field(default_factory=list)
+    """Resource caps: `batches`, `time` [s]."""
+    stopping: list[Pair] = Field(default_factory=list)
+    """Criteria on results: `target_objective`, `no_improvement`, `metric`."""
+    seed: int = 0
+    """Seed of the strategy."""
+    strategy_parameters: dict[str, Any] = Field(default_factory=dict)
+    """Parameters of the strategy, checked by it."""
+    variations: list[Plugin] | None = None
+    """Template of variations with `$name` markers."""
+    parameters: list[Pair] | None = None
+    """Fixed parameters beside the searched ones."""
+
+    @model_validator(mode="after")
+    def _must_end(self) -> Search:
+        if not self.budget and not self.stopping:
+            raise PydanticCustomError(
+                "search_end", "a search needs a `budget` or a `stopping` criterion, to come to an end"
+            )
+        return self
+
+
+class ResultsProcessing(Section):
+    """What happens with results after the runs."""
+
+    postprocessing: list[Plugin] = Field(default_factory=list)
+    """Commands that turn raw output into tables."""
+    publication: list[Plugin] = Field(default_factory=list)
+    """Plugins that package or distribute the results."""
+    metadata_processing: list[Plugin] = Field(default_factory=list)
+    """Plugins that complete metadata.yaml."""
+
+
+class Notebooks(Section):
+    """Notebooks of one workload, by the scope that they analyze."""
+
+    run: str | None = None
+    """Notebook for a single run."""
+    config: str | None = None
+    """Notebook for all runs of a configuration."""
+    batch: str | None = None
+    """Notebook for one batch of a search."""
+    campaign: str | None = None
+    """Notebook for a whole campaign."""
+
+
+class Evaluation(Section):
+    """How results are looked at."""
+
+    visualization: list[dict[str, Notebooks]] = Field(default_factory=list)
+    """Workloads by name; each is a tab of the page."""
+
+
+class Analysis(Section):
+    """Older spelling of `results_processing.postprocessing` and `evaluation.visualization`."""
+
+    postprocessing: list[Plugin] = Field(default_factory=list)
+    """Commands that turn raw output into tables."""
+    visualization: list[dict[str, Notebooks]] = Field(default_factory=list)
+    """Workloads by name; each is a tab of the page."""
+
+
+class Vast(Section):
+    """A .vast document."""
+
+    version: Literal[1]
+    """Version of the format."""
+    metadata: dict[str, Any] = Field(default_factory=dict)
+    """Free description; `name` names the campaign, other keys describe the dataset."""
+    configuration: list[ConfigurationEntry] | None = None
+    """The configurations to run."""
+    execution: Execution = Field(default_factory=Execution)
+    """How and where runs are executed."""
+    search: Search | None = None
+    """Closed-loop search in place of `configuration`."""
+    results_processing: ResultsProcessing = Field(default_factory=ResultsProcessing)
+    """What happens with results after the runs."""
+    evaluation: Evaluation = Field(default_factory=Evaluation)
+    """How results are looked at."""
+    analysis: Analysis = Field(default_factory=Analysis)
+    """Older spelling of `results_processing.postprocessing` and `evaluation.visualization`."""
+
+    @field_validator("metadata", mode="before")
+    @classmethod
+    def _empty_metadata(cls, value: Any) -> Any:
+        return {} if value is None else value
+
+    @model_validator(mode="after")
+    def _check_whole(self) -> Vast:
+        if self.search is not None and self.configuration:
+            raise PydanticCustomError(
+                "search_and_configuration", "`search` and `configuration` cannot stand together"
+            )
+        return self
+
+    @property
+    def scenario_file(self) -> str | None:
+        """The scenario, from `execution` or, in older files, from the entries."""
+        if self.execution.scenario_file:
+            return self.execution.scenario_file
+        return next((e.scenario_file for e in self.configuration or [] if e.scenario_file), None)
+
+    @property
+    def postprocessing(self) -> list[PluginCall]:
+        """Post-processing commands, under either spelling."""
+        return [*self.results_processing.postprocessing, *self.analysis.postprocessing]
+
+    @property
+    def visualization(self) -> dict[str, Notebooks]:
+        """Notebook workloads by name, under either spelling."""
+        workloads = [*self.evaluation.visualization, *self.analysis.visualization]
+        return {name: notebooks for item in workloads for name, notebooks in item.items()}
+
+    @property
+    def campaign_name(self) -> str:
+        """`metadata.name`, or `campaign`."""
+        return str(self.metadata.get("name") or "campaign")

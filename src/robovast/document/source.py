@@ -1,0 +1,146 @@
+"""YAML text to plain data that remembers the line and column of every key and value."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from robovast.errors import DocumentError, InputError, Place, Problem
+
+try:
+    from yaml import CSafeLoader as _Loader
+except ImportError:  # PyYAML built without libyaml: slower, same result
+    from yaml import SafeLoader as _Loader  # type: ignore[assignment]
+
+Path_ = tuple[str | int, ...]
+"""Path of a value in the document: keys and list indexes from the root."""
+
+MAX_NODES = 1_000_000
+"""A document that expands to more values is refused: aliases can make one of a few lines."""
+
+
+def render_path(path: Path_) -> str:
+    """`("configuration", 2, "name")` as `configuration[2].name`."""
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return text
+
+
+class Source:
+    """The text of a YAML file as data and positions.
+
+    Attributes:
+        file: the file's path, as errors name it.
+        data: plain Python values (dict, list, str, int, float, bool, None, dates).
+    """
+
+    def __init__(self, file: Path, text: str) -> None:
+        self.file = file
+        self._values: dict[Path_, yaml.Mark] = {}
+        self._keys: dict[Path_, yaml.Mark] = {}
+        self._count = 0
+        self._open: set[int] = set()
+        self._scalars = yaml.constructor.SafeConstructor()
+        try:
+            node = yaml.compose(text, Loader=_Loader)
+            self.data: Any = None if node is None else self._build(node, ())
+        except yaml.MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            raise DocumentError([self._yaml_problem(error.problem, mark)]) from error
+        except yaml.YAMLError as error:
+            raise DocumentError([self._yaml_problem(str(error), None)]) from error
+        except RecursionError:
+            raise self._error("the document is nested too deeply", None) from None
+
+    @classmethod
+    def read(cls, file: Path) -> Source:
+        """Read a file.
+
+        Raises:
+            InputError: no such file, not readable, not UTF-8.
+            DocumentError: not YAML, a duplicate key, aliases that explode.
+        """
+        try:
+            return cls(file, file.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            raise InputError(f"{file}: there is no such file.") from None
+        except UnicodeDecodeError as error:
+            raise InputError(
+                f"{file}: not a text file in UTF-8 (byte {error.start}): is it really a .vast file?"
+            ) from None
+        except OSError as error:
+            raise InputError(f"{file}: cannot be read: {error.strerror}.") from None
+
+    def place(self, path: Path_, *, key: bool = False) -> Place:
+        """Where a value (or its key) stands; of a path that is not there, its nearest parent."""
+        marks = self._keys if key else self._values
+        while path:
+            mark = marks.get(path) or self._values.get(path)
+            if mark is not None:
+                return Place(self.file, mark.line + 1, mark.column + 1)
+            path = path[:-1]
+        return Place(self.file, 1, 1)
+
+    def problem(
+        self, path: Path_, message: str, remedy: str = "", *, at_key: bool = False
+    ) -> Problem:
+        """A problem at a path of this document."""
+        return Problem(self.place(path, key=at_key), render_path(path), message, remedy)
+
+    def _yaml_problem(self, message: str | None, mark: yaml.Mark | None) -> Problem:
+        place = Place(self.file, mark.line + 1, mark.column + 1) if mark else Place(self.file)
+        return Problem(place, "", f"not valid YAML: {message}", "")
+
+    def _error(self, message: str, mark: yaml.Mark | None) -> DocumentError:
+        place = Place(self.file, mark.line + 1, mark.column + 1) if mark else Place(self.file)
+        return DocumentError([Problem(place, "", message)])
+
+    def _build(self, node: yaml.Node, path: Path_) -> Any:
+        self._count += 1
+        if self._count > MAX_NODES:
+            raise self._error(
+                f"the document expands to more than {MAX_NODES:,} values: its aliases (`*name`) "
+                "repeat each other",
+                node.start_mark,
+            )
+        self._values.setdefault(path, node.start_mark)
+        if isinstance(node, yaml.ScalarNode):
+            return self._scalars.construct_object(node)  # type: ignore[no-untyped-call]
+        if id(node) in self._open:
+            raise self._error("an alias (`*name`) refers to what it is part of", node.start_mark)
+        self._open.add(id(node))
+        try:
+            if isinstance(node, yaml.SequenceNode):
+                return [self._build(item, (*path, i)) for i, item in enumerate(node.value)]
+            return self._build_mapping(node, path)
+        finally:
+            self._open.discard(id(node))
+
+    def _build_mapping(self, node: yaml.MappingNode, path: Path_) -> dict[Any, Any]:
+        self._refuse_duplicates(node)
+        self._scalars.flatten_mapping(node)  # type: ignore[no-untyped-call]
+        result: dict[Any, Any] = {}
+        for key_node, value_node in node.value:
+            key = self._scalars.construct_object(key_node, deep=True)  # type: ignore[no-untyped-call]
+            if not isinstance(key, Hashable):
+                raise self._error("a key must be a plain value", key_node.start_mark)
+            self._keys[(*path, key)] = key_node.start_mark
+            result[key] = self._build(value_node, (*path, key))
+        return result
+
+    def _refuse_duplicates(self, node: yaml.MappingNode) -> None:
+        seen: dict[str, yaml.Mark] = {}
+        for key_node, _ in node.value:
+            if not isinstance(key_node, yaml.ScalarNode) or key_node.tag.endswith(":merge"):
+                continue
+            if key_node.value in seen:
+                raise self._error(
+                    f"the key `{key_node.value}` stands twice in one mapping, first in line "
+                    f"{seen[key_node.value].line + 1}; YAML would keep only the last",
+                    key_node.start_mark,
+                )
+            seen[key_node.value] = key_node.start_mark

@@ -1,0 +1,166 @@
+"""From configuration entries to variants: variations in order, their Cartesian product, names."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Iterable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from robovast.common.scenario import Scenario, read_scenario
+from robovast.common.variation.loader import load_variation
+from robovast.document import Document
+from robovast.document.model import NAME_PATTERN, ConfigurationEntry, PluginCall, merge_pairs
+from robovast.errors import InputError, RobovastError
+from robovast.expansion.variant import ConfigFile, Variant, VariationRecord
+from robovast.plain import to_plain
+
+Progress = Callable[[str], None]
+
+DEFAULT_ENTRY = ConfigurationEntry(name="config1")
+"""What a document without configurations runs: the scenario with its own defaults."""
+
+_OWN_KEYS = frozenset({"name", "config", "_config_files"})
+
+
+def expand(
+    document: Document, output_dir: Path, progress: Progress | None = None
+) -> list[Variant]:
+    """All variants of a document, in its order.
+
+    The same document gives the same variants on every machine, as long as the variation types
+    that it uses are deterministic, as the built-in ones are.
+
+    Args:
+        document: a checked document.
+        output_dir: existing folder where variation types may put files; `Variant.files` point
+            into it, so it must live as long as they are needed.
+        progress: receives the messages of variation types.
+
+    Raises:
+        InputError: a variation type fails, or makes what no run can use.
+    """
+    if document.vast.search is not None:
+        raise InputError(
+            f"{document.path}: a `search` proposes its configurations while it runs, and searches "
+            "cannot be executed yet. Use a `configuration` list."
+        )
+    scenario = read_scenario(document.scenario)
+    variants: list[Variant] = []
+    for entry in document.vast.configuration or [DEFAULT_ENTRY]:
+        variants += _expand_entry(document, scenario, entry, output_dir, progress or _ignore)
+    _refuse_shared_names(document, variants)
+    return variants
+
+
+def _ignore(message: str) -> None:
+    del message
+
+
+def _expand_entry(
+    document: Document,
+    scenario: Scenario,
+    entry: ConfigurationEntry,
+    output_dir: Path,
+    progress: Progress,
+) -> Iterable[Variant]:
+    parameters = merge_pairs(entry.parameters or [])
+    configs: list[dict[str, Any]] = [
+        {"name": entry.name, "config": parameters, "_config_files": []}
+    ]
+    records: list[VariationRecord] = []
+    for call in entry.variations or []:
+        started, clock = datetime.now(UTC), time.perf_counter()
+        configs = _apply(document, entry, call, configs, output_dir, progress)
+        duration = round(time.perf_counter() - clock, 6)
+        records.append(VariationRecord(call.name, started.isoformat(), duration))
+    known = frozenset(parameter.name for parameter in scenario.parameters)
+    return [_variant(entry, config, tuple(records), scenario, known) for config in configs]
+
+
+def _apply(
+    document: Document,
+    entry: ConfigurationEntry,
+    call: PluginCall,
+    configs: list[dict[str, Any]],
+    output_dir: Path,
+    progress: Progress,
+) -> list[dict[str, Any]]:
+    """The configurations that one variation type makes of those before it."""
+    where = f"configuration `{entry.name}`, variation `{call.name}`"
+    try:
+        variation = load_variation(call.name, document.folder)(
+            str(document.folder),
+            call.parameters,
+            entry.model_dump(exclude_none=True, exclude={"variations"}),
+            progress,
+            str(document.scenario),
+            str(output_dir),
+        )
+        made = variation.variation(configs)
+    except RobovastError:
+        raise
+    except Exception as error:
+        raise InputError(
+            f"{document.path}: {where} failed: {type(error).__name__}: {error}"
+        ) from error
+    if not isinstance(made, list) or not all(isinstance(item, dict) for item in made):
+        raise InputError(
+            f"{document.path}: {where} must return a list of configurations, "
+            f"not {type(made).__name__}."
+        )
+    if not made:
+        raise InputError(f"{document.path}: {where} made no configuration at all.")
+    return made
+
+
+def _variant(
+    entry: ConfigurationEntry,
+    config: Mapping[str, Any],
+    records: tuple[VariationRecord, ...],
+    scenario: Scenario,
+    known: frozenset[str],
+) -> Variant:
+    name = config.get("name")
+    if not isinstance(name, str) or not re.match(NAME_PATTERN, name):
+        raise InputError(
+            f"configuration `{entry.name}`: {name!r} cannot name a results folder; a variation "
+            "type made it."
+        )
+    parameters = config.get("config") or {}
+    unknown = [key for key in parameters if key not in known and not key.startswith("_")]
+    if unknown:
+        raise InputError(
+            f"configuration `{name}`: the scenario `{scenario.name}` has no parameter "
+            f"`{unknown[0]}`; it has {', '.join(sorted(known)) or 'none'}."
+        )
+    files = tuple(_config_file(name, item) for item in config.get("_config_files") or ())
+    extra = {key: value for key, value in config.items() if key not in _OWN_KEYS}
+    try:
+        return Variant(name, entry.name, to_plain(parameters), files, records, to_plain(extra))
+    except TypeError as error:
+        raise InputError(f"configuration `{name}`: {error}") from error
+
+
+def _config_file(variant: str, item: Any) -> ConfigFile:
+    relative, source = item
+    path = Path(str(relative))
+    if path.is_absolute() or ".." in path.parts:
+        raise InputError(f"configuration `{variant}`: the file `{relative}` leaves its folder.")
+    if not Path(source).is_file():
+        raise InputError(f"configuration `{variant}`: the file {source} does not exist.")
+    return ConfigFile(str(path), Path(source).absolute())
+
+
+def _refuse_shared_names(document: Document, variants: list[Variant]) -> None:
+    owner: dict[str, str] = {}
+    for variant in variants:
+        if variant.name in owner:
+            raise InputError(
+                f"{document.path}: two configurations are called `{variant.name}` (from the "
+                f"entries `{owner[variant.name]}` and `{variant.entry}`); rename one of the "
+                "entries."
+            )
+        owner[variant.name] = variant.entry

@@ -1,0 +1,78 @@
+"""Plain data: what JSON and YAML can hold, written the same way everywhere."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterable, Mapping
+from datetime import date, datetime
+from pathlib import Path, PurePath
+from typing import Any
+
+import yaml
+
+try:
+    from yaml import CSafeDumper as _Dumper
+except ImportError:  # PyYAML built without libyaml: slower, same result
+    from yaml import SafeDumper as _Dumper  # type: ignore[assignment]
+
+
+def to_plain(value: Any) -> Any:
+    """A copy made of dicts, lists, text, numbers, booleans, dates and None alone.
+
+    Plugins put tuples, paths, enumerations and numpy values into their results.
+    """
+    if value is None or isinstance(value, bool | int | float | str | date):
+        return value if type(value) in _EXACT else _base_value(value)
+    if isinstance(value, Mapping):
+        return {_key(key): to_plain(item) for key, item in value.items()}
+    if isinstance(value, PurePath):
+        return str(value)
+    if hasattr(value, "tolist"):  # numpy scalars and arrays
+        return to_plain(value.tolist())
+    if hasattr(value, "model_dump"):
+        return to_plain(value.model_dump())
+    if isinstance(value, Iterable):
+        return [to_plain(item) for item in value]
+    raise TypeError(f"{type(value).__name__} cannot be written as YAML or JSON: {value!r}")
+
+
+_EXACT = {type(None), bool, int, float, str, date, datetime}
+
+
+def _base_value(value: Any) -> Any:
+    for base in (datetime, date, bool, int, float, str):
+        if isinstance(value, base):
+            return value if base in (datetime, date) else base(value)
+    raise AssertionError(value)
+
+
+def _key(key: Any) -> Any:
+    return key if type(key) in (str, int, bool) else str(key)
+
+
+def dump_yaml(data: Any) -> str:
+    """YAML in the order of the data, block style, without line folding."""
+    text: str = yaml.dump(
+        data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=2**31 - 1
+    )
+    return text
+
+
+def dump_yaml_documents(documents: Iterable[Any]) -> str:
+    """Several YAML documents, separated by `---`."""
+    return "---\n".join(dump_yaml(document) for document in documents)
+
+
+def fingerprint(data: Any) -> str:
+    """SHA-256 of plain data, the same for equal data on any machine."""
+    text = json.dumps(data, sort_keys=True, separators=(",", ":"), default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Write a file so that a reader, or a crash, sees the old content or the new, never half."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary.write_text(text, encoding="utf-8")
+    os.replace(temporary, path)
