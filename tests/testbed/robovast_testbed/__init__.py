@@ -1,0 +1,1 @@
+"""Real containers and a real Kubernetes cluster for tests, on one machine, without a registry."""

@@ -1,0 +1,75 @@
+"""Files that outlive a testbed: built programs, root file systems, images.
+
+Everything lies outside the repository, under ``$ROBOVAST_TESTBED_CACHE``
+(default ``$XDG_CACHE_HOME/robovast-testbed``), and is keyed by version or content.
+"""
+
+import fcntl
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+def root() -> Path:
+    """Return the cache folder, made when missing."""
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    folder = Path(os.environ.get("ROBOVAST_TESTBED_CACHE") or Path(base) / "robovast-testbed")
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder.resolve()
+
+
+@contextmanager
+def locked(name: str) -> Iterator[None]:
+    """Hold an exclusive lock between processes; the kernel drops it when its owner dies."""
+    with lock_file(name).open("w") as handle:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+
+
+def lock_file(name: str) -> Path:
+    """Return the file that the lock `name` is taken on."""
+    folder = root() / "locks"
+    folder.mkdir(exist_ok=True)
+    return folder / f"{name.replace('/', '_')}.lock"
+
+
+def once(key: str, make: Callable[[Path], None]) -> Path:
+    """Return the cached folder `key`, calling `make` with an empty folder to fill when missing.
+
+    Safe in parallel; a folder appears only when it is complete.
+    """
+    target = root() / "store" / key
+    if target.exists():
+        return target
+    with locked(key):
+        if target.exists():
+            return target
+        scratch = root() / "scratch"
+        scratch.mkdir(exist_ok=True)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        work = Path(tempfile.mkdtemp(prefix=f"{target.name}-", dir=scratch))
+        try:
+            make(work)
+            work.chmod(0o755)
+            work.rename(target)
+        finally:
+            shutil.rmtree(work, ignore_errors=True)
+    return target
+
+
+def digest(paths: Iterable[Path], *more: str) -> str:
+    """Return a short hash of files (whole folders too), by relative name and content."""
+    total = hashlib.sha256()
+    for text in more:
+        total.update(text.encode() + b"\0")
+    for path in paths:
+        files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
+        for file in files:
+            name = file.relative_to(path).as_posix() if path.is_dir() else file.name
+            total.update(f"{name}\0{file.stat().st_mode & 0o111:o}\0".encode())
+            total.update(file.read_bytes() + b"\0")
+    return total.hexdigest()[:16]

@@ -1,0 +1,62 @@
+"""Programs and a root file system from Debian."""
+
+import os
+import shutil
+from pathlib import Path
+
+from . import cache
+from .commands import run
+from .errors import Unavailable
+
+PACKAGES = {
+    "bridge": "iproute2",
+    "conntrack": "conntrack",
+    "debootstrap": "debootstrap",
+    "docker": "docker.io",
+    "dockerd": "docker.io",
+    "ip": "iproute2",
+    "iptables": "iptables",
+    "nsenter": "util-linux",
+    "openssl": "openssl",
+    "runc": "runc",
+    "/usr/lib/cni/bridge": "containernetworking-plugins",
+}
+SUITE = "bookworm"
+IN_ROOTFS = ("ca-certificates", "procps", "python3", "python3-venv")
+ROOTFS_VERSION = "1"
+
+
+def require(*programs: str) -> None:
+    """Install the Debian packages of those `programs` (keys of PACKAGES) that are missing.
+
+    :raises Unavailable: without root or apt-get.
+    """
+    if os.geteuid() != 0:
+        raise Unavailable("the testbed needs root (network namespaces, mounts, cgroups)")
+    with cache.locked("apt"):
+        packages = sorted({PACKAGES[p] for p in programs if shutil.which(p) is None})
+        if not packages:
+            return
+        if shutil.which("apt-get") is None:
+            raise Unavailable(f"the testbed needs the Debian packages {', '.join(packages)}")
+        env = os.environ | {"DEBIAN_FRONTEND": "noninteractive"}
+        apt = ["apt-get", "-qq", "-o", "DPkg::Lock::Timeout=300"]
+        run([*apt, "update"], env=env)
+        run([*apt, "install", "--yes", "--no-install-recommends", *packages], env=env)
+
+
+def rootfs() -> Path:
+    """Return the tar file of a minimal Debian with Python, as a base of test images."""
+
+    def make(folder: Path) -> None:
+        require("debootstrap")
+        tree = folder / "rootfs"
+        packages = ",".join(IN_ROOTFS)
+        run(["debootstrap", "--variant=minbase", f"--include={packages}", SUITE, tree])
+        for junk in ("var/cache/apt/archives", "var/lib/apt/lists", "usr/share/doc", "var/log"):
+            shutil.rmtree(tree / junk, ignore_errors=True)
+            (tree / junk).mkdir()
+        run(["tar", "--numeric-owner", "-C", tree, "-cf", folder / "rootfs.tar", "."])
+        shutil.rmtree(tree)
+
+    return cache.once(f"rootfs/{SUITE}-{ROOTFS_VERSION}", make) / "rootfs.tar"

@@ -1,0 +1,75 @@
+"""Go programs, built from source through the machine's own Go module proxy."""
+
+import json
+import os
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from . import cache
+from .commands import run
+from .errors import Unavailable
+
+OWN_SOURCES = Path(__file__).parent.parent / "go"
+
+
+@dataclass(frozen=True)
+class Program:
+    """A main package of a published Go module."""
+
+    name: str
+    module: str
+    version: str
+    package: str = "."
+    ldflags: str = ""
+    tags: str = ""
+
+
+def build(program: Program) -> Path:
+    """Return the cached executable of a published program.
+
+    :raises Unavailable: without Go.
+    """
+
+    def make(folder: Path) -> None:
+        with tempfile.TemporaryDirectory(dir=folder) as scratch:
+            # As the main module, a copy may use the replace and exclude lines of its go.mod.
+            copy = Path(scratch) / "module"
+            shutil.copytree(source(program.module, program.version), copy)
+            run(["chmod", "-R", "u+w", copy])
+            _compile(copy, program.package, folder / program.name, program.ldflags, program.tags)
+
+    return cache.once(f"go/{program.name}-{program.version}", make) / program.name
+
+
+def build_own(name: str, ldflags: str = "") -> Path:
+    """Return the cached executable of one of the testbed's own programs, keyed by content."""
+    folder = OWN_SOURCES / name
+
+    def make(target: Path) -> None:
+        _compile(folder, ".", target / name, ldflags)
+
+    return cache.once(f"go/{name}-{cache.digest([folder], ldflags)}", make) / name
+
+
+def source(module: str, version: str) -> Path:
+    """Return the read-only folder of a module's source, downloaded when missing."""
+    with tempfile.TemporaryDirectory() as neutral:
+        answer = run([_go(), "mod", "download", "-json", f"{module}@{version}"], cwd=Path(neutral))
+    return Path(json.loads(answer)["Dir"])
+
+
+def _go() -> str:
+    found = shutil.which("go")
+    if found is None:
+        raise Unavailable("the testbed needs Go, to build the programs that it runs")
+    return found
+
+
+def _compile(folder: Path, package: str, output: Path, ldflags: str = "", tags: str = "") -> None:
+    command: list[str | Path] = [
+        *("nice", "-n", "10", _go(), "build", "-p", "2", "-trimpath", "-buildvcs=false"),
+        *("-tags", tags, "-ldflags", f"-s -w {ldflags}".strip(), "-o", output, package),
+    ]
+    run(command, cwd=folder, env=os.environ | {"CGO_ENABLED": "0"})

@@ -1,0 +1,36 @@
+"""Fixtures: real containers for a test session, or a skip that says what the machine lacks."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from . import bed, docker
+from .errors import Unavailable
+
+
+@contextmanager
+def _or_skip() -> Iterator[None]:
+    """Turn a machine that cannot host the testbed into a skip; in CI it is a failure."""
+    try:
+        yield
+    except Unavailable as missing:
+        if os.environ.get("CI") == "true":
+            raise
+        pytest.skip(str(missing))
+
+
+@pytest.fixture(scope="session")
+def docker_daemon() -> Iterator[docker.Docker]:
+    """A Docker daemon of this session's own.
+
+    ``ROBOVAST_TESTBED_DOCKER=NAME`` uses the one that ``tests/testbed/up docker --name NAME``
+    has left running instead, which saves its start.
+    """
+    kept = os.environ.get("ROBOVAST_TESTBED_DOCKER")
+    if kept:
+        yield docker.attach(bed.Bed(kept))
+        return
+    with _or_skip(), bed.session(f"pytest-{os.getpid()}-docker") as own:
+        yield docker.start(own)
