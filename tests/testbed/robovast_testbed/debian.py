@@ -22,6 +22,7 @@ PACKAGES = {
     "/usr/lib/cni/bridge": "containernetworking-plugins",
 }
 SUITE = "bookworm"
+PYTHON = "3.11"  # of that suite
 IN_ROOTFS = ("ca-certificates", "procps", "python3", "python3-venv")
 ROOTFS_VERSION = "1"
 

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from . import bed, docker
+from . import bed, docker, images
 from .errors import Unavailable
 
 
@@ -34,3 +34,23 @@ def docker_daemon() -> Iterator[docker.Docker]:
         return
     with _or_skip(), bed.session(f"pytest-{os.getpid()}-docker") as own:
         yield docker.start(own)
+
+
+@pytest.fixture(scope="session")
+def slim_image(docker_daemon: docker.Docker) -> str:
+    """The name of the run image without ROS, built from container/slim."""
+    with _or_skip():
+        images.load(docker_daemon)
+    return images.SLIM
+
+
+@pytest.fixture(scope="session")
+def wrong_compat_image(slim_image: str) -> str:
+    """The name of a run image whose compatibility version is 1."""
+    return images.WRONG_COMPAT
+
+
+@pytest.fixture(scope="session")
+def no_compat_image(slim_image: str) -> str:
+    """The name of a run image that states no compatibility version."""
+    return images.NO_COMPAT

@@ -1,0 +1,53 @@
+#!/usr/bin/env bash
+# Build RoboVAST's run images, and push them when asked to.
+#
+#   container/build.sh [--push] [--slim|--full] [--base IMAGE] [--tag TAG] [-- BUILD-OPTION...]
+#
+#   --push        push every image that was built
+#   --slim        only the image without ROS (container/slim)
+#   --full        only the image with ROS 2 Jazzy (container/robovast)
+#   --base IMAGE  build on this image instead of the Dockerfile's own base
+#   --tag TAG     default: latest; the slim image gets TAG-slim
+#   --            what follows goes to `docker build`
+#
+# Environment: DOCKER (default docker; any client with its commands, such as podman) and
+# ROBOVAST_REGISTRY (default localhost:5000, the registry of minikube's addon).
+set -euo pipefail
+cd "$(dirname "$0")"
+
+usage() {
+    sed -n '2,/^set /{/^set /d; s/^# \{0,1\}//; p}' build.sh
+}
+
+docker=${DOCKER:-docker}
+repository=${ROBOVAST_REGISTRY:-localhost:5000}/robovast
+push=false
+tag=latest
+kinds=(robovast slim)
+options=()
+
+while [ $# -gt 0 ]; do
+    case $1 in
+        --push) push=true ;;
+        --slim) kinds=(slim) ;;
+        --full) kinds=(robovast) ;;
+        --base | --tag)
+            [ $# -ge 2 ] || { echo "build.sh: $1 needs a value" >&2; exit 2; }
+            if [ "$1" = --tag ]; then tag=$2; else options+=(--build-arg "BASE_IMAGE=$2"); fi
+            shift
+            ;;
+        -h | --help) usage; exit 0 ;;
+        --) shift; options+=("$@"); break ;;
+        *) echo "build.sh: unknown option $1 (see --help)" >&2; exit 2 ;;
+    esac
+    shift
+done
+
+for kind in "${kinds[@]}"; do
+    image=$repository:$tag
+    [ "$kind" = robovast ] || image=$image-$kind
+    "$docker" build "${options[@]}" --tag "$image" "$kind"
+    if [ "$push" = true ]; then
+        "$docker" push "$image"
+    fi
+done

@@ -1,0 +1,3 @@
+module robovast-testbed/forward
+
+go 1.24

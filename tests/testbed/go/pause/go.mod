@@ -1,0 +1,3 @@
+module robovast-testbed/pause
+
+go 1.24
