@@ -60,7 +60,9 @@ def _packs(runs: Iterable[Run], size: int) -> Iterator[list[Run]]:
     pack: list[Run] = []
     sources: dict[str, object] = {}
     for run in runs:
-        clash = any(sources.get(file.name, file.source) != file.source for file in run.variant.files)
+        clash = any(
+            sources.get(file.name, file.source) != file.source for file in run.variant.files
+        )
         if pack and (len(pack) == size or clash):
             yield pack
             pack, sources = [], {}

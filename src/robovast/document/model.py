@@ -367,7 +367,8 @@ class Search(Section):
     def _must_end(self) -> Search:
         if not self.budget and not self.stopping:
             raise PydanticCustomError(
-                "search_end", "a search needs a `budget` or a `stopping` criterion, to come to an end"
+                "search_end",
+                "a search needs a `budget` or a `stopping` criterion, to come to an end",
             )
         return self
 

@@ -28,7 +28,7 @@ def problems_of(
     for details in error.errors(include_url=False):
         path = _data_path(source.data, base, details["loc"])
         by_path.setdefault(path, []).append(details)
-    return [_problem(path, group, source, model, base) for path, group in by_path.items()]
+    return [_problem(path, group, source, model) for path, group in by_path.items()]
 
 
 def _data_path(data: Any, base: Path_, loc: Iterable[str | int]) -> Path_:
@@ -45,15 +45,13 @@ def _data_path(data: Any, base: Path_, loc: Iterable[str | int]) -> Path_:
             ((name, inner),) = data.items()
             if isinstance(inner, dict) and part in inner:
                 data, path = inner, (*path, name)
-        if isinstance(data, dict) and part in data:
-            data, path = data[part], (*path, part)
-        elif isinstance(data, list) and isinstance(part, int) and part < len(data):
+        if (isinstance(data, dict) and part in data) or (isinstance(data, list) and isinstance(part, int) and part < len(data)):
             data, path = data[part], (*path, part)
     return path
 
 
 def _problem(
-    path: Path_, group: list[ErrorDetails], source: Source, model: type[BaseModel], base: Path_
+    path: Path_, group: list[ErrorDetails], source: Source, model: type[BaseModel]
 ) -> Problem:
     first = group[0]
     kind = first["type"]

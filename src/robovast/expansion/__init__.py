@@ -1,7 +1,15 @@
 """Expansion of a document's configuration entries into variants."""
 
-from robovast.expansion.expand import expand
+from robovast.expansion.expand import Composition, compose, expand
 from robovast.expansion.select import select_variants
 from robovast.expansion.variant import ConfigFile, Variant, VariationRecord
 
-__all__ = ["ConfigFile", "Variant", "VariationRecord", "expand", "select_variants"]
+__all__ = [
+    "Composition",
+    "ConfigFile",
+    "Variant",
+    "VariationRecord",
+    "compose",
+    "expand",
+    "select_variants",
+]

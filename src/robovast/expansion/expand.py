@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from robovast.common.scenario import Scenario, read_scenario
+from robovast.common.variation import Variation
 from robovast.common.variation.loader import load_variation
 from robovast.document import Document
 from robovast.document.model import NAME_PATTERN, ConfigurationEntry, PluginCall, merge_pairs
@@ -25,10 +27,24 @@ DEFAULT_ENTRY = ConfigurationEntry(name="config1")
 _OWN_KEYS = frozenset({"name", "config", "_config_files"})
 
 
-def expand(
-    document: Document, output_dir: Path, progress: Progress | None = None
-) -> list[Variant]:
-    """All variants of a document, in its order.
+@dataclass(frozen=True)
+class Composition:
+    """What a document expands to."""
+
+    variants: tuple[Variant, ...]
+    input_files: tuple[Path, ...] = ()
+    """Files below the document's folder that the variation types read, relative to it."""
+    transient_files: tuple[ConfigFile, ...] = ()
+    """Files that variation types leave for the campaign's `_transient` folder."""
+
+
+def expand(document: Document, output_dir: Path, progress: Progress | None = None) -> list[Variant]:
+    """The variants of `compose`."""
+    return list(compose(document, output_dir, progress).variants)
+
+
+def compose(document: Document, output_dir: Path, progress: Progress | None = None) -> Composition:
+    """All variants of a document, in its order, and the files that came with them.
 
     The same document gives the same variants on every machine, as long as the variation types
     that it uses are deterministic, as the built-in ones are.
@@ -48,11 +64,12 @@ def expand(
             "cannot be executed yet. Use a `configuration` list."
         )
     scenario = read_scenario(document.scenario)
+    used: list[Variation] = []
     variants: list[Variant] = []
     for entry in document.vast.configuration or [DEFAULT_ENTRY]:
-        variants += _expand_entry(document, scenario, entry, output_dir, progress or _ignore)
+        variants += _expand_entry(document, scenario, entry, output_dir, progress or _ignore, used)
     _refuse_shared_names(document, variants)
-    return variants
+    return Composition(tuple(variants), _input_files(document, used), _transient_files(used))
 
 
 def _ignore(message: str) -> None:
@@ -65,6 +82,7 @@ def _expand_entry(
     entry: ConfigurationEntry,
     output_dir: Path,
     progress: Progress,
+    used: list[Variation],
 ) -> Iterable[Variant]:
     parameters = merge_pairs(entry.parameters or [])
     configs: list[dict[str, Any]] = [
@@ -73,7 +91,8 @@ def _expand_entry(
     records: list[VariationRecord] = []
     for call in entry.variations or []:
         started, clock = datetime.now(UTC), time.perf_counter()
-        configs = _apply(document, entry, call, configs, output_dir, progress)
+        variation, configs = _apply(document, entry, call, configs, output_dir, progress)
+        used.append(variation)
         duration = round(time.perf_counter() - clock, 6)
         records.append(VariationRecord(call.name, started.isoformat(), duration))
     known = frozenset(parameter.name for parameter in scenario.parameters)
@@ -87,7 +106,7 @@ def _apply(
     configs: list[dict[str, Any]],
     output_dir: Path,
     progress: Progress,
-) -> list[dict[str, Any]]:
+) -> tuple[Variation, list[dict[str, Any]]]:
     """The configurations that one variation type makes of those before it."""
     where = f"configuration `{entry.name}`, variation `{call.name}`"
     try:
@@ -113,7 +132,7 @@ def _apply(
         )
     if not made:
         raise InputError(f"{document.path}: {where} made no configuration at all.")
-    return made
+    return variation, made
 
 
 def _variant(
@@ -142,6 +161,18 @@ def _variant(
         return Variant(name, entry.name, to_plain(parameters), files, records, to_plain(extra))
     except TypeError as error:
         raise InputError(f"configuration `{name}`: {error}") from error
+
+
+def _input_files(document: Document, used: list[Variation]) -> tuple[Path, ...]:
+    named = {str(name) for variation in used for name in variation.get_input_files()}
+    paths = sorted((document.folder / name).resolve() for name in named)
+    root = document.folder.resolve()
+    return tuple(p.relative_to(root) for p in paths if p.is_relative_to(root) and p.is_file())
+
+
+def _transient_files(used: list[Variation]) -> tuple[ConfigFile, ...]:
+    pairs = [pair for variation in used for pair in variation.get_campaign_transient_files()]
+    return tuple(dict.fromkeys(_config_file("transient files", pair) for pair in pairs))
 
 
 def _config_file(variant: str, item: Any) -> ConfigFile:

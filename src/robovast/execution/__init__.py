@@ -1,0 +1,1 @@
+"""Executing runs: the contract with the container, and who starts it."""

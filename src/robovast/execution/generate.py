@@ -1,0 +1,118 @@
+"""The generated part of a campaign: copies of its inputs, resolved parameters, the run contract."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from robovast import __version__
+from robovast.common.scenario import read_scenario
+from robovast.document import Document
+from robovast.execution.contract import contract_files
+from robovast.execution.identity import Identities
+from robovast.execution.inputs import campaign_files, container_files
+from robovast.expansion import Composition, Variant
+from robovast.plain import dump_yaml, to_plain
+from robovast.results.layout import Layout
+
+
+def write_configurations(
+    document: Document, composition: Composition, output: Path, *, timings: bool
+) -> None:
+    """Write `_config`, `_transient` and every `<variant>/_config` of a campaign.
+
+    Args:
+        document: the checked document.
+        composition: its expansion, or the chosen part of it.
+        output: the campaign's folder; made when it does not exist.
+        timings: also record when each variation was applied and how long it took; without, equal
+            input gives equal bytes.
+    """
+    layout = Layout(output)
+    for folder in (layout.config, layout.transient):
+        folder.mkdir(parents=True, exist_ok=True)
+    for path in campaign_files(document, composition):
+        copy_file(document.folder / path, layout.config / path)
+    for file in composition.transient_files:
+        copy_file(file.source, layout.transient / file.name)
+    for script in contract_files():
+        copy_file(script, layout.transient / script.name)
+    scenario = read_scenario(document.scenario).name
+    identities = Identities(document)
+    for variant in composition.variants:
+        _write_variant(layout, variant, scenario, identities.of(variant))
+    record = _configurations(document, composition.variants, timings=timings)
+    (layout.transient / "configurations.yaml").write_text(dump_yaml(record), encoding="utf-8")
+
+
+def write_execution(
+    layout: Layout,
+    document: Document,
+    *,
+    started: datetime,
+    runs: int,
+    kind: str,
+    image: str,
+    image_revision: str,
+) -> None:
+    """Write `_execution/execution.yaml`: when, with what and how the campaign is executed."""
+    layout.execution.mkdir(exist_ok=True)
+    record = {
+        "execution_time": started.astimezone(UTC).isoformat(timespec="seconds"),
+        "robovast_version": __version__,
+        "runs": runs,
+        "execution_type": kind,
+        "image": image,
+        "image_revision": image_revision,
+        "cluster_info": None,
+        "env": document.vast.execution.env,
+    }
+    (layout.execution / "execution.yaml").write_text(dump_yaml(record), encoding="utf-8")
+
+
+def copy_file(source: Path, target: Path) -> None:
+    """Copy a file with its mode, making the folders that it needs."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copy2(source, target)
+
+
+def _write_variant(layout: Layout, variant: Variant, scenario: str, identity: Any) -> None:
+    folder = layout.variant_config(variant.name)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "config.yaml").write_text(dump_yaml(identity), encoding="utf-8")
+    parameters = dump_yaml({scenario: dict(variant.parameters)})
+    (folder / "scenario.config").write_text(parameters, encoding="utf-8")
+    for file in variant.files:
+        copy_file(file.source, folder / file.name)
+
+
+def _configurations(
+    document: Document, variants: Sequence[Variant], *, timings: bool
+) -> dict[str, Any]:
+    return {
+        "vast": document.path.name,
+        "metadata": to_plain(document.vast.metadata),
+        "scenario_file": document.vast.scenario_file,
+        "configs": [_configuration(variant, timings=timings) for variant in variants],
+        "_run_files": [str(path) for path in container_files(document)],
+        "_input_files": [document.path.name, str(document.vast.scenario_file)],
+    }
+
+
+def _configuration(variant: Variant, *, timings: bool) -> dict[str, Any]:
+    return {
+        "name": variant.name,
+        "config": dict(variant.parameters),
+        "_config_name": variant.entry,
+        "_config_files": [file.name for file in variant.files],
+        "_variations": [
+            {"name": r.name, "started_at": r.started_at, "duration": r.duration}
+            if timings
+            else {"name": r.name}
+            for r in variant.variations
+        ],
+        **variant.extra,
+    }

@@ -1,0 +1,101 @@
+"""What one job gets: the config folder, its parameter documents and its environment."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from robovast.plain import dump_yaml_documents
+from robovast.plan import Job
+
+PARAMETER_FILE = "scenario.params.yaml"
+
+
+def is_pack(job: Job) -> bool:
+    """Several runs in one process, each with an output folder of its own."""
+    return len(job.runs) > 1
+
+
+def parameter_documents(job: Job, scenario: str) -> str:
+    """One YAML document per run: `{scenario: {parameter: value, _output_dir: …}}`."""
+    return dump_yaml_documents({scenario: _parameters(job, run)} for run in job.runs)
+
+
+def _parameters(job: Job, run: Any) -> dict[str, Any]:
+    parameters = {k: v for k, v in run.variant.parameters.items() if not k.startswith("_")}
+    return {**parameters, "_output_dir": run.path} if is_pack(job) else parameters
+
+
+def build_config_folder(folder: Path, common: Path, job: Job, scenario: str) -> None:
+    """Fill a job's config folder: links to what all jobs share, copies of its variants' files.
+
+    Args:
+        folder: the folder to make.
+        common: a private copy of what every run needs, on the same file system.
+        job: the job; its variants agree on the content of every file name.
+        scenario: name of the scenario.
+    """
+    shutil.copytree(common, folder, copy_function=link_or_copy)
+    for run in job.runs:
+        for file in run.variant.files:
+            target = folder / file.name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(file.source, target)
+    (folder / PARAMETER_FILE).write_text(parameter_documents(job, scenario), encoding="utf-8")
+
+
+def link_or_copy(source: str, target: str) -> None:
+    """A hard link, or a copy where the file system has none."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)
+
+
+def job_environment(
+    job: Job,
+    *,
+    campaign: str,
+    scenario_file: str,
+    config_dir: str,
+    out_dir: str,
+    available_cpus: float,
+    available_memory: int,
+    settings: Mapping[str, str | None],
+    scenario_options: str,
+    user: Mapping[str, str],
+) -> dict[str, str]:
+    """The environment of the run contract (docs/run-contract.md).
+
+    Args:
+        job: the job.
+        campaign: name of the campaign's folder.
+        scenario_file: path of the scenario below the config folder.
+        config_dir: the config folder as the run sees it.
+        out_dir: the output folder as the run sees it.
+        available_cpus: CPUs of the main container.
+        available_memory: memory of the main container [byte].
+        settings: PRE_COMMAND, POST_COMMAND and SIMULATION of the document.
+        scenario_options: further options of scenario-execution, as `-t -d`.
+        user: the document's own variables.
+    """
+    environment = {
+        "LIBGL_ALWAYS_SOFTWARE": "1",
+        **user,
+        "CAMPAIGN_ID": campaign,
+        "SCENARIO_FILE": scenario_file,
+        "SCENARIO_PARAMETER_FILE": PARAMETER_FILE,
+        "OUTPUT_DIR": f"{out_dir}/_jobs/{job.name}",
+        "SCENARIO_OUTPUT_DIR": out_dir if is_pack(job) else f"{out_dir}/{job.runs[0].path}",
+        "SCENARIO_EXECUTION_PARAMETERS": scenario_options,
+        "AVAILABLE_CPUS": f"{available_cpus:g}",
+        "AVAILABLE_MEM": str(available_memory),
+        "ROBOVAST_CONFIG_DIR": config_dir,
+        "ROBOVAST_OUT_DIR": out_dir,
+    }
+    if is_pack(job):
+        environment["OUTPUT_RESULT_PER_SCENARIO"] = "true"
+    return environment | {name: value for name, value in settings.items() if value}

@@ -1,0 +1,133 @@
+"""Executing a campaign on this machine: in Docker, in Podman or as plain processes."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import yaml
+
+from robovast.common.execution import campaign_folder_name
+from robovast.document import Document, load_document
+from robovast.errors import InputError, StorageError
+from robovast.execution.generate import write_configurations, write_execution
+from robovast.execution.local.campaign import execute_campaign
+from robovast.execution.local.choose import choose_runtime
+from robovast.execution.local.events import LocalOptions, Observer, Summary
+from robovast.execution.local.prepare import prepare_run
+from robovast.execution.local.session import Session
+from robovast.execution.local.store import explained
+from robovast.execution.local.variants import choose_variants
+from robovast.expansion import Variant, select_variants
+from robovast.plan import plan_runs
+from robovast.results.configurations import read_variants
+from robovast.results.layout import Layout
+
+__all__ = [
+    "LocalOptions",
+    "Observer",
+    "Summary",
+    "prepare_run",
+    "resume_campaign",
+    "run_campaign",
+]
+
+
+def run_campaign(
+    document: Document, output: Path, options: LocalOptions, observer: Observer
+) -> Summary:
+    """Execute a new campaign; its folder is made in `output`.
+
+    Raises:
+        InputError: the document cannot be expanded, or nothing matches `options.select`.
+        CannotRunError: the runtime cannot run it; nothing was started or made.
+        StorageError: `output` cannot be written, or holds the campaign already.
+    """
+    with TemporaryDirectory(prefix="robovast-") as scratch:
+        composition = choose_variants(document, Path(scratch), options, observer.message)
+        runtime = choose_runtime(document, options, observer.message)
+        identity = runtime.check()
+        started = datetime.now().astimezone()
+        layout = _make_folder(output, campaign_folder_name(document.vast.campaign_name, started))
+        runs = options.runs or document.vast.execution.runs
+        with explained(layout.root):
+            write_configurations(document, composition, layout.root, timings=True)
+            write_execution(
+                layout,
+                document,
+                started=started,
+                runs=runs,
+                kind="local",
+                image=identity.image,
+                image_revision=identity.digest,
+            )
+    variants = _stored_files(layout, composition.variants)
+    session = Session(document, layout, options, runtime, identity)
+    return execute_campaign(session, plan_runs(variants, runs), observer)
+
+
+def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -> Summary:
+    """Execute what is left of a campaign; runs with a finished record are not repeated.
+
+    Raises:
+        InputError: the folder is no campaign.
+        CannotRunError: the runtime cannot run it.
+        StorageError: it cannot be written, or another program executes it.
+    """
+    layout = Layout(campaign.absolute())
+    name, variants = read_variants(layout)
+    document = load_document(layout.config / name)
+    runs = plan_runs(variants, options.runs or _planned_runs(layout))
+    if options.select is not None:
+        chosen = {variant.name for variant in select_variants(variants, options.select)}
+        runs = [run for run in runs if run.variant.name in chosen]
+    runtime = choose_runtime(document, options, observer.message)
+    session = Session(document, layout, options, runtime, runtime.check())
+    return execute_campaign(session, runs, observer)
+
+
+def _make_folder(output: Path, name: str) -> Layout:
+    root = output.absolute() / name
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        root.mkdir()
+    except FileExistsError:
+        raise StorageError(
+            f"{root} exists already: another campaign of this name was started in the same second. "
+            "Start it again, or choose another output folder."
+        ) from None
+    except OSError as error:
+        raise StorageError(
+            f"{output}: results cannot be written there: {error.strerror}. Choose another folder."
+        ) from None
+    if not os.access(root, os.W_OK):
+        raise StorageError(f"{root}: cannot be written.")
+    return Layout(root)
+
+
+def _stored_files(layout: Layout, variants: Sequence[Variant]) -> list[Variant]:
+    """Variants whose files are the campaign's copies: the generated ones are gone by now."""
+    return [
+        dataclasses.replace(
+            variant,
+            files=tuple(
+                dataclasses.replace(file, source=layout.variant_config(variant.name) / file.name)
+                for file in variant.files
+            ),
+        )
+        for variant in variants
+    ]
+
+
+def _planned_runs(layout: Layout) -> int:
+    path = layout.execution / "execution.yaml"
+    try:
+        return int(yaml.safe_load(path.read_text(encoding="utf-8"))["runs"])
+    except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError):
+        raise InputError(
+            f"{path}: does not say how many runs were planned; give `--runs`."
+        ) from None

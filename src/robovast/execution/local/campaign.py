@@ -1,0 +1,175 @@
+"""A campaign on this machine: jobs side by side, every run stored once."""
+
+from __future__ import annotations
+
+import fcntl
+import queue
+import shutil
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from threading import Event, Lock, Thread
+from typing import Any
+
+from robovast.errors import StorageError
+from robovast.execution.contract import contract_files
+from robovast.execution.generate import copy_file
+from robovast.execution.inputs import container_files
+from robovast.execution.local.events import Observer, Summary
+from robovast.execution.local.job_execution import JobExecution
+from robovast.execution.local.session import Session
+from robovast.execution.local.store import explained
+from robovast.plain import dump_yaml
+from robovast.plan import Job, Run, pack_runs
+from robovast.results.layout import Layout
+from robovast.results.run_record import RunRecord, read_run_record
+from robovast.results.verdict import Verdict
+
+
+def execute_campaign(session: Session, runs: Sequence[Run], observer: Observer) -> Summary:
+    """Execute every run that has no finished record yet.
+
+    Raises:
+        StorageError: another program executes the campaign, or results cannot be stored.
+    """
+    with _exclusive(session.layout):
+        done = {run.id: record for run in runs if (record := _finished_record(session, run))}
+        todo = [run for run in runs if run.id not in done]
+        session.runtime.clean_up_campaign(session.token)
+        _prepare_common(session)
+        execution = _CampaignExecution(session, todo, observer, done)
+        count = min(session.jobs_side_by_side, len(todo))
+        how = f"{session.runtime.name}, {count} side by side"
+        observer.campaign_started(session.layout.root, len(runs), len(done), how)
+        interrupted = execution.run(count)
+        _write_job_links(session.layout, execution.records)
+    shutil.rmtree(session.layout.running, ignore_errors=True)
+    records = [execution.records[run.id] for run in runs if run.id in execution.records]
+    return Summary(session.layout.root, len(runs), records, interrupted)
+
+
+@contextmanager
+def _exclusive(layout: Layout) -> Iterator[None]:
+    layout.running.mkdir(exist_ok=True)
+    with (layout.running / "lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise StorageError(
+                f"{layout.root}: another `vast` is executing this campaign; wait for it or stop it."
+            ) from None
+        yield
+
+
+def _finished_record(session: Session, run: Run) -> RunRecord | None:
+    record = read_run_record(session.layout.run(run.path))
+    return record if record is not None and record.finished else None
+
+
+def _prepare_common(session: Session) -> None:
+    """A private copy of what every run needs: runs may spoil it, never the originals."""
+    common = session.layout.running / "common"
+    with explained(session.layout.root):
+        shutil.rmtree(common, ignore_errors=True)
+        for path in container_files(session.document):
+            copy_file(session.document.folder / path, common / path)
+        for script in contract_files():
+            copy_file(script, common / script.name)
+
+
+def _write_job_links(layout: Layout, records: dict[int, RunRecord]) -> None:
+    links = {f"{record.variant}/{record.run}": record.job for record in records.values()}
+    with explained(layout.root):
+        (layout.transient / "job_links.yaml").write_text(dump_yaml(links), encoding="utf-8")
+
+
+class _CampaignExecution:
+    """Workers take jobs; what they report is handled in the caller's thread."""
+
+    def __init__(
+        self, session: Session, todo: list[Run], observer: Observer, done: dict[int, RunRecord]
+    ) -> None:
+        self.records = dict(done)
+        self._session = session
+        self._observer = observer
+        self._events: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._stop = Event()
+        self._drain = Event()
+        self._lock = Lock()
+        self._next_job = _first_free_job(session.layout)
+        self._jobs: deque[Job] = deque()
+        self._add(todo)
+        self._failure: BaseException | None = None
+
+    def run(self, workers: int) -> bool:
+        """Execute all jobs; True when the user interrupted it."""
+        threads = [Thread(target=self._work, name=f"job-{n}") for n in range(workers)]
+        for thread in threads:
+            thread.start()
+        interrupted = False
+        while any(thread.is_alive() for thread in threads) or not self._events.empty():
+            try:
+                self._handle_event()
+            except KeyboardInterrupt:
+                if not interrupted:
+                    self._observer.message("Stopping: waiting for running scenarios to end …")
+                interrupted = True
+                self._stop.set()
+        if self._failure is not None:
+            raise self._failure
+        return interrupted
+
+    def _handle_event(self) -> None:
+        try:
+            event = self._events.get(timeout=0.2)
+        except queue.Empty:
+            return
+        event()
+
+    def _work(self) -> None:
+        while (job := self._take()) is not None:
+            execution = JobExecution(
+                self._session, job, self._stop, self._report_started, self._report_finished
+            )
+            try:
+                left = execution.execute()
+            except BaseException as error:  # the caller's thread raises it
+                self._failure = self._failure or error
+                self._stop.set()
+                return
+            if left and not self._stop.is_set():
+                self._add(left)
+
+    def _take(self) -> Job | None:
+        with self._lock:
+            if self._stop.is_set() or self._drain.is_set() or not self._jobs:
+                return None
+            return self._jobs.popleft()
+
+    def _add(self, runs: Sequence[Run]) -> None:
+        with self._lock:
+            size = self._session.document.vast.execution.runs_per_job
+            jobs = pack_runs(runs, size, self._next_job)
+            self._next_job += len(jobs)
+            self._jobs.extend(jobs)
+
+    def _report_started(self, run: Run) -> None:
+        self._events.put(lambda: self._observer.run_started(run))
+
+    def _report_finished(self, run: Run, record: RunRecord) -> None:
+        if record.verdict is not Verdict.PASSED and self._session.options.abort_on_failure:
+            self._drain.set()
+        self._events.put(lambda: self._finish(run, record))
+
+    def _finish(self, run: Run, record: RunRecord) -> None:
+        self.records[run.id] = record
+        self._observer.run_finished(run, record)
+
+
+def _first_free_job(layout: Layout) -> int:
+    numbers: list[Any] = [
+        int(path.name.removeprefix("job-"))
+        for path in (layout.jobs.iterdir() if layout.jobs.is_dir() else ())
+        if path.name.removeprefix("job-").isdigit()
+    ]
+    return max(numbers, default=-1) + 1

@@ -1,0 +1,58 @@
+"""Which runtime executes the runs, and with which image."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+
+from robovast.document import Document
+from robovast.errors import CannotRunError, InputError
+from robovast.execution.local.container_runtime import ContainerRuntime, engine_answers
+from robovast.execution.local.events import LocalOptions
+from robovast.execution.local.process_runtime import ProcessRuntime
+from robovast.execution.local.runtime import Runtime
+
+RUNTIMES = ("docker", "podman", "process", "auto")
+
+
+def resolve_image(document: Document, options: LocalOptions) -> str | None:
+    """The image: the option's, then `ROBOVAST_IMAGE`, then the document's."""
+    return options.image or os.environ.get("ROBOVAST_IMAGE") or document.vast.execution.image
+
+
+def choose_runtime(
+    document: Document, options: LocalOptions, message: Callable[[str], None]
+) -> Runtime:
+    """The runtime that the user names; `auto` takes the first that is here: docker, podman, process.
+
+    Raises:
+        InputError: no such runtime.
+        CannotRunError: a container runtime, but no image.
+    """
+    image = resolve_image(document, options)
+    if options.runtime not in RUNTIMES:
+        raise InputError(f"`{options.runtime}` is no runtime; there are {', '.join(RUNTIMES)}.")
+    if options.runtime == "process":
+        return ProcessRuntime(message)
+    if options.runtime == "auto":
+        return _first_available(image, options, message)
+    if image is None:
+        raise CannotRunError(
+            f"{options.runtime} needs a container image: give `--image`, ROBOVAST_IMAGE or "
+            f"`execution.image` in {document.path}; or use `--runtime process`."
+        )
+    return ContainerRuntime(options.runtime, image, options, message)
+
+
+def _first_available(
+    image: str | None, options: LocalOptions, message: Callable[[str], None]
+) -> Runtime:
+    if image is None:
+        message("Running as plain processes: no container image is named.")
+        return ProcessRuntime(message)
+    for engine in ("docker", "podman"):
+        if engine_answers(engine):
+            message(f"Running in {engine} with {image}.")
+            return ContainerRuntime(engine, image, options, message)
+    message(f"Running as plain processes: no Docker or Podman answers, so {image} is not used.")
+    return ProcessRuntime(message)

@@ -1,0 +1,85 @@
+"""The compose file of a job: its main container, and the secondary ones in the same network."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from robovast.execution.local.runtime import Limits
+
+MAIN = "robovast"
+"""Name of the main service."""
+
+
+def compose_model(
+    *,
+    name: str | None,
+    image: str,
+    environment: Mapping[str, str],
+    volumes: list[str],
+    user: str,
+    limits: Limits,
+    secondaries: Mapping[str, Limits],
+    network_mode: str,
+    labels: Mapping[str, str],
+) -> dict[str, Any]:
+    """A compose file as plain data.
+
+    Args:
+        name: of the main container; compose makes one when None.
+        image: of all containers.
+        environment: of the main container; the others get it too, with CONTAINER_NAME.
+        volumes: `source:target[:ro]`, for all containers.
+        user: `uid:gid`.
+        limits: of the main container.
+        secondaries: limits of the secondary containers, by name.
+        network_mode: of the main container, `bridge` or `host`.
+        labels: for all containers, so that they can be found again.
+    """
+    common = {
+        "image": image,
+        "volumes": volumes,
+        "user": user,
+        "working_dir": "/out",
+        "labels": dict(labels),
+        "init": True,
+    }
+    main = {
+        **common,
+        **({"container_name": name} if name else {}),
+        "entrypoint": ["/bin/bash", "/config/entrypoint.sh"],
+        "environment": _literal(environment),
+        "network_mode": network_mode,
+        "ipc": "shareable",
+        **_limits(limits),
+    }
+    services = {MAIN: main}
+    for name, own in secondaries.items():
+        extra = {"CONTAINER_NAME": name, "ROS_LOG_DIR": f"{environment['OUTPUT_DIR']}/logs/{name}"}
+        services[name] = {
+            **common,
+            "entrypoint": ["/bin/bash", "/config/secondary_entrypoint.sh"],
+            "environment": _literal({**environment, **extra}),
+            "network_mode": f"service:{MAIN}",
+            "ipc": f"service:{MAIN}",
+            "depends_on": [MAIN],
+            **_limits(own),
+        }
+    return {"services": services}
+
+
+def _literal(environment: Mapping[str, str]) -> dict[str, str]:
+    """Values as they are: compose would read `$NAME` in them as a variable of the caller."""
+    return {name: value.replace("$", "$$") for name, value in environment.items()}
+
+
+def _limits(limits: Limits) -> dict[str, Any]:
+    result: dict[str, Any] = {}
+    if limits.cpus is not None:
+        result["cpus"] = limits.cpus
+    if limits.memory is not None:
+        result["mem_limit"] = limits.memory
+    if limits.gpus:
+        device = {"driver": "nvidia", "count": limits.gpus, "capabilities": ["gpu"]}
+        result["deploy"] = {"resources": {"reservations": {"devices": [device]}}}
+    return result

@@ -1,0 +1,69 @@
+"""The verdict on a run: what test.xml says, unless the run was ended from outside."""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import dataclass
+from pathlib import Path
+
+from robovast.results.verdict import TestResult, Verdict
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How the process that executed a run ended."""
+
+    exit_code: int | None
+    """None while it still runs (an earlier run of a pack)."""
+    timed_out: bool = False
+    interrupted: bool = False
+
+
+def judge(result: TestResult, ending: Ending, timeout: int | None, log: Path) -> TestResult:
+    """The final result of a run.
+
+    Args:
+        result: what its test.xml says.
+        ending: how its process ended.
+        timeout: the document's limit [s].
+        log: the job's log, quoted when there is no verdict.
+    """
+    if ending.timed_out:
+        reason = f"stopped after {timeout} s, the limit of execution.timeout"
+        return TestResult(Verdict.ERRORED, reason, result.started_at, None)
+    if ending.interrupted and result.verdict is not Verdict.PASSED:
+        return TestResult(Verdict.INTERRUPTED, "stopped by the user", result.started_at, None)
+    if result.verdict is not Verdict.ERRORED or ending.exit_code is None:
+        return result
+    cause = f"{result.reason}; {_explain(ending.exit_code)}"
+    last = _last_line(log)
+    return TestResult(Verdict.ERRORED, f"{cause}; its log ends: {last}" if last else cause)
+
+
+_MEANINGS = {
+    69: "the image lacks what the run contract needs",
+    70: "the pre command failed",
+    126: "a program could not be executed",
+    127: "a program was not found",
+}
+
+
+def _explain(code: int) -> str:
+    number = -code if code < 0 else code - 128 if code > 128 else 0
+    if number in {item.value for item in signal.Signals}:
+        name = signal.Signals(number).name
+        return f"it was ended by {name}" + (" (out of memory?)" if name == "SIGKILL" else "")
+    meaning = _MEANINGS.get(code)
+    return f"exit code {code}" + (f": {meaning}" if meaning else "")
+
+
+def _last_line(log: Path, limit: int = 200) -> str:
+    try:
+        with log.open("rb") as file:
+            file.seek(0, 2)
+            file.seek(max(0, file.tell() - 4096))
+            lines = file.read().decode("utf-8", "replace").split("\n")
+    except OSError:
+        return ""
+    last = next((line.strip() for line in reversed(lines) if line.strip()), "")
+    return last if len(last) <= limit else last[: limit - 1] + "…"

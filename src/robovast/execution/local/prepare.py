@@ -1,0 +1,139 @@
+"""`prepare-run`: a folder with a `run.sh` that needs Docker or Podman, but not RoboVAST."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from robovast.common.execution import COMPAT_VERSION, campaign_prefix
+from robovast.common.scenario import read_scenario
+from robovast.document import Document
+from robovast.errors import StorageError
+from robovast.execution.contract import contract_files
+from robovast.execution.generate import copy_file, write_configurations
+from robovast.execution.inputs import container_files
+from robovast.execution.job_config import build_config_folder
+from robovast.execution.local.choose import resolve_image
+from robovast.execution.local.compose import MAIN, compose_model
+from robovast.execution.local.container_runtime import X11_SOCKETS, ContainerRuntime
+from robovast.execution.local.events import LocalOptions
+from robovast.execution.local.runtime import Identity
+from robovast.execution.local.session import Session
+from robovast.execution.local.variants import choose_variants
+from robovast.plain import dump_yaml
+from robovast.plan import Job, pack_runs, plan_runs
+from robovast.results.layout import Layout
+
+_TEMPLATE = Path(__file__).with_name("run.sh.in")
+
+
+def prepare_run(document: Document, output: Path, options: LocalOptions) -> Path:
+    """Write everything that `run.sh` needs into a folder; returns the script's path.
+
+    The folder holds `run.sh`, `out_template/` (the campaign as it is before the first run) and
+    `jobs/<job>/` with each job's config folder and compose file.
+
+    Raises:
+        InputError: the document cannot be expanded, or nothing matches `options.select`.
+        StorageError: the folder cannot be written, or holds something else.
+    """
+    output = output.absolute()
+    _make_room(output)
+    with TemporaryDirectory(prefix="robovast-") as scratch:
+        composition = choose_variants(document, Path(scratch), options, _silent)
+        template = Layout(output / "out_template")
+        write_configurations(document, composition, template.root, timings=True)
+        runs = plan_runs(composition.variants, options.runs or document.vast.execution.runs)
+        jobs = pack_runs(runs, document.vast.execution.runs_per_job)
+        _write_jobs(document, options, output, jobs, Path(scratch))
+    (output / "gui.yaml").write_text(dump_yaml(_gui(document)), encoding="utf-8")
+    return _write_script(document, output, options)
+
+
+def _silent(message: str) -> None:
+    del message
+
+
+def _make_room(output: Path) -> None:
+    """Replace what an earlier prepare-run left, results excepted; never anything else."""
+    try:
+        if output.is_dir() and any(output.iterdir()) and not (output / "run.sh").is_file():
+            raise StorageError(f"{output} holds other files; choose an empty or a new folder.")
+        output.mkdir(parents=True, exist_ok=True)
+        for name in ("out_template", "jobs"):
+            shutil.rmtree(output / name, ignore_errors=True)
+    except OSError as error:
+        raise StorageError(f"{output}: cannot be written: {error.strerror}.") from error
+
+
+def _write_jobs(
+    document: Document, options: LocalOptions, output: Path, jobs: list[Job], scratch: Path
+) -> None:
+    common = scratch / "common"
+    for path in container_files(document):
+        copy_file(document.folder / path, common / path)
+    for script in contract_files():
+        copy_file(script, common / script.name)
+    image = resolve_image(document, options) or ""
+    runtime = ContainerRuntime("docker", image, options, _silent)
+    session = Session(document, Layout(output), options, runtime, Identity(image, ""))
+    scenario = read_scenario(document.scenario).name
+    for job in jobs:
+        folder = output / "jobs" / job.name
+        build_config_folder(folder / "config", common, job, scenario)
+        (folder / "runs").write_text("".join(f"{run.path}\n" for run in job.runs), "utf-8")
+        compose_file = dump_yaml(_compose_model(session, job, folder))
+        (folder / "compose.yaml").write_text(compose_file, encoding="utf-8")
+
+
+def _compose_model(session: Session, job: Job, folder: Path) -> dict[str, Any]:
+    """The job's compose file; what `run.sh` decides stands in it as variables."""
+    spec = session.spec(job, folder)
+    model = compose_model(
+        name=None,
+        image="${ROBOVAST_IMAGE}",
+        environment=spec.environment,
+        volumes=["./config:/config:ro", "${ROBOVAST_OUT}:/out"],
+        user="${ROBOVAST_USER}",
+        limits=spec.limits,
+        secondaries=spec.secondaries,
+        network_mode="${ROBOVAST_NETWORK}",
+        labels={},
+    )
+    for service in model["services"].values():
+        service["environment"]["CAMPAIGN_ID"] = "${CAMPAIGN_ID}"
+        service["environment"]["SCENARIO_EXECUTION_PARAMETERS"] = "${ROBOVAST_SCENARIO_OPTIONS}"
+    return model
+
+
+def _gui(document: Document) -> dict[str, Any]:
+    """What `run.sh` adds when this machine has a display."""
+    service = {
+        "environment": {"DISPLAY": "${DISPLAY}"},
+        "volumes": [f"{X11_SOCKETS}:{X11_SOCKETS}"],
+    }
+    names = [MAIN, *(c.name for c in document.vast.execution.secondary_containers)]
+    return {"services": dict.fromkeys(names, service)}
+
+
+def _write_script(document: Document, output: Path, options: LocalOptions) -> Path:
+    execution = document.vast.execution
+    own_user = "run_as_user" in execution.model_fields_set
+    flags = {"-t": options.log_tree, "-d": options.debug}
+    values = {
+        "COMPAT_VERSION": str(COMPAT_VERSION),
+        "IMAGE": shlex.quote(resolve_image(document, options) or ""),
+        "CAMPAIGN": shlex.quote(campaign_prefix(document.vast.campaign_name)),
+        "OPTIONS": " ".join(flag for flag, given in flags.items() if given),
+        "USER": str(execution.run_as_user) if own_user else "",
+    }
+    text = _TEMPLATE.read_text(encoding="utf-8")
+    for name, value in values.items():
+        text = text.replace(f"@{name}@", value)
+    script = output / "run.sh"
+    script.write_text(text, encoding="utf-8")
+    script.chmod(0o755)
+    return script

@@ -1,0 +1,108 @@
+"""The Python environment that executes scenarios where there is no container.
+
+scenario-execution pins versions that clash with ours, so it lives in an environment of its own,
+made once, from hashed requirements, in the user's cache folder.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from robovast.common.execution import COMPAT_VERSION
+from robovast.errors import CannotRunError
+
+REQUIREMENTS = Path(__file__).with_name("process_requirements.txt")
+VARIABLE = "ROBOVAST_PROCESS_ENV"
+"""Names an existing environment (with `bin/scenario_execution`) to use in place of ours."""
+
+VERSION_FILE = Path("etc") / "robovast_compat_version"
+
+
+def process_environment(message: Callable[[str], None]) -> Path:
+    """Folder of the environment; made now when it is not there yet.
+
+    Args:
+        message: is told when something takes a while.
+
+    Raises:
+        CannotRunError: it cannot be made, or the one that the user named is of no use.
+    """
+    own = os.environ.get(VARIABLE)
+    if own:
+        return _checked(Path(own).absolute())
+    folder = cache_folder() / f"process-{_key()}"
+    if not (folder / VERSION_FILE).is_file():
+        with _locked(folder):
+            if not (folder / VERSION_FILE).is_file():
+                message(f"Making the environment for plain-process runs in {folder} (once) …")
+                _make(folder)
+    return folder
+
+
+def cache_folder() -> Path:
+    """`$XDG_CACHE_HOME/robovast`, or `~/.cache/robovast`."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "robovast"
+
+
+def _checked(folder: Path) -> Path:
+    if not (folder / "bin" / "scenario_execution").is_file():
+        raise CannotRunError(
+            f"{VARIABLE} names {folder}, but there is no bin/scenario_execution in it: install "
+            "`scenario-execution` there, or unset the variable."
+        )
+    if not (folder / VERSION_FILE).is_file():
+        raise CannotRunError(
+            f"{VARIABLE} names {folder}, which does not say its contract version: "
+            f"`mkdir -p {folder}/etc && echo {COMPAT_VERSION} > {folder / VERSION_FILE}`."
+        )
+    return folder
+
+
+def _key() -> str:
+    version = f"{sys.version_info.major}.{sys.version_info.minor}"
+    content = REQUIREMENTS.read_bytes() + f"{version} {COMPAT_VERSION}".encode()
+    return f"py{version}-{hashlib.sha256(content).hexdigest()[:12]}"
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with folder.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def _make(folder: Path) -> None:
+    shutil.rmtree(folder, ignore_errors=True)
+    python = folder / "bin" / "python"
+    uv = shutil.which("uv")
+    if uv:
+        _call([uv, "venv", "--quiet", "--python", sys.executable, str(folder)], folder)
+        install = [uv, "pip", "install", "--quiet", "--python", str(python)]
+    else:
+        _call([sys.executable, "-m", "venv", str(folder)], folder)
+        install = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    _call([*install, "--require-hashes", "-r", str(REQUIREMENTS)], folder)
+    version = folder / VERSION_FILE
+    version.parent.mkdir(exist_ok=True)
+    version.write_text(f"{COMPAT_VERSION}\n", encoding="ascii")
+
+
+def _call(command: Sequence[str], folder: Path) -> None:
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    if result.returncode:
+        shutil.rmtree(folder, ignore_errors=True)
+        last = (result.stderr or result.stdout).strip().splitlines()[-3:]
+        raise CannotRunError(
+            "the environment for plain-process runs cannot be made: "
+            f"`{' '.join(command[:4])} …` said: {' / '.join(last)}. It needs a Python with `venv` "
+            f"and access to a package index; or name an environment of your own in {VARIABLE}."
+        )

@@ -1,0 +1,85 @@
+"""Stopping a program together with everything that it started."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+MARKER = "ROBOVAST_JOB"
+"""Environment variable that every process of a job inherits; finds those that left the group."""
+
+
+def wait(process: subprocess.Popen[bytes], timeout: float) -> bool:
+    """Wait until a process ends, at most `timeout` seconds; True when it ended.
+
+    `Popen.wait(timeout)` polls in growing steps; the kernel can tell at once.
+    """
+    if process.poll() is not None:
+        return True
+    try:
+        descriptor = os.pidfd_open(process.pid)
+    except (AttributeError, OSError):  # not Linux, or gone in between
+        time.sleep(min(timeout, 0.05))
+        return process.poll() is not None
+    try:
+        poller = select.poll()
+        poller.register(descriptor, select.POLLIN)
+        poller.poll(timeout * 1000)
+    finally:
+        os.close(descriptor)
+    return process.poll() is not None
+
+
+def stop(process: subprocess.Popen[bytes], grace: float) -> None:
+    """Ask a process (leader of its own group) to end; end it after `grace` seconds."""
+    _signal_group(process.pid, signal.SIGTERM)
+    if not wait(process, grace):
+        _signal_group(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def kill_marked(token: str) -> None:
+    """End every process whose token begins so, whatever group it moved to."""
+    for _ in range(5):  # what starts while we look is found the next time
+        found = _marked(token)
+        if not found:
+            return
+        for pid in found:
+            _signal(pid, signal.SIGKILL)
+        time.sleep(0.02)
+
+
+def _marked(token: str) -> list[int]:
+    entry = f"\0{MARKER}={token}".encode()
+    found = []
+    for folder in Path("/proc").iterdir():
+        if not folder.name.isdigit() or int(folder.name) == os.getpid():
+            continue
+        try:
+            environment = (folder / "environ").read_bytes()
+            stopped = (folder / "stat").read_text().rpartition(")")[2].split()[0] in "ZX"
+        except OSError:  # somebody else's, or gone
+            continue
+        if entry in b"\0" + environment and not stopped:
+            found.append(int(folder.name))
+    return found
+
+
+def _signal_group(leader: int, number: signal.Signals) -> None:
+    try:
+        os.killpg(leader, number)
+    except ProcessLookupError:
+        pass
+    except PermissionError:
+        _signal(leader, number)
+
+
+def _signal(pid: int, number: signal.Signals) -> None:
+    try:
+        os.kill(pid, number)
+    except (ProcessLookupError, PermissionError):
+        return

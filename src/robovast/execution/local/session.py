@@ -1,0 +1,136 @@
+"""What all jobs of one execution of a campaign share."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import socket
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from robovast.common.scenario import read_scenario
+from robovast.document import Document
+from robovast.document.model import Resources, merge_pairs
+from robovast.execution.job_config import job_environment
+from robovast.execution.local.events import LocalOptions
+from robovast.execution.local.runtime import Identity, JobSpec, Limits, Runtime
+from robovast.execution.resources import (
+    cpus,
+    machine_cpus,
+    machine_memory,
+    memory,
+    resolve_per_context,
+)
+from robovast.plan import Job
+from robovast.results.layout import Layout
+
+DEFAULT_USER = 1000
+
+
+@dataclass(frozen=True)
+class Session:
+    """One execution of a campaign on this machine."""
+
+    document: Document
+    layout: Layout
+    options: LocalOptions
+    runtime: Runtime
+    identity: Identity
+
+    @cached_property
+    def token(self) -> str:
+        """Name of the campaign on this machine, equal for every execution of it."""
+        return "robovast-" + hashlib.sha256(str(self.layout.root).encode()).hexdigest()[:12]
+
+    @cached_property
+    def host(self) -> str:
+        """This machine's name."""
+        return socket.gethostname()
+
+    @cached_property
+    def scenario(self) -> str:
+        """Name of the scenario."""
+        return read_scenario(self.document.scenario).name
+
+    @cached_property
+    def limits(self) -> Limits:
+        """What the main container asks for."""
+        return _limits(self.document.vast.execution.resources, "execution.resources")
+
+    @cached_property
+    def secondaries(self) -> dict[str, Limits]:
+        """What each secondary container asks for."""
+        return {
+            container.name: _limits(container.resources, f"secondary container `{container.name}`")
+            for container in self.document.vast.execution.secondary_containers
+        }
+
+    @property
+    def jobs_side_by_side(self) -> int:
+        """How many jobs run at once: as the user says, else as many as the CPUs allow."""
+        if self.options.jobs is not None:
+            return self.options.jobs
+        asked = [self.limits, *self.secondaries.values()]
+        total = sum(limits.cpus or 0 for limits in asked) or 1.0
+        return max(1, int(machine_cpus() / total))
+
+    @cached_property
+    def user_id(self) -> int:
+        """User of the processes in a container.
+
+        The document's, when it names one. Else the caller, so that results belong to who asked
+        for them; for root the contract's default, since simulators refuse to run as root.
+        """
+        if "run_as_user" in self.document.vast.execution.model_fields_set:
+            return self.document.vast.execution.run_as_user
+        return os.getuid() or DEFAULT_USER
+
+    def spec(self, job: Job, work: Path) -> JobSpec:
+        """A job, ready to be started in its work folder."""
+        config, out, own = work / "config", work / "out", self.layout.job(job.name)
+        unlimited = not self.options.enforce_resources
+        return JobSpec(
+            token=f"{self.token}.{job.name}",
+            work=work,
+            config=config,
+            out=out,
+            job=own,
+            environment=self._environment(job, config, out),
+            user=f"{self.user_id}:{self.user_id if self.user_id != os.getuid() else os.getgid()}",
+            limits=Limits(gpus=self.limits.gpus) if unlimited else self.limits,
+            secondaries={
+                name: Limits(gpus=limits.gpus) if unlimited else limits
+                for name, limits in self.secondaries.items()
+            },
+        )
+
+    def _environment(self, job: Job, config: Path, out: Path) -> Mapping[str, str]:
+        execution = self.document.vast.execution
+        flags = {"-t": self.options.log_tree, "-d": self.options.debug}
+        return job_environment(
+            job,
+            campaign=self.layout.root.name,
+            scenario_file=self.document.vast.scenario_file or "",
+            config_dir=self.runtime.config_dir or str(config),
+            out_dir=self.runtime.out_dir or str(out),
+            available_cpus=self.limits.cpus or machine_cpus(),
+            available_memory=self.limits.memory or machine_memory(),
+            settings={
+                "PRE_COMMAND": execution.pre_command,
+                "POST_COMMAND": execution.post_command,
+                "SIMULATION": execution.simulation,
+            },
+            scenario_options=" ".join(flag for flag, given in flags.items() if given),
+            user=merge_pairs(execution.env),
+        )
+
+
+def _limits(resources: Resources, key: str) -> Limits:
+    gpus = resolve_per_context(resources.gpu, "local", f"{key}.gpu")
+    return Limits(
+        cpus=cpus(resources.cpu, f"{key}.cpu"),
+        memory=memory(resources.memory, f"{key}.memory"),
+        gpus=int(gpus) if gpus is not None else None,
+    )

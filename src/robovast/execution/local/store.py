@@ -1,0 +1,112 @@
+"""Storing finished runs: a run appears in the results at once and complete, or not at all."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+
+from robovast.errors import StorageError
+from robovast.execution.local.session import Session
+from robovast.plan import Job, Run
+from robovast.results.run_record import RunRecord, read_run_record
+from robovast.results.verdict import TestResult
+
+
+def store_run(
+    session: Session,
+    job: Job,
+    run: Run,
+    folder: Path,
+    result: TestResult,
+    observed: tuple[float, float],
+    exit_code: int | None,
+) -> RunRecord:
+    """Complete a run's folder with its record and move it into the results.
+
+    Args:
+        session: the campaign's execution.
+        job: the job that executed the run.
+        run: the run.
+        folder: what the run wrote; made when it wrote nothing.
+        result: its verdict.
+        observed: when it was seen to start and to end [s since the epoch].
+        exit_code: of its process, None when that goes on with other runs.
+    """
+    target = session.layout.run(run.path)
+    earlier = read_run_record(target)
+    record = _record(session, job, run, result, observed, exit_code, earlier)
+    with explained(session.layout.root):
+        folder.mkdir(parents=True, exist_ok=True)
+        if not os.access(folder, os.W_OK):  # another user's, from the container
+            folder = Path(shutil.copytree(folder, folder.with_name(f"{folder.name}.copy")))
+        _link_job(folder, job)
+        record.write(folder)
+        target.parent.mkdir(exist_ok=True)
+        if target.exists():  # interrupted before, or left by a program that was killed
+            shutil.rmtree(target)
+        os.rename(folder, target)
+    return record
+
+
+@contextmanager
+def explained(root: Path) -> Iterator[None]:
+    """Turn a fault of the file system into an error that says what to do."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in {errno.ENOSPC, errno.EDQUOT}:
+            cause, remedy = "the disk is full", "Free some space"
+        else:
+            cause, remedy = f"{error.strerror} ({error.filename})", "Mend that"
+        raise StorageError(
+            f"{root}: {cause}. The runs that were finished are stored. {remedy}, then continue "
+            f"with `vast exec local run --resume {root}`."
+        ) from error
+
+
+def _link_job(folder: Path, job: Job) -> None:
+    link = folder / "job"
+    if not link.is_symlink():
+        link.symlink_to(Path("..") / ".." / "_jobs" / job.name)
+
+
+def _record(
+    session: Session,
+    job: Job,
+    run: Run,
+    result: TestResult,
+    observed: tuple[float, float],
+    exit_code: int | None,
+    earlier: RunRecord | None,
+) -> RunRecord:
+    started = result.started_at or observed[0]
+    duration = result.duration if result.duration is not None else observed[1] - observed[0]
+    return RunRecord(
+        campaign=session.layout.root.name,
+        variant=run.variant.name,
+        entry=run.variant.entry,
+        run=run.number,
+        id=run.id,
+        verdict=result.verdict,
+        reason=result.reason,
+        started_at=_iso(started),
+        finished_at=_iso(started + duration),
+        duration=round(duration, 6),
+        exit_code=exit_code,
+        attempt=earlier.attempt + 1 if earlier else 1,
+        job=job.name,
+        runtime=session.runtime.name,
+        image=session.identity.image,
+        image_digest=session.identity.digest,
+        host=session.host,
+        parameters=dict(run.variant.parameters),
+    )
+
+
+def _iso(seconds: float) -> str:
+    return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="milliseconds")

@@ -1,0 +1,28 @@
+"""The variants that a local execution is about."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from robovast.document import Document
+from robovast.document.model import merge_pairs
+from robovast.execution.local.events import LocalOptions
+from robovast.expansion import Composition, Variant, compose, select_variants
+
+
+def choose_variants(
+    document: Document, scratch: Path, options: LocalOptions, message: Callable[[str], None]
+) -> Composition:
+    """The variants to run, with the document's overrides for local runs."""
+    composition = compose(document, scratch, message)
+    variants: Sequence[Variant] = composition.variants
+    if options.select is not None:
+        variants = select_variants(variants, options.select)
+    overrides = merge_pairs(document.vast.execution.local.parameter_overrides)
+    changed = (
+        dataclasses.replace(variant, parameters={**variant.parameters, **overrides})
+        for variant in variants
+    )
+    return dataclasses.replace(composition, variants=tuple(changed))

@@ -1,0 +1,62 @@
+"""Variants of a stored campaign, from its `_transient/configurations.yaml`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from robovast.errors import InputError
+from robovast.expansion.variant import ConfigFile, Variant, VariationRecord
+from robovast.results.layout import Layout
+
+try:
+    from yaml import CSafeLoader as _Loader
+except ImportError:  # PyYAML built without libyaml: slower, same result
+    from yaml import SafeLoader as _Loader  # type: ignore[assignment]
+
+_OWN_KEYS = frozenset({"name", "config", "_config_name", "_config_files", "_variations"})
+
+
+def read_configurations(layout: Layout) -> dict[str, Any]:
+    """Content of `configurations.yaml`.
+
+    Raises:
+        InputError: the folder is no campaign, or the file is damaged.
+    """
+    path = layout.transient / "configurations.yaml"
+    try:
+        data = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)  # safe
+    except FileNotFoundError:
+        raise InputError(
+            f"{layout.root} is no campaign folder: {path.relative_to(layout.root)} is missing."
+        ) from None
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from error
+    if not isinstance(data, dict) or not isinstance(data.get("configs"), list):
+        raise InputError(f"{path}: holds no list of configurations.")
+    return data
+
+
+def read_variants(layout: Layout) -> tuple[str, list[Variant]]:
+    """Name of the .vast file in `_config`, and the campaign's variants in order."""
+    data = read_configurations(layout)
+    return str(data.get("vast")), [_variant(layout, item) for item in data["configs"]]
+
+
+def _variant(layout: Layout, item: dict[str, Any]) -> Variant:
+    name = item["name"]
+    files = layout.variant_config(name)
+    return Variant(
+        name=name,
+        entry=item.get("_config_name", name),
+        parameters=item.get("config") or {},
+        files=tuple(
+            ConfigFile(str(file), files / str(file)) for file in item.get("_config_files") or ()
+        ),
+        variations=tuple(
+            VariationRecord(v["name"], str(v.get("started_at", "")), v.get("duration", 0.0))
+            for v in item.get("_variations") or ()
+        ),
+        extra={key: value for key, value in item.items() if key not in _OWN_KEYS},
+    )

@@ -1,0 +1,36 @@
+"""Amounts are read as Kubernetes writes them, and per-cluster lists by context."""
+
+import pytest
+
+from robovast.errors import InputError
+from robovast.execution.resources import cpus, memory, resolve_per_context
+
+
+@pytest.mark.parametrize(("text", "expected"), [(2, 2.0), ("500m", 0.5), ("1.5", 1.5), (None, None)])
+def test_cpus(text: object, expected: float | None) -> None:
+    assert cpus(text, "cpu") == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("8Gi", 8 * 2**30), ("512M", 512 * 10**6), (1000, 1000), ("1.5Ki", 1536), (None, None)],
+)
+def test_memory(text: object, expected: int | None) -> None:
+    assert memory(text, "memory") == expected
+
+
+@pytest.mark.parametrize("text", ["many", "-1", "0", "2 cores"])
+def test_what_is_no_number_of_cpus_is_refused_by_name(text: str) -> None:
+    with pytest.raises(InputError, match=r"execution\.resources\.cpu"):
+        cpus(text, "execution.resources.cpu")
+
+
+def test_a_list_gives_the_value_of_the_context() -> None:
+    values = [{"gcp-c4": 4}, {"local": 8}]
+    assert resolve_per_context(values, "gcp-c4", "cpu") == 4
+    assert cpus(values, "cpu") == 8.0
+
+
+def test_a_context_without_a_value_is_an_error_that_names_the_others() -> None:
+    with pytest.raises(InputError, match="`rke2`; it has values for gcp-c4, local"):
+        resolve_per_context([{"gcp-c4": 4}, {"local": 8}], "rke2", "cpu")
