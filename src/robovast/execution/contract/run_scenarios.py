@@ -1,0 +1,247 @@
+"""Run a pack of scenarios in one process, verdict by verdict.
+
+    python run_scenarios.py EXECUTOR [ARGUMENT]...
+
+EXECUTOR is scenario-execution's own program, the arguments are its own. It runs in this process,
+unchanged but for what a pack needs:
+
+- Each test.xml appears, complete, as soon as its scenario has ended. scenario-execution itself
+  writes all of them after the last one, so that a crash in run 17 of 20 would lose 16 verdicts.
+- The post command (`--post-run`) runs once per run, with that run's folder.
+- A parameter document, a setup or a tick that raises fails its own run only.
+- A request to stop ends the pack, not only the scenario that runs.
+- The loop does not sleep one more tick after a scenario has ended.
+
+A run of a pack is over once the next one's folder exists, or the process has ended. Where
+scenario-execution looks different from what is known here, it runs as it is, with a warning.
+
+Runs in images of any origin: standard library of Python 3.8 and what scenario-execution brings.
+"""
+
+# ruff: noqa: E402  # where modules come from must be settled before they are imported
+from __future__ import annotations
+
+import os
+import sys
+
+# Modules come from where the executor finds them; the folder of this file is the user's.
+sys.path[0] = os.path.dirname(os.path.abspath(sys.argv[1]))
+
+import importlib
+import inspect
+import runpy
+import signal
+import subprocess
+import tempfile
+import time
+import types
+from xml.sax.saxutils import escape, quoteattr
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from typing import Any
+
+POST_COMMAND_TIMEOUT = 600
+"""Seconds, as many as scenario-execution grants."""
+
+STOPPED = "Aborted"
+"""The failure message that scenario-execution gives to a run that was asked to stop."""
+
+EXPECTED = {
+    "parse": ["self"],
+    "run": ["self"],
+    "setup": ["self", "scenario", "current_output_dir", "kwargs"],
+    "add_result": ["self", "result"],
+    "process_results": ["self"],
+    "fail_from_exception": ["self", "failure_message", "e"],
+}
+"""Parameters of the methods of ScenarioExecution that are replaced or called here."""
+
+
+def printable(text: str) -> str:
+    """Return the text without the control characters (colours) that XML cannot hold."""
+    return "".join(character for character in text if character >= " " or character in "\t\n\r")
+
+
+def test_case(result: Any) -> Iterator[str]:
+    """Return one result as lines of JUnit XML."""
+    duration = result.processing_time.total_seconds()
+    name = quoteattr(result.name)
+    yield f'  <testcase classname="tests.scenario" name={name} time="{duration}">'
+    if result.start_time:
+        yield "    <properties>"
+        yield f'      <property name="start_time" value="{result.start_time.timestamp():.6f}"/>'
+        yield "    </properties>"
+    if not result.result:
+        message = quoteattr(printable(result.failure_message))
+        yield f"    <failure message={message}>{escape(printable(result.failure_output))}</failure>"
+    yield "  </testcase>"
+
+
+def test_suite(results: list[Any]) -> Iterator[str]:
+    """Return the results of one run as lines of JUnit XML."""
+    failures = sum(not result.result for result in results)
+    duration = sum(result.processing_time.total_seconds() for result in results)
+    yield '<?xml version="1.0" encoding="utf-8"?>'
+    yield (
+        f'<testsuite errors="0" failures="{failures}" name="scenario_execution" '
+        f'tests="{len(results)}" time="{duration}">'
+    )
+    for result in results:
+        yield from test_case(result)
+    yield "</testsuite>"
+
+
+def write_test_xml(folder: str, results: list[Any]) -> None:
+    """Write a run's verdict; it appears complete or not at all."""
+    path = os.path.join(folder, "test.xml")
+    with open(path + ".part", "w", encoding="utf-8") as file:
+        file.writelines(line + "\n" for line in test_suite(results))
+    os.replace(path + ".part", path)
+
+
+def run_post_command(command: str, folder: str, logger: Any) -> None:
+    """Run a post command on a run's folder; what goes wrong is logged and changes no verdict."""
+    logger.info(f"Running post command: {command} {folder}")
+    try:
+        # A session of its own, so that it can be ended with all that it started.
+        process = subprocess.Popen([command, folder], start_new_session=True)
+        code = process.wait(POST_COMMAND_TIMEOUT)
+    except OSError as error:
+        logger.error(f"Post command {command} cannot run: {error}")
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        logger.error(f"Post command {command} took more than {POST_COMMAND_TIMEOUT} s, killed.")
+    else:
+        if code != 0:
+            logger.error(f"Post command {command} failed with code {code}.")
+
+
+def single_documents(path: str) -> Iterator[tuple[str, str, str]]:
+    """Yield (file, scenario name, output folder) for each document of a parameter file alone."""
+    yaml = importlib.import_module("yaml")
+    with open(path, encoding="utf-8") as stream:
+        documents = [document for document in yaml.safe_load_all(stream) if document]
+    for document in documents:
+        name, parameters = next(iter(document.items()))
+        with tempfile.NamedTemporaryFile("w", suffix=".yaml", encoding="utf-8") as file:
+            yaml.safe_dump(document, file, allow_unicode=True)
+            file.flush()
+            yield file.name, name, parameters["_output_dir"]
+
+
+class Pack:
+    """Methods that take the place of those of ScenarioExecution, whose instance `self` is."""
+
+    def parse(self: Any) -> bool:
+        """Parse; a document that is wrong fails its own run only."""
+        if original.parse(self):
+            return True
+        self.results.clear()
+        scenarios: list[Any] = []
+        for path, name, folder in single_documents(self.scenario_parameter_file):
+            self.scenario_parameter_file = path
+            if original.parse(self):
+                scenarios += self.scenarios_list
+                continue
+            failure = self.results.pop()
+            failure.name = name
+            failure.output_dir = os.path.join(self.output_dir, folder)
+            os.makedirs(failure.output_dir, exist_ok=True)
+            self.add_result(failure)
+        self.scenarios_list = scenarios
+        return bool(scenarios)
+
+    def run(self: Any) -> None:
+        """Run one scenario after the other, whatever becomes of each."""
+        if self.simulation is not None:
+            original.run(self)
+            return
+        for tree, _, folder in self.scenarios_list:
+            folder = os.path.join(self.output_dir, folder or tree.name)
+            os.makedirs(folder, exist_ok=True)
+            try:
+                self.setup(tree, current_output_dir=folder)
+                tick_until_over(self)
+            except Exception as error:
+                self.fail_from_exception("Run failed", error)
+
+    def setup(self: Any, scenario: Any, current_output_dir: str, **kwargs: Any) -> None:
+        """Set a scenario up; a verdict of an earlier attempt goes."""
+        verdict = os.path.join(current_output_dir, "test.xml")
+        if os.path.exists(verdict):
+            os.remove(verdict)
+        original.setup(self, scenario, current_output_dir=current_output_dir, **kwargs)
+
+    def add_result(self: Any, result: Any) -> None:
+        """Keep a result and write its verdict at once."""
+        if result.failure_message == STOPPED:
+            self.scenarios_list.clear()  # ends the loop over it
+        run = [one for one in self.results if one.output_dir == result.output_dir]
+        if any(one.name == result.name for one in run):
+            return  # asked to stop when the scenario had just ended: its verdict stands
+        original.add_result(self, result)
+        if result.output_dir is None:
+            return  # not a run's result, see parse
+        write_test_xml(result.output_dir, [*run, result])
+        for command in self.post_run or []:
+            run_post_command(command, result.output_dir, self.logger)
+
+    def process_results(self: Any) -> bool:
+        """Return whether all passed; everything is written already."""
+        return bool(self.results) and all(one.result for one in self.results)
+
+
+def tick_until_over(execution: Any) -> None:
+    """Tick the current scenario at its period until it has a result."""
+    while not execution.shutdown_requested:
+        began = time.perf_counter()
+        execution.behaviour_tree.tick()
+        if execution.live_tree:
+            show = importlib.import_module("py_trees.display").unicode_tree
+            execution.logger.debug(show(execution.behaviour_tree.root, show_status=True))
+        pause = execution.tick_period - (time.perf_counter() - began)
+        if pause < 0:
+            execution.logger.warning(f"Tick too long: {execution.tick_period - pause:.3f} s")
+        elif not execution.shutdown_requested:
+            time.sleep(pause)
+
+
+def take_over() -> None:
+    """Replace the methods; raise when scenario-execution is not as it is known here."""
+    module = importlib.import_module("scenario_execution.scenario_execution_base")
+    base = module.ScenarioExecution
+    for name, parameters in EXPECTED.items():
+        found = list(inspect.signature(getattr(base, name)).parameters)
+        if found != parameters:
+            raise TypeError(f"{name}({', '.join(found)}), not {name}({', '.join(parameters)})")
+    for name in EXPECTED:
+        if hasattr(Pack, name):
+            setattr(original, name, getattr(base, name))
+            setattr(base, name, getattr(Pack, name))
+
+
+original = types.SimpleNamespace()
+"""The methods that `Pack` replaced."""
+
+
+def main() -> None:
+    """Run the executor, in this process when it can be taken over."""
+    executor, command = sys.argv[1], sys.argv[1:]
+    try:
+        take_over()
+    except (ImportError, AttributeError, TypeError) as error:
+        sys.stdout.write(
+            f"[robovast] warning: this image's scenario-execution is not as expected ({error}); "
+            "the verdicts of this pack appear only when all of its runs have ended\n"
+        )
+        sys.stdout.flush()
+        os.execv(executor, command)  # noqa: S606
+    sys.argv = command
+    runpy.run_path(executor, run_name="__main__")
+
+
+if __name__ == "__main__":
+    main()

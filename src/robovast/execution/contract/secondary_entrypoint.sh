@@ -1,0 +1,44 @@
+#!/usr/bin/env bash
+# Runs the pre command in a secondary container, which CONTAINER_NAME names, until it is told to
+# stop (SIGTERM) or the main container's lock on $ROBOVAST_OUT_DIR/.running is released.
+#
+# Leaves in OUTPUT_DIR: resource_usage_$CONTAINER_NAME.csv and logs/system_$CONTAINER_NAME.log.
+# Exit code: 0, or as in entrypoint.sh, whose functions it uses.
+
+# shellcheck source-path=SCRIPTDIR source=entrypoint.sh
+source "${BASH_SOURCE[0]%/*}/entrypoint.sh"
+
+# Ends when the main container has ended: its lock was seen held, and then could be shared.
+wait_for_main() {
+    python3 -I -S -c '
+import fcntl, sys, time
+while True:
+    try:
+        with open(sys.argv[1]) as lock:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        pass
+    except BlockingIOError:
+        break
+    time.sleep(0.5)
+with open(sys.argv[1]) as lock:
+    fcntl.flock(lock, fcntl.LOCK_SH)
+' "$out/.running"
+}
+
+main_secondary() {
+    log_to "$logs/system_$CONTAINER_NAME.log"
+    match_user_to_uid
+    source_ros
+    start_monitor "$CONTAINER_NAME"
+    trap 'stop_descendants $$; wait "$monitor"; exit 0' TERM INT
+    (wait_for_main && kill "$$") &
+    (source_pre_command; wait) &
+    wait $!
+    local code=$?
+    say "the pre command and its programs ended with code $code"
+    ((code == 0)) || exit "$code"
+    wait
+}
+
+main_secondary

@@ -1,0 +1,394 @@
+"""The run contract, with the real entrypoint and the real scenario-execution, as processes."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import fcntl
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+import yaml
+
+from robovast.execution.contract import contract_files
+
+VERSION = "1.8.0"
+
+SCENARIO = """
+import osc.helpers
+
+scenario try_it:
+    program: string = "true"
+    do serial:
+        run_process(program)
+"""
+
+
+def make_venv(folder: Path) -> None:
+    subprocess.run([sys.executable, "-m", "venv", folder], check=True)
+    pip = [folder / "bin/python", "-m", "pip", "install", "--quiet"]
+    subprocess.run([*pip, f"scenario-execution=={VERSION}"], check=True)
+
+
+@pytest.fixture(scope="session")
+def scenario_execution() -> Path:
+    """The folder of the programs of a cached virtual environment with scenario-execution."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "robovast-testbed"
+    cache.mkdir(parents=True, exist_ok=True)
+    folder = cache / f"scenario-execution-{VERSION}"
+    with (cache / f"{folder.name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (folder / "bin/scenario_execution").exists():
+            shutil.rmtree(folder, ignore_errors=True)
+            make_venv(folder)
+    return folder / "bin"
+
+
+@dataclass
+class Job:
+    """One job in folders of its own; names hold what shells trip over."""
+
+    root: Path
+    programs: Path
+    env: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.config = self.root / "con fig's"
+        self.out = self.root / 'o"ut $HOME'
+        self.output = self.out / "_jobs/job-0"
+        self.config.mkdir(parents=True)
+        self.out.mkdir()
+        for script in contract_files():
+            shutil.copy(script, self.config)
+        self.write("my scenario.osc", SCENARIO)
+        self.env = {
+            "PATH": f"{self.programs}:/usr/sbin:/usr/bin:/bin",
+            "HOME": str(self.root),
+            "CAMPAIGN_ID": "try",
+            "SCENARIO_FILE": "my scenario.osc",
+            "SCENARIO_PARAMETER_FILE": "scenario.params.yaml",
+            "OUTPUT_DIR": str(self.output),
+            "ENABLE_X11": "false",
+            "ROBOVAST_CONFIG_DIR": str(self.config),
+            "ROBOVAST_OUT_DIR": str(self.out),
+            **self.env,
+        }
+        self.single("true")
+
+    def write(self, name: str, text: str) -> Path:
+        path = self.config / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+        path.chmod(0o755)
+        return path
+
+    def single(self, program: str) -> None:
+        """Make it a job of one run, `one/0`."""
+        self.write("scenario.params.yaml", yaml.safe_dump({"try_it": {"program": program}}))
+        self.env["SCENARIO_OUTPUT_DIR"] = str(self.out / "one/0")
+
+    def pack(self, *programs: object) -> None:
+        """Make it a job of several runs, `a b/0`, `a b/1`, …"""
+        documents = [
+            {"try_it": {"program": program, "_output_dir": f"a b/{index}"}}
+            for index, program in enumerate(programs)
+        ]
+        self.write("scenario.params.yaml", yaml.safe_dump_all(documents))
+        self.env["SCENARIO_OUTPUT_DIR"] = str(self.out)
+        self.env["OUTPUT_RESULT_PER_SCENARIO"] = "true"
+
+    def start(self, script: str = "entrypoint.sh", **env: str) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            ["bash", self.config / script],
+            env={**self.env, **env},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+
+    def run(self, **env: str) -> tuple[int, str]:
+        with self.start(**env) as process:
+            output, _ = process.communicate(timeout=60)
+        return process.returncode, output
+
+    def verdict(self, run: str) -> bool | None:
+        """Whether a run passed; None when there is no verdict."""
+        path = self.out / run / "test.xml"
+        return ET.parse(path).getroot().get("failures") == "0" if path.exists() else None  # noqa: S314
+
+    def log(self, name: str = "system.log") -> str:
+        return (self.output / "logs" / name).read_text()
+
+    def is_locked(self) -> bool:
+        with contextlib.suppress(FileNotFoundError), (self.out / ".running").open() as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                return True
+        return False
+
+
+@pytest.fixture
+def job(tmp_path: Path, scenario_execution: Path) -> Iterator[Job]:
+    job = Job(tmp_path, scenario_execution)
+    yield job
+    for process in processes_of(job):
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(process, signal.SIGKILL)
+
+
+def processes_of(job: Job) -> list[int]:
+    """The processes that were started with the job's environment."""
+    mark = f"OUTPUT_DIR={job.output}\0".encode()
+    found = []
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        with contextlib.suppress(OSError):
+            if mark in path.read_bytes():
+                found.append(int(path.parent.name))
+    return found
+
+
+def eventually(condition: Callable[[], object], seconds: float = 20) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen in time"
+        time.sleep(0.02)
+
+
+def test_a_passed_run_leaves_what_the_contract_promises(job: Job) -> None:
+    code, output = job.run(AVAILABLE_CPUS="2", AVAILABLE_MEM="8Gi", INSTANCE_TYPE="it's")
+    assert (code, job.verdict("one/0")) == (0, True)
+    assert output == job.log()
+    assert "Scenario 'try_it' succeeded" in output
+    info = yaml.safe_load((job.output / "sysinfo.yaml").read_text())
+    assert info.keys() == {
+        "platform", "cpu_name", "instance_type", "available_cpus", "available_mem",
+    }  # fmt: skip
+    assert info["platform"].keys() == {
+        "platform", "system", "release", "version", "machine", "processor",
+    }  # fmt: skip
+    assert (info["available_cpus"], info["available_mem"], info["instance_type"]) == (
+        2, "8Gi", "it's",
+    )  # fmt: skip
+    with (job.output / "resource_usage_main.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert set(rows[0]) == {"timestamp", "pid", "name", "cpu_percent", "memory_rss_bytes"}
+    assert any(row["name"].startswith("scenario_execut") for row in rows)
+    assert not job.is_locked()
+    assert processes_of(job) == []
+
+
+def test_a_failed_run_is_a_result(job: Job) -> None:
+    job.single("false")
+    code, _ = job.run()
+    assert (code, job.verdict("one/0")) == (1, False)
+
+
+def test_a_failed_run_of_a_pack_leaves_the_others_alone(job: Job) -> None:
+    job.pack("true", "true", "false", "true", "true")
+    code, _ = job.run()
+    verdicts = [job.verdict(f"a b/{index}") for index in range(5)]
+    assert (code, verdicts) == (1, [True, True, False, True, True])
+    assert not (job.out / "test.xml").exists()
+    start = ET.parse(job.out / "a b/1/test.xml").find(".//property[@name='start_time']")  # noqa: S314
+    assert start is not None
+    assert abs(float(start.get("value", "0")) - time.time()) < 60
+
+
+def test_a_run_of_a_pack_that_cannot_be_parsed_fails_alone(job: Job) -> None:
+    job.pack("true", {"no": "string"}, "true")
+    code, _ = job.run()
+    verdicts = [job.verdict(f"a b/{index}") for index in range(3)]
+    assert (code, verdicts) == (1, [True, False, True])
+
+
+def test_a_run_of_a_pack_whose_action_raises_fails_alone(job: Job) -> None:
+    job.write("my scenario.osc", SCENARIO.replace("run_process(program)", "run_process(nothing)"))
+    job.pack("true", "true")
+    code, output = job.run()
+    assert (code, job.verdict("a b/0"), job.verdict("a b/1")) == (1, False, False), output
+
+
+def test_killed_in_the_middle_of_a_pack_earlier_verdicts_are_there(job: Job) -> None:
+    job.pack("true", "false", "sleep 60", "true")
+    with job.start() as process:
+        eventually(lambda: (job.out / "a b/2").exists())
+        assert job.is_locked()
+        process.kill()
+    eventually(lambda: not job.is_locked())
+    assert [job.verdict(f"a b/{index}") for index in range(4)] == [True, False, None, None]
+
+
+def test_a_scenario_that_kills_its_parent_is_an_error(job: Job) -> None:
+    script = job.write("kill.sh", "#!/bin/bash\nkill -9 $PPID\n")
+    job.pack("true", str(script).replace(" ", "?"), "true")
+    script.rename(job.root / "kill.sh")
+    job.pack("true", str(job.root / "kill.sh"), "true")
+    code, output = job.run()
+    assert code == 137, output
+    assert [job.verdict(f"a b/{index}") for index in range(3)] == [True, None, None]
+    assert processes_of(job) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_asked_to_stop_a_run_writes_its_result(job: Job, number: signal.Signals) -> None:
+    job.single("sleep 60")
+    with job.start() as process:
+        eventually(lambda: (job.output / "logs/system.log").exists())
+        eventually(lambda: "Executing scenario" in job.log())
+        time.sleep(0.2)
+        process.send_signal(number)
+        process.communicate(timeout=20)
+    assert (process.returncode, job.verdict("one/0")) == (1, False)
+    assert "Aborted" in (job.out / "one/0/test.xml").read_text()
+
+
+def test_asked_to_stop_a_pack_ends_and_keeps_its_verdicts(job: Job) -> None:
+    job.pack("true", "sleep 60", "true")
+    with job.start() as process:
+        eventually(lambda: (job.out / "a b/1").exists())
+        time.sleep(0.2)
+        process.terminate()
+        process.communicate(timeout=20)
+    assert [job.verdict(f"a b/{index}") for index in range(3)] == [True, False, None]
+
+
+def test_the_pre_command_sets_the_environment_of_the_run(job: Job) -> None:
+    job.write("files/pre.sh", 'export GREETING="it\'s $(pwd)"\n')
+    program = job.root / "check.sh"
+    program.write_text('#!/bin/bash\n[[ $GREETING == "it\'s "* ]]\n')
+    program.chmod(0o755)
+    job.single(str(program))
+    assert job.run()[0] == 1
+    assert job.run(PRE_COMMAND="/config/files/pre.sh")[0] == 0
+
+
+@pytest.mark.parametrize("end", ["false", "return 3", "exit 3", "exit 0", "set -eu; false"])
+def test_a_failed_pre_command_fails_the_job(job: Job, end: str) -> None:
+    job.write("pre.sh", f"echo about to fail\n{end}\n")
+    code, output = job.run(PRE_COMMAND="/config/pre.sh")
+    assert (code, job.verdict("one/0")) == (70, None)
+    assert "about to fail" in output
+    assert "the pre command" in output
+    assert processes_of(job) == []
+
+
+def test_asked_to_stop_while_the_pre_command_runs(job: Job) -> None:
+    job.write("pre.sh", "echo started\nsleep 60\n")
+    with job.start(PRE_COMMAND="/config/pre.sh") as process:
+        eventually(lambda: (job.output / "logs/system.log").exists())
+        eventually(lambda: "started" in job.log())
+        process.terminate()
+        process.communicate(timeout=10)
+    assert process.returncode == 143
+    assert processes_of(job) == []
+
+
+def test_the_post_command_gets_the_folder_of_each_run(job: Job) -> None:
+    job.write("post.sh", '#!/bin/bash\ncp "$1/test.xml" "$1/seen.xml"\n')
+    job.run(POST_COMMAND="/config/post.sh")
+    assert (job.out / "one/0/seen.xml").exists()
+    job.pack("true", "false")
+    job.run(POST_COMMAND="/config/post.sh")
+    for run in ("a b/0", "a b/1"):
+        assert (job.out / run / "seen.xml").read_bytes() == (
+            job.out / run / "test.xml"
+        ).read_bytes()
+
+
+def test_a_post_command_that_cannot_be_run_is_found_before_the_run(job: Job) -> None:
+    code, output = job.run(POST_COMMAND="/config/none.sh")
+    assert (code, job.verdict("one/0")) == (70, None)
+    assert "none.sh is not an executable file" in output
+
+
+def test_each_missing_tool_is_named(job: Job) -> None:
+    tools = job.root / "tools"
+    tools.mkdir()
+    for name in ("bash", "mkdir", "tee", "flock", "find", "python3"):
+        (tools / name).symlink_to(Path("/usr/bin") / name)
+    code, output = job.run(PATH=str(tools), ENABLE_X11="true")
+    assert code == 69
+    assert "lacks: stdbuf Xvfb start-stop-daemon" in output
+
+
+def test_a_missing_executor_is_named(job: Job) -> None:
+    code, output = job.run(PATH="/usr/bin:/bin")
+    assert code == 69
+    assert "no scenario-execution" in output
+
+
+def test_an_output_folder_that_cannot_be_written_is_named(job: Job) -> None:
+    (job.out / "one").write_text("a file where a folder should be")
+    code, output = job.run()
+    assert code == 73
+    assert f"cannot write the output folder {job.out / 'one/0'}" in output
+
+
+def test_two_jobs_do_not_share_a_folder(job: Job) -> None:
+    with (job.out / ".running").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        code, output = job.run()
+    assert code == 73
+    assert "another job runs" in output
+
+
+def test_the_lock_is_released_although_daemons_stay_behind(job: Job) -> None:
+    daemon = job.root / "daemon.sh"
+    daemon.write_text("#!/bin/bash\nsetsid sleep 60 </dev/null >/dev/null 2>&1 &\n")
+    daemon.chmod(0o755)
+    job.write("pre.sh", "(trap '' TERM; while sleep 1; do :; done) &\n")
+    job.single(str(daemon))
+    code, _ = job.run(PRE_COMMAND="/config/pre.sh")
+    assert code == 0
+    assert len(processes_of(job)) >= 1
+    assert not job.is_locked()
+
+
+def test_a_secondary_runs_until_the_main_container_ends(job: Job) -> None:
+    job.write(
+        "pre.sh", 'if [[ $CONTAINER_NAME ]]; then echo "$CONTAINER_NAME is up"; exec sleep 60; fi\n'
+    )
+    job.single("sleep 1")
+    job.env["PRE_COMMAND"] = "/config/pre.sh"
+    with job.start("secondary_entrypoint.sh", CONTAINER_NAME="nav") as secondary:
+        code, _ = job.run()
+        assert code == 0
+        secondary.communicate(timeout=10)
+    assert secondary.returncode == 0
+    assert "nav is up" in job.log("system_nav.log")
+    assert "sleep" in (job.output / "resource_usage_nav.csv").read_text()
+    assert processes_of(job) == []
+
+
+def test_a_secondary_stops_when_told(job: Job) -> None:
+    job.write("pre.sh", "sleep 60 &\n")
+    with job.start(
+        "secondary_entrypoint.sh", CONTAINER_NAME="nav", PRE_COMMAND="/config/pre.sh"
+    ) as secondary:
+        eventually(lambda: (job.output / "resource_usage_nav.csv").exists())
+        secondary.terminate()
+        secondary.communicate(timeout=10)
+    assert secondary.returncode == 0
+    eventually(lambda: processes_of(job) == [])
+
+
+def test_a_secondary_whose_pre_command_fails_ends(job: Job) -> None:
+    job.write("pre.sh", "return 3\n")
+    with job.start(
+        "secondary_entrypoint.sh", CONTAINER_NAME="nav", PRE_COMMAND="/config/pre.sh"
+    ) as secondary:
+        secondary.communicate(timeout=10)
+    assert secondary.returncode == 70
+    assert "failed with code 3" in job.log("system_nav.log")
+    eventually(lambda: processes_of(job) == [])
