@@ -1,4 +1,4 @@
-"""A testbed: a folder, a network namespace and a group of cgroups of the same name.
+"""A testbed: a folder, a network and a mount namespace and a group of cgroups of the same name.
 
 What runs in a testbed is found by where it is, never by a remembered process id: a process
 belongs to it when it lives in its network namespace or has its root file system in its folder.
@@ -22,6 +22,16 @@ from .errors import StartFailed
 
 NETNS = Path("/run/netns")
 CGROUP = "robovast-testbed"
+# Folders that engines insist on; each testbed sees its own ones.
+PRIVATE_FOLDERS = (
+    "/run/containerd",
+    "/run/netns",
+    "/tmp/hostpath_pv",
+    "/var/lib/cni",
+    "/var/lib/kubelet",
+    "/var/log/containers",
+    "/var/log/pods",
+)
 
 
 @dataclass(frozen=True)
@@ -48,12 +58,12 @@ class Bed:
 
     @property
     def inside(self) -> list[str]:
-        """Return the words before a command that make it run in the network namespace."""
+        """Return the words before a command that make it run in the namespaces."""
         # Not `ip netns exec`: it mounts a fresh /sys, which hides the cgroups.
-        return ["nsenter", f"--net={self.netns}"]
+        return ["nsenter", f"--net={self.netns}", f"--mount={_mount_handle(self)}"]
 
     def run(self, *command: str | Path) -> str:
-        """Run a command to its end in the network namespace; return its standard output."""
+        """Run a command to its end in the namespaces; return its standard output."""
         return run([*self.inside, *command])
 
     def spawn(
@@ -64,7 +74,7 @@ class Bed:
         env: Mapping[str, str] | None = None,
         pass_fds: Sequence[int] = (),
     ) -> "Daemon":
-        """Start a long-running program in the network namespace, logging to `logs/NAME.log`."""
+        """Start a long-running program in the namespaces, logging to `logs/NAME.log`."""
         log = self.folder / "logs" / f"{name}.log"
         log.parent.mkdir(exist_ok=True)
         with log.open("ab") as stream:
@@ -188,8 +198,28 @@ def _create(name: str) -> Bed:
         destroy(bed)
     bed.folder.mkdir()
     run(["ip", "netns", "add", bed.netns.name])
+    _add_mount_namespace(bed)
     bed.run("ip", "link", "set", "lo", "up")
     return bed
+
+
+def _add_mount_namespace(bed: Bed) -> None:
+    handle = _mount_handle(bed)
+    # A mount namespace can be pinned only below a mount that is private.
+    run(["mount", "--bind", bed.folder, bed.folder])
+    run(["mount", "--make-private", bed.folder])
+    handle.touch()
+    # As a slave it sees what the machine mounts later, and lets go what the machine unmounts.
+    run(["unshare", f"--mount={handle}", "--propagation=slave", "true"])
+    for name in PRIVATE_FOLDERS:
+        own = bed.folder / "private" / name.lstrip("/").replace("/", "-")
+        own.mkdir(parents=True)
+        Path(name).mkdir(parents=True, exist_ok=True)
+        bed.run("mount", "--bind", own, name)
+
+
+def _mount_handle(bed: Bed) -> Path:
+    return bed.folder / "mount"
 
 
 def _alive(bed: Bed) -> bool:

@@ -6,18 +6,10 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
-from . import debian, gobuild
+from . import debian, gobuild, programs
 from .bed import Bed
 from .commands import run, wait_for
 from .errors import StartFailed
-
-COMPOSE = gobuild.Program(
-    name="docker-compose",
-    module="github.com/docker/compose/v2",
-    version="v2.40.3",
-    package="./cmd",
-    ldflags="-X github.com/docker/compose/v2/internal.Version=v2.40.3",
-)
 
 
 @dataclass(frozen=True)
@@ -71,7 +63,7 @@ def start(bed: Bed) -> Docker:
     docker = Docker(bed.folder / "docker")
     plugins = docker.folder / "config" / "cli-plugins"
     plugins.mkdir(parents=True)
-    (plugins / "docker-compose").symlink_to(gobuild.build(COMPOSE))
+    (plugins / "docker-compose").symlink_to(gobuild.build(programs.COMPOSE))
     config = docker.folder / "daemon.json"
     config.write_text(json.dumps(_config(bed, docker)))
     daemon = bed.spawn("dockerd", ["dockerd", "--config-file", config])

@@ -1,4 +1,4 @@
-"""Fixtures: real containers for a test session, or a skip that says what the machine lacks."""
+"""Fixtures: real engines for a test session, or a skip that says what the machine lacks."""
 
 import os
 from collections.abc import Iterator
@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from . import bed, docker, images
+from . import bed, controlplane, docker, images, kubernetes, network, s3
 from .errors import Unavailable
 
 
@@ -21,6 +21,12 @@ def _or_skip() -> Iterator[None]:
         pytest.skip(str(missing))
 
 
+@contextmanager
+def _session(kind: str) -> Iterator[bed.Bed]:
+    with _or_skip(), bed.session(f"pytest-{os.getpid()}-{kind}") as own:
+        yield own
+
+
 @pytest.fixture(scope="session")
 def docker_daemon() -> Iterator[docker.Docker]:
     """A Docker daemon of this session's own.
@@ -32,7 +38,7 @@ def docker_daemon() -> Iterator[docker.Docker]:
     if kept:
         yield docker.attach(bed.Bed(kept))
         return
-    with _or_skip(), bed.session(f"pytest-{os.getpid()}-docker") as own:
+    with _session("docker") as own:
         yield docker.start(own)
 
 
@@ -54,3 +60,18 @@ def wrong_compat_image(slim_image: str) -> str:
 def no_compat_image(slim_image: str) -> str:
     """The name of a run image that states no compatibility version."""
     return images.NO_COMPAT
+
+
+@pytest.fixture(scope="session")
+def control_plane() -> Iterator[kubernetes.Cluster]:
+    """A real API server with its controllers and scheduler, without nodes."""
+    with _session("control-plane") as own:
+        yield controlplane.start(own)
+
+
+@pytest.fixture(scope="session", params=sorted(s3.MAKES))
+def s3_server(request: pytest.FixtureRequest) -> Iterator[s3.Server]:
+    """An object store; a test that asks for it runs once with each make."""
+    with _session(f"s3-{request.param}") as own:
+        network.create_bridge(own)
+        yield s3.start(own, request.param)

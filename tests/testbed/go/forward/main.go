@@ -1,8 +1,8 @@
 // Forward lets programs outside a network namespace reach TCP ports inside it.
 //
-// Usage: forward ADDRESS...
-// It inherits one listening socket per address, from file descriptor 3 on. Sockets stay in the
-// namespace that made them: connections are accepted there, and dialled where this program runs.
+// Usage: forward FD=ADDRESS...
+// Each FD is an inherited listening socket. A socket stays in the namespace that made it:
+// connections are accepted there, and dialled to ADDRESS where this program runs.
 package main
 
 import (
@@ -10,11 +10,18 @@ import (
 	"log"
 	"net"
 	"os"
+	"strconv"
+	"strings"
 )
 
 func main() {
-	for i, address := range os.Args[1:] {
-		listener, err := net.FileListener(os.NewFile(uintptr(3+i), address))
+	for _, argument := range os.Args[1:] {
+		fd, address, _ := strings.Cut(argument, "=")
+		number, err := strconv.Atoi(fd)
+		if err != nil {
+			log.Fatal(err)
+		}
+		listener, err := net.FileListener(os.NewFile(uintptr(number), address))
 		if err != nil {
 			log.Fatal(err)
 		}

@@ -1,0 +1,44 @@
+"""The network of a testbed, and the way into it from outside."""
+
+import ipaddress
+import socket
+
+from . import debian, gobuild
+from .bed import Bed
+
+BRIDGE = "tb0"
+NODE_IP = "10.88.0.1"
+POD_CIDR = "10.88.0.0/16"
+SERVICE_CIDR = "10.96.0.0/16"
+API_SERVICE_IP = "10.96.0.1"
+DNS_SERVICE_IP = "10.96.0.10"
+
+
+def create_bridge(bed: Bed) -> None:
+    """Make the bridge that is the node's address and the pods' switch; once per testbed."""
+    debian.require("ip")
+    prefix = ipaddress.ip_network(POD_CIDR).prefixlen
+    for command in (
+        ("link", "add", BRIDGE, "type", "bridge"),
+        ("address", "add", f"{NODE_IP}/{prefix}", "dev", BRIDGE),
+        # A bridge has no carrier until one of its ports has.
+        ("link", "add", "tb-carrier", "type", "veth", "peer", "name", "tb-port"),
+        ("link", "set", "tb-port", "master", BRIDGE),
+        ("link", "set", "tb-port", "up"),
+        ("link", "set", "tb-carrier", "up"),
+        ("link", "set", BRIDGE, "up"),
+        ("route", "add", "default", "via", NODE_IP, "dev", BRIDGE),
+    ):
+        bed.run("ip", *command)
+
+
+def publish(bed: Bed, port: int) -> int:
+    """Make a TCP port inside the namespace reachable on the machine's loopback; return its port."""
+    with socket.create_server(("127.0.0.1", 0), backlog=128) as listener:
+        fd = listener.fileno()
+        bed.spawn(
+            f"forward-{port}",
+            [gobuild.build_own("forward"), f"{fd}=127.0.0.1:{port}"],
+            pass_fds=[fd],
+        )
+        return int(listener.getsockname()[1])

@@ -1,0 +1,48 @@
+"""What the testbed runs, by version."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from .bed import Bed, Daemon
+from .gobuild import Program, build_own
+
+KUBERNETES = "1.36.3"
+_KUBERNETES_STAMP = "k8s.io/component-base/version"
+
+COMPOSE = Program(
+    name="docker-compose",
+    module="github.com/docker/compose/v2",
+    version="v2.40.3",
+    package="./cmd",
+    ldflags="-X github.com/docker/compose/v2/internal.Version=v2.40.3",
+)
+CONTAINERD = tuple(
+    Program(
+        name=name,
+        module="github.com/containerd/containerd/v2",
+        version="v2.2.1",
+        package=f"./cmd/{name}",
+        ldflags="-X github.com/containerd/containerd/v2/version.Version=v2.2.1",
+        tags="no_btrfs no_zfs no_devmapper no_aufs",
+    )
+    for name in ("containerd", "containerd-shim-runc-v2", "ctr")
+)
+COREDNS = Program("coredns", "github.com/coredns/coredns", "v1.14.7")
+HELM = Program("helm", "helm.sh/helm/v3", "v3.22.0", "./cmd/helm")
+KUEUE = Program("kueue", "sigs.k8s.io/kueue", "v0.16.1", "./cmd/kueue")
+KWOK = Program("kwok", "sigs.k8s.io/kwok", "v0.8.0", "./cmd/kwok")
+MINIO = Program("minio", "github.com/minio/minio", "v0.0.0-20260212201848-7aac2a2c5b7c")
+VERSITYGW = Program("versitygw", "github.com/versity/versitygw", "v1.8.0", "./cmd/versitygw")
+
+
+def kubelite() -> Path:
+    """Return the executable that is etcd and every Kubernetes program; the first argument picks."""
+    major, minor, _ = KUBERNETES.split(".")
+    stamps = {"gitVersion": f"v{KUBERNETES}", "gitMajor": major, "gitMinor": minor}
+    ldflags = " ".join(f"-X {_KUBERNETES_STAMP}.{k}={v}" for k, v in stamps.items())
+    return build_own("kubelite", ldflags)
+
+
+def spawn(bed: Bed, name: str, arguments: Sequence[str | Path]) -> Daemon:
+    """Start one of the programs of `kubelite` in a testbed."""
+    return bed.spawn(name, [kubelite(), name, *arguments])
