@@ -50,18 +50,27 @@ def load_document(path: Path) -> Document:
         InputError: the file cannot be read.
         DocumentError: all that is wrong with its content, each with line and column.
     """
-    source = Source.read(path)
+    return check_source(Source.read(path))
+
+
+def check_source(source: Source) -> Document:
+    """The document in a text that was read, or is about to be written.
+
+    Raises:
+        DocumentError: all that is wrong with it.
+    """
     if not isinstance(source.data, dict):
         found = "empty" if source.data is None else f"a {type(source.data).__name__}"
         raise DocumentError(
             [source.problem((), f"a .vast file is a mapping of sections; this one is {found}")]
         )
     vast, problems = _validate(Vast, source.data, source, ())
-    parts = _valid_parts(vast, source, path.absolute())
+    path = source.file.absolute()
+    parts = _valid_parts(vast, source, path)
     problems += check_parts(parts)
     if vast is None or problems:
         raise DocumentError(problems)
-    return Document(path.absolute(), vast, source)
+    return Document(path, vast, source)
 
 
 def _validate(

@@ -45,9 +45,15 @@ def _data_path(data: Any, base: Path_, loc: Iterable[str | int]) -> Path_:
             ((name, inner),) = data.items()
             if isinstance(inner, dict) and part in inner:
                 data, path = inner, (*path, name)
-        if (isinstance(data, dict) and part in data) or (isinstance(data, list) and isinstance(part, int) and part < len(data)):
+        if _holds(data, part):
             data, path = data[part], (*path, part)
     return path
+
+
+def _holds(data: Any, part: str | int) -> bool:
+    if isinstance(data, list):
+        return isinstance(part, int) and part < len(data)
+    return isinstance(data, dict) and part in data
 
 
 def _problem(

@@ -18,8 +18,8 @@ except ImportError:  # PyYAML built without libyaml: slower, same result
 Path_ = tuple[str | int, ...]
 """Path of a value in the document: keys and list indexes from the root."""
 
-MAX_NODES = 1_000_000
-"""A document that expands to more values is refused: aliases can make one of a few lines."""
+MAX_REPEATED = 100_000
+"""A document whose aliases repeat more values is refused: a few lines can make billions."""
 
 
 def render_path(path: Path_) -> str:
@@ -28,6 +28,9 @@ def render_path(path: Path_) -> str:
     for part in path:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
     return text
+
+
+_COLLECTION_TAGS = frozenset({"tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"})
 
 
 class Source:
@@ -42,7 +45,8 @@ class Source:
         self.file = file
         self._values: dict[Path_, yaml.Mark] = {}
         self._keys: dict[Path_, yaml.Mark] = {}
-        self._count = 0
+        self._built: set[int] = set()
+        self._repeated = 0
         self._open: set[int] = set()
         self._scalars = yaml.constructor.SafeConstructor()
         try:
@@ -100,16 +104,12 @@ class Source:
         return DocumentError([Problem(place, "", message)])
 
     def _build(self, node: yaml.Node, path: Path_) -> Any:
-        self._count += 1
-        if self._count > MAX_NODES:
-            raise self._error(
-                f"the document expands to more than {MAX_NODES:,} values: its aliases (`*name`) "
-                "repeat each other",
-                node.start_mark,
-            )
+        self._refuse_explosion(node)
         self._values.setdefault(path, node.start_mark)
         if isinstance(node, yaml.ScalarNode):
             return self._scalars.construct_object(node)  # type: ignore[no-untyped-call]
+        if node.tag not in _COLLECTION_TAGS:
+            raise self._error(f"the tag `{node.tag}` has no meaning here", node.start_mark)
         if id(node) in self._open:
             raise self._error("an alias (`*name`) refers to what it is part of", node.start_mark)
         self._open.add(id(node))
@@ -119,6 +119,15 @@ class Source:
             return self._build_mapping(node, path)
         finally:
             self._open.discard(id(node))
+
+    def _refuse_explosion(self, node: yaml.Node) -> None:
+        if id(node) in self._built:
+            self._repeated += 1
+        self._built.add(id(node))
+        if self._repeated > MAX_REPEATED:
+            raise self._error(
+                f"its aliases (`*name`) repeat more than {MAX_REPEATED:,} values", node.start_mark
+            )
 
     def _build_mapping(self, node: yaml.MappingNode, path: Path_) -> dict[Any, Any]:
         self._refuse_duplicates(node)

@@ -16,6 +16,7 @@ from robovast.execution.identity import Identities
 from robovast.execution.inputs import campaign_files, container_files
 from robovast.expansion import Composition, Variant
 from robovast.plain import dump_yaml, to_plain
+from robovast.results.configurations import configuration_record
 from robovast.results.layout import Layout
 
 
@@ -96,23 +97,7 @@ def _configurations(
         "vast": document.path.name,
         "metadata": to_plain(document.vast.metadata),
         "scenario_file": document.vast.scenario_file,
-        "configs": [_configuration(variant, timings=timings) for variant in variants],
+        "configs": [configuration_record(variant, timings=timings) for variant in variants],
         "_run_files": [str(path) for path in container_files(document)],
         "_input_files": [document.path.name, str(document.vast.scenario_file)],
-    }
-
-
-def _configuration(variant: Variant, *, timings: bool) -> dict[str, Any]:
-    return {
-        "name": variant.name,
-        "config": dict(variant.parameters),
-        "_config_name": variant.entry,
-        "_config_files": [file.name for file in variant.files],
-        "_variations": [
-            {"name": r.name, "started_at": r.started_at, "duration": r.duration}
-            if timings
-            else {"name": r.name}
-            for r in variant.variations
-        ],
-        **variant.extra,
     }

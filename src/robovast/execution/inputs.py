@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,8 +9,7 @@ from robovast.document import Document
 from robovast.document.files import host_path, run_files
 from robovast.document.model import PluginCall
 from robovast.expansion import Composition
-
-_FILE_REFERENCE = re.compile(r"^(?P<path>.+\.py):[A-Za-z_]\w*$")
+from robovast.plugins import split_file_reference
 
 
 def container_files(document: Document) -> list[Path]:
@@ -38,9 +36,9 @@ def _referenced(document: Document) -> Iterator[Path]:
         for notebook in notebooks.model_dump(exclude_none=True).values():
             yield Path(notebook)
     for call in _plugin_calls(document):
-        match = _FILE_REFERENCE.match(call.name)
-        if match:
-            yield Path(match["path"])
+        parts = split_file_reference(call.name)
+        if parts is not None:
+            yield Path(parts[0])
 
 
 def _plugin_calls(document: Document) -> Iterator[PluginCall]:

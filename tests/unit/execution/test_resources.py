@@ -6,7 +6,9 @@ from robovast.errors import InputError
 from robovast.execution.resources import cpus, memory, resolve_per_context
 
 
-@pytest.mark.parametrize(("text", "expected"), [(2, 2.0), ("500m", 0.5), ("1.5", 1.5), (None, None)])
+@pytest.mark.parametrize(
+    ("text", "expected"), [(2, 2.0), ("500m", 0.5), ("1.5", 1.5), (None, None)]
+)
 def test_cpus(text: object, expected: float | None) -> None:
     assert cpus(text, "cpu") == expected
 

@@ -13,7 +13,7 @@
 contract=${BASH_SOURCE[0]%/*}
 config=${ROBOVAST_CONFIG_DIR:-/config}
 out=${ROBOVAST_OUT_DIR:-/out}
-logs=$OUTPUT_DIR/logs
+logs=${OUTPUT_DIR:?}/logs
 
 say() { printf '[robovast] %s\n' "$*"; }
 
@@ -22,16 +22,22 @@ fail() { # CODE MESSAGE...
     exit "$1"
 }
 
-# The log is complete once tee has ended. A daemon that a scenario leaves behind may keep the pipe
-# to it open, hence the limit. tee ignores the signals that end the job, to hear its last words.
+# tee ignores the signals that end the job, to hear its last words.
 log_to() { # FILE
     check_output "$logs"
     exec 3>&1
     coproc log { trap '' INT TERM; exec tee -a "$1" 4>&1 >&3 3>&-; }
-    log_ended=${log[0]}
+    log_pid=$! log_ended=${log[0]}
     exec >&"${log[1]}" 2>&1 3>&-
     eval "exec ${log[1]}>&-"
-    trap 'exec >&- 2>&-; read -rt 2 -u "$log_ended"' EXIT
+    trap close_log EXIT
+}
+
+# The log is complete when tee ends, which a daemon that holds our end of the pipe must not delay.
+close_log() {
+    exec >&- 2>&-
+    read -rt 1 -u "$log_ended"
+    (($? <= 128)) || kill -KILL "$log_pid"
 }
 
 check_tools() {
@@ -86,13 +92,13 @@ command_path() { # PATH
     esac
 }
 
-# Sets executor; it is the program that `ros2 run scenario_execution_ros scenario_execution_ros`
+# Sets executor and with_ros; it is the program that `ros2 run scenario_execution_ros scenario_execution_ros`
 # would start, without the second that the ros2 command takes to find it, and to forward signals.
 find_executor() {
     local prefix IFS=:
     for prefix in $AMENT_PREFIX_PATH; do
         executor=$prefix/lib/scenario_execution_ros/scenario_execution_ros
-        [[ -x $executor ]] && return
+        [[ -x $executor ]] && with_ros=1 && return
     done
     executor=$(type -P scenario_execution) || fail 69 "the image has no scenario-execution:" \
         "neither the ROS package scenario_execution_ros in /opt/ros/\$ROS_DISTRO or /ws/install," \
@@ -102,7 +108,7 @@ find_executor() {
 # Sets command.
 scenario_command() {
     local post extra
-    command=("$executor" -o "$SCENARIO_OUTPUT_DIR" "$config/$SCENARIO_FILE")
+    command=("$executor" -o "$SCENARIO_OUTPUT_DIR" "$config/${SCENARIO_FILE:?}")
     if [[ $POST_COMMAND ]]; then
         post=$(command_path "$POST_COMMAND")
         [[ -f $post && -x $post ]] || fail 70 "the post command $post is not an executable file"
@@ -120,26 +126,27 @@ scenario_command() {
 }
 
 # scenario-execution writes verdicts only when the last scenario has ended; the driver writes each
-# at once. It runs inside the interpreter of the executor, which its first line names.
+# at once. It runs inside the interpreter of the executor, which its first lines name.
 use_driver() {
-    local line interpreter
-    { read -r line && read -r interpreter; } <"$executor"
-    case $line in
-    '#!'*python*) read -ra interpreter <<<"${line#\#!}" ;;
-    *) interpreter=("${executor%/*}/python3") ;; # a long path makes the first line #!/bin/sh
-    esac
-    if type -P "${interpreter[0]}" >/dev/null; then
-        command=("${interpreter[@]}" "$contract/run_scenarios.py" "${command[@]}")
+    local first second interpreter
+    { read -r first && read -r second; } <"$executor"
+    if [[ $first == '#!'*python* ]]; then
+        read -ra interpreter <<<"${first#??}"
+    elif [[ $second == "'''exec'"* ]]; then # how installers write a path that is long or has spaces
+        interpreter=("${executor%/*}/python3")
     else
         say "warning: $executor is no Python program; verdicts appear when the whole pack has ended"
+        return
     fi
+    command=("${interpreter[@]}" "$contract/run_scenarios.py" "${command[@]}")
 }
 
-wants_x11() { [[ ${ENABLE_X11:-true} != [Ff]alse ]]; }
+wants_x11() { [[ ! ${ENABLE_X11,,} =~ ^(false|no|off|0)$ ]]; }
 
+# A display that has a host, or a socket, is somebody else's.
 start_x() {
     local number=${DISPLAY##*:} ready
-    wants_x11 && ! [[ -S /tmp/.X11-unix/X${number%%.*} ]] || return 0
+    wants_x11 && ! [[ $DISPLAY == [!:]* || -S /tmp/.X11-unix/X${number%%.*} ]] || return 0
     # shellcheck disable=SC2086  # no DISPLAY means no argument: Xvfb then takes a free number
     exec {ready}< <(exec Xvfb $DISPLAY -displayfd 1 -screen 0 1920x1080x24 -nolisten tcp 2>"$logs/xvfb.log")
     read -rt 30 number <&"$ready" || fail 69 "Xvfb did not start, see $logs/xvfb.log"
@@ -152,7 +159,7 @@ start_monitor() { # NAME
     local root=()
     [[ $config == /config ]] || root=(--root-pid $$)
     python3 -I -S "$contract/monitor_resources.py" "$OUTPUT_DIR/resource_usage_$1.csv" "${root[@]}" &
-    monitor=$!
+    monitor_pid=$!
 }
 
 source_pre_command() {
@@ -171,19 +178,20 @@ source_pre_command() {
 
 # An asynchronous command ignores SIGINT, the one signal on which every ros2 bag closes its file.
 record_rosout() {
-    [[ $executor == */scenario_execution_ros ]] || return 0
-    env --default-signal=INT ros2 bag record -s mcap -o "$logs/rosout_bag" /rosout \
-        >"$logs/rosout_bag.log" 2>&1 &
-    recorder=$!
+    [[ $with_ros ]] || return 0
+    env --default-signal=INT ros2 bag record -s mcap -o "$OUTPUT_DIR/logs/rosout_bag" /rosout \
+        >"$OUTPUT_DIR/logs/rosout_bag.log" 2>&1 &
+    recorder_pid=$!
 }
 
 # Runs a command, hands it the request to stop, and returns its code.
 supervise() { # COMMAND...
-    local child code signalled=
+    local child='' code signalled=''
+    trap 'signalled=1; kill -TERM $child' TERM INT
     "$@" 9>&- &
     child=$!
-    trap 'signalled=1; kill -TERM "$child" 2>/dev/null' TERM INT
-    while wait "$child"; code=$?; [[ $signalled ]]; do signalled=; done
+    [[ $signalled ]] && kill -TERM "$child"
+    while wait "$child"; code=$?; [[ $signalled ]]; do signalled=''; done
     return "$code"
 }
 
@@ -200,32 +208,37 @@ stop_descendants() { # PID
 end_job() { # CODE
     local code=$1
     set +eu # a pre command that ended the shell may have left them on
-    if [[ $recorder ]]; then
-        kill -INT "$recorder"
-        wait "$recorder"
+    if [[ $recorder_pid ]]; then
+        kill -INT "$recorder_pid"
+        { sleep 10; kill -KILL "$recorder_pid"; } &
+        wait "$recorder_pid"
     fi
-    wait "$sysinfo"
+    wait "$sysinfo_pid"
     stop_descendants "$BASHPID"
-    wait "$monitor"
+    wait "$monitor_pid"
     [[ ! $in_pre_command ]] || ((code > 128)) || fail 70 "the pre command left the shell with $code"
     exit "$code"
 }
 
-job() {
-    python3 -I -S "$contract/collect_sysinfo.py" "$OUTPUT_DIR/sysinfo.yaml" &
-    sysinfo=$!
+# The pre command shares this shell, and may take whatever name it likes for its variables: what
+# follows it is in the arguments, in the environment, or has a name that it will not take.
+job() { # COMMAND...
+    sysinfo_pid='' monitor_pid='' recorder_pid='' in_pre_command=''
     trap 'end_job $?' EXIT
+    python3 -I -S "$contract/collect_sysinfo.py" "$OUTPUT_DIR/sysinfo.yaml" &
+    sysinfo_pid=$!
     start_x
     start_monitor main
     source_pre_command
+    trap 'end_job $?' EXIT
     record_rosout
-    supervise "${command[@]}"
+    supervise "$@"
 }
 
 main() {
     log_to "$logs/system.log"
     check_tools
-    check_output "$out" "$SCENARIO_OUTPUT_DIR"
+    check_output "$out" "${SCENARIO_OUTPUT_DIR:?}"
     hold_lock
     match_user_to_uid
     source_ros
@@ -233,7 +246,7 @@ main() {
     scenario_command
     export PYTHONUNBUFFERED=1 # what a program said before it was killed is in the log
     say "job $OUTPUT_DIR: ${command[*]@Q}"
-    supervise job
+    supervise job "${command[@]}"
     local code=$?
     say "ended with code $code"
     exit "$code"

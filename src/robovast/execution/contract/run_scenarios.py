@@ -7,13 +7,17 @@ unchanged but for what a pack needs:
 
 - Each test.xml appears, complete, as soon as its scenario has ended. scenario-execution itself
   writes all of them after the last one, so that a crash in run 17 of 20 would lose 16 verdicts.
+- What a scenario started is shut down before the next one begins.
 - The post command (`--post-run`) runs once per run, with that run's folder.
+- Each run that is over, post command included, gets a line in $OUTPUT_DIR/finished_runs: its
+  folder, relative to the output folder of the pack.
 - A parameter document, a setup or a tick that raises fails its own run only.
 - A request to stop ends the pack, not only the scenario that runs.
 - The loop does not sleep one more tick after a scenario has ended.
 
-A run of a pack is over once the next one's folder exists, or the process has ended. Where
-scenario-execution looks different from what is known here, it runs as it is, with a warning.
+Where scenario-execution looks different from what is known here, it runs as it is, with a warning.
+A runner for other middleware keeps its own loop, and so does a step-based simulation; there, a
+setup that raises ends the pack.
 
 Runs in images of any origin: standard library of Python 3.8 and what scenario-execution brings.
 """
@@ -132,11 +136,22 @@ def single_documents(path: str) -> Iterator[tuple[str, str, str]]:
             yield file.name, name, parameters["_output_dir"]
 
 
+def unparsable(name: str, reason: str) -> Any:
+    """Return a tree that takes the place of a scenario and cannot be set up for this reason."""
+    tree = importlib.import_module("py_trees").behaviours.Failure(name)
+
+    def setup(**_: Any) -> None:
+        raise ValueError(reason)
+
+    tree.setup = setup
+    return tree
+
+
 class Pack:
     """Methods that take the place of those of ScenarioExecution, whose instance `self` is."""
 
     def parse(self: Any) -> bool:
-        """Parse; a document that is wrong fails its own run only."""
+        """Parse; a document that is wrong becomes a run that fails."""
         if original.parse(self):
             return True
         self.results.clear()
@@ -145,12 +160,10 @@ class Pack:
             self.scenario_parameter_file = path
             if original.parse(self):
                 scenarios += self.scenarios_list
-                continue
-            failure = self.results.pop()
-            failure.name = name
-            failure.output_dir = os.path.join(self.output_dir, folder)
-            os.makedirs(failure.output_dir, exist_ok=True)
-            self.add_result(failure)
+            else:
+                failure = self.results.pop()
+                reason = f"{failure.failure_message}: {failure.failure_output}"
+                scenarios.append((unparsable(name, reason), {}, folder))
         self.scenarios_list = scenarios
         return bool(scenarios)
 
@@ -160,6 +173,7 @@ class Pack:
             original.run(self)
             return
         for tree, _, folder in self.scenarios_list:
+            finish_runs(self)
             folder = os.path.join(self.output_dir, folder or tree.name)
             os.makedirs(folder, exist_ok=True)
             try:
@@ -167,10 +181,12 @@ class Pack:
                 tick_until_over(self)
             except Exception as error:
                 self.fail_from_exception("Run failed", error)
+            shut_down(self)
 
-    def setup(self: Any, scenario: Any, current_output_dir: str, **kwargs: Any) -> None:
-        """Set a scenario up; a verdict of an earlier attempt goes."""
-        verdict = os.path.join(current_output_dir, "test.xml")
+    def setup(self: Any, scenario: Any, current_output_dir: Any = None, **kwargs: Any) -> None:
+        """Set a scenario up; the one before is over, and a verdict of an earlier attempt goes."""
+        finish_runs(self)
+        verdict = os.path.join(current_output_dir or self.output_dir, "test.xml")
         if os.path.exists(verdict):
             os.remove(verdict)
         original.setup(self, scenario, current_output_dir=current_output_dir, **kwargs)
@@ -178,25 +194,25 @@ class Pack:
     def add_result(self: Any, result: Any) -> None:
         """Keep a result and write its verdict at once."""
         if result.failure_message == STOPPED:
-            self.scenarios_list.clear()  # ends the loop over it
+            state.stopped = True
+            self.scenarios_list.clear()  # ends the loop over it, whichever that is
         run = [one for one in self.results if one.output_dir == result.output_dir]
         if any(one.name == result.name for one in run):
             return  # asked to stop when the scenario had just ended: its verdict stands
         original.add_result(self, result)
-        if result.output_dir is None:
-            return  # not a run's result, see parse
-        write_test_xml(result.output_dir, [*run, result])
-        for command in self.post_run or []:
-            run_post_command(command, result.output_dir, self.logger)
+        if result.output_dir is not None:  # else it is not a run's result, see parse
+            write_test_xml(result.output_dir, [*run, result])
+            state.ended.append(result.output_dir)
 
     def process_results(self: Any) -> bool:
-        """Return whether all passed; everything is written already."""
+        """Return whether all passed; every verdict is written already."""
+        finish_runs(self)
         return bool(self.results) and all(one.result for one in self.results)
 
 
 def tick_until_over(execution: Any) -> None:
     """Tick the current scenario at its period until it has a result."""
-    while not execution.shutdown_requested:
+    while not (execution.shutdown_requested or state.stopped):
         began = time.perf_counter()
         execution.behaviour_tree.tick()
         if execution.live_tree:
@@ -207,6 +223,24 @@ def tick_until_over(execution: Any) -> None:
             execution.logger.warning(f"Tick too long: {execution.tick_period - pause:.3f} s")
         elif not execution.shutdown_requested:
             time.sleep(pause)
+
+
+def shut_down(execution: Any) -> None:
+    """Stop what the scenario started; its verdict stands, even when that fails."""
+    try:
+        execution.behaviour_tree.shutdown()
+    except Exception as error:
+        execution.logger.error(f"Shutting the scenario down failed: {error}")
+
+
+def finish_runs(execution: Any) -> None:
+    """Run the post commands of the runs that ended, and tell that these are over."""
+    for folder in dict.fromkeys(state.ended):
+        for command in execution.post_run or []:
+            run_post_command(command, folder, execution.logger)
+        with open(os.path.join(os.environ["OUTPUT_DIR"], "finished_runs"), "a") as file:
+            file.write(os.path.relpath(folder, execution.output_dir) + "\n")
+    state.ended.clear()
 
 
 def take_over() -> None:
@@ -225,6 +259,9 @@ def take_over() -> None:
 
 original = types.SimpleNamespace()
 """The methods that `Pack` replaced."""
+
+state = types.SimpleNamespace(ended=[], stopped=False)
+"""Folders of runs that ended and are not over yet; whether the pack was asked to stop."""
 
 
 def main() -> None:

@@ -26,13 +26,20 @@ with open(sys.argv[1]) as lock:
 ' "$out/.running"
 }
 
+end_secondary() {
+    stop_descendants $$
+    wait "$monitor_pid"
+    close_log
+}
+
 main_secondary() {
     log_to "$logs/system_$CONTAINER_NAME.log"
     match_user_to_uid
     source_ros
     start_monitor "$CONTAINER_NAME"
-    trap 'stop_descendants $$; wait "$monitor"; exit 0' TERM INT
-    (wait_for_main && kill "$$") &
+    trap end_secondary EXIT
+    trap 'exit 0' TERM INT
+    (wait_for_main && kill $$) &
     (source_pre_command; wait) &
     wait $!
     local code=$?

@@ -23,7 +23,7 @@ def resolve_image(document: Document, options: LocalOptions) -> str | None:
 def choose_runtime(
     document: Document, options: LocalOptions, message: Callable[[str], None]
 ) -> Runtime:
-    """The runtime that the user names; `auto` takes the first that is here: docker, podman, process.
+    """The runtime that the user names; `auto`: the first that is here of docker, podman, process.
 
     Raises:
         InputError: no such runtime.

@@ -8,6 +8,7 @@ import subprocess
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
+from typing import ClassVar
 
 from robovast.errors import CannotRunError
 from robovast.execution.compat import VERSION_PATH, check_compat
@@ -33,8 +34,8 @@ def engine_answers(engine: str) -> bool:
 class ContainerRuntime:
     """Starts each job as one compose project."""
 
-    config_dir = "/config"
-    out_dir = "/out"
+    config_dir: ClassVar[str | None] = "/config"
+    out_dir: ClassVar[str | None] = "/out"
 
     def __init__(
         self, engine: str, image: str, options: LocalOptions, message: Callable[[str], None]

@@ -7,6 +7,7 @@ import re
 import subprocess
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import ClassVar
 
 from robovast.execution.compat import check_compat
 from robovast.execution.local import process_tree
@@ -21,8 +22,8 @@ class ProcessRuntime:
     """Starts the run contract's entrypoint as a process of this machine."""
 
     name = "process"
-    config_dir = None
-    out_dir = None
+    config_dir: ClassVar[str | None] = None
+    out_dir: ClassVar[str | None] = None
 
     def __init__(self, message: Callable[[str], None]) -> None:
         self._message = message

@@ -6,7 +6,7 @@ import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 
 @dataclass(frozen=True)
@@ -55,9 +55,9 @@ class Runtime(Protocol):
     """Starts and stops the processes of a job."""
 
     name: str
-    config_dir: str | None
+    config_dir: ClassVar[str | None]
     """Where a run sees its config folder; None when it sees the real path."""
-    out_dir: str | None
+    out_dir: ClassVar[str | None]
     """Where a run sees its output folder; None when it sees the real path."""
 
     def check(self) -> Identity:

@@ -1,0 +1,56 @@
+"""The public API for plugins and notebooks; names are imported when they are first used."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from robovast.common.config import (
+        VariationConfig,
+        filter_configs,
+        get_validated_config,
+        load_config,
+        normalize_secondary_containers,
+    )
+    from robovast.common.execution import (
+        COMPAT_VERSION,
+        get_campaign,
+        get_campaign_timestamp,
+        is_campaign_dir,
+    )
+    from robovast.common.scenario import get_scenario_parameters, is_scenario_parameter
+
+_MODULES = {
+    "COMPAT_VERSION": "execution",
+    "VariationConfig": "config",
+    "filter_configs": "config",
+    "get_campaign": "execution",
+    "get_campaign_timestamp": "execution",
+    "get_scenario_parameters": "scenario",
+    "get_validated_config": "config",
+    "is_campaign_dir": "execution",
+    "is_scenario_parameter": "scenario",
+    "load_config": "config",
+    "normalize_secondary_containers": "config",
+}
+
+__all__ = [
+    "COMPAT_VERSION",
+    "VariationConfig",
+    "filter_configs",
+    "get_campaign",
+    "get_campaign_timestamp",
+    "get_scenario_parameters",
+    "get_validated_config",
+    "is_campaign_dir",
+    "is_scenario_parameter",
+    "load_config",
+    "normalize_secondary_containers",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)

@@ -1,0 +1,84 @@
+"""Parameters of variation types: declared as models, checked with messages that help."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+ConfigT = TypeVar("ConfigT", bound=BaseModel)
+
+
+class VariationConfig(BaseModel):
+    """Base of the parameter model of a variation type; unknown parameters are refused."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+def get_validated_config(parameters: Any, config_class: type[ConfigT]) -> ConfigT:
+    """Parameters as an instance of their model.
+
+    Raises:
+        ValueError: what is wrong, with the key, and what would be right.
+    """
+    try:
+        return config_class.model_validate(parameters if parameters is not None else {})
+    except ValidationError as error:
+        lines = [_explain(details, config_class) for details in error.errors(include_url=False)]
+        raise ValueError("; ".join(lines)) from error
+
+
+def _explain(details: Any, config_class: type[BaseModel]) -> str:
+    key = ".".join(str(part) for part in details["loc"])
+    known = sorted(config_class.model_fields)
+    if details["type"] == "missing":
+        return f"the parameter `{key}` is missing"
+    if details["type"] == "extra_forbidden":
+        near = difflib.get_close_matches(key, known, n=1)
+        hint = f"did you mean `{near[0]}`?" if near else f"known: {', '.join(known)}"
+        return f"unknown parameter `{key}` ({hint})"
+    return f"`{key}`: {details['msg']}, not {details['input']!r}"
+
+
+_MARKER = re.compile(r"^\$(?:\{(?P<braced>[A-Za-z_]\w*)\}|(?P<plain>[A-Za-z_]\w*))$")
+
+
+def match_var_marker(value: Any) -> str | None:
+    """The name in a `$name` or `${name}` marker that is the whole value, or None."""
+    match = _MARKER.match(value) if isinstance(value, str) else None
+    return (match["braced"] or match["plain"]) if match else None
+
+
+def normalize_secondary_containers(containers: Sequence[Any] | None) -> list[dict[str, Any]]:
+    """`["nav", {"sim": {"resources": …}}]` as a list of `{name, resources}`."""
+    result = []
+    for item in containers or []:
+        name, settings = (item, None) if isinstance(item, str) else next(iter(item.items()))
+        result.append({"name": name, "resources": dict((settings or {}).get("resources") or {})})
+    return result
+
+
+def load_config(config_file: str | Path, subsection: str | None = None) -> dict[str, Any]:
+    """Content of a .vast file, or of one of its sections ({} when it is missing).
+
+    Raises:
+        InputError: the file cannot be read.
+        DocumentError: it is not YAML.
+    """
+    from robovast.document.source import Source
+
+    data = Source.read(Path(config_file)).data or {}
+    section = data if subsection is None else data.get(subsection)
+    return dict(section or {})
+
+
+def filter_configs(configs: Sequence[dict[str, Any]], pattern: str | None) -> list[dict[str, Any]]:
+    """Configurations whose name equals a pattern or matches it as a glob; all when it is None."""
+    if pattern is None:
+        return list(configs)
+    return [config for config in configs if fnmatchcase(config["name"], pattern)]

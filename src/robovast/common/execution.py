@@ -1,0 +1,39 @@
+"""The compatibility version, and how campaign folders are named."""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime
+from pathlib import Path
+
+COMPAT_VERSION = 2
+"""Version of the contract between this program and a run image (docs/run-contract.md)."""
+
+_CAMPAIGN = re.compile(r"^(?P<name>.+)-(?P<timestamp>\d{4}-\d{2}-\d{2}-\d{6})$")
+
+
+def campaign_prefix(name: str) -> str:
+    """A campaign's name as its folder begins: what is no letter, digit, `.` or `-` becomes `-`."""
+    return re.sub(r"[^A-Za-z0-9.-]+", "-", name).strip("-.") or "campaign"
+
+
+def campaign_folder_name(name: str, started: datetime) -> str:
+    """`<name>-YYYY-MM-DD-HHMMSS`."""
+    return f"{campaign_prefix(name)}-{started:%Y-%m-%d-%H%M%S}"
+
+
+def is_campaign_dir(path: str | Path) -> bool:
+    """True when a folder is named as campaigns are."""
+    return _CAMPAIGN.match(Path(path).name) is not None
+
+
+def get_campaign(path: str | Path) -> str | None:
+    """Name of the campaign folder that a path is in, or None."""
+    parts = (part for part in reversed(Path(path).parts) if _CAMPAIGN.match(part))
+    return next(parts, None)
+
+
+def get_campaign_timestamp(name: str | Path) -> str | None:
+    """The `YYYY-MM-DD-HHMMSS` of a campaign folder's name, or None."""
+    match = _CAMPAIGN.match(Path(name).name)
+    return match["timestamp"] if match else None

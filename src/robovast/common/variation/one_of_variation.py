@@ -1,0 +1,54 @@
+"""Alternatives: each resulting configuration has exactly one of several variations applied."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from robovast.common.config import VariationConfig
+from robovast.common.variation.base_variation import Variation
+
+
+class OneOfVariationConfig(VariationConfig):
+    """Parameters of OneOfVariation."""
+
+    variations: Annotated[list[str | dict[str, Any]], Field(min_length=1)]
+    """The alternatives, each as in `configuration[].variations`."""
+
+
+class OneOfVariation(Variation):
+    """The union of what each alternative makes of the configurations.
+
+    Variations that follow one another multiply the configurations; alternatives add to them.
+    """
+
+    CONFIG_CLASS = OneOfVariationConfig
+
+    def variation(self, in_configs: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        """What the first alternative makes of each configuration, then the second, and so on."""
+        result = []
+        for config in in_configs:
+            for definition in self.parameters.variations:
+                made = self._alternative(definition).variation([{**config}])
+                # One index for the whole union: an alternative numbers only its own.
+                result += [
+                    self.update_config({**item, "name": config["name"]}, {}) for item in made
+                ]
+        return result
+
+    def _alternative(self, definition: str | dict[str, Any]) -> Variation:
+        from robovast.common.variation.loader import load_variation
+
+        name, parameters = (
+            (definition, {}) if isinstance(definition, str) else next(iter(definition.items()))
+        )
+        return load_variation(name, self.base_path)(
+            self.base_path,
+            parameters or {},
+            self.general_parameters,
+            self.progress_update_callback,
+            self.scenario_file,
+            self.output_dir,
+            self.container_runner,
+        )

@@ -1,0 +1,145 @@
+#!/usr/bin/env python3
+"""What RoboVAST adds to scenario-execution on this machine.
+
+    python tests/bench/local_runs.py [--docker IMAGE] [--repeat 3]
+
+Prints, from one session, the wall time of a growth_sim campaign (13 configurations × 2 runs) over
+`26 × one bare run ÷ CPUs`, for plain processes and, with an image, for Docker; and the split of a
+run in a pack of 26. Bare and full executions alternate, so that both see the same machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import yaml
+
+from robovast.execution.local.process_environment import process_environment
+from robovast.execution.resources import machine_cpus
+
+EXAMPLE = Path(__file__).parents[2] / "configs" / "examples" / "growth_sim"
+RUNS = 26
+VAST = Path(sys.executable).with_name("vast")
+
+
+def timed(command: list[str], **options: object) -> float:
+    """Wall time of a command that must succeed [s]."""
+    begin = time.perf_counter()
+    subprocess.run(command, check=True, capture_output=True, **options)  # type: ignore[call-overload]
+    return time.perf_counter() - begin
+
+
+def parameters(folder: Path) -> Path:
+    path = folder / "bare.params.yaml"
+    path.write_text(yaml.safe_dump({"growth": {"growth_rate": 0.07, "initial_population": 123}}))
+    return path
+
+
+def bare_process(folder: Path) -> float:
+    """One run of scenario_execution alone [s]."""
+    binaries = process_environment(print) / "bin"
+    out = folder / "bare"
+    out.mkdir(exist_ok=True)
+    scenario = str(EXAMPLE / "scenario.osc")
+    options = ["-o", str(out), "--scenario-parameter-file", str(parameters(folder)), scenario]
+    environment = {**os.environ, "PATH": f"{binaries}:{os.environ['PATH']}"}
+    return timed([str(binaries / "scenario_execution"), *options], env=environment)
+
+
+def bare_docker(folder: Path, image: str) -> float:
+    """One run of scenario_execution alone in a container [s]."""
+    out = folder / "bare-docker"
+    out.mkdir(exist_ok=True)
+    out.chmod(0o777)
+    mounts = ["-v", f"{EXAMPLE}:/config:ro", "-v", f"{out}:/out", "-v", f"{folder}:/parameters:ro"]
+    parameters(folder)
+    call = ["scenario_execution", "-o", "/out", "/config/scenario.osc"]
+    call += ["--scenario-parameter-file", "/parameters/bare.params.yaml"]
+    return timed(["docker", "run", "--rm", *mounts, image, *call])
+
+
+def campaign(folder: Path, *options: str, document: str = "growth_sim.vast") -> float:
+    """The whole campaign, from the start of `vast` to its end [s]."""
+    name = str(EXAMPLE / document)
+    return timed([str(VAST), "-V", name, "exec", "local", "run", *options, "-o", str(folder)])
+
+
+def report(name: str, bare: list[float], full: list[float], goal: float) -> None:
+    """One line: the ratio, and both times with their spread."""
+    expected = [RUNS * value / machine_cpus() for value in bare]
+    ratio = statistics.median(full) / statistics.median(expected)
+    print(
+        f"{name}: ratio {ratio:.2f} (goal {goal}); campaign {statistics.median(full):.2f} s "
+        f"[{min(full):.2f}–{max(full):.2f}], bare run {statistics.median(bare):.3f} s "
+        f"[{min(bare):.3f}–{max(bare):.3f}], {RUNS} runs, {machine_cpus()} CPUs"
+    )
+
+
+def compare(name: str, goal: float, repeat: int, bare_run: object, full_run: object) -> None:
+    bare, full = [], []
+    for _ in range(repeat):
+        bare += [bare_run() for _ in range(5)]  # type: ignore[operator]
+        full.append(full_run())  # type: ignore[operator]
+    bare += [bare_run() for _ in range(5)]  # type: ignore[operator]
+    report(name, bare, full, goal)
+
+
+def packed(folder: Path, repeat: int) -> None:
+    """Cost of a run in a pack of 26: the scenario's own time, and the rest."""
+    text = (EXAMPLE / "growth_sim.vast").read_text()
+    source = folder / "packed"
+    subprocess.run(["cp", "-r", str(EXAMPLE), str(source)], check=True)
+    document = source / "packed.vast"
+    document.write_text(text.replace("  runs: 2\n", f"  runs: 2\n  runs_per_job: {RUNS}\n"))
+    total, own = [], []
+    for index in range(repeat):
+        out = folder / f"packed-{index}"
+        command = [str(VAST), "-V", str(document), "exec", "local", "run", "--runtime", "process"]
+        total.append(timed([*command, "-o", str(out)]) / RUNS)
+        results = [path.read_text() for path in out.glob("*/*/*/test.xml")]
+        times = [float(re.search(r'<testsuite[^>]* time="([^"]+)"', text)[1]) for text in results]  # type: ignore[index]
+        own.append(statistics.mean(times))
+    print(
+        f"packed: {statistics.median(total):.3f} s per run, of which the scenario itself "
+        f"{statistics.median(own):.3f} s; {statistics.median(total) - statistics.median(own):.3f} s "
+        f"for all else (start-up of the job, {RUNS} verdicts, records)"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--docker", metavar="IMAGE")
+    parser.add_argument("--repeat", type=int, default=3)
+    arguments = parser.parse_args()
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        folder.chmod(0o755)
+        compare(
+            "process",
+            1.15,
+            arguments.repeat,
+            lambda: bare_process(folder),
+            lambda: campaign(folder / "process", "--runtime", "process"),
+        )
+        packed(folder, arguments.repeat)
+        if arguments.docker:
+            image = arguments.docker
+            compare(
+                "docker",
+                1.5,
+                arguments.repeat,
+                lambda: bare_docker(folder, image),
+                lambda: campaign(folder / "docker", "--runtime", "docker", "-i", image),
+            )
+
+
+if __name__ == "__main__":
+    main()

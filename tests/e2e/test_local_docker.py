@@ -1,0 +1,182 @@
+"""Campaigns in a real Docker daemon: the same contract, layout and verdicts as plain processes."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from local_campaigns import EXAMPLES, Recorder, make_campaign, run, verdicts
+
+from robovast.document import load_document
+from robovast.errors import CannotRunError
+from robovast.execution.local import LocalOptions, prepare_run
+
+PASS = 'echo "$1,$2" > "$3/out.csv"\n'
+
+
+@pytest.fixture(autouse=True)
+def _docker(docker_daemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, value in docker_daemon.env.items():
+        monkeypatch.setenv(name, value)
+
+
+def containers() -> list[str]:
+    listing = subprocess.run(["docker", "ps", "-aq"], capture_output=True, text=True, check=True)
+    return listing.stdout.split()
+
+
+def test_growth_sim_equals_the_process_runtime_file_by_file(
+    slim_image: str, tmp_path: Path
+) -> None:
+    path = EXAMPLES / "growth_sim" / "growth_sim.vast"
+    here = run(path, tmp_path / "process", select="fixed")
+    there = run(path, tmp_path / "docker", select="fixed", runtime="docker", image=slim_image)
+    assert _files(here.campaign) == _files(there.campaign)
+    assert verdicts(here) == verdicts(there) == {"fixed/0": "passed", "fixed/1": "passed"}
+    record = json.loads((there.campaign / "fixed/0/run.json").read_text())
+    assert record["image"] == slim_image
+    assert record["image_digest"].startswith("sha256:")
+    assert containers() == []
+
+
+def _files(campaign: Path) -> set[str]:
+    return {str(path.relative_to(campaign)) for path in campaign.rglob("*")}
+
+
+def test_packed_runs_secondary_container_and_commands(slim_image: str, tmp_path: Path) -> None:
+    path = EXAMPLES / "sensor_service" / "sensor_service.vast"
+    summary = run(path, tmp_path, runtime="docker", image=slim_image, enforce_resources=True)
+    assert set(verdicts(summary).values()) == {"passed"}
+    first = summary.campaign / "gain-1-1" / "0"
+    assert (first / "summary.csv").is_file()
+    assert (first / "job" / "logs" / "system_sensor.log").is_file()
+    assert containers() == []
+
+
+def test_a_run_cannot_change_its_inputs_or_another_run(slim_image: str, tmp_path: Path) -> None:
+    script = 'touch /config/files/mine && exit 1; touch /out/../../other; ls /out > "$3/seen"\n'
+    path = make_campaign(tmp_path / "in", script)
+    summary = run(path, tmp_path / "out", runtime="docker", image=slim_image)
+    assert set(verdicts(summary).values()) == {"passed"}
+    seen = (summary.campaign / "one-2/0/seen").read_text().split()
+    assert set(seen) == {"_jobs", "one-2"}
+
+
+def test_a_timeout_ends_the_container(slim_image: str, tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", "sleep 600\n", "  timeout: 2\n")
+    begin = time.monotonic()
+    summary = run(path, tmp_path / "out", select="one-1", runtime="docker", image=slim_image)
+    assert time.monotonic() - begin < 60
+    assert summary.records[0].verdict == "errored"
+    assert containers() == []
+
+
+@pytest.mark.parametrize(
+    ("fixture", "says"),
+    [("wrong_compat_image", "version `1`"), ("no_compat_image", "has no version")],
+)
+def test_an_incompatible_image_is_refused_before_anything_starts(
+    fixture: str, says: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    image = request.getfixturevalue(fixture)
+    with pytest.raises(CannotRunError) as error:
+        run(make_campaign(tmp_path / "in", PASS), tmp_path / "out", runtime="docker", image=image)
+    message = str(error.value)
+    assert image in message
+    assert "needs contract version `2`" in message
+    assert says in message
+    assert "container/build.sh" in message
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_image_that_does_not_exist_is_refused(tmp_path: Path) -> None:
+    image = "localhost:5000/robovast:no-such-image"
+    with pytest.raises(CannotRunError, match="cannot be pulled"):
+        run(make_campaign(tmp_path / "in", PASS), tmp_path / "out", runtime="docker", image=image)
+
+
+def test_a_daemon_that_does_not_run_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DOCKER_HOST", f"unix://{tmp_path}/none.sock")
+    path = make_campaign(tmp_path / "in", PASS)
+    with pytest.raises(CannotRunError, match=r"does not answer.*--runtime process"):
+        run(path, tmp_path / "out", runtime="docker", image="any")
+
+
+def test_auto_takes_docker_when_it_answers_and_says_so(slim_image: str, tmp_path: Path) -> None:
+    recorder = Recorder()
+    path = make_campaign(tmp_path / "in", PASS)
+    summary = run(
+        path, tmp_path / "out", recorder, select="one-1", runtime="auto", image=slim_image
+    )
+    assert summary.records[0].runtime == "docker"
+    assert any("docker" in message for message in recorder.messages)
+
+
+def test_auto_falls_back_to_processes_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DOCKER_HOST", f"unix://{tmp_path}/none.sock")
+    recorder = Recorder()
+    path = make_campaign(tmp_path / "in", PASS)
+    summary = run(path, tmp_path / "out", recorder, select="one-1", runtime="auto", image="any")
+    assert summary.records[0].runtime == "process"
+    assert any("plain processes" in message for message in recorder.messages)
+
+
+def _prepared(tmp_path: Path, image: str | None) -> Path:
+    document = load_document(make_campaign(tmp_path / "in", PASS))
+    return prepare_run(document, tmp_path / "run", LocalOptions(select="one-1", image=image))
+
+
+def call(script: Path, *arguments: str, text: str = "") -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [script, *arguments], capture_output=True, text=True, input=text, check=False
+    )
+
+
+def test_prepared_run_needs_nothing_but_docker(slim_image: str, tmp_path: Path) -> None:
+    script = _prepared(tmp_path, slim_image)
+    result = call(script, "-t", "-d", "--no-gui")
+    assert result.returncode == 0, result.stderr
+    (campaign,) = (tmp_path / "run/out").iterdir()
+    assert (campaign / "one-1/0/out.csv").read_text() == "1,a\n"
+    assert (campaign / "one-1/0/test.xml").is_file()
+    log = (campaign / "one-1/0/job/logs/system.log").read_text()
+    assert "DEBUG" in log
+    assert containers() == []
+
+
+def test_prepared_run_opens_a_shell_in_the_container(slim_image: str, tmp_path: Path) -> None:
+    script = _prepared(tmp_path, None)
+    result = call(
+        script, "--image", slim_image, "--shell", text="cat /config/scenario.osc; id -u\n"
+    )
+    assert "scenario test:" in result.stdout
+    assert result.returncode == 0
+
+
+def test_prepared_run_uses_the_network_of_the_machine_on_request(
+    slim_image: str, tmp_path: Path
+) -> None:
+    result = call(_prepared(tmp_path, slim_image), "--network-host", "--shell", text="hostname\n")
+    assert result.stdout.split()[-1:] == [os.uname().nodename]
+
+
+def test_prepared_run_checks_the_image_first(wrong_compat_image: str, tmp_path: Path) -> None:
+    result = call(_prepared(tmp_path, None), "--image", wrong_compat_image)
+    assert result.returncode == 3
+    assert "`2` is needed" in result.stderr
+    assert "`1`" in result.stderr
+    assert not (tmp_path / "run/out").exists()
+
+
+def test_prepared_run_refuses_an_unknown_option(tmp_path: Path) -> None:
+    result = call(_prepared(tmp_path, "any"), "--imge", "x")
+    assert result.returncode == 2
+    assert "unknown option --imge" in result.stderr

@@ -1,0 +1,218 @@
+"""Campaigns as plain processes: contract, layout, verdicts, and what goes wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+from local_campaigns import EXAMPLES, ROOT, Recorder, make_campaign, resume, run, verdicts
+
+from robovast.errors import CannotRunError, InputError, StorageError
+
+PASS = 'echo "$1,$2" > "$3/out.csv"\n'
+FAIL_SECOND = 'echo "$1" > "$3/out.csv"; [ "$1" != 2 ]\n'
+
+
+def test_growth_sim_runs_and_leaves_the_documented_layout(tmp_path: Path) -> None:
+    summary = run(EXAMPLES / "growth_sim" / "growth_sim.vast", tmp_path, select="fixed")
+    campaign = summary.campaign
+    assert campaign.name.startswith("growth-sim-20")
+    assert {path.name for path in campaign.iterdir()} == {
+        "_config", "_execution", "_jobs", "_transient", "fixed",
+    }  # fmt: skip
+    run_folder = campaign / "fixed" / "1"
+    names = {path.name for path in run_folder.iterdir()}
+    assert names == {"test.xml", "run.json", "job", "population.csv"}
+    job = {path.name for path in (run_folder / "job").iterdir()}
+    assert job >= {"sysinfo.yaml", "logs", "resource_usage_main.csv"}
+    assert "Scenario 'growth' succeeded" in (run_folder / "job/logs/system.log").read_text()
+    record = json.loads((run_folder / "run.json").read_text())
+    assert record["parameters"] == {"growth_rate": 0.07, "initial_population": 123}
+    assert (record["verdict"], record["attempt"], record["run"]) == ("passed", 1, 1)
+    execution = yaml.safe_load((campaign / "_execution/execution.yaml").read_text())
+    assert (execution["runs"], execution["execution_type"]) == (2, "local")
+
+
+def test_packed_runs_secondary_container_and_commands(tmp_path: Path) -> None:
+    path = EXAMPLES / "sensor_service" / "sensor_service.vast"
+    summary = run(path, tmp_path)
+    assert set(verdicts(summary).values()) == {"passed"}
+    assert len(summary.records) == 12
+    jobs = sorted(path.name for path in (summary.campaign / "_jobs").iterdir())
+    assert jobs == ["job-0", "job-1", "job-2"]
+    first = summary.campaign / "gain-1-1" / "0"
+    assert (first / "summary.csv").read_text().startswith("samples,mean")
+    assert os.readlink(first / "job") == "../../_jobs/job-0"
+    assert (first / "job" / "logs" / "system_sensor.log").is_file()
+    assert (first / "job" / "resource_usage_sensor.csv").is_file()
+
+
+def test_a_failed_test_is_a_result_and_the_others_go_on(tmp_path: Path) -> None:
+    summary = run(make_campaign(tmp_path / "in", FAIL_SECOND), tmp_path / "out")
+    assert verdicts(summary) == {"one-1/0": "passed", "one-2/0": "failed", "one-3/0": "passed"}
+
+
+def test_abort_on_failure_starts_nothing_more(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", "exit 1\n")
+    summary = run(path, tmp_path / "out", abort_on_failure=True, jobs=1)
+    assert verdicts(summary) == {"one-1/0": "failed"}
+
+
+def test_parameter_overrides_reach_the_scenario(tmp_path: Path) -> None:
+    extra = "  local: {parameter_overrides: [{text: changed}]}\n"
+    summary = run(make_campaign(tmp_path / "in", PASS, extra), tmp_path / "out", select="one-1")
+    assert (summary.campaign / "one-1/0/out.csv").read_text() == "1,changed\n"
+    config = yaml.safe_load((summary.campaign / "one-1/_config/scenario.config").read_text())
+    assert config == {"test": {"x": 1, "text": "changed"}}
+
+
+def test_a_scenario_that_never_ends_meets_its_timeout(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", "sleep 600\n", "  timeout: 2\n")
+    begin = time.monotonic()
+    summary = run(path, tmp_path / "out", select="one-1")
+    assert time.monotonic() - begin < 20
+    assert summary.records[0].verdict == "errored"
+    assert "execution.timeout" in summary.records[0].reason
+
+
+def test_a_timeout_in_a_pack_costs_one_run(tmp_path: Path) -> None:
+    script = PASS + '[ "$1" != 2 ] || sleep 600\n'
+    path = make_campaign(tmp_path / "in", script, "  timeout: 3\n  runs_per_job: 3\n")
+    summary = run(path, tmp_path / "out")
+    assert verdicts(summary) == {"one-1/0": "passed", "one-2/0": "errored", "one-3/0": "passed"}
+
+
+def test_a_scenario_that_kills_its_parent_is_errored_and_the_others_run(tmp_path: Path) -> None:
+    script = PASS + 'if [ "$1" = 2 ]; then kill -9 $PPID; fi\n'
+    path = make_campaign(tmp_path / "in", script, "  runs_per_job: 3\n")
+    summary = run(path, tmp_path / "out")
+    assert verdicts(summary) == {"one-1/0": "passed", "one-2/0": "errored", "one-3/0": "passed"}
+    assert "SIGKILL" in summary.records[1].reason
+    assert (summary.campaign / "one-2/0/out.csv").is_file(), "partial output is kept"
+
+
+def test_nothing_that_a_scenario_leaves_behind_survives_it(tmp_path: Path) -> None:
+    script = 'setsid sleep 4711 & echo $! > "$3/pid"\n'
+    summary = run(make_campaign(tmp_path / "in", script), tmp_path / "out", select="one-1")
+    pid = int((summary.campaign / "one-1/0/pid").read_text())
+    stat = Path(f"/proc/{pid}/stat")
+    assert not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] == "Z"
+
+
+def test_a_failing_pre_command_says_so(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", PASS, "  pre_command: /config/files/pre.sh\n")
+    (path.parent / "files" / "pre.sh").write_text("echo no licence found\nfalse\n")
+    summary = run(path, tmp_path / "out", select="one-1")
+    assert summary.records[0].verdict == "errored"
+    assert "the pre command failed" in summary.records[0].reason
+
+
+def test_a_scenario_that_was_written_for_a_container_finds_its_files(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", PASS)
+    scenario = path.with_name("scenario.osc")
+    text = scenario.read_text().replace(
+        'here.get_scenario_file_directory() + "/files', '"/config/files'
+    )
+    assert '"bash " + "/config/files' in text
+    scenario.write_text(text)
+    summary = run(path, tmp_path / "out", select="one-1")
+    assert verdicts(summary) == {"one-1/0": "passed"}
+    assert (summary.campaign / "_config" / "scenario.osc").read_text() == text
+
+
+def test_ctrl_c_keeps_finished_runs_and_marks_interrupted_ones(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", PASS + '[ "$1" != 2 ] || sleep 600\n')
+
+    def interrupt(_: object) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+
+    summary = run(path, tmp_path / "out", Recorder(on_finished=interrupt), jobs=1)
+    assert summary.interrupted
+    assert verdicts(summary)["one-1/0"] == "passed"
+    assert set(verdicts(summary).values()) <= {"passed", "interrupted"}
+
+    first = (summary.campaign / "one-1/0/run.json").stat().st_mtime_ns
+    (path.parent / "files/step.sh").write_text("exit 1\n")  # what runs is the campaign's copy
+    (summary.campaign / "_config/files/step.sh").write_text(PASS)
+    recorder = Recorder()
+    resumed = resume(summary.campaign, recorder)
+    assert set(verdicts(resumed).values()) == {"passed"}
+    assert len(resumed.records) == 3
+    assert "one-1/0" not in recorder.started
+    assert (summary.campaign / "one-1/0/run.json").stat().st_mtime_ns == first
+
+
+def test_kill_9_loses_nothing_and_resume_finishes_the_campaign(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", PASS + "sleep 0.3\n")
+    program = (
+        "import sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path;"
+        "from local_campaigns import run; run(Path(sys.argv[2]), Path(sys.argv[3]), runs=3)"
+    )
+    arguments = [sys.executable, "-c", program, str(ROOT / "tests"), str(path), str(tmp_path / "o")]
+    process = subprocess.Popen(arguments)
+    deadline = time.monotonic() + 30
+    while not list((tmp_path / "o").glob("*/one-*/*/run.json")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.kill()
+    process.wait()
+    (campaign,) = (tmp_path / "o").iterdir()
+    stored = {path: path.stat().st_mtime_ns for path in campaign.glob("one-*/*/run.json")}
+    assert 0 < len(stored) < 9
+    resumed = resume(campaign)
+    assert set(verdicts(resumed).values()) == {"passed"}
+    assert len(resumed.records) == 9
+    assert all(path.stat().st_mtime_ns == when for path, when in stored.items())
+
+
+def test_an_output_folder_that_cannot_be_written_is_refused_before_anything_runs(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StorageError, match="Choose another folder"):
+        run(make_campaign(tmp_path / "in", PASS), tmp_path / "file" / "out")
+
+
+def test_a_glob_that_matches_no_configuration_names_what_there_is(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"`two\*`.*one-1"):
+        run(make_campaign(tmp_path / "in", PASS), tmp_path / "out", select="two*")
+    assert not (tmp_path / "out").exists()
+
+
+def test_resuming_what_is_no_campaign_says_so(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no campaign folder"):
+        resume(tmp_path)
+
+
+def test_an_environment_of_the_wrong_version_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "env/bin").mkdir(parents=True)
+    (tmp_path / "env/etc").mkdir()
+    (tmp_path / "env/bin/scenario_execution").write_text("")
+    (tmp_path / "env/etc/robovast_compat_version").write_text("1\n")
+    monkeypatch.setenv("ROBOVAST_PROCESS_ENV", str(tmp_path / "env"))
+    with pytest.raises(CannotRunError, match=r"version `2`.*version `1`.*Rebuild"):
+        run(make_campaign(tmp_path / "in", PASS), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="mounting a small disk needs root")
+def test_a_full_disk_stops_the_campaign_and_keeps_what_is_stored(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", 'head -c 300000 /dev/zero > "$3/big"\n')
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", disk], check=True)
+    try:
+        with pytest.raises(StorageError, match="disk is full") as error:
+            run(path, disk, runs=5, jobs=1)
+        assert "--resume" in str(error.value)
+        assert list(disk.glob("*/one-1/*/run.json")), "the first run was stored"
+    finally:
+        subprocess.run(["umount", disk], check=True)

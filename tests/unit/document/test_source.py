@@ -1,0 +1,84 @@
+"""YAML is read with the place of every value, and what would mislead or explode is refused."""
+
+from __future__ import annotations
+
+import time
+import tracemalloc
+from pathlib import Path
+
+import pytest
+
+from robovast.document.source import Source, render_path
+from robovast.errors import DocumentError, InputError
+
+FILE = Path("a.vast")
+
+
+def problem_of(text: str) -> str:
+    with pytest.raises(DocumentError) as error:
+        Source(FILE, text)
+    return str(error.value)
+
+
+def test_data_and_places() -> None:
+    source = Source(FILE, "a: 1\nb:\n  - c: true\n    d: [x, 2.5, null]\n")
+    assert source.data == {"a": 1, "b": [{"c": True, "d": ["x", 2.5, None]}]}
+    assert str(source.place(("b", 0, "d", 1))) == "a.vast:4:12"
+    assert str(source.place(("b", 0, "d"), key=True)) == "a.vast:4:5"
+
+
+def test_the_place_of_what_is_missing_is_that_of_its_nearest_parent() -> None:
+    source = Source(FILE, "a:\n  b: 1\n")
+    assert str(source.place(("a", "none", 3))) == "a.vast:2:3"
+
+
+def test_paths_read_as_people_write_them() -> None:
+    assert render_path(("configuration", 2, "variations", 0, "Name")) == (
+        "configuration[2].variations[0].Name"
+    )
+
+
+def test_merge_keys_and_aliases_work() -> None:
+    source = Source(FILE, "base: &b {x: 1}\nother:\n  <<: *b\n  y: 2\nsame: *b\n")
+    assert source.data == {"base": {"x": 1}, "other": {"x": 1, "y": 2}, "same": {"x": 1}}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a: [1, 2", "not valid YAML: did not find expected"),
+        ("a: 1\na: 2\n", "a.vast:2:1: the key `a` stands twice in one mapping, first in line 1"),
+        ("a: &x [*x]\n", "an alias (`*name`) refers to what it is part of"),
+        ("a: !!python/object:os.system {}\n", "a.vast:1:4: the tag `tag:yaml.org,2002:python/object:os.system` has no meaning here"),
+        ("a: !own 1\n", "could not determine a constructor"),
+        ("? [1, 2]\n: 3\n", "a key must be a plain value"),
+        ("[" * 5000 + "]" * 5000, "nested too deeply"),
+    ],
+)
+def test_what_cannot_be_right_is_refused_with_its_place(text: str, message: str) -> None:
+    assert message in problem_of(text)
+
+
+def test_aliases_that_explode_are_refused_quickly_and_in_little_memory() -> None:
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 12)]
+    tracemalloc.start()
+    begin = time.monotonic()
+    message = problem_of("\n".join(lines))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert "aliases" in message
+    assert time.monotonic() - begin < 10
+    assert peak < 200 * 2**20
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [(None, "there is no such file"), (b"\xff\xfe\x00", "not a text file in UTF-8")],
+)
+def test_files_that_cannot_be_read(tmp_path: Path, content: bytes | None, message: str) -> None:
+    path = tmp_path / "b.vast"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        Source.read(path)
