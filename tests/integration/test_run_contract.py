@@ -91,6 +91,13 @@ class Job:
         path.chmod(0o755)
         return path
 
+    def program(self, body: str) -> str:
+        """Make a program for a scenario to run; returns its path, which has no spaces."""
+        path = self.root / "program.sh"
+        path.write_text(f"#!/bin/bash\n{body}\n")
+        path.chmod(0o755)
+        return str(path)
+
     def single(self, program: str) -> None:
         """Make it a job of one run, `one/0`."""
         self.write("scenario.params.yaml", yaml.safe_dump({"try_it": {"program": program}}))
@@ -210,6 +217,7 @@ def test_a_run_of_a_pack_that_cannot_be_parsed_fails_alone(job: Job) -> None:
     code, _ = job.run()
     verdicts = [job.verdict(f"a b/{index}") for index in range(3)]
     assert (code, verdicts) == (1, [True, False, True])
+    assert "string" in (job.out / "a b/1/test.xml").read_text()
 
 
 def test_a_run_of_a_pack_whose_action_raises_fails_alone(job: Job) -> None:
@@ -230,10 +238,7 @@ def test_killed_in_the_middle_of_a_pack_earlier_verdicts_are_there(job: Job) -> 
 
 
 def test_a_scenario_that_kills_its_parent_is_an_error(job: Job) -> None:
-    script = job.write("kill.sh", "#!/bin/bash\nkill -9 $PPID\n")
-    job.pack("true", str(script).replace(" ", "?"), "true")
-    script.rename(job.root / "kill.sh")
-    job.pack("true", str(job.root / "kill.sh"), "true")
+    job.pack("true", job.program("kill -9 $PPID"), "true")
     code, output = job.run()
     assert code == 137, output
     assert [job.verdict(f"a b/{index}") for index in range(3)] == [True, None, None]
@@ -265,10 +270,7 @@ def test_asked_to_stop_a_pack_ends_and_keeps_its_verdicts(job: Job) -> None:
 
 def test_the_pre_command_sets_the_environment_of_the_run(job: Job) -> None:
     job.write("files/pre.sh", 'export GREETING="it\'s $(pwd)"\n')
-    program = job.root / "check.sh"
-    program.write_text('#!/bin/bash\n[[ $GREETING == "it\'s "* ]]\n')
-    program.chmod(0o755)
-    job.single(str(program))
+    job.single(job.program('[[ $GREETING == "it\'s "* ]]'))
     assert job.run()[0] == 1
     assert job.run(PRE_COMMAND="/config/files/pre.sh")[0] == 0
 
@@ -304,6 +306,29 @@ def test_the_post_command_gets_the_folder_of_each_run(job: Job) -> None:
         assert (job.out / run / "seen.xml").read_bytes() == (
             job.out / run / "test.xml"
         ).read_bytes()
+
+
+def test_runs_of_a_pack_are_told_when_they_are_over(job: Job) -> None:
+    told = job.output / "finished_runs"
+    job.write("post.sh", '#!/bin/bash\nsleep 0.3\necho done >"$1/post"\n')
+    job.pack("true", "sleep 60")
+    with job.start(POST_COMMAND="/config/post.sh") as process:
+        eventually(lambda: told.exists() and told.read_text())
+        assert (job.out / "a b/0/post").read_text() == "done\n"
+        assert (job.verdict("a b/0"), told.read_text()) == (True, "a b/0\n")
+        process.terminate()
+        process.communicate(timeout=20)
+    assert told.read_text() == "a b/0\na b/1\n"
+
+
+def test_what_a_run_of_a_pack_started_ends_with_it(job: Job) -> None:
+    job.write(
+        "my scenario.osc",
+        SCENARIO.replace("run_process(program)", "run_process(program, wait_for_shutdown: false)"),
+    )
+    job.pack("sleep 61", "sleep 62")
+    code, _ = job.run()
+    assert (code, processes_of(job)) == (0, [])
 
 
 def test_a_post_command_that_cannot_be_run_is_found_before_the_run(job: Job) -> None:
@@ -344,11 +369,8 @@ def test_two_jobs_do_not_share_a_folder(job: Job) -> None:
 
 
 def test_the_lock_is_released_although_daemons_stay_behind(job: Job) -> None:
-    daemon = job.root / "daemon.sh"
-    daemon.write_text("#!/bin/bash\nsetsid sleep 60 </dev/null >/dev/null 2>&1 &\n")
-    daemon.chmod(0o755)
     job.write("pre.sh", "(trap '' TERM; while sleep 1; do :; done) &\n")
-    job.single(str(daemon))
+    job.single(job.program("setsid sleep 60 </dev/null >/dev/null 2>&1 &"))
     code, _ = job.run(PRE_COMMAND="/config/pre.sh")
     assert code == 0
     assert len(processes_of(job)) >= 1
