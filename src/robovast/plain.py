@@ -42,10 +42,12 @@ _EXACT = {type(None), bool, int, float, str, date, datetime}
 
 
 def _base_value(value: Any) -> Any:
-    for base in (datetime, date, bool, int, float, str):
-        if isinstance(value, base):
-            return value if base in (datetime, date) else base(value)
-    raise AssertionError(value)
+    """A number or text of a subclass (an enumeration, numpy.float64) as the plain one."""
+    if isinstance(value, bool | date):
+        return value
+    if isinstance(value, int):
+        return int(value)
+    return float(value) if isinstance(value, float) else str(value)
 
 
 def _key(key: Any) -> Any:

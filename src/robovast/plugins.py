@@ -69,7 +69,8 @@ def _load_entry_point(name: str, group: str) -> Any:
     try:
         return known[name].load()
     except Exception as error:
-        package = known[name].dist.name if known[name].dist else "its package"
+        distribution = known[name].dist
+        package = distribution.name if distribution else "its package"
         raise InputError(
             f"the plugin `{name}` of {package} ({known[name].value}) cannot be loaded: "
             f"{type(error).__name__}: {error}"

@@ -17,7 +17,7 @@ from robovast.common.variation.loader import load_variation
 from robovast.document.files import host_path, match_run_files
 from robovast.document.model import ConfigurationEntry, Execution, PluginCall, Search
 from robovast.document.problems import problems_of, suggest
-from robovast.document.source import Path_, Source
+from robovast.document.source import KeyPath, Source
 from robovast.errors import InputError, Problem
 
 
@@ -32,7 +32,7 @@ class Parts:
     search: Search | None
 
     @cached_property
-    def scenario_key(self) -> Path_:
+    def scenario_key(self) -> KeyPath:
         """Where the scenario is named; `execution` when it is named nowhere."""
         if self.execution is not None and self.execution.scenario_file is not None:
             return ("execution", "scenario_file")
@@ -101,7 +101,7 @@ def _check_names(parts: Parts) -> Iterator[Problem]:
 
 def _check_parameters(parts: Parts) -> Iterator[Problem]:
     for index, entry in parts.entries.items():
-        base: Path_ = ("configuration", index, "parameters")
+        base: KeyPath = ("configuration", index, "parameters")
         yield from _unknown_parameters(parts, base, entry.parameters or [])
     if parts.execution is not None:
         base = ("execution", "local", "parameter_overrides")
@@ -109,7 +109,7 @@ def _check_parameters(parts: Parts) -> Iterator[Problem]:
 
 
 def _unknown_parameters(
-    parts: Parts, base: Path_, pairs: Iterable[dict[str, Any]]
+    parts: Parts, base: KeyPath, pairs: Iterable[dict[str, Any]]
 ) -> Iterator[Problem]:
     for position, pair in enumerate(pairs):
         for name in pair:
@@ -118,7 +118,7 @@ def _unknown_parameters(
                 yield problem
 
 
-def _unknown_parameter(parts: Parts, path: Path_, name: str, *, at_key: bool) -> Problem | None:
+def _unknown_parameter(parts: Parts, path: KeyPath, name: str, *, at_key: bool) -> Problem | None:
     if not isinstance(parts.scenario, Scenario):
         return None
     known = [parameter.name for parameter in parts.scenario.parameters]
@@ -134,12 +134,12 @@ def _unknown_parameter(parts: Parts, path: Path_, name: str, *, at_key: bool) ->
 
 def _check_variations(parts: Parts) -> Iterator[Problem]:
     for index, entry in parts.entries.items():
-        base: Path_ = ("configuration", index, "variations")
+        base: KeyPath = ("configuration", index, "variations")
         for position, call in enumerate(entry.variations or []):
             yield from _check_variation(parts, (*base, position), call)
 
 
-def _check_variation(parts: Parts, path: Path_, call: PluginCall) -> Iterator[Problem]:
+def _check_variation(parts: Parts, path: KeyPath, call: PluginCall) -> Iterator[Problem]:
     try:
         variation = load_variation(call.name, parts.folder)
     except InputError as error:
@@ -151,7 +151,7 @@ def _check_variation(parts: Parts, path: Path_, call: PluginCall) -> Iterator[Pr
 
 
 def _check_variation_parameters(
-    parts: Parts, base: Path_, variation: type[Variation], parameters: dict[str, Any]
+    parts: Parts, base: KeyPath, variation: type[Variation], parameters: dict[str, Any]
 ) -> Iterator[Problem]:
     model: type[BaseModel] | None = variation.CONFIG_CLASS
     if model is not None:
@@ -168,7 +168,7 @@ def _check_variation_parameters(
             yield problem
 
 
-def _value_at(data: Any, path: Path_) -> Any:
+def _value_at(data: Any, path: KeyPath) -> Any:
     for part in path:
         data = data[part]
     return data

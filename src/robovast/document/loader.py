@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 from robovast.document.checks import Parts, check_parts
 from robovast.document.model import ConfigurationEntry, Execution, Vast
 from robovast.document.problems import problems_of
-from robovast.document.source import Source
+from robovast.document.source import KeyPath, Source
 from robovast.errors import DocumentError, Problem
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
@@ -74,7 +74,7 @@ def check_source(source: Source) -> Document:
 
 
 def _validate(
-    model: type[ModelT], data: Any, source: Source, base: tuple[str | int, ...]
+    model: type[ModelT], data: Any, source: Source, base: KeyPath
 ) -> tuple[ModelT | None, list[Problem]]:
     try:
         return model.model_validate(data), []

@@ -15,11 +15,12 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    GetJsonSchemaHandler,
     WithJsonSchema,
     field_validator,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
+from pydantic_core import CoreSchema, PydanticCustomError
 
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$"
 
@@ -185,27 +186,23 @@ def _parse_secondary(value: Any) -> Any:
     return {**(settings or {}), "name": name}
 
 
-Secondary = Annotated[
-    SecondaryContainer,
-    BeforeValidator(_parse_secondary),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                {"type": "string"},
-                {
-                    "type": "object",
-                    "minProperties": 1,
-                    "maxProperties": 1,
-                    "additionalProperties": {
-                        "type": ["object", "null"],
-                        "properties": {"resources": {"$ref": "#/$defs/Resources"}},
-                        "additionalProperties": False,
-                    },
-                },
-            ]
+class _SecondarySchema:
+    """What may be written: a name, or one name with its resources."""
+
+    def __get_pydantic_json_schema__(
+        self, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        del core_schema
+        settings = {
+            "type": ["object", "null"],
+            "properties": {"resources": handler(Resources.__pydantic_core_schema__)},
+            "additionalProperties": False,
         }
-    ),
-]
+        one = {"type": "object", "minProperties": 1, "maxProperties": 1}
+        return {"anyOf": [{"type": "string"}, {**one, "additionalProperties": settings}]}
+
+
+Secondary = Annotated[SecondaryContainer, BeforeValidator(_parse_secondary), _SecondarySchema()]
 
 
 class Local(Section):

@@ -9,12 +9,12 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from robovast.document.source import Path_, Source
+from robovast.document.source import KeyPath, Source
 from robovast.errors import Problem
 
 
 def problems_of(
-    error: ValidationError, source: Source, model: type[BaseModel], base: Path_ = ()
+    error: ValidationError, source: Source, model: type[BaseModel], base: KeyPath = ()
 ) -> list[Problem]:
     """Every problem in a validation error, one for each place in the document.
 
@@ -24,20 +24,20 @@ def problems_of(
         model: the model that the value was validated against.
         base: path of the validated value in the document.
     """
-    by_path: dict[Path_, list[ErrorDetails]] = {}
+    by_path: dict[KeyPath, list[ErrorDetails]] = {}
     for details in error.errors(include_url=False):
         path = _data_path(source.data, base, details["loc"])
         by_path.setdefault(path, []).append(details)
     return [_problem(path, group, source, model) for path, group in by_path.items()]
 
 
-def _data_path(data: Any, base: Path_, loc: Iterable[str | int]) -> Path_:
+def _data_path(data: Any, base: KeyPath, loc: Iterable[str | int]) -> KeyPath:
     """The document's path of a pydantic location.
 
     A location also names the members of unions, which are no part of the document, and skips
     the name in a `name: {…}` item.
     """
-    path: Path_ = ()
+    path: KeyPath = ()
     for part in base:
         data, path = data[part], (*path, part)
     for part in loc:
@@ -57,7 +57,7 @@ def _holds(data: Any, part: str | int) -> bool:
 
 
 def _problem(
-    path: Path_, group: list[ErrorDetails], source: Source, model: type[BaseModel]
+    path: KeyPath, group: list[ErrorDetails], source: Source, model: type[BaseModel]
 ) -> Problem:
     first = group[0]
     kind = first["type"]

@@ -15,14 +15,14 @@ try:
 except ImportError:  # PyYAML built without libyaml: slower, same result
     from yaml import SafeLoader as _Loader  # type: ignore[assignment]
 
-Path_ = tuple[str | int, ...]
+KeyPath = tuple[Hashable, ...]
 """Path of a value in the document: keys and list indexes from the root."""
 
 MAX_REPEATED = 100_000
 """A document whose aliases repeat more values is refused: a few lines can make billions."""
 
 
-def render_path(path: Path_) -> str:
+def render_path(path: KeyPath) -> str:
     """`("configuration", 2, "name")` as `configuration[2].name`."""
     text = ""
     for part in path:
@@ -43,8 +43,8 @@ class Source:
 
     def __init__(self, file: Path, text: str) -> None:
         self.file = file
-        self._values: dict[Path_, yaml.Mark] = {}
-        self._keys: dict[Path_, yaml.Mark] = {}
+        self._values: dict[KeyPath, yaml.Mark] = {}
+        self._keys: dict[KeyPath, yaml.Mark] = {}
         self._built: set[int] = set()
         self._repeated = 0
         self._open: set[int] = set()
@@ -79,7 +79,7 @@ class Source:
         except OSError as error:
             raise InputError(f"{file}: cannot be read: {error.strerror}.") from None
 
-    def place(self, path: Path_, *, key: bool = False) -> Place:
+    def place(self, path: KeyPath, *, key: bool = False) -> Place:
         """Where a value (or its key) stands; of a path that is not there, its nearest parent."""
         marks = self._keys if key else self._values
         while path:
@@ -90,7 +90,7 @@ class Source:
         return Place(self.file, 1, 1)
 
     def problem(
-        self, path: Path_, message: str, remedy: str = "", *, at_key: bool = False
+        self, path: KeyPath, message: str, remedy: str = "", *, at_key: bool = False
     ) -> Problem:
         """A problem at a path of this document."""
         return Problem(self.place(path, key=at_key), render_path(path), message, remedy)
@@ -103,11 +103,11 @@ class Source:
         place = Place(self.file, mark.line + 1, mark.column + 1) if mark else Place(self.file)
         return DocumentError([Problem(place, "", message)])
 
-    def _build(self, node: yaml.Node, path: Path_) -> Any:
+    def _build(self, node: yaml.Node, path: KeyPath) -> Any:
         self._refuse_explosion(node)
         self._values.setdefault(path, node.start_mark)
         if isinstance(node, yaml.ScalarNode):
-            return self._scalars.construct_object(node)  # type: ignore[no-untyped-call]
+            return self._scalars.construct_object(node)
         if node.tag not in _COLLECTION_TAGS:
             raise self._error(f"the tag `{node.tag}` has no meaning here", node.start_mark)
         if id(node) in self._open:
@@ -116,6 +116,7 @@ class Source:
         try:
             if isinstance(node, yaml.SequenceNode):
                 return [self._build(item, (*path, i)) for i, item in enumerate(node.value)]
+            assert isinstance(node, yaml.MappingNode)  # noqa: S101  # there are three kinds
             return self._build_mapping(node, path)
         finally:
             self._open.discard(id(node))
@@ -129,12 +130,12 @@ class Source:
                 f"its aliases (`*name`) repeat more than {MAX_REPEATED:,} values", node.start_mark
             )
 
-    def _build_mapping(self, node: yaml.MappingNode, path: Path_) -> dict[Any, Any]:
+    def _build_mapping(self, node: yaml.MappingNode, path: KeyPath) -> dict[Any, Any]:
         self._refuse_duplicates(node)
-        self._scalars.flatten_mapping(node)  # type: ignore[no-untyped-call]
+        self._scalars.flatten_mapping(node)
         result: dict[Any, Any] = {}
         for key_node, value_node in node.value:
-            key = self._scalars.construct_object(key_node, deep=True)  # type: ignore[no-untyped-call]
+            key = self._scalars.construct_object(key_node, deep=True)
             if not isinstance(key, Hashable):
                 raise self._error("a key must be a plain value", key_node.start_mark)
             self._keys[(*path, key)] = key_node.start_mark

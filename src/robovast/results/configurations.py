@@ -1,4 +1,4 @@
-"""Variants of a stored campaign, from its `_transient/configurations.yaml`."""
+"""Variants in `_transient/configurations.yaml`, written and read."""
 
 from __future__ import annotations
 
@@ -42,6 +42,29 @@ def read_variants(layout: Layout) -> tuple[str, list[Variant]]:
     """Name of the .vast file in `_config`, and the campaign's variants in order."""
     data = read_configurations(layout)
     return str(data.get("vast")), [_variant(layout, item) for item in data["configs"]]
+
+
+def configuration_record(variant: Variant, *, timings: bool) -> dict[str, Any]:
+    """A variant as it stands in `configurations.yaml`.
+
+    Args:
+        variant: the variant.
+        timings: also say when each variation was applied and how long it took; without, equal
+            variants give equal records.
+    """
+    return {
+        "name": variant.name,
+        "config": dict(variant.parameters),
+        "_config_name": variant.entry,
+        "_config_files": [file.name for file in variant.files],
+        "_variations": [
+            {"name": r.name, "started_at": r.started_at, "duration": r.duration}
+            if timings
+            else {"name": r.name}
+            for r in variant.variations
+        ],
+        **variant.extra,
+    }
 
 
 def _variant(layout: Layout, item: dict[str, Any]) -> Variant:

@@ -24,6 +24,9 @@ POLL = 0.1
 GRACE = 10.0
 """How long a job may take to end by itself when it is told to [s]."""
 
+FINISHED_RUNS = "finished_runs"
+"""File in a job's folder where the contract's scripts list the runs that are over."""
+
 Started = Callable[[Run], None]
 Finished = Callable[[Run, RunRecord], None]
 
@@ -119,14 +122,22 @@ class JobExecution:
         return Ending(process.poll())
 
     def _advance(self) -> None:
-        """Store the runs of a pack that a later one has followed."""
-        last = len(self._job.runs) - 1
-        for index in range(last, self._current, -1):
-            if self._folder(self._job.runs[index]).is_dir():
-                while self._current < index:
-                    self._store(Ending(None))
-                    self._begin(self._current + 1)
-                return
+        """Store the runs of a pack that are over; the last one is left to the job's end."""
+        while self._current < len(self._job.runs) - 1 and self._is_over(self._current):
+            self._store(Ending(None))
+            self._begin(self._current + 1)
+
+    def _is_over(self, index: int) -> bool:
+        """The job says so, or, with an executor that does not, a later run has begun."""
+        if self._job.runs[index].path in self._finished_runs():
+            return True
+        return any(self._folder(run).is_dir() for run in self._job.runs[index + 1 :])
+
+    def _finished_runs(self) -> list[str]:
+        try:
+            return (self._spec.job / FINISHED_RUNS).read_text(encoding="utf-8").splitlines()
+        except FileNotFoundError:
+            return []
 
     def _begin(self, index: int) -> None:
         self._current = index
