@@ -17,7 +17,7 @@ ConfigT = TypeVar("ConfigT", bound=BaseModel)
 class VariationConfig(BaseModel):
     """Base of the parameter model of a variation type; unknown parameters are refused."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", use_attribute_docstrings=True)
 
 
 def get_validated_config(parameters: Any, config_class: type[ConfigT]) -> ConfigT:

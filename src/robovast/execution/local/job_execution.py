@@ -63,11 +63,14 @@ class JobExecution:
             ending = self._watch(process)
         finally:
             self._session.runtime.clean_up(self._spec)
-        self._advance()
-        self._store(ending)
+        if not ending.from_outside:
+            self._advance()
+        if self._current == 0 or self._folder(self._job.runs[self._current]).is_dir():
+            self._store(ending)
+            self._current += 1
         with explained(self._session.layout.root):
             self._keep_the_rest()
-        return self._job.runs[self._current + 1 :]
+        return self._job.runs[self._current :]
 
     def _prepare(self) -> None:
         shutil.rmtree(self._work, ignore_errors=True)

@@ -18,6 +18,11 @@ class Ending:
     timed_out: bool = False
     interrupted: bool = False
 
+    @property
+    def from_outside(self) -> bool:
+        """True when the job was stopped; what it reports of its current run then counts little."""
+        return self.timed_out or self.interrupted
+
 
 def judge(result: TestResult, ending: Ending, timeout: int | None, log: Path) -> TestResult:
     """The final result of a run.
