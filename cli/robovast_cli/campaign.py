@@ -1,0 +1,92 @@
+"""Running a campaign in front of a user: a view while it runs, a summary at the end."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from pathlib import Path
+
+from robovast.document import Document
+from robovast.errors import ExitCode
+from robovast.execution.local import LocalOptions, Observer, Summary, resume_campaign, run_campaign
+from robovast.results.layout import Layout
+from robovast.results.run_record import RunRecord
+from robovast.results.verdict import Verdict
+from robovast_cli.output import say
+from robovast_cli.workspace import shown
+
+MOST_LISTED = 20
+"""Runs that the summary names at most."""
+
+
+def start(document: Document, output: Path, options: LocalOptions) -> ExitCode:
+    """Run a new campaign."""
+    return _watch(options, lambda view: run_campaign(document, output, options, view))
+
+
+def resume(campaign: Path, options: LocalOptions) -> ExitCode:
+    """Run what is left of a campaign."""
+    return _watch(options, lambda view: resume_campaign(campaign, options, view))
+
+
+def _watch(options: LocalOptions, execute: Callable[[Observer], Summary]) -> ExitCode:
+    with _view(options) as view:
+        summary = execute(view)
+    for line in summary_lines(summary):
+        say(line)
+    return exit_code(summary)
+
+
+def _view(options: LocalOptions) -> AbstractContextManager[Observer]:
+    """A live view on a terminal, lines elsewhere and where the run itself takes the terminal."""
+    if sys.stdout.isatty() and os.environ.get("TERM") != "dumb" and not options.start_only:
+        from robovast_cli.live_view import LiveView
+
+        return LiveView()
+    from robovast_cli.plain_view import PlainView
+
+    return PlainView()
+
+
+def exit_code(summary: Summary) -> ExitCode:
+    """What the command's exit code says of a campaign."""
+    verdicts = {record.verdict for record in summary.records}
+    if summary.interrupted:
+        return ExitCode.INTERRUPTED
+    if Verdict.FAILED in verdicts:
+        return ExitCode.TEST_FAILED
+    if verdicts - {Verdict.PASSED} or len(summary.records) < summary.total:
+        return ExitCode.RUN_ERRORED
+    return ExitCode.OK
+
+
+def summary_lines(summary: Summary) -> Iterator[str]:
+    """How a campaign ended: counts, every run that did not pass, the folder of the results."""
+    yield ""
+    bad = [record for record in summary.records if record.verdict is not Verdict.PASSED]
+    for record in bad[:MOST_LISTED]:
+        yield f"{record.verdict:<11}  {record.variant}/{record.run}: {record.reason}"
+        yield f"{'':11}  {_log(summary, record)}"
+    if len(bad) > MOST_LISTED:
+        yield f"… and {len(bad) - MOST_LISTED} more that did not pass."
+    yield from [""] if bad else []
+    yield f"{_counts(summary)}."
+    yield f"Results: {shown(summary.campaign)}"
+    if len(summary.records) < summary.total or summary.interrupted:
+        yield f"Continue: vast exec local run --resume {shown(summary.campaign)}"
+
+
+def _log(summary: Summary, record: RunRecord) -> Path:
+    return shown(Layout(summary.campaign).job(record.job) / "logs" / "system.log")
+
+
+def _counts(summary: Summary) -> str:
+    counts = Counter(record.verdict for record in summary.records)
+    parts = [f"{counts[verdict]} {verdict}" for verdict in Verdict if counts[verdict]]
+    left = summary.total - len(summary.records)
+    parts += [f"{left} not started"] if left else []
+    noun = "run" if summary.total == 1 else "runs"
+    return f"{summary.total} {noun}: {', '.join(parts) or 'none'}"

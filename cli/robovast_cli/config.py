@@ -1,0 +1,128 @@
+"""`vast config`: what a .vast file expands to, and what can be written in one."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from robovast_cli.lazy import new_app
+
+app = new_app("List, generate and check configurations.", no_args_is_help=True)
+
+
+@app.callback()
+def config() -> None:
+    """List, generate and check configurations."""
+
+
+@app.command("list")
+def list_(
+    ctx: typer.Context,
+    output: Annotated[
+        Literal["table", "name", "json", "yaml"],
+        typer.Option("-o", "--output", help="How to print them."),
+    ] = "table",
+    debug: Annotated[
+        bool,
+        typer.Option(
+            "--debug",
+            help="Also show keys that begin with `_`: the entry, files and variations of each "
+            "configuration, and what variation types left for themselves.",
+        ),
+    ] = False,
+) -> None:
+    """List the configurations that will be run, with their parameters."""
+    from robovast_cli.listing import print_configurations
+
+    print_configurations(ctx.obj.document(), output, internal=debug)
+
+
+@app.command()
+def generate(
+    ctx: typer.Context,
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="New or empty folder.")],
+    keep_transient: Annotated[
+        bool,
+        typer.Option(
+            "--keep-transient",
+            help="Keep the work folder of the variation types as OUT/_transient/work, to see what "
+            "they made on the way.",
+        ),
+    ] = False,
+    no_cache: Annotated[
+        bool,
+        typer.Option(
+            "--no-cache",
+            help="Give the variation types an empty cache ($XDG_CACHE_HOME is a new folder), so "
+            "that they make everything anew.",
+        ),
+    ] = False,
+) -> None:
+    """Write what every configuration needs, as a campaign has it before its first run."""
+    from robovast_cli.generation import generate
+
+    generate(ctx.obj.document(), out, keep_work=keep_transient, use_cache=not no_cache)
+
+
+@app.command()
+def info(ctx: typer.Context) -> None:
+    """Summarize the .vast file: scenario, configurations, runs, how they are executed."""
+    from robovast_cli.description import print_summary
+
+    print_summary(ctx.obj.document())
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON Schema of .vast files, for editors."""
+    from robovast.document.schema import schema_text
+
+    typer.echo(schema_text(), nl=False)
+
+
+@app.command()
+def variation_types() -> None:
+    """List the variation types that are installed, with their parameters."""
+    from robovast_cli.description import print_variation_types
+
+    print_variation_types()
+
+
+@app.command()
+def variation_points(ctx: typer.Context) -> None:
+    """List the scenario's parameters, which variations can set."""
+    from robovast_cli.description import print_variation_points
+
+    print_variation_points(ctx.obj.document())
+
+
+@app.command()
+def export_configs(
+    ctx: typer.Context,
+    patterns: Annotated[
+        list[str],
+        typer.Argument(metavar="PATTERN...", help="Names or globs of configurations."),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="File to write; stdout when omitted."),
+    ] = None,
+) -> None:
+    """Write configurations as entries with fixed parameters, to run exactly these again."""
+    from robovast_cli.entries import export_entries
+
+    export_entries(ctx.obj.document(), patterns, output)
+
+
+@app.command()
+def import_configs(
+    ctx: typer.Context,
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="SOURCE", help="Exported entries, a .vast file or a campaign."),
+    ],
+) -> None:
+    """Add configurations to the .vast file; the text that is there stays as it is."""
+    from robovast_cli.entries import import_entries
+
+    import_entries(ctx.obj.path, source)

@@ -1,0 +1,79 @@
+"""Typer apps whose commands are imported when they are used: `--help` shows them without."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command
+
+
+@dataclass(frozen=True)
+class Lazy:
+    """A command or group in a module of its own."""
+
+    target: str
+    """`module:app`, where `app` is a Typer app."""
+    help: str
+    """Line in the help of the group above."""
+    aliases: tuple[str, ...] = ()
+    """Further names, not shown in the help."""
+
+
+class LazyCommand(TyperCommand):
+    """Stands for a command until it is used."""
+
+    def __init__(self, name: str, entry: Lazy, *, hidden: bool = False) -> None:
+        super().__init__(name, help=entry.help, short_help=entry.help, hidden=hidden)
+        self._target = entry.target
+
+    def load(self) -> Any:
+        """The command itself."""
+        module, _, attribute = self._target.partition(":")
+        return get_command(getattr(import_module(module), attribute))
+
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any
+    ) -> Any:
+        """The real command's context: from here on it is that command which runs."""
+        return self.load().make_context(info_name, args, parent=parent, **extra)
+
+
+def new_app(help_text: str, **settings: Any) -> typer.Typer:
+    """A Typer app that looks like every other of this tool."""
+    common: dict[str, Any] = {
+        "add_completion": False,
+        "rich_markup_mode": None,
+        "pretty_exceptions_enable": False,
+        "context_settings": {"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    }
+    return typer.Typer(help=help_text, **{**common, **settings})
+
+
+def new_group(help_text: str, table: Mapping[str, Lazy]) -> typer.Typer:
+    """A Typer app made of lazy commands alone."""
+
+    class Group(TyperGroup):
+        def __init__(self, **attributes: Any) -> None:
+            super().__init__(**attributes)
+            add_lazy(self, table)
+
+    app = new_app(help_text, cls=Group, no_args_is_help=True)
+    app.callback()(_nothing)
+    return app
+
+
+def _nothing() -> None:
+    """A group does nothing by itself."""
+
+
+def add_lazy(group: TyperGroup, table: Mapping[str, Lazy]) -> None:
+    """Add the commands of a table, each under its short name and its aliases."""
+    for name, entry in table.items():
+        group.add_command(LazyCommand(name, entry))
+        for alias in entry.aliases:
+            group.add_command(LazyCommand(alias, entry, hidden=True))

@@ -1,0 +1,123 @@
+"""The command `vast`: its global options and its table of commands."""
+
+import logging
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+from typer.core import TyperGroup
+from typer.main import get_command
+
+from robovast_cli.lazy import Lazy, add_lazy, new_app
+from robovast_cli.report import errors_reported
+from robovast_cli.workspace import Workspace, set_log_level
+
+COMMANDS: Mapping[str, Lazy] = {
+    "init": Lazy("robovast_cli.init:app", "Make a folder a project: name its .vast file."),
+    "config": Lazy(
+        "robovast_cli.config:app",
+        "List, generate and check configurations.",
+        aliases=("configuration",),
+    ),
+    "exec": Lazy("robovast_cli.exec:app", "Run campaigns.", aliases=("execution",)),
+    "install-completion": Lazy(
+        "robovast_cli.completion:app", "Complete commands and options in your shell."
+    ),
+}
+"""Commands and groups of `vast`; a further group needs one line here and a module."""
+
+
+class Root(TyperGroup):
+    """All commands, those of plugins included; reports every error."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        add_lazy(self, COMMANDS)
+
+    @cached_property
+    def plugins(self) -> Mapping[str, Any]:
+        """Commands of plugins by name."""
+        from robovast_cli.plugins import find_plugins, report_on_stderr
+
+        return find_plugins(self.commands, report_on_stderr)
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names of all commands, plugins last."""
+        return [*super().list_commands(ctx), *self.plugins]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command of a name; plugins are looked for when no own command has it."""
+        return super().get_command(ctx, cmd_name) or self.plugins.get(cmd_name)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command; what it returns is the exit code."""
+        with errors_reported():
+            code = super().invoke(ctx)
+        raise typer.Exit(int(code or 0))
+
+
+app = new_app(
+    "Vary a robot scenario, run every variant, say what failed, where and why.",
+    cls=Root,
+    no_args_is_help=True,
+    add_completion=True,
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from robovast import __version__
+
+        typer.echo(f"vast {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def vast(
+    ctx: typer.Context,
+    log_level: Annotated[
+        Literal["debug", "info", "warning", "error", "critical"] | None,
+        typer.Option(
+            "-l",
+            "--log-level",
+            help="How much to tell on stderr; the project's level, else `warning`.",
+            show_default=False,
+        ),
+    ] = None,
+    vast_file: Annotated[
+        Path | None,
+        typer.Option(
+            "-V",
+            "--vast-file",
+            metavar="PATH",
+            help="The .vast file; the project's, else the only one in this folder.",
+            show_default=False,
+        ),
+    ] = None,
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version and exit."
+        ),
+    ] = False,
+) -> None:
+    """Take the global options."""
+    del version  # its callback has done the work
+    logging.basicConfig(format="%(levelname)s: %(message)s")
+    set_log_level(log_level or "warning")
+    ctx.obj = Workspace(vast_file, log_level)
+
+
+def command() -> Any:
+    """The command with everything below it."""
+    root = get_command(app)  # registers the shells that can be completed
+    own = {"install_completion", "show_completion"}  # `vast install-completion` does that
+    root.params = [param for param in root.params if param.name not in own]
+    return root
+
+
+def main() -> None:
+    """Run `vast` with the arguments of the process; exits with a code of `ExitCode`."""
+    command()(prog_name="vast")

@@ -1,0 +1,120 @@
+"""Commands of other distributions: entry points of `robovast.cli_plugins` and `vast.plugins`.
+
+A plugin is a Click command or group, or a Typer app. Its code is imported when its command is
+used, never for the help of `vast`. What is broken is reported and left out.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
+from typing import Any
+
+import typer
+from typer.core import TyperCommand
+from typer.main import get_command
+
+from robovast.errors import CannotRunError
+
+GROUPS = ("robovast.cli_plugins", "vast.plugins")
+
+
+class PluginCommand(TyperCommand):
+    """Stands for a plugin's command: hands it the rest of the command line as it is."""
+
+    def __init__(self, entry: EntryPoint) -> None:
+        line = f"Plugin of {origin(entry)}."
+        super().__init__(entry.name, help=line, short_help=line, add_help_option=False)
+        self._entry = entry
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Leave every argument to the plugin."""
+        ctx.args = list(args)
+        return args
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the plugin, which reports its usage errors itself."""
+        command = load_plugin(self._entry)
+        return command.main(args=ctx.args, prog_name=ctx.command_path, standalone_mode=True)
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
+        """What the plugin offers, when it is a Click command."""
+        try:
+            from click.shell_completion import ShellComplete  # there when the plugin is Click's
+
+            shell = ShellComplete(load_plugin(self._entry), {}, "", "")
+            return list(shell.get_completions(ctx.args, incomplete))
+        except Exception:
+            return []  # a shell that waits for completions is no place for a report
+
+
+def load_plugin(entry: EntryPoint) -> Any:
+    """The Click command behind an entry point.
+
+    Raises:
+        CannotRunError: it cannot be imported, or is no command.
+    """
+    try:
+        plugin = entry.load()
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a plugin may even exit while it is imported
+        raise CannotRunError(
+            f"{_whose(entry)} cannot be loaded from `{entry.value}`: "
+            f"{type(error).__name__}: {error}. Update or remove that distribution."
+        ) from error
+    if isinstance(plugin, typer.Typer):
+        return get_command(plugin)
+    if not isinstance(plugin, type) and callable(getattr(plugin, "main", None)):
+        return plugin
+    raise CannotRunError(
+        f"{_whose(entry)} names `{entry.value}`, a {type(plugin).__name__}; it must be a Click "
+        "command or group, or a Typer app."
+    )
+
+
+def find_plugins(taken: Iterable[str], report: Callable[[str], None]) -> dict[str, PluginCommand]:
+    """Commands of plugins by name.
+
+    Args:
+        taken: names that plugins cannot have.
+        report: receives a line about every plugin that is left out.
+    """
+    found: dict[str, EntryPoint] = {}
+    for entry in (entry for group in GROUPS for entry in entry_points(group=group)):
+        problem = _problem(entry, found.get(entry.name), taken)
+        if problem:
+            report(f"{_whose(entry)} is left out: {problem}")
+        else:
+            found.setdefault(entry.name, entry)
+    return {name: PluginCommand(entry) for name, entry in sorted(found.items())}
+
+
+def report_on_stderr(line: str) -> None:
+    """Print a warning."""
+    print(f"warning: {line}", file=sys.stderr)  # noqa: T201
+
+
+def _problem(entry: EntryPoint, other: EntryPoint | None, taken: Iterable[str]) -> str | None:
+    if entry.name in taken:
+        return "`vast` has a command of that name itself"
+    if other is not None and other.value != entry.value:
+        return f"{origin(other)} has a plugin of that name, too"
+    try:
+        package = entry.module.partition(".")[0]
+        if find_spec(package) is None:
+            return f"there is no module `{package}`"
+    except (AttributeError, ImportError, ValueError):  # AttributeError: the value is no reference
+        return f"`{entry.value}` is no reference to a command, as `package.module:command`"
+    return None
+
+
+def _whose(entry: EntryPoint) -> str:
+    return f"the command `{entry.name}` of {origin(entry)}"
+
+
+def origin(entry: EntryPoint) -> str:
+    """Name and version of the distribution that an entry point comes from."""
+    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else "an unknown distribution"

@@ -1,0 +1,82 @@
+"""What a command works on: the project, its .vast file and its results."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from robovast.errors import InputError
+
+if TYPE_CHECKING:
+    from robovast.document import Document
+    from robovast.project import Project
+
+DEFAULT_RESULTS = Path("results")
+
+
+@dataclass
+class Workspace:
+    """The choices that all commands share."""
+
+    vast_file: Path | None = None
+    """As given with `--vast-file`."""
+    log_level: str | None = None
+    """As given with `--log-level`."""
+
+    @cached_property
+    def project(self) -> Project | None:
+        """The project that the working directory is in."""
+        from robovast.project import find_project
+
+        project = find_project(Path.cwd())
+        if project is not None and project.log_level and not self.log_level:
+            set_log_level(project.log_level)
+        return project
+
+    @property
+    def path(self) -> Path:
+        """The .vast file.
+
+        Raises:
+            InputError: none is named, and the working directory does not hold exactly one.
+        """
+        if self.vast_file is not None:
+            return self.vast_file
+        if self.project is not None:
+            return shown(self.project.vast_file)
+        found = sorted(Path().glob("*.vast"))
+        if len(found) == 1:
+            return found[0]
+        what = "there is no .vast file here" if not found else "there are several .vast files here"
+        names = f" ({', '.join(map(str, found))})" if found else ""
+        raise InputError(
+            f"{what}{names}, and no project. Name one with `vast -V FILE …`, or make this folder "
+            "a project with `vast init FILE`."
+        )
+
+    def document(self) -> Document:
+        """The .vast file, read and checked."""
+        from robovast.document import load_document
+
+        project = self.project  # its log level holds for what follows
+        del project
+        return load_document(self.path)
+
+    @property
+    def results(self) -> Path:
+        """Where campaigns go: the project's results folder, else `results` in this folder."""
+        return shown(self.project.results_dir) if self.project is not None else DEFAULT_RESULTS
+
+
+def shown(path: Path) -> Path:
+    """A path as short as it can be written from the working directory."""
+    absolute = path.absolute()
+    return absolute.relative_to(Path.cwd()) if absolute.is_relative_to(Path.cwd()) else absolute
+
+
+def set_log_level(name: str) -> None:
+    """Set how much is told on stderr."""
+    logging.getLogger().setLevel(name.upper())
