@@ -104,9 +104,14 @@ class Job:
         self.env["SCENARIO_OUTPUT_DIR"] = str(self.out / "one/0")
 
     def pack(self, *programs: object) -> None:
-        """Make it a job of several runs, `a b/0`, `a b/1`, …"""
+        """Make it a job of several runs, `a b/0`, `a b/1`, …, of programs or of parameters."""
         documents = [
-            {"try_it": {"program": program, "_output_dir": f"a b/{index}"}}
+            {
+                "try_it": {
+                    **(program if isinstance(program, dict) else {"program": program}),
+                    "_output_dir": f"a b/{index}",
+                }
+            }
             for index, program in enumerate(programs)
         ]
         self.write("scenario.params.yaml", yaml.safe_dump_all(documents))
@@ -213,11 +218,11 @@ def test_a_failed_run_of_a_pack_leaves_the_others_alone(job: Job) -> None:
 
 
 def test_a_run_of_a_pack_that_cannot_be_parsed_fails_alone(job: Job) -> None:
-    job.pack("true", {"no": "string"}, "true")
+    job.pack("true", {"no_such_parameter": 1}, "true")
     code, _ = job.run()
     verdicts = [job.verdict(f"a b/{index}") for index in range(3)]
     assert (code, verdicts) == (1, [True, False, True])
-    assert "string" in (job.out / "a b/1/test.xml").read_text()
+    assert "no_such_parameter" in (job.out / "a b/1/test.xml").read_text()
 
 
 def test_a_run_of_a_pack_whose_action_raises_fails_alone(job: Job) -> None:
@@ -347,6 +352,16 @@ def test_each_missing_tool_is_named(job: Job) -> None:
     assert "lacks: stdbuf Xvfb start-stop-daemon" in output
 
 
+def test_only_the_tools_of_the_contract_are_needed(job: Job) -> None:
+    tools = job.root / "tools"
+    tools.mkdir()
+    for name in ("bash", "mkdir", "tee", "find", "stdbuf", "python3", "true"):
+        (tools / name).symlink_to(Path("/usr/bin") / name)
+    code, output = job.run(PATH=f"{job.programs}:{tools}")
+    assert (code, job.verdict("one/0")) == (0, True), output
+    assert "not found" not in output
+
+
 def test_a_missing_executor_is_named(job: Job) -> None:
     code, output = job.run(PATH="/usr/bin:/bin")
     assert code == 69
@@ -414,3 +429,122 @@ def test_a_secondary_whose_pre_command_fails_ends(job: Job) -> None:
     assert secondary.returncode == 70
     assert "failed with code 3" in job.log("system_nav.log")
     eventually(lambda: processes_of(job) == [])
+
+
+def test_a_pre_command_may_use_any_name_and_trap(job: Job) -> None:
+    job.write(
+        "pre.sh",
+        "config= out= logs= code=9 command= executor= contract= child= monitor= root=\n"
+        "set -- some arguments\ntrap 'echo from the trap' EXIT\nsleep 60 &\n",
+    )
+    code, output = job.run(PRE_COMMAND="/config/pre.sh")
+    assert (code, job.verdict("one/0")) == (0, True), output
+    assert (job.output / "resource_usage_main.csv").stat().st_size > 0
+    assert processes_of(job) == []
+
+
+def test_a_signal_to_the_whole_group_is_heard_once(job: Job) -> None:
+    job.pack("sleep 60", "true")
+    with job.start() as process:
+        eventually(lambda: (job.out / "a b/0").exists())
+        time.sleep(0.2)
+        os.killpg(process.pid, signal.SIGTERM)
+        process.communicate(timeout=20)
+    assert [job.verdict("a b/0"), job.verdict("a b/1")] == [False, None]
+    assert (job.out / "a b/0/test.xml").read_text().count("<testcase") == 1
+
+
+SIMULATION = """
+class Steps:
+    dt = 0.1
+    def setup(self, **kwargs): print("simulation set up")
+    def reset(self): print("simulation reset")
+    def step(self): pass
+    def is_done(self): return False
+    def shutdown(self): print("simulation shut down")
+"""
+
+
+def test_a_pack_in_one_simulation(job: Job) -> None:
+    job.write("steps.py", SIMULATION)
+    job.pack("true", "false", "true")
+    code, output = job.run(SIMULATION="steps:Steps", PYTHONPATH=str(job.config))
+    verdicts = [job.verdict(f"a b/{index}") for index in range(3)]
+    assert (code, verdicts) == (1, [True, False, True]), output
+    assert (output.count("simulation set up"), output.count("simulation reset")) == (1, 3)
+    assert (job.output / "finished_runs").read_text() == "a b/0\na b/1\na b/2\n"
+
+
+def install(job: Job, name: str, text: str) -> None:
+    """Put a program before all others on the job's PATH."""
+    path = job.root / "bin dir" / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(text)
+    path.chmod(0o755)
+    job.env["PATH"] = f"{path.parent}:{job.programs}:/usr/sbin:/usr/bin:/bin"
+
+
+def test_an_executor_whose_interpreter_has_spaces_is_driven_too(job: Job) -> None:
+    original = (job.programs / "scenario_execution").read_text()
+    install(job, "python3", f'#!/bin/bash\nexec {job.programs}/python3 "$@"\n')
+    trick = f"#!/bin/sh\n'''exec' '{job.root}/bin dir/python3' \"$0\" \"$@\"\n' '''\n"
+    install(job, "scenario_execution", trick + original.partition("\n")[2])
+    job.pack("true", "false")
+    code, output = job.run()
+    assert (code, job.verdict("a b/0"), job.verdict("a b/1")) == (1, True, False)
+    assert "warning" not in output
+    assert (job.output / "finished_runs").exists()
+
+
+def test_an_executor_that_is_no_python_program_runs_as_it_is(job: Job) -> None:
+    install(
+        job, "scenario_execution", f'#!/bin/bash\nexec {job.programs}/scenario_execution "$@"\n'
+    )
+    job.pack("true", "false")
+    code, output = job.run()
+    assert (code, job.verdict("a b/0"), job.verdict("a b/1")) == (1, True, False)
+    assert "warning" in output
+
+
+def test_an_unknown_scenario_execution_runs_as_it_is(job: Job) -> None:
+    package = job.root / "lib/scenario_execution"
+    package.mkdir(parents=True)
+    (package / "__init__.py").touch()
+    (package / "scenario_execution_base.py").write_text(
+        "class ScenarioExecution:\n    def run(self, loop): pass\ndef main(): print('as it is')\n"
+    )
+    job.pack("true")
+    code, output = job.run(PYTHONPATH=str(package.parent))
+    assert code == 0, output
+    assert "warning: this image's scenario-execution is not as expected" in output
+    assert "as it is\n" in output
+
+
+def test_with_ros_the_package_runs_and_rosout_is_recorded(job: Job) -> None:
+    prefix = job.root / "ws"
+    program = prefix / "lib/scenario_execution_ros/scenario_execution_ros"
+    program.parent.mkdir(parents=True)
+    shutil.copy(job.programs / "scenario_execution", program)
+    install(
+        job,
+        "ros2",
+        '#!/bin/bash\nmkdir "$6"\necho "$@" >"$6/called"\n'
+        "trap 'echo closed >\"$6/metadata.yaml\"; exit' INT\nwhile sleep 0.05; do :; done\n",
+    )
+    job.single("sleep 0.5")
+    code, output = job.run(AMENT_PREFIX_PATH=f"/no/where:{prefix}")
+    assert (code, job.verdict("one/0")) == (0, True), output
+    assert str(program) in output
+    bag = job.output / "logs/rosout_bag"
+    assert (bag / "called").read_text() == f"bag record -s mcap -o {bag} /rosout\n"
+    assert (bag / "metadata.yaml").read_text() == "closed\n"
+    assert processes_of(job) == []
+
+
+@pytest.mark.skipif(not shutil.which("Xvfb"), reason="Xvfb is not installed")
+def test_a_display_is_there_unless_it_is_not_wanted(job: Job) -> None:
+    job.single(job.program("[[ -S /tmp/.X11-unix/X${DISPLAY#:} ]]"))
+    code, output = job.run(ENABLE_X11="true")
+    assert code == 0, output
+    assert processes_of(job) == []
+    assert job.run(DISPLAY=":98765")[0] == 1

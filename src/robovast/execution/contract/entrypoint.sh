@@ -227,8 +227,8 @@ job() { # COMMAND...
     trap 'end_job $?' EXIT
     python3 -I -S "$contract/collect_sysinfo.py" "$OUTPUT_DIR/sysinfo.yaml" &
     sysinfo_pid=$!
-    start_x
     start_monitor main
+    start_x
     source_pre_command
     trap 'end_job $?' EXIT
     record_rosout

@@ -31,6 +31,7 @@ import sys
 # Modules come from where the executor finds them; the folder of this file is the user's.
 sys.path[0] = os.path.dirname(os.path.abspath(sys.argv[1]))
 
+import gc
 import importlib
 import inspect
 import runpy
@@ -185,6 +186,7 @@ class Pack:
 
     def setup(self: Any, scenario: Any, current_output_dir: Any = None, **kwargs: Any) -> None:
         """Set a scenario up; the one before is over, and a verdict of an earlier attempt goes."""
+        gc.enable()
         finish_runs(self)
         verdict = os.path.join(current_output_dir or self.output_dir, "test.xml")
         if os.path.exists(verdict):
@@ -267,6 +269,7 @@ state = types.SimpleNamespace(ended=[], stopped=False)
 def main() -> None:
     """Run the executor, in this process when it can be taken over."""
     executor, command = sys.argv[1], sys.argv[1:]
+    gc.disable()  # until the first run: parsing drops little, and takes a quarter less time so
     try:
         take_over()
     except (ImportError, AttributeError, TypeError) as error:

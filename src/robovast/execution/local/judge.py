@@ -47,7 +47,8 @@ def judge(result: TestResult, ending: Ending, timeout: int | None, log: Path) ->
 
 _MEANINGS = {
     69: "the image lacks what the run contract needs",
-    70: "the pre command failed",
+    70: "the pre command failed, or the post command cannot be run",
+    73: "an output folder cannot be written",
     126: "a program could not be executed",
     127: "a program was not found",
 }
