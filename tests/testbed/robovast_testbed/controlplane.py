@@ -10,6 +10,7 @@ from .commands import run, wait_for
 from .kubernetes import Cluster, write_kubeconfig
 
 PORT = 6443
+INNER_URL = f"https://{network.NODE_IP}:{PORT}"
 ETCD = "http://127.0.0.1:2379"
 SYSTEM_USERS = {
     "controller-manager": "system:kube-controller-manager",
@@ -91,14 +92,15 @@ def authority_of(cluster: Cluster) -> pki.Authority:
 
 
 def _write_kubeconfigs(cluster: Cluster, authority: pki.Authority) -> None:
-    inner = f"https://{network.NODE_IP}:{PORT}"
     outer = f"https://127.0.0.1:{network.publish(cluster.bed, PORT)}"
     admin = authority.issue("admin", "admin", group="system:masters")
     write_kubeconfig(cluster.kubeconfig, outer, authority.root, admin)
-    write_kubeconfig(cluster.inner_kubeconfig, inner, authority.root, admin)
+    write_kubeconfig(cluster.inner_kubeconfig, INNER_URL, authority.root, admin)
     for name, user in SYSTEM_USERS.items():
         certificate = authority.issue(name, user)
-        write_kubeconfig(cluster.folder / f"{name}.kubeconfig", inner, authority.root, certificate)
+        write_kubeconfig(
+            cluster.folder / f"{name}.kubeconfig", INNER_URL, authority.root, certificate
+        )
 
 
 def _ready(cluster: Cluster) -> bool:

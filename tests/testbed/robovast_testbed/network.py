@@ -9,6 +9,7 @@ from .bed import Bed
 BRIDGE = "tb0"
 NODE_IP = "10.88.0.1"
 POD_CIDR = "10.88.0.0/16"
+FIRST_POD_IP = "10.88.1.0"
 SERVICE_CIDR = "10.96.0.0/16"
 API_SERVICE_IP = "10.96.0.1"
 DNS_SERVICE_IP = "10.96.0.10"
@@ -30,6 +31,8 @@ def create_bridge(bed: Bed) -> None:
         ("route", "add", "default", "via", NODE_IP, "dev", BRIDGE),
     ):
         bed.run("ip", *command)
+    # From pod to pod by way of a Service's address.
+    bed.run("sh", "-c", "echo 1 > /proc/sys/net/ipv4/ip_forward")
 
 
 def publish(bed: Bed, port: int) -> int:

@@ -1,5 +1,6 @@
 """Certificates of one cluster."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,7 +25,7 @@ class Authority:
     root: Certificate
 
     def issue(
-        self, name: str, user: str, *, group: str = "", sans: tuple[str, ...] = ()
+        self, name: str, user: str, *, group: str = "", sans: Sequence[str] = ()
     ) -> Certificate:
         """Make a certificate that names a user (and group), or a server by its `sans`."""
         made = _certificate(self.root.file.parent, name)

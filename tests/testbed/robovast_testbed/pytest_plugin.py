@@ -6,12 +6,12 @@ from contextlib import contextmanager
 
 import pytest
 
-from . import bed, controlplane, docker, images, kubernetes, network, s3
+from . import bed, controlplane, docker, images, kubernetes, kueue, network, node, s3
 from .errors import Unavailable
 
 
 @contextmanager
-def _or_skip() -> Iterator[None]:
+def skipped_when_unavailable() -> Iterator[None]:
     """Turn a machine that cannot host the testbed into a skip; in CI it is a failure."""
     try:
         yield
@@ -23,7 +23,7 @@ def _or_skip() -> Iterator[None]:
 
 @contextmanager
 def _session(kind: str) -> Iterator[bed.Bed]:
-    with _or_skip(), bed.session(f"pytest-{os.getpid()}-{kind}") as own:
+    with skipped_when_unavailable(), bed.session(f"pytest-{os.getpid()}-{kind}") as own:
         yield own
 
 
@@ -45,7 +45,7 @@ def docker_daemon() -> Iterator[docker.Docker]:
 @pytest.fixture(scope="session")
 def slim_image(docker_daemon: docker.Docker) -> str:
     """The name of the run image without ROS, built from container/slim."""
-    with _or_skip():
+    with skipped_when_unavailable():
         images.load(docker_daemon)
     return images.SLIM
 
@@ -67,6 +67,30 @@ def control_plane() -> Iterator[kubernetes.Cluster]:
     """A real API server with its controllers and scheduler, without nodes."""
     with _session("control-plane") as own:
         yield controlplane.start(own)
+
+
+@pytest.fixture(scope="session")
+def cluster() -> Iterator[kubernetes.Cluster]:
+    """A real cluster of one real node, whose containerd has the run images."""
+    with _session("cluster") as own:
+        made = controlplane.start(own)
+        node.start(made, [images.archive()])
+        yield made
+
+
+@pytest.fixture(scope="session")
+def kueue_cluster(cluster: kubernetes.Cluster) -> kubernetes.Cluster:
+    """The real cluster with Kueue installed."""
+    with skipped_when_unavailable():
+        kueue.install(cluster)
+    return cluster
+
+
+@pytest.fixture(scope="session", params=sorted(s3.MAKES))
+def cluster_s3(request: pytest.FixtureRequest, cluster: kubernetes.Cluster) -> s3.Server:
+    """An object store that pods of the real cluster reach; once with each make."""
+    with skipped_when_unavailable():
+        return s3.start(cluster.bed, request.param)
 
 
 @pytest.fixture(scope="session", params=sorted(s3.MAKES))

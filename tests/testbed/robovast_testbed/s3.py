@@ -11,7 +11,7 @@ from .bed import Bed, Daemon
 from .commands import wait_for
 
 ACCESS_KEY = "testbed"
-SECRET_KEY = "testbed-secret"  # noqa: S105
+SECRET_KEY = "testbed-secret"
 
 
 @dataclass(frozen=True)

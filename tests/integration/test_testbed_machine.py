@@ -1,0 +1,29 @@
+"""A machine that cannot host a testbed: say what is missing, once."""
+
+import os
+
+import pytest
+from robovast_testbed import bed
+from robovast_testbed.errors import Unavailable
+from robovast_testbed.pytest_plugin import skipped_when_unavailable
+
+
+def test_without_root_the_reason_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+
+    with pytest.raises(Unavailable, match="needs root"), bed.session("never"):
+        pass
+
+
+def test_elsewhere_a_missing_part_is_a_skip(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("CI", raising=False)
+
+    with pytest.raises(pytest.skip.Exception, match="no Go"), skipped_when_unavailable():
+        raise Unavailable("no Go")
+
+
+def test_in_ci_a_missing_part_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CI", "true")
+
+    with pytest.raises(Unavailable, match="no Go"), skipped_when_unavailable():
+        raise Unavailable("no Go")
