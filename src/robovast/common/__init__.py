@@ -19,12 +19,19 @@ if TYPE_CHECKING:
         get_campaign_timestamp,
         is_campaign_dir,
     )
+    from robovast.common.file_cache import FileCache
+    from robovast.common.generation import generate_scenario_variations
+    from robovast.common.progress import ProgressBar, fmt_size
     from robovast.common.scenario import get_scenario_parameters, is_scenario_parameter
 
 _MODULES = {
     "COMPAT_VERSION": "execution",
+    "FileCache": "file_cache",
+    "ProgressBar": "progress",
     "VariationConfig": "config",
     "filter_configs": "config",
+    "fmt_size": "progress",
+    "generate_scenario_variations": "generation",
     "get_campaign": "execution",
     "get_campaign_timestamp": "execution",
     "get_scenario_parameters": "scenario",
@@ -37,8 +44,12 @@ _MODULES = {
 
 __all__ = [
     "COMPAT_VERSION",
+    "FileCache",
+    "ProgressBar",
     "VariationConfig",
     "filter_configs",
+    "fmt_size",
+    "generate_scenario_variations",
     "get_campaign",
     "get_campaign_timestamp",
     "get_scenario_parameters",

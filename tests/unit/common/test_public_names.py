@@ -1,0 +1,121 @@
+"""Everything that plugins and notebooks of the existing tool import is there."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+
+import robovast.common
+from robovast.common import config, execution, file_cache, progress
+
+NAMES = [
+    "VariationConfig",
+    "get_validated_config",
+    "filter_configs",
+    "get_scenario_parameters",
+    "is_scenario_parameter",
+    "load_config",
+    "get_campaign",
+    "get_campaign_timestamp",
+    "is_campaign_dir",
+    "normalize_secondary_containers",
+    "COMPAT_VERSION",
+    "FileCache",
+    "ProgressBar",
+    "fmt_size",
+    "generate_scenario_variations",
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_name_is_exported(name: str) -> None:
+    assert getattr(robovast.common, name) is not None
+    assert name in robovast.common.__all__
+
+
+def test_another_name_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = robovast.common.nothing
+
+
+def test_importing_the_version_loads_nothing_heavy() -> None:
+    code = (
+        "import sys; from robovast.common.execution import COMPAT_VERSION;"
+        "print(COMPAT_VERSION, [m for m in ('pydantic', 'rdflib', 'yaml', 'pandas')"
+        " if m in sys.modules])"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert result.stdout.strip() == "2 []"
+
+
+def test_campaign_folder_names() -> None:
+    when = datetime(2026, 3, 10, 14, 25, 30)
+    name = execution.campaign_folder_name("navigation_evaluation", when)
+    assert name == "navigation-evaluation-2026-03-10-142530"
+    assert execution.is_campaign_dir(f"/results/{name}")
+    assert not execution.is_campaign_dir("/results/navigation")
+    assert execution.get_campaign_timestamp(name) == "2026-03-10-142530"
+    assert execution.get_campaign(f"/results/{name}/hall-1/0") == name
+    assert execution.get_campaign("/results/other") is None
+    assert execution.campaign_prefix("../../etc") == "etc"
+    assert execution.campaign_prefix("a b/c") == "a-b-c"
+
+
+@pytest.mark.parametrize(
+    ("value", "name"),
+    [("$x", "x"), ("${path_length}", "path_length"), ("a $x", None), ("$$x", None), (3, None)],
+)
+def test_markers(value: object, name: str | None) -> None:
+    assert config.match_var_marker(value) == name
+
+
+def test_secondary_containers_are_normalized() -> None:
+    given = ["nav", {"sim": {"resources": {"cpu": 2}}}, {"plain": None}]
+    assert config.normalize_secondary_containers(given) == [
+        {"name": "nav", "resources": {}},
+        {"name": "sim", "resources": {"cpu": 2}},
+        {"name": "plain", "resources": {}},
+    ]
+
+
+def test_configurations_are_filtered_by_glob() -> None:
+    configs = [{"name": "hall-1"}, {"name": "hall-2"}, {"name": "room-1"}]
+    assert config.filter_configs(configs, "hall-*") == configs[:2]
+    assert config.filter_configs(configs, None) == configs
+
+
+def test_load_config_reads_a_section(tmp_path: Path) -> None:
+    (tmp_path / "a.vast").write_text("version: 1\nexecution: {runs: 3}\n")
+    assert config.load_config(tmp_path / "a.vast", "execution") == {"runs": 3}
+    assert config.load_config(tmp_path / "a.vast", "search") == {}
+
+
+@pytest.mark.parametrize(
+    ("size", "text"), [(0, "0 B"), (1023, "1023 B"), (1536, "1.5 KiB"), (3 * 2**40, "3.0 TiB")]
+)
+def test_sizes(size: int, text: str) -> None:
+    assert progress.fmt_size(size) == text
+
+
+def test_a_progress_line() -> None:
+    line = progress.ProgressBar(200, "upload", width=10).line(100)
+    assert line == "upload  [█████░░░░░]  50.0%  100 B/200 B"
+
+
+def test_the_file_cache_keeps_by_content(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("1")
+    (tmp_path / "b").write_text("1")
+    cache = file_cache.FileCache(tmp_path / "cache", "maps")
+    key = cache.key([tmp_path / "a"], "v1")
+    assert key == cache.key([tmp_path / "b"], "v1") != cache.key([tmp_path / "b"], "v2")
+    assert cache.get(key) is None
+    cache.put(key, tmp_path / "a")
+    kept = cache.get(key)
+    assert kept is not None
+    assert kept.read_text() == "1"

@@ -1,0 +1,209 @@
+"""Variation types: names, values, independence, and plugins as users write them."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robovast.common.variation import (
+    OneOfVariation,
+    ParameterVariationDistributionGaussian,
+    ParameterVariationDistributionUniform,
+    ParameterVariationList,
+    ProvContribution,
+    Variation,
+)
+from robovast.common.variation.loader import load_variation
+from robovast.errors import InputError
+
+START = [{"name": "two", "config": {}, "_config_files": []}]
+
+
+def apply(kind: type[Variation], parameters: Any, configs: Any = None) -> list[dict[str, Any]]:
+    variation = kind(".", parameters, {"name": "two"}, None, "scenario.osc", None)
+    return variation.variation(copy.deepcopy(configs or START))
+
+
+def values(configs: list[dict[str, Any]], name: str = "x") -> list[Any]:
+    return [config["config"][name] for config in configs]
+
+
+def test_a_list_makes_one_configuration_per_value_with_one_index_per_variation() -> None:
+    first = apply(ParameterVariationList, {"name": "x", "values": [1, 2]})
+    second = apply(ParameterVariationList, {"name": "y", "values": ["a"]}, first)
+    assert [config["name"] for config in second] == ["two-1-1", "two-2-1"]
+    assert [config["config"] for config in second] == [{"x": 1, "y": "a"}, {"x": 2, "y": "a"}]
+
+
+def test_uniform_values_are_the_same_on_every_machine() -> None:
+    parameters = {"name": "x", "num_variations": 3, "min": 1, "max": 10, "type": "int", "seed": 42}
+    assert values(apply(ParameterVariationDistributionUniform, parameters)) == [2, 1, 5]
+    parameters |= {"type": "float"}
+    assert values(apply(ParameterVariationDistributionUniform, parameters)) == pytest.approx(
+        [6.754841186120954, 1.2250967970040025, 3.4752638653220735], abs=1e-12
+    )
+
+
+def test_without_a_seed_the_values_follow_from_the_names() -> None:
+    parameters = {"name": "x", "num_variations": 4, "mean": 0, "std": 1}
+    once = values(apply(ParameterVariationDistributionGaussian, parameters))
+    assert once == values(apply(ParameterVariationDistributionGaussian, parameters))
+    other = apply(ParameterVariationDistributionGaussian, {**parameters, "name": "y"})
+    assert once != values(other, "y")
+
+
+def test_gaussian_values_stay_between_the_limits() -> None:
+    parameters = {"name": "x", "num_variations": 50, "mean": 0, "std": 5, "min": -1, "max": 1}
+    drawn = values(apply(ParameterVariationDistributionGaussian, parameters))
+    assert min(drawn) == -1
+    assert max(drawn) == 1
+
+
+def test_one_of_adds_its_alternatives() -> None:
+    alternatives = [
+        {"ParameterVariationList": {"name": "x", "values": [1, 2]}},
+        {"ParameterVariationList": {"name": "y", "values": ["a"]}},
+    ]
+    made = apply(OneOfVariation, {"variations": alternatives})
+    assert [config["name"] for config in made] == ["two-1", "two-2", "two-3"]
+    assert [config["config"] for config in made] == [{"x": 1}, {"x": 2}, {"y": "a"}]
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters", "message"),
+    [
+        (ParameterVariationList, {"name": "x"}, "the parameter `values` is missing"),
+        (ParameterVariationList, {"name": "x", "valus": [1]}, "did you mean `values`"),
+        (ParameterVariationList, {"name": "x", "values": []}, "`values`"),
+        (
+            ParameterVariationDistributionUniform,
+            {"name": "x", "num_variations": 1, "min": 2, "max": 1},
+            "`min` must not be above `max`",
+        ),
+    ],
+)
+def test_wrong_parameters_are_named(kind: type[Variation], parameters: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        apply(kind, parameters)
+
+
+nested = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.text(max_size=3),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=2), inner),
+    max_leaves=8,
+)
+
+
+@given(st.dictionaries(st.text(min_size=1, max_size=3), nested, max_size=3), nested)
+def test_a_plugin_that_changes_its_copy_changes_nothing_else(config: Any, value: Any) -> None:
+    variation = Variation(".", {}, {}, None, "scenario.osc", None)
+    parent = {"name": "a", "config": config, "_config_files": [("f", "/f")]}
+    before = copy.deepcopy(parent)
+    first = variation.update_config(parent, {"new": value})
+    second = variation.update_config(parent, {"new": value})
+    assert first["config"] == {**config, "new": value}
+    spoil(first)
+    assert parent == before
+    assert second["config"] == {**config, "new": value}
+    assert (first["name"], second["name"]) == ("a-1", "a-2")
+
+
+def spoil(value: Any) -> None:
+    for item in value.values() if isinstance(value, dict) else value:
+        if isinstance(item, dict | list):
+            spoil(item)
+    if isinstance(value, dict):
+        value["spoilt"] = True
+        value["name"] = "a-1"
+    else:
+        value.append("spoilt")
+
+
+PLUGIN = """
+from pathlib import Path
+from typing import Optional
+from pydantic import ConfigDict
+import yaml
+from robovast.common import VariationConfig, get_validated_config
+from robovast.common.variation import Variation, ProvContribution
+
+class WindConfig(VariationConfig):
+    wind_speed: float
+    gusts: Optional[list[float]] = None
+
+class WindFieldVariation(Variation):
+    CONFIG_CLASS = WindConfig
+
+    def variation(self, in_configs):
+        self.progress_update("making wind")
+        result = []
+        for config in in_configs:
+            result.append(self.update_config(
+                config,
+                {"wind_strength": self.parameters.wind_speed * 2},
+                config_files=[("wind/field.csv", self.output_dir + "/field.csv")],
+                other_values={"_wind": {"speed": self.parameters.wind_speed}},
+            ))
+        return result
+
+    @classmethod
+    def collect_config_metadata(cls, config_entry, config_dir: Path, campaign_dir: Path) -> dict:
+        data_file = config_dir / "_config" / "my_data.yaml"
+        if data_file.exists():
+            with open(data_file) as f:
+                return {"my_data": yaml.safe_load(f)}
+        return {}
+
+    @classmethod
+    def collect_prov_metadata(cls, config_entry, campaign_namespace, config_namespace,
+                              gen_activity_id, vast_id):
+        return ProvContribution(graph_nodes=[{"@id": config_namespace["x"]}],
+                                scenario_properties={}, run_used_iris=[])
+"""
+
+
+def test_a_plugin_in_a_file_loads_unchanged(tmp_path: Path) -> None:
+    (tmp_path / "variations").mkdir()
+    (tmp_path / "variations/wind.py").write_text(PLUGIN)
+    kind = load_variation("variations/wind.py:WindFieldVariation", tmp_path)
+    told: list[str] = []
+    variation = kind(str(tmp_path), {"wind_speed": 2.5}, {}, told.append, "s.osc", "/gen")
+    (made,) = variation.variation(copy.deepcopy(START))
+    assert made["config"] == {"wind_strength": 5.0}
+    assert made["_config_files"] == [("wind/field.csv", "/gen/field.csv")]
+    assert made["_wind"] == {"speed": 2.5}
+    assert told == ["WindFieldVariation: making wind"]
+    assert kind.collect_config_metadata({}, tmp_path, tmp_path) == {}
+    assert kind.get_required_container({}) is None
+
+
+@pytest.mark.parametrize(
+    ("reference", "message"),
+    [
+        ("ParameterVariationLst", "Did you mean `ParameterVariationList`"),
+        ("none.py:A", "there is no plugin file"),
+        ("broken.py:A", "cannot be imported: ZeroDivisionError"),
+        ("fine.py:Missing", "fine.py has no `Missing`; it has VALUE"),
+        ("fine.py:VALUE", "is no variation type"),
+    ],
+)
+def test_what_cannot_be_loaded_says_why(tmp_path: Path, reference: str, message: str) -> None:
+    (tmp_path / "broken.py").write_text("1 / 0")
+    (tmp_path / "fine.py").write_text("VALUE = 1")
+    with pytest.raises(InputError, match=message):
+        load_variation(reference, tmp_path)
+
+
+def test_defaults_of_the_hooks() -> None:
+    variation = Variation(".", {"raw": 1}, {}, None, "scenario.osc", None)
+    assert variation.parameters == {"raw": 1}
+    assert variation.get_input_files() == []
+    assert variation.get_campaign_transient_files() == []
+    assert variation.get_cache_input_files([]) == []
+    assert Variation.collect_prov_metadata({}, None, None, "", "") is None
+    assert ProvContribution() == ProvContribution([], {}, [])
