@@ -74,7 +74,9 @@ def _check_scenario(parts: Parts) -> Iterator[Problem]:
             "OpenSCENARIO 2 file, relative to the .vast file.",
         )
     if isinstance(parts.scenario, InputError):
-        yield parts.source.problem(parts.scenario_key, str(parts.scenario))
+        near = sorted(path.name for path in parts.folder.glob("*.osc"))
+        remedy = f"Beside the .vast file: {', '.join(near)}." if near else ""
+        yield parts.source.problem(parts.scenario_key, str(parts.scenario), remedy)
     named = {entry.scenario_file for entry in parts.entries.values() if entry.scenario_file}
     if parts.execution is not None and parts.execution.scenario_file is not None:
         named.add(parts.execution.scenario_file)

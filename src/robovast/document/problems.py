@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 from typing import Any, get_args
 
@@ -24,11 +25,24 @@ def problems_of(
         model: the model that the value was validated against.
         base: path of the validated value in the document.
     """
-    by_path: dict[KeyPath, list[ErrorDetails]] = {}
+    problems = []
+    values: dict[KeyPath, list[ErrorDetails]] = {}
     for details in error.errors(include_url=False):
         path = _data_path(source.data, base, details["loc"])
-        by_path.setdefault(path, []).append(details)
-    return [_problem(path, group, source, model) for path, group in by_path.items()]
+        if details["type"] in {"missing", "extra_forbidden"}:
+            problems.append(_key_problem(path, details, source, model))
+        else:
+            values.setdefault(path, []).append(details)
+    return problems + [
+        _value_problem(path, values[path], source, model) for path in _deepest(values)
+    ]
+
+
+def _deepest(paths: Iterable[KeyPath]) -> list[KeyPath]:
+    """Without the parents of others: what may be one of several things is wrong as each of them,
+    and as a collection it is wrong inside."""
+    parents = {path[:length] for path in paths for length in range(len(path))}
+    return [path for path in paths if path not in parents]
 
 
 def _data_path(data: Any, base: KeyPath, loc: Iterable[str | int]) -> KeyPath:
@@ -56,23 +70,24 @@ def _holds(data: Any, part: str | int) -> bool:
     return isinstance(data, dict) and part in data
 
 
-def _problem(
+def _key_problem(
+    path: KeyPath, details: ErrorDetails, source: Source, model: type[BaseModel]
+) -> Problem:
+    key = str(details["loc"][-1])
+    if details["type"] == "missing":
+        return source.problem(path, f"the key `{key}` is missing", _describe(model, details["loc"]))
+    allowed = _allowed_keys(model, details["loc"][:-1])
+    return source.problem(path, f"unknown key `{key}`", suggest(key, allowed), at_key=True)
+
+
+def _value_problem(
     path: KeyPath, group: list[ErrorDetails], source: Source, model: type[BaseModel]
 ) -> Problem:
-    first = group[0]
-    kind = first["type"]
-    if kind == "missing":
-        missing = str(first["loc"][-1])
-        return source.problem(
-            path, f"the key `{missing}` is missing", _describe(model, first["loc"])
-        )
-    if kind == "extra_forbidden":
-        allowed = _allowed_keys(model, first["loc"][:-1])
-        return source.problem(
-            path, f"unknown key `{path[-1]}`", suggest(str(path[-1]), allowed), at_key=True
-        )
-    messages = list(dict.fromkeys(_sentence(details) for details in group))
-    return source.problem(path, f"{' or '.join(messages)}, not {_shown(first['input'])}")
+    sentences = list(dict.fromkeys(map(_sentence, group)))
+    message = " or ".join([sentences[0], *(s.removeprefix("must be ") for s in sentences[1:])])
+    if message.startswith("must ") and ", not " not in message:
+        message += f", not {_shown(group[0]['input'])}"
+    return source.problem(path, message, _describe(model, group[0]["loc"]))
 
 
 def suggest(given: str, allowed: Iterable[str]) -> str:
@@ -84,13 +99,25 @@ def suggest(given: str, allowed: Iterable[str]) -> str:
     return f"Known here: {', '.join(names)}." if names else ""
 
 
+_EXPECTED = {
+    "bool": "true or false",
+    "dict": "a mapping",
+    "float": "a number",
+    "int": "a whole number",
+    "list": "a list",
+    "model": "a mapping",
+    "string": "text",
+}
+"""What a kind of pydantic's errors expects, by the first word of its name."""
+
+
 def _sentence(details: ErrorDetails) -> str:
-    message = details["msg"]
-    for prefix in ("Input should be ", "Value error, "):
-        message = message.removeprefix(prefix)
-    if details["msg"].startswith("Input should be "):
-        return f"must be {message}"
-    return message[:1].lower() + message[1:] if message[:1].isupper() else message
+    kind, _, what = details["type"].partition("_")
+    if kind in _EXPECTED and what in {"type", "parsing", "from_float"}:
+        return f"must be {_EXPECTED[kind]}"
+    message = details["msg"].removeprefix("Value error, ").replace(" after validation", "")
+    message = re.sub(r"^[A-Z][a-z]+ should ", "must ", message)
+    return message[:1].lower() + message[1:]
 
 
 def _shown(value: Any) -> str:
@@ -117,5 +144,5 @@ def _allowed_keys(model: type[BaseModel], loc: tuple[str | int, ...]) -> list[st
 
 
 def _describe(model: type[BaseModel], loc: tuple[str | int, ...]) -> str:
-    field = _model_at(model, loc[:-1]).model_fields.get(str(loc[-1]))
+    field = _model_at(model, loc[:-1]).model_fields.get(str(loc[-1])) if loc else None
     return (field.description or "") if field else ""

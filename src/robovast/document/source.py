@@ -30,6 +30,13 @@ def render_path(path: KeyPath) -> str:
     return text
 
 
+def _cause(error: yaml.MarkedYAMLError) -> str:
+    """What the parser found, and in what, as that may begin far above."""
+    if not error.context or error.context_mark is None:
+        return str(error.problem)
+    return f"{error.problem} {error.context} that begins in line {error.context_mark.line + 1}"
+
+
 _COLLECTION_TAGS = frozenset({"tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"})
 
 
@@ -54,7 +61,7 @@ class Source:
             self.data: Any = None if node is None else self._build(node, ())
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
-            raise DocumentError([self._yaml_problem(error.problem, mark)]) from error
+            raise DocumentError([self._yaml_problem(_cause(error), mark)]) from error
         except yaml.YAMLError as error:
             raise DocumentError([self._yaml_problem(str(error), None)]) from error
         except RecursionError:
