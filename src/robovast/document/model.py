@@ -299,11 +299,17 @@ class SearchDimension(Section):
     """One dimension of a search space."""
 
     type: Literal["float", "int", "choice", "bool"]
+    """Kind of the values."""
     low: int | float | None = None
+    """Least number."""
     high: int | float | None = None
+    """Largest number."""
     log: bool = False
+    """Sample numbers on a logarithmic scale."""
     step: int | None = None
+    """Distance of neighbouring integers."""
     values: list[Any] | None = None
+    """What a choice chooses from."""
 
     @model_validator(mode="after")
     def _check_domain(self) -> SearchDimension:
@@ -322,14 +328,18 @@ class SearchObjective(Section):
     """A value that a search optimizes."""
 
     name: str
+    """Name that the extract step gives it."""
     direction: Literal["maximize", "minimize"]
+    """Which way is better."""
 
 
 class SearchExtract(Section):
     """The plugin that turns a configuration's results into objectives and measures."""
 
     plugin: str
+    """Plugin's name or file reference."""
     params: dict[str, Any] = Field(default_factory=dict)
+    """Its parameters."""
 
 
 class Search(Section):

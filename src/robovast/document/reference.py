@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from robovast.document.model import PluginCall, SecondaryContainer, Vast
+from robovast.document.model import Pair, PluginCall, SecondaryContainer, Vast
 
 _INTRODUCTION = """\
 # The .vast file
@@ -78,6 +78,8 @@ _NAMES = {str: "text", int: "integer", float: "number", bool: "true or false", A
 
 def _type(annotation: Any) -> str:
     origin, arguments = get_origin(annotation), get_args(annotation)
+    if annotation == Pair:
+        return "`name: value`"
     if origin is Annotated:
         return _type(arguments[0])
     if origin in (Union, types.UnionType):
