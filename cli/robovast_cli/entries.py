@@ -71,25 +71,26 @@ def append_entries(text: str, entries: Sequence[Any], file: Path) -> str:
     """The text of a .vast file with further entries; what is there stays as it is.
 
     Raises:
-        InputError: its `configuration` is a list in brackets.
+        InputError: the file, or its `configuration`, is written in brackets.
     """
-    found = _configuration_node(text)
-    if found is None or not isinstance(found, yaml.SequenceNode):
+    root = yaml.compose(text, Loader=yaml.SafeLoader)
+    pairs = root.value if isinstance(root, yaml.MappingNode) else []
+    found = next((value for key, value in pairs if key.value == "configuration"), None)
+    _refuse_brackets(root, file)
+    _refuse_brackets(found, file)
+    if not isinstance(found, yaml.SequenceNode):
         return _with_section(text, entries, found)
-    if found.flow_style:
-        raise InputError(
-            f"{file}:{found.start_mark.line + 1}:{found.start_mark.column + 1}: configuration: a "
-            "list in brackets cannot be extended without rewriting it. Write it with one `- name: "
-            "…` a line."
-        )
     position = _end_of_line(text, _last_mark(found).index)
     return _inserted(text, position, _indented(dump_yaml(entries), found.start_mark.column))
 
 
-def _configuration_node(text: str) -> yaml.Node | None:
-    root = yaml.compose(text, Loader=yaml.SafeLoader)
-    pairs = root.value if isinstance(root, yaml.MappingNode) else []
-    return next((value for key, value in pairs if key.value == "configuration"), None)
+def _refuse_brackets(node: yaml.Node | None, file: Path) -> None:
+    if isinstance(node, yaml.CollectionNode) and node.flow_style:
+        mark = node.start_mark
+        raise InputError(
+            f"{file}:{mark.line + 1}:{mark.column + 1}: what is written in brackets cannot be "
+            "extended without rewriting it. Write `configuration:` with one `- name: …` a line."
+        )
 
 
 def _with_section(text: str, entries: Sequence[Any], empty: yaml.Node | None) -> str:

@@ -1,0 +1,212 @@
+"""Bad .vast files, as a user sees them: the place, what is wrong, what would be right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+HEAD = "version: 1\n"
+TAIL = "execution:\n  scenario_file: drive.osc\n"
+
+CASES = {
+    "not YAML": (
+        HEAD + "configuration:\n- name: [a\n" + TAIL,
+        """\
+bad.vast:4:10: not valid YAML: did not find expected ',' or ']' while parsing a flow sequence \
+that begins in line 3
+error: 1 problem in bad.vast
+""",
+    ),
+    "a tab": (
+        HEAD + "metadata:\n\ttitle: x\n" + TAIL,
+        """\
+bad.vast:3:1: not valid YAML: found character that cannot start any token while scanning for \
+the next token that begins in line 3
+error: 1 problem in bad.vast
+""",
+    ),
+    "empty": (
+        "",
+        """\
+bad.vast:1:1: a .vast file is a mapping of sections; this one is empty
+error: 1 problem in bad.vast
+""",
+    ),
+    "wrong types deep inside": (
+        HEAD + TAIL + "  runs: many\n"
+        "  secondary_containers:\n  - nav: {resources: {gpu: a lot}}\n"
+        "  resources:\n    memory: [8Gi]\n",
+        """\
+bad.vast:4:9: execution.runs: must be a whole number, not 'many'
+    How often each configuration is run.
+bad.vast:6:28: execution.secondary_containers[0].nav.resources.gpu: must be a whole number or a \
+list, not 'a lot'
+bad.vast:8:14: execution.resources.memory[0]: must be one `name: value` pair, not '8Gi'
+error: 3 problems in bad.vast
+""",
+    ),
+    "unknown keys": (
+        HEAD + "configuraton: []\n" + TAIL + "  run_per_job: 3\n  colour: red\n",
+        """\
+bad.vast:2:1: configuraton: unknown key `configuraton`
+    Did you mean `configuration`?
+bad.vast:5:3: execution.run_per_job: unknown key `run_per_job`
+    Did you mean `runs_per_job`?
+bad.vast:6:3: execution.colour: unknown key `colour`
+    Known here: env, image, kubernetes, local, post_command, pre_command, resources, run_as_user, \
+run_files, runs, runs_per_job, scenario_file, secondary_containers, simulation, timeout.
+error: 3 problems in bad.vast
+""",
+    ),
+    "no such scenario": (
+        HEAD + "execution:\n  scenario_file: drvie.osc\n",
+        """\
+bad.vast:3:18: execution.scenario_file: there is no scenario file {folder}/drvie.osc
+    Beside the .vast file: drive.osc.
+error: 1 problem in bad.vast
+""",
+    ),
+    "no scenario": (
+        HEAD + "execution:\n  runs: 2\n",
+        """\
+bad.vast:3:3: execution: the key `scenario_file` is missing
+    OpenSCENARIO 2 file, relative to the .vast file.
+error: 1 problem in bad.vast
+""",
+    ),
+    "parameters that the scenario does not have": (
+        HEAD + "configuration:\n"
+        "- name: a\n  variations:\n"
+        "  - ParameterVariationList:\n      name: sped\n      values: [1]\n"
+        "- name: b\n  parameters:\n  - colour: red\n" + TAIL,
+        """\
+bad.vast:6:13: configuration[0].variations[0].ParameterVariationList.name: the scenario `drive` \
+has no parameter `sped`
+    Did you mean `speed`?
+bad.vast:10:5: configuration[1].parameters[0].colour: the scenario `drive` has no parameter \
+`colour`
+    Known here: distance, goal, speed.
+error: 2 problems in bad.vast
+""",
+    ),
+    "wrong parameters of a variation": (
+        HEAD + "configuration:\n- name: a\n  variations:\n"
+        "  - ParameterVariationList: {name: speed, value: [1]}\n"
+        "  - ParamVariationList: {name: speed, values: [1]}\n" + TAIL,
+        """\
+bad.vast:5:29: configuration[0].variations[0].ParameterVariationList: the key `values` is missing
+    Its values, one configuration for each.
+bad.vast:5:43: configuration[0].variations[0].ParameterVariationList.value: unknown key `value`
+    Did you mean `values`?
+bad.vast:6:5: configuration[0].variations[1]: there is no plugin `ParamVariationList` in \
+robovast.variation_types. Did you mean `ParameterVariationList`? A plugin in a file is written \
+`<path>.py:<name>`.
+error: 3 problems in bad.vast
+""",
+    ),
+    "names": (
+        HEAD + "configuration:\n- name: a\n- name: a\n- name: a/b\n- name: ..\n" + TAIL,
+        """\
+bad.vast:4:9: configuration[1].name: the name `a` stands twice; the first is configuration[0]
+    Results are kept by name: give each configuration its own.
+bad.vast:5:9: configuration[2].name: `a/b` cannot name a folder: use letters, digits, `-`, `_` \
+and `.`, beginning with a letter or digit, at most 100
+    Unique name; the results folders begin with it.
+bad.vast:6:9: configuration[3].name: `..` cannot name a folder: use letters, digits, `-`, `_` \
+and `.`, beginning with a letter or digit, at most 100
+    Unique name; the results folders begin with it.
+error: 3 problems in bad.vast
+""",
+    ),
+    "run files that are not there": (
+        HEAD + TAIL + "  run_files:\n  - files/*.py\n",
+        """\
+bad.vast:5:5: execution.run_files[0]: `files/*.py` matches no file in {folder}
+    Patterns are relative to the .vast file and stay in its folder; `**` matches any number of \
+folders.
+error: 1 problem in bad.vast
+""",
+    ),
+    "an alias of what it is part of": (
+        HEAD + "metadata: &all\n  again: *all\n" + TAIL,
+        """\
+bad.vast:2:11: an alias (`*name`) refers to what it is part of
+error: 1 problem in bad.vast
+""",
+    ),
+    "a key twice": (
+        HEAD + TAIL + "version: 1\n",
+        """\
+bad.vast:4:1: the key `version` stands twice in one mapping, first in line 1; YAML would keep \
+only the last
+error: 1 problem in bad.vast
+""",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_bad_file_is_explained(vast, folder: Path, case: str) -> None:
+    text, expected = CASES[case]
+    (folder / "bad.vast").write_text(text)
+    outcome = vast("-V", "bad.vast", "config", "list")
+    assert outcome.err == expected.replace("{folder}", str(folder))
+    assert (outcome.code, outcome.out) == (2, "")
+
+
+def test_a_glob_that_matches_nothing_names_what_there_is(vast, sweep: Path) -> None:
+    outcome = vast("exec", "local", "run", "-c", "swep*", "out", "--runtime", "process")
+    assert outcome.code == 2
+    assert outcome.err == (
+        "error: no configuration matches `swep*`. There are 7, for example sweep; "
+        "`vast config list` shows all.\n"
+    )
+    assert not (sweep.parent / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        ([], "there is no .vast file here, and no project."),
+        (["a", "b"], "there are several .vast files here (a.vast, b.vast), and no project."),
+    ],
+)
+def test_without_a_file_the_remedy_is_told(vast, folder, files: list[str], message: str) -> None:
+    for name in files:
+        (folder / f"{name}.vast").write_text(HEAD + TAIL)
+    outcome = vast("config", "list")
+    assert outcome.code == 2
+    assert outcome.err == (
+        f"error: {message} Name one with `vast -V FILE …`, or make this folder a project with "
+        "`vast init FILE`.\n"
+    )
+
+
+def test_files_that_cannot_be_read(vast, folder: Path) -> None:
+    (folder / "latin.vast").write_bytes(b"version: 1\nmetadata: {title: caf\xe9}\n")
+    assert vast("-V", "latin.vast", "config", "list").err == (
+        "error: latin.vast: not a text file in UTF-8 (byte 32): is it really a .vast file?\n"
+    )
+    assert vast("-V", "none.vast", "config", "list").err == (
+        "error: none.vast: there is no such file.\n"
+    )
+    assert vast("-V", folder, "config", "list").code == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["confg"], "No such command 'confg'. Did you mean 'config'?"),
+        (["config", "lst"], "No such command 'lst'. Did you mean 'list'?"),
+        (["config", "list", "-o", "xml"], "'xml' is not one of 'table', 'name', 'json', 'yaml'."),
+        (["exec", "local", "run", "--jobs", "0"], "'--jobs'"),
+        (["exec", "local", "run", "a", "-o", "b"], "OUT is a, and --output is b; name one."),
+        (["exec", "local", "run", "a", "--resume", "b"], "the results go to the campaign"),
+    ],
+)
+def test_usage_errors(vast, sweep: Path, arguments: list[str], message: str) -> None:
+    outcome = vast(*arguments)
+    assert outcome.code == 2
+    assert message in outcome.err
+    assert outcome.err.startswith("Usage: vast ")

@@ -1,0 +1,94 @@
+"""`vast` as a whole: help, names of groups, global options, exit codes of faults."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from robovast import __version__
+from robovast.errors import StorageError
+from robovast_cli import listing
+from robovast_cli.main import COMMANDS
+
+
+def test_help_names_every_command_once_and_no_alias(vast) -> None:
+    outcome = vast("--help")
+    names = [line.split()[0] for line in outcome.out.partition("Commands:\n")[2].splitlines()]
+    assert names[: len(COMMANDS)] == list(COMMANDS)
+    assert "configuration" not in names
+    assert outcome.code == 0
+
+
+@pytest.mark.parametrize(("short", "long"), [("config", "configuration"), ("exec", "execution")])
+def test_groups_have_a_long_name(vast, short: str, long: str) -> None:
+    help_of_long = vast(long, "--help").out
+    assert help_of_long == vast(short, "--help").out.replace(f"vast {short} ", f"vast {long} ")
+    assert "Commands:" in help_of_long
+
+
+def test_help_imports_no_command_and_nothing_heavy() -> None:
+    script = (
+        "import sys, contextlib\n"
+        "from robovast_cli.main import command\n"
+        "with contextlib.suppress(SystemExit): command()(['--help'], prog_name='vast')\n"
+        "print('LOADED', *sys.modules)\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    loaded = set(result.stdout.partition("LOADED ")[2].split())
+    assert "typer.core" in loaded
+    assert not loaded & {
+        "robovast.document", "robovast_cli.config", "pydantic.main", "yaml", "rich", "numpy",
+    }  # fmt: skip
+
+
+def test_version(vast) -> None:
+    assert vast("--version").out == f"vast {__version__}\n"
+
+
+def test_the_log_level_shows_what_variations_tell(vast, sweep: Path, caplog) -> None:
+    vast("-l", "info", "config", "list")
+    assert vast("-l", "loud", "config", "list").code == 2
+
+
+def fail_with(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(listing, "print_configurations", broken)
+
+
+def test_a_fault_is_one_line_and_code_70(vast, sweep, monkeypatch) -> None:
+    fail_with(monkeypatch, KeyError("x\ny"))
+    outcome = vast("config", "list")
+    assert outcome.code == 70
+    assert outcome.err == (
+        "error: a fault of RoboVAST: KeyError: 'x\\ny' (`vast -l debug …` shows where)\n"
+    )
+
+
+def test_the_traceback_of_a_fault_is_shown_on_demand(vast, sweep, monkeypatch) -> None:
+    fail_with(monkeypatch, KeyError("x"))
+    assert "Traceback" in vast("-l", "debug", "config", "list").err
+
+
+def test_errors_decide_the_exit_code(vast, sweep, monkeypatch) -> None:
+    fail_with(monkeypatch, StorageError("the disk is full."))
+    outcome = vast("config", "list")
+    assert (outcome.code, outcome.err) == (5, "error: the disk is full.\n")
+
+
+def test_an_interrupt_is_quiet(vast, sweep, monkeypatch) -> None:
+    fail_with(monkeypatch, KeyboardInterrupt())
+    outcome = vast("config", "list")
+    assert (outcome.code, outcome.err) == (130, "interrupted\n")
+
+
+def test_output_can_be_parsed_whatever_the_log_level(vast, sweep) -> None:
+    outcome = vast("-l", "debug", "config", "list", "-o", "json")
+    assert len(json.loads(outcome.out)) == 7
