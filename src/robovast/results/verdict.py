@@ -71,6 +71,8 @@ def _parse(suite: ET.Element) -> TestResult:
     return TestResult(Verdict.FAILED, _failure(suite), started_at, duration)
 
 
+_FAILED_LEAF = "[✕] -- "
+"""In a drawn behaviour tree, what precedes the message of the behaviour that failed."""
 _TREE = ("-^-", "[", "{", "-->", "/_/")
 """How the lines of a drawn behaviour tree begin; they say little without the rest of it."""
 
@@ -82,7 +84,15 @@ def _failure(suite: ET.Element) -> str:
     if failure is None:
         return "the scenario failed"
     message = (failure.get("message") or "").strip()
-    detail = next((line.strip() for line in (failure.text or "").splitlines() if line.strip()), "")
-    if detail.startswith(_TREE):
-        detail = ""
-    return ": ".join(filter(None, (message, detail))) or "the scenario failed"
+    return ": ".join(filter(None, (message, _detail(failure.text or "")))) or "the scenario failed"
+
+
+def _detail(text: str, limit: int = 200) -> str:
+    """The message of the behaviour that failed, or the first line; shortened in the middle."""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    failed = [line.partition(_FAILED_LEAF)[2] for line in lines if _FAILED_LEAF in line]
+    first = "" if not lines or lines[0].startswith(_TREE) else lines[0]
+    detail = failed[-1] if failed else first
+    if len(detail) <= limit:
+        return detail
+    return f"{detail[: limit // 2]} … {detail[-limit // 2 :]}"

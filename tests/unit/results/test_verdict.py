@@ -34,6 +34,13 @@ def test_a_drawn_tree_is_no_reason(tmp_path: Path) -> None:
     assert result_of(tmp_path, SUITE.format(e=0, f=1, case=case)).reason == "execution failed."
 
 
+def test_the_behaviour_that_failed_says_why(tmp_path: Path) -> None:
+    tree = "-^- test [✕]\n    {-} serial [✕]\n        --&gt; run [✕] -- sim failed with 3"
+    case = f'<testcase><failure message="execution failed.">{tree}</failure></testcase>'
+    reason = result_of(tmp_path, SUITE.format(e=0, f=1, case=case)).reason
+    assert reason == "execution failed.: sim failed with 3"
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [

@@ -63,6 +63,10 @@ def _explain(code: int) -> str:
     return f"exit code {code}" + (f": {meaning}" if meaning else "")
 
 
+_END = "[robovast] ended with code"
+"""What the entrypoint says last, and what says nothing new."""
+
+
 def _last_line(log: Path, limit: int = 200) -> str:
     try:
         with log.open("rb") as file:
@@ -71,5 +75,6 @@ def _last_line(log: Path, limit: int = 200) -> str:
             lines = file.read().decode("utf-8", "replace").split("\n")
     except OSError:
         return ""
-    last = next((line.strip() for line in reversed(lines) if line.strip()), "")
+    said = (line.strip() for line in reversed(lines))
+    last = next((line for line in said if line and not line.startswith(_END)), "")
     return last if len(last) <= limit else last[: limit - 1] + "…"
