@@ -90,7 +90,7 @@ def test_sysinfo_says_what_the_machine_has_when_nobody_tells(tmp_path: Path) -> 
 def test_the_name_of_a_process_may_hold_any_character() -> None:
     line = "7 (a) b (c) S 3 7 7 0 -1 4194560 99 0 0 0 150 50 0 0 20 0 1 0 500 1000 25 18446744073"
     process = monitor_resources.Process(line)
-    assert (process.pid, process.name, process.parent) == (7, "a) b (c", 3)
+    assert (process.pid, process.name) == (7, "a) b (c")
     assert process.cpu == 200 / monitor_resources.TICKS
     assert process.rss == 25 * monitor_resources.PAGE
 
@@ -103,16 +103,23 @@ def test_cpu_is_that_since_the_last_sample_or_since_the_process_began() -> None:
     assert next(csv.reader([later]))[3] == "50.0"
 
 
-def test_an_orphan_stays_in_the_family_and_a_stranger_never_enters() -> None:
-    def process(pid: int, parent: int) -> SimpleNamespace:
-        return SimpleNamespace(pid=pid, parent=parent, identity=(pid, 1.0))
-
-    everyone = {
-        one.pid: one
-        for one in (process(1, 0), process(5, 1), process(6, 5), process(8, 1), process(9, 1))
-    }
-    found = monitor_resources.family(everyone, 5, {(8, 1.0), (9, 0.5)})  # type: ignore[arg-type]
-    assert [one.pid for one in found] == [5, 6, 8]
+def test_an_orphan_stays_in_the_family(tmp_path: Path) -> None:
+    middle = "sleep 60 >/dev/null & echo $!; read -r"
+    with subprocess.Popen(
+        ["bash", "-c", middle], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as parent:
+        assert parent.stdout is not None
+        orphan = int(parent.stdout.readline())
+        with (tmp_path / "usage.csv").open("w") as file:
+            last = monitor_resources.sample(file, parent.pid, {})
+            parent.communicate("\n")
+            again = monitor_resources.sample(file, parent.pid, last)
+            stranger = {(pid, began - 1): usage for (pid, began), usage in last.items()}
+            never = monitor_resources.sample(file, parent.pid, stranger)
+    os.kill(orphan, signal.SIGKILL)
+    assert {pid for pid, _ in last} == {parent.pid, orphan}
+    assert {pid for pid, _ in again} == {orphan}
+    assert never == {}
 
 
 def test_the_monitor_samples_until_it_is_told_to_stop(tmp_path: Path) -> None:
