@@ -16,7 +16,14 @@ RESTRICTED = {
 }
 
 
-def job(name: str, script: str, *, completions: int = 1, queue: str | None = None) -> Manifest:
+def job(
+    name: str,
+    script: str,
+    *,
+    completions: int = 1,
+    memory: str = "256Mi",
+    queue: str | None = None,
+) -> Manifest:
     """Return an Indexed Job that runs a shell script in the slim image."""
     container = {
         "name": "run",
@@ -24,7 +31,7 @@ def job(name: str, script: str, *, completions: int = 1, queue: str | None = Non
         "imagePullPolicy": "Never",
         "command": ["bash", "-c", script],
         "securityContext": RESTRICTED,
-        "resources": {"requests": {"cpu": "10m"}},
+        "resources": {"requests": {"cpu": "10m"}, "limits": {"memory": memory}},
     }
     pod = {"restartPolicy": "Never", "containers": [container], "enableServiceLinks": False}
     return {
@@ -85,6 +92,15 @@ def test_pods_reach_the_object_store(cluster: Cluster, cluster_s3: Server) -> No
     assert finish(cluster, name).strip() == "reached"
 
 
+def test_memory_limits_hold(cluster: Cluster) -> None:
+    greedy = job("greedy", 'python3 -c "bytearray(200 << 20)"', memory="64Mi")
+    cluster.apply(greedy)
+
+    cluster.kubectl("wait", "job/greedy", "--for=condition=Failed", "--timeout=60s")
+
+    assert '"reason": "OOMKilled"' in json.dumps(cluster.get("pods", "-l", "job-name=greedy"))
+
+
 def test_volumes_are_provisioned(cluster: Cluster) -> None:
     claim = {
         "apiVersion": "v1",
@@ -107,14 +123,20 @@ def queue(kueue_cluster: Cluster) -> str:
         "kind": "ResourceFlavor",
         "metadata": {"name": "any"},
     }
-    quota = {"name": "any", "resources": [{"name": "cpu", "nominalQuota": "1"}]}
+    quota = {"cpu": "1", "memory": "1Gi"}
+    resources = [{"name": name, "nominalQuota": amount} for name, amount in quota.items()]
     cluster_queue = {
         "apiVersion": "kueue.x-k8s.io/v1beta1",
         "kind": "ClusterQueue",
         "metadata": {"name": "all"},
         "spec": {
             "namespaceSelector": {},
-            "resourceGroups": [{"coveredResources": ["cpu"], "flavors": [quota]}],
+            "resourceGroups": [
+                {
+                    "coveredResources": list(quota),
+                    "flavors": [{"name": "any", "resources": resources}],
+                }
+            ],
         },
     }
     local_queue = {

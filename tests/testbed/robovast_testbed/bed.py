@@ -175,7 +175,7 @@ def sweep() -> None:
     """Remove the testbeds whose session is dead."""
     for name in names():
         with _lock(name) as handle:
-            if handle is not None and not _alive(Bed(name)):
+            if handle is not None and _is_stale(Bed(name)):
                 destroy(Bed(name))
 
 
@@ -222,9 +222,9 @@ def _mount_handle(bed: Bed) -> Path:
     return bed.folder / "mount"
 
 
-def _alive(bed: Bed) -> bool:
-    """Say whether a testbed without a session is one that somebody keeps."""
-    return _kept(bed).exists() and bed.netns.exists()
+def _is_stale(bed: Bed) -> bool:
+    """Say whether a testbed without a session is there but not one that somebody keeps."""
+    return bed.folder.exists() and not (_kept(bed).exists() and bed.netns.exists())
 
 
 def _kept(bed: Bed) -> Path:

@@ -8,10 +8,11 @@ import fcntl
 import hashlib
 import os
 import shutil
-import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from . import leftovers
 
 
 def root() -> Path:
@@ -48,17 +49,21 @@ def once(key: str, make: Callable[[Path], None]) -> Path:
     with locked(key):
         if target.exists():
             return target
-        scratch = root() / "scratch"
-        scratch.mkdir(exist_ok=True)
+        work = root() / "scratch" / key.replace("/", "_")
+        _discard(work)  # what a crash has left
+        work.mkdir(parents=True)
         target.parent.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=f"{target.name}-", dir=scratch))
         try:
             make(work)
-            work.chmod(0o755)
             work.rename(target)
         finally:
-            shutil.rmtree(work, ignore_errors=True)
+            _discard(work)
     return target
+
+
+def _discard(folder: Path) -> None:
+    leftovers.unmount(folder)
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def digest(paths: Iterable[Path], *more: str) -> str:

@@ -78,5 +78,6 @@ def _config(bed: Bed, docker: Docker) -> dict[str, object]:
         "exec-root": f"{docker.folder}/exec",
         "pidfile": f"{docker.folder}/pid",
         "cgroup-parent": bed.cgroup,
+        "exec-opts": ["native.cgroupdriver=cgroupfs"],
         "oom-score-adjust": 0,  # lowering it needs CAP_SYS_RESOURCE
     }
