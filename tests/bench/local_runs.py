@@ -107,10 +107,10 @@ def packed(folder: Path, repeat: int) -> None:
         results = [path.read_text() for path in out.glob("*/*/*/test.xml")]
         times = [float(re.search(r'<testsuite[^>]* time="([^"]+)"', text)[1]) for text in results]  # type: ignore[index]
         own.append(statistics.mean(times))
+    each, scenario = statistics.median(total), statistics.median(own)
     print(
-        f"packed: {statistics.median(total):.3f} s per run, of which the scenario itself "
-        f"{statistics.median(own):.3f} s; {statistics.median(total) - statistics.median(own):.3f} s "
-        f"for all else (start-up of the job, {RUNS} verdicts, records)"
+        f"packed: {each:.3f} s per run, of which the scenario itself {scenario:.3f} s; "
+        f"{each - scenario:.3f} s for all else (start-up of the job, {RUNS} verdicts, records)"
     )
 
 

@@ -87,8 +87,29 @@ def _valid_parts(vast: Vast | None, source: Source, path: Path) -> Parts:
     entries = source.data.get("configuration")
     valid = {}
     for index, entry in enumerate(entries if isinstance(entries, list) else []):
-        model, _ = _validate(ConfigurationEntry, entry, source, ("configuration", index))
+        model = _salvage(ConfigurationEntry, entry, {"name": f"entry-{index}"})
         if model is not None:
             valid[index] = model
-    execution, _ = _validate(Execution, source.data.get("execution") or {}, source, ("execution",))
+    execution = _salvage(Execution, source.data.get("execution") or {}, {})
     return Parts(path.parent, source, valid, execution, vast.search if vast else None)
+
+
+def _salvage(model: type[ModelT], data: Any, required: dict[str, Any]) -> ModelT | None:
+    """The part of a section that is valid, without the keys that are not.
+
+    Args:
+        model: of the section.
+        data: the section.
+        required: stands in for keys that it must have.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        if not isinstance(data, dict):
+            return None
+        wrong = {details["loc"][0] for details in error.errors() if details["loc"]}
+        rest = {key: value for key, value in data.items() if key not in wrong}
+    try:
+        return model.model_validate(required | rest)
+    except ValidationError:
+        return None

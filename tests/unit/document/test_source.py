@@ -49,7 +49,7 @@ def test_merge_keys_and_aliases_work() -> None:
         ("a: [1, 2", "not valid YAML: did not find expected"),
         ("a: 1\na: 2\n", "a.vast:2:1: the key `a` stands twice in one mapping, first in line 1"),
         ("a: &x [*x]\n", "an alias (`*name`) refers to what it is part of"),
-        ("a: !!python/object:os.system {}\n", "a.vast:1:4: the tag `tag:yaml.org,2002:python/object:os.system` has no meaning here"),
+        ("a: !!python/object:os.system {}\n", "a.vast:1:4: the tag `tag:yaml.org,2002:python/"),
         ("a: !own 1\n", "could not determine a constructor"),
         ("? [1, 2]\n: 3\n", "a key must be a plain value"),
         ("[" * 5000 + "]" * 5000, "nested too deeply"),
