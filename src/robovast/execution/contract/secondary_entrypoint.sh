@@ -15,14 +15,13 @@ import fcntl, sys, time
 while True:
     try:
         with open(sys.argv[1]) as lock:
-            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise SystemExit(fcntl.flock(lock, fcntl.LOCK_SH))
     except FileNotFoundError:
         pass
-    except BlockingIOError:
-        break
     time.sleep(0.5)
-with open(sys.argv[1]) as lock:
-    fcntl.flock(lock, fcntl.LOCK_SH)
 ' "$out/.running"
 }
 
