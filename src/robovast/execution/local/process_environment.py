@@ -86,7 +86,7 @@ def _make(folder: Path) -> None:
     uv = shutil.which("uv")
     if uv:
         _call([uv, "venv", "--quiet", "--python", sys.executable, str(folder)], folder)
-        install = [uv, "pip", "install", "--quiet", "--python", str(python)]
+        install = [uv, "pip", "install", "--quiet", "--compile-bytecode", "--python", str(python)]
     else:
         _call([sys.executable, "-m", "venv", str(folder)], folder)
         install = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
