@@ -33,16 +33,16 @@ def resume(campaign: Path, options: LocalOptions) -> ExitCode:
 
 
 def _watch(options: LocalOptions, execute: Callable[[Observer], Summary]) -> ExitCode:
-    with _view(options) as view:
+    with _view() as view:
         summary = execute(view)
     for line in summary_lines(summary):
         say(line)
     return exit_code(summary)
 
 
-def _view(options: LocalOptions) -> AbstractContextManager[Observer]:
-    """A live view on a terminal, lines elsewhere and where the run itself takes the terminal."""
-    if sys.stdout.isatty() and os.environ.get("TERM") != "dumb" and not options.start_only:
+def _view() -> AbstractContextManager[Observer]:
+    """A live view on a terminal, lines elsewhere."""
+    if sys.stdout.isatty() and os.environ.get("TERM") != "dumb":
         from robovast_cli.live_view import LiveView
 
         return LiveView()

@@ -141,8 +141,11 @@ def run(
         enforce_resources=use_resource_allocation,
         log_tree=log_tree,
         debug=debug,
-        start_only=start_only,
     )
+    if start_only:
+        from robovast.execution.local import open_shell
+
+        return open_shell(ctx.obj.document(), options)
     if resume is not None:
         if out or output:
             raise typer.BadParameter("the results go to the campaign; name no OUT.", ctx)

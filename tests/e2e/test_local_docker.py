@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -159,6 +160,15 @@ def test_prepared_run_opens_a_shell_in_the_container(slim_image: str, tmp_path: 
     )
     assert "scenario test:" in result.stdout
     assert result.returncode == 0
+
+
+def test_start_only_opens_a_shell_with_the_inputs(slim_image: str, tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", PASS)
+    options = ["--start-only", "--runtime", "docker", "-i", slim_image, "-c", "one-2"]
+    vast = Path(sys.executable).with_name("vast")
+    result = call(vast, "-V", str(path), "exec", "local", "run", *options, text="ls /config\n")
+    assert "scenario.params.yaml" in result.stdout.split()
+    assert result.returncode == 0, result.stderr
 
 
 def test_prepared_run_uses_the_network_of_the_machine_on_request(

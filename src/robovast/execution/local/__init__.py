@@ -18,7 +18,7 @@ from robovast.execution.generate import write_configurations, write_execution
 from robovast.execution.local.campaign import execute_campaign
 from robovast.execution.local.choose import choose_runtime
 from robovast.execution.local.events import LocalOptions, Observer, Summary
-from robovast.execution.local.prepare import prepare_run
+from robovast.execution.local.prepare import open_shell, prepare_run
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained
 from robovast.execution.local.variants import choose_variants
@@ -31,6 +31,7 @@ __all__ = [
     "LocalOptions",
     "Observer",
     "Summary",
+    "open_shell",
     "prepare_run",
     "resume_campaign",
     "run_campaign",

@@ -55,8 +55,6 @@ class LocalOptions:
     """Live behaviour tree of scenario-execution in the logs."""
     debug: bool = False
     """Debug log of scenario-execution."""
-    start_only: bool = False
-    """Open a shell in the first run's container instead of executing the scenario."""
 
 
 @dataclass(frozen=True)

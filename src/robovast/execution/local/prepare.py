@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shlex
 import shutil
+import subprocess
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -11,7 +13,7 @@ from typing import Any
 from robovast.common.execution import COMPAT_VERSION, campaign_prefix
 from robovast.common.scenario import read_scenario
 from robovast.document import Document
-from robovast.errors import StorageError
+from robovast.errors import CannotRunError, StorageError
 from robovast.execution.contract import contract_files
 from robovast.execution.generate import copy_file, write_configurations
 from robovast.execution.inputs import container_files
@@ -51,6 +53,27 @@ def prepare_run(document: Document, output: Path, options: LocalOptions) -> Path
         _write_jobs(document, options, output, jobs, Path(scratch))
     (output / "gui.yaml").write_text(dump_yaml(_gui(document)), encoding="utf-8")
     return _write_script(document, output, options)
+
+
+def open_shell(document: Document, options: LocalOptions) -> int:
+    """Open a shell in the container of the first run, with its inputs mounted.
+
+    Returns:
+        The shell's exit code.
+
+    Raises:
+        CannotRunError: the runtime has no containers.
+    """
+    if options.runtime == "process":
+        raise CannotRunError("`--start-only` needs containers: use `--runtime docker` or `podman`.")
+    with TemporaryDirectory(prefix="robovast-") as folder:
+        script = prepare_run(document, Path(folder), dataclasses.replace(options, runs=1))
+        _, *others = sorted((Path(folder) / "jobs").iterdir())
+        for job in others:
+            shutil.rmtree(job)
+        flags = {"--no-gui": not options.gui, "--network-host": options.network_host}
+        chosen = [flag for flag, given in flags.items() if given]
+        return subprocess.run([script, "--shell", *chosen], check=False).returncode
 
 
 def _silent(message: str) -> None:
