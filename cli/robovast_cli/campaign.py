@@ -24,15 +24,15 @@ MOST_LISTED = 20
 
 def start(document: Document, output: Path, options: LocalOptions) -> ExitCode:
     """Run a new campaign."""
-    return _watch(options, lambda view: run_campaign(document, output, options, view))
+    return _watch(lambda view: run_campaign(document, output, options, view))
 
 
 def resume(campaign: Path, options: LocalOptions) -> ExitCode:
     """Run what is left of a campaign."""
-    return _watch(options, lambda view: resume_campaign(campaign, options, view))
+    return _watch(lambda view: resume_campaign(campaign, options, view))
 
 
-def _watch(options: LocalOptions, execute: Callable[[Observer], Summary]) -> ExitCode:
+def _watch(execute: Callable[[Observer], Summary]) -> ExitCode:
     with _view() as view:
         summary = execute(view)
     for line in summary_lines(summary):
