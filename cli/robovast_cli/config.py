@@ -31,7 +31,7 @@ def list_(
         ),
     ] = False,
 ) -> None:
-    """List the configurations that will be run, with their parameters."""
+    """List the configurations that will be run."""
     from robovast_cli.listing import print_configurations
 
     print_configurations(ctx.obj.document(), output, internal=debug)
@@ -58,7 +58,7 @@ def generate(
         ),
     ] = False,
 ) -> None:
-    """Write what every configuration needs, as a campaign has it before its first run."""
+    """Write what a campaign has before its first run."""
     from robovast_cli.generation import generate
 
     generate(ctx.obj.document(), out, keep_work=keep_transient, use_cache=not no_cache)
@@ -66,7 +66,7 @@ def generate(
 
 @app.command()
 def info(ctx: typer.Context) -> None:
-    """Summarize the .vast file: scenario, configurations, runs, how they are executed."""
+    """Summarize what the .vast file runs, and how."""
     from robovast_cli.description import print_summary
 
     print_summary(ctx.obj.document())
@@ -82,7 +82,7 @@ def schema() -> None:
 
 @app.command()
 def variation_types() -> None:
-    """List the variation types that are installed, with their parameters."""
+    """List the installed variation types and their parameters."""
     from robovast_cli.description import print_variation_types
 
     print_variation_types()
@@ -90,7 +90,7 @@ def variation_types() -> None:
 
 @app.command()
 def variation_points(ctx: typer.Context) -> None:
-    """List the scenario's parameters, which variations can set."""
+    """List the scenario parameters that variations can set."""
     from robovast_cli.description import print_variation_points
 
     print_variation_points(ctx.obj.document())
@@ -101,14 +101,17 @@ def export_configs(
     ctx: typer.Context,
     patterns: Annotated[
         list[str],
-        typer.Argument(metavar="PATTERN...", help="Names or globs of configurations."),
+        typer.Argument(metavar="PATTERN", help="Names or globs of configurations."),
     ],
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="File to write; stdout when omitted."),
     ] = None,
 ) -> None:
-    """Write configurations as entries with fixed parameters, to run exactly these again."""
+    """Write configurations as entries with fixed parameters.
+
+    They can be imported into another .vast file, to run exactly these again.
+    """
     from robovast_cli.entries import export_entries
 
     export_entries(ctx.obj.document(), patterns, output)
@@ -122,7 +125,10 @@ def import_configs(
         typer.Argument(metavar="SOURCE", help="Exported entries, a .vast file or a campaign."),
     ],
 ) -> None:
-    """Add configurations to the .vast file; the text that is there stays as it is."""
+    """Add exported configurations to the .vast file.
+
+    The text that is there stays as it is, comments included.
+    """
     from robovast_cli.entries import import_entries
 
     import_entries(ctx.obj.path, source)

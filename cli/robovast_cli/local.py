@@ -158,7 +158,12 @@ def run(
 @app.command()
 def prepare_run(
     ctx: typer.Context,
-    out: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder.")],
+    out: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DIR", help="New folder, or one that an earlier `prepare-run` has written."
+        ),
+    ],
     config: Select = None,
     runs: Runs = None,
     use_resource_allocation: Limits = False,

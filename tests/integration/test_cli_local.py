@@ -1,0 +1,176 @@
+"""`vast` as a program of its own: a campaign from the command line, signals, pipes, terminals."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+from local_campaigns import make_campaign
+
+VAST = Path(sys.executable).with_name("vast")
+
+PASS = "exit 0\n"
+FAIL_SECOND = '[ "$1" != 2 ]\n'
+NO_RESULT_SECOND = '[ "$1" != 2 ] || kill -9 $PPID\n'
+SLOW = "sleep 60\n"
+
+
+def vast(*arguments: object, cwd: Path, **settings: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(  # type: ignore[call-overload,no-any-return]
+        [VAST, *map(str, arguments)], cwd=cwd, capture_output=True, text=True, **settings
+    )
+
+
+def test_a_campaign_passes_from_init_to_results(tmp_path: Path) -> None:
+    make_campaign(tmp_path / "in", PASS)
+    assert vast("init", "in/test.vast", cwd=tmp_path).returncode == 0
+    result = vast("exec", "local", "run", "--runtime", "process", "-r", 2, cwd=tmp_path)
+    assert (result.returncode, result.stderr) == (0, "")
+    lines = result.stdout.splitlines()
+    (campaign,) = (tmp_path / "results").iterdir()
+    assert lines[-2:] == ["6 runs: 6 passed.", f"Results: results/{campaign.name}"]
+    assert sum(line.startswith("[") and " passed " in line for line in lines) == 6
+
+
+@pytest.mark.parametrize(
+    ("script", "code", "verdict"), [(FAIL_SECOND, 1, "failed"), (NO_RESULT_SECOND, 4, "errored")]
+)
+def test_runs_that_do_not_pass_are_named_with_their_log(
+    tmp_path: Path, script: str, code: int, verdict: str
+) -> None:
+    file = make_campaign(tmp_path / "in", script)
+    result = vast(
+        "-V", file, "exec", "local", "run", "out", "--runtime", "process", cwd=tmp_path
+    )  # fmt: skip
+    assert result.returncode == code, result.stdout
+    summary = result.stdout.partition("\n\n")[2].splitlines()
+    assert summary[0].startswith(f"{verdict:<11}  one-2/0: ")
+    log = tmp_path / summary[1].strip()
+    assert log.name == "system.log"
+    assert log.is_file()
+    assert summary[-2] == f"3 runs: 2 passed, 1 {verdict}."
+
+
+def test_an_interrupted_campaign_ends_soon_and_is_resumed(tmp_path: Path) -> None:
+    file = make_campaign(tmp_path / "in", SLOW)
+    with subprocess.Popen(
+        [VAST, "-V", file, "exec", "local", "run", "out", "--runtime", "process", "-j", "1"],
+        cwd=tmp_path, stdout=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        wait_for(lambda: any((tmp_path / "out").glob("*/.running/job-*/out/*")))
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=30)
+    assert process.returncode == 130
+    (campaign,) = (tmp_path / "out").iterdir()
+    assert f"Continue: vast exec local run --resume out/{campaign.name}" in out
+    (campaign / "_config/files/step.sh").write_text(PASS)
+    resumed = vast(
+        "exec", "local", "run", "--resume", campaign, "--runtime", "process", cwd=tmp_path
+    )
+    assert resumed.returncode == 0, resumed.stdout + resumed.stderr
+    assert "3 runs: 3 passed." in resumed.stdout
+
+
+def wait_for(condition: Callable[[], bool], seconds: float = 60) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.05)
+
+
+def test_a_terminal_shows_a_live_view(tmp_path: Path) -> None:
+    file = make_campaign(tmp_path / "in", FAIL_SECOND)
+    main, other = pty.openpty()
+    command = [VAST, "-V", file, "exec", "local", "run", "out", "--runtime", "process"]
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
+    process = subprocess.Popen(
+        command, cwd=tmp_path, stdout=other, stderr=other, env=environment
+    )  # fmt: skip
+    os.close(other)
+    shown = re.sub(r"\x1b\[[0-9;]*m", "", read_all(main))
+    assert process.wait(timeout=60) == 1
+    assert "running: one-" in shown
+    assert "failed  one-2/0: " in shown
+    assert "3 runs: 2 passed, 1 failed." in shown
+
+
+def read_all(descriptor: int) -> str:
+    chunks = []
+    while True:
+        try:
+            chunk = os.read(descriptor, 65536)
+        except OSError:  # Linux says so when the other side is closed
+            break
+        if not chunk:
+            break
+        chunks.append(chunk)
+    os.close(descriptor)
+    return b"".join(chunks).decode()
+
+
+def test_a_campaign_goes_on_when_nobody_reads_its_lines(tmp_path: Path) -> None:
+    file = make_campaign(tmp_path / "in", PASS)
+    process = subprocess.Popen(
+        [VAST, "-V", file, "exec", "local", "run", "out", "--runtime", "process"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.readline()
+    process.stdout.close()
+    assert (process.wait(timeout=120), process.stderr.read()) == (0, "")
+    process.stderr.close()
+    assert len(list((tmp_path / "out").glob("*/one-*/0/run.json"))) == 3
+
+
+def test_a_reader_that_goes_away_is_no_error(tmp_path: Path) -> None:
+    file = make_campaign(tmp_path / "in", PASS)
+    reading, writing = os.pipe()
+    os.close(reading)
+    result = subprocess.run(
+        [VAST, "-V", file, "config", "list"], stdout=writing, stderr=subprocess.PIPE, check=False
+    )
+    os.close(writing)
+    assert (result.returncode, result.stderr) == (141, b"")
+
+
+def test_exploding_aliases_are_refused_at_once_in_little_memory(tmp_path: Path) -> None:
+    lines = ["version: 1", "metadata:", "  a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    for level in range(1, 10):
+        items = ", ".join([f"*a{level - 1}"] * 10)
+        lines.append(f"  a{level}: &a{level} [{items}]")
+    (tmp_path / "boom.vast").write_text("\n".join([*lines, ""]))
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (400 << 20, 400 << 20))
+        resource.setrlimit(resource.RLIMIT_CPU, (10, 10))
+
+    result = vast("-V", "boom.vast", "config", "list", cwd=tmp_path, preexec_fn=limit)
+    assert result.returncode == 2
+    place, _, problem = result.stderr.partition(": ")
+    assert place.startswith("boom.vast:")
+    assert problem.startswith("its aliases (`*name`) repeat more than 100,000 values")
+
+
+def test_prepare_run_leaves_a_script(tmp_path: Path) -> None:
+    file = make_campaign(tmp_path / "in", PASS)
+    result = vast(
+        "-V", file, "exec", "local", "prepare-run", "-c", "one-2", "-t", "run", cwd=tmp_path
+    )
+    assert (result.returncode, result.stderr) == (0, "")
+    assert result.stdout.startswith("Run it with run/run.sh")
+    assert os.access(tmp_path / "run" / "run.sh", os.X_OK)
+    configurations = yaml.safe_load(
+        (tmp_path / "run/out_template/_transient/configurations.yaml").read_text()
+    )
+    assert [config["name"] for config in configurations["configs"]] == ["one-2"]

@@ -1,0 +1,148 @@
+"""What a user sees of a running campaign and of its end, and the exit code."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from robovast.errors import ExitCode
+from robovast.execution.local.events import Summary
+from robovast.expansion.variant import Variant
+from robovast.plan import Run, plan_runs
+from robovast.results.run_record import RunRecord
+from robovast.results.verdict import Verdict
+from robovast_cli.campaign import MOST_LISTED, exit_code, summary_lines
+from robovast_cli.live_view import LiveView
+from robovast_cli.plain_view import PlainView
+from robovast_cli.progress import Progress, clock_time
+
+
+def runs_of(count: int) -> list[Run]:
+    return plan_runs([Variant(name="hall", entry="hall", parameters={})], count)
+
+
+def record(run: Run, verdict: Verdict = Verdict.PASSED, reason: str = "") -> RunRecord:
+    return RunRecord(
+        campaign="c", variant=run.variant.name, entry=run.variant.entry, run=run.number, id=run.id,
+        verdict=verdict, reason=reason, started_at="", finished_at="", duration=1.5, exit_code=0,
+        attempt=1, job=f"job-{run.id}", runtime="process", image="", image_digest="", host="h",
+    )  # fmt: skip
+
+
+def summary(*verdicts: Verdict, total: int | None = None, interrupted: bool = False) -> Summary:
+    runs = runs_of(len(verdicts))
+    records = [record(r, v, "because") for r, v in zip(runs, verdicts, strict=True)]
+    return Summary(Path("out/c"), total or len(verdicts), records, interrupted)
+
+
+P, F, E = Verdict.PASSED, Verdict.FAILED, Verdict.ERRORED
+
+
+@pytest.mark.parametrize(
+    ("ended", "code"),
+    [
+        (summary(P, P), ExitCode.OK),
+        (summary(P, F, E), ExitCode.TEST_FAILED),
+        (summary(P, E), ExitCode.RUN_ERRORED),
+        (summary(P, total=3), ExitCode.RUN_ERRORED),
+        (summary(P, F, interrupted=True), ExitCode.INTERRUPTED),
+    ],
+)
+def test_the_exit_code_follows_from_the_verdicts(ended: Summary, code: ExitCode) -> None:
+    assert exit_code(ended) is code
+
+
+def test_the_summary_names_what_did_not_pass_why_and_its_log() -> None:
+    assert list(summary_lines(summary(P, F, E))) == [
+        "",
+        "failed       hall/1: because",
+        "             out/c/_jobs/job-1/logs/system.log",
+        "errored      hall/2: because",
+        "             out/c/_jobs/job-2/logs/system.log",
+        "",
+        "3 runs: 1 passed, 1 failed, 1 errored.",
+        "Results: out/c",
+    ]
+
+
+def test_a_long_summary_is_cut_with_a_count() -> None:
+    lines = list(summary_lines(summary(*[F] * 50)))
+    assert sum(line.startswith("failed") for line in lines) == MOST_LISTED
+    assert "… and 30 more that did not pass." in lines
+
+
+def test_an_unfinished_campaign_says_how_to_go_on() -> None:
+    lines = list(summary_lines(summary(P, total=4, interrupted=True)))
+    assert lines[1:] == [
+        "4 runs: 1 passed, 3 not started.",
+        "Results: out/c",
+        "Continue: vast exec local run --resume out/c",
+    ]
+
+
+def play(view: Progress, runs: list[Run], verdicts: list[Verdict], done: int = 0) -> None:
+    view.campaign_started(Path("out/c"), len(runs) + done, done, "process, 2 side by side")
+    for run, verdict in zip(runs, verdicts, strict=True):
+        view.run_started(run)
+        view.run_finished(run, record(run, verdict, "" if verdict is P else "because"))
+
+
+def test_a_short_campaign_has_a_line_for_each_run(capsys) -> None:
+    play(PlainView(), runs_of(3), [P, F, P])
+    assert capsys.readouterr().out.splitlines() == [
+        "3 runs, process, 2 side by side, into out/c",
+        "[1/3] passed  hall/0  1.5 s",
+        "[2/3] failed  hall/1: because",
+        "[3/3] passed  hall/2  1.5 s",
+    ]
+
+
+def test_a_long_campaign_has_a_hundred_lines_and_the_failures(capsys) -> None:
+    verdicts = [P] * 10_000
+    verdicts[1234] = F
+    play(PlainView(), runs_of(10_000), verdicts)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 102
+    assert "[ 1235/10000] failed  hall/1234: because" in lines
+    assert lines[-1] == "10000 of 10000 done: 9999 passed, 1 failed"
+
+
+def test_a_resumed_campaign_counts_what_was_there(capsys) -> None:
+    play(PlainView(), runs_of(1), [P], done=3)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("4 runs, 3 of them finished before, ")
+    assert lines[1].startswith("[4/4] ")
+
+
+def test_the_time_left_follows_from_the_pace() -> None:
+    now = 100.0
+    progress = Progress(clock=lambda: now)
+    runs = runs_of(10)
+    progress.campaign_started(Path("c"), 12, 2, "docker")
+    assert progress.left is None
+    now = 120.0
+    progress.run_finished(runs[0], record(runs[0]))
+    progress.run_finished(runs[1], record(runs[1]))
+    assert progress.left == pytest.approx(80.0)
+    assert clock_time(80) == "1:20"
+    assert clock_time(3723) == "1:02:03"
+
+
+def test_the_live_view_shows_counts_and_what_runs() -> None:
+    screen = io.StringIO()
+    console = Console(file=screen, force_terminal=True, width=100, color_system=None)
+    runs = runs_of(20)
+    with LiveView(console) as view:
+        view.campaign_started(Path("c"), 20, 0, "docker, 12 side by side")
+        for run in runs[:12]:
+            view.run_started(run)
+        view.run_finished(runs[0], record(runs[0]))
+        view.run_finished(runs[1], record(runs[1], E, "[red]exploded"))
+        console.print(view.render())
+    shown = screen.getvalue()
+    assert "errored hall/1: [red]exploded" in shown
+    assert "2/20 1 passed  1 errored" in shown
+    assert "running: hall/2, hall/3, hall/4, hall/5, hall/6, hall/7, hall/8, hall/9 and 2" in shown
