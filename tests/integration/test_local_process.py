@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import pytest
 import yaml
 from local_campaigns import EXAMPLES, ROOT, Recorder, make_campaign, resume, run, verdicts
 
+from robovast.common.execution import campaign_folder_name
 from robovast.errors import CannotRunError, InputError, StorageError
 
 PASS = 'echo "$1,$2" > "$3/out.csv"\n'
@@ -177,6 +180,24 @@ def test_an_output_folder_that_cannot_be_written_is_refused_before_anything_runs
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageError, match="Choose another folder"):
         run(make_campaign(tmp_path / "in", PASS), tmp_path / "file" / "out")
+
+
+def test_an_output_folder_that_holds_the_campaign_is_refused(tmp_path: Path) -> None:
+    now = datetime.now().astimezone()
+    for seconds in range(20):
+        name = campaign_folder_name("test_campaign", now + timedelta(seconds=seconds))
+        (tmp_path / "out" / name).mkdir(parents=True)
+    with pytest.raises(StorageError, match="exists already"):
+        run(make_campaign(tmp_path / "in", PASS), tmp_path / "out")
+
+
+def test_two_programs_do_not_execute_one_campaign(tmp_path: Path) -> None:
+    summary = run(make_campaign(tmp_path / "in", PASS), tmp_path / "out", select="one-1")
+    (summary.campaign / ".running").mkdir()
+    with (summary.campaign / ".running" / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        with pytest.raises(StorageError, match="another `vast` is executing this campaign"):
+            resume(summary.campaign)
 
 
 def test_a_glob_that_matches_no_configuration_names_what_there_is(tmp_path: Path) -> None:
