@@ -1,4 +1,4 @@
-"""Everything that plugins and notebooks of the existing tool import is there."""
+"""Everything that plugins and notebooks import is there."""
 
 from __future__ import annotations
 
