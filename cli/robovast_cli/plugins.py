@@ -102,11 +102,13 @@ def _problem(entry: EntryPoint, other: EntryPoint | None, taken: Iterable[str]) 
         return "`vast` has a command of that name itself"
     if other is not None and other.value != entry.value:
         return f"{origin(other)} has a plugin of that name, too"
+    if not EntryPoint.pattern.match(entry.value):
+        return f"`{entry.value}` is no reference to a command, as `package.module:command`"
     try:
         package = entry.module.partition(".")[0]
         if find_spec(package) is None:
             return f"there is no module `{package}`"
-    except (AttributeError, ImportError, ValueError):  # AttributeError: the value is no reference
+    except (ImportError, ValueError):
         return f"`{entry.value}` is no reference to a command, as `package.module:command`"
     return None
 
