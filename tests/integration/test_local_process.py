@@ -130,11 +130,14 @@ def test_a_scenario_that_was_written_for_a_container_finds_its_files(tmp_path: P
     assert (summary.campaign / "_config" / "scenario.osc").read_text() == text
 
 
-def test_ctrl_c_keeps_finished_runs_and_marks_interrupted_ones(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_request_to_stop_keeps_finished_runs_and_marks_interrupted_ones(
+    tmp_path: Path, number: signal.Signals
+) -> None:
     path = make_campaign(tmp_path / "in", PASS + '[ "$1" != 2 ] || sleep 600\n')
 
     def interrupt(_: object) -> None:
-        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), number)
 
     summary = run(path, tmp_path / "out", Recorder(on_finished=interrupt), jobs=1)
     assert summary.interrupted

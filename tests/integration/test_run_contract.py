@@ -120,7 +120,7 @@ class Job:
 
     def start(self, script: str = "entrypoint.sh", **env: str) -> subprocess.Popen[str]:
         return subprocess.Popen(
-            ["bash", self.config / script],
+            ["env", "--default-signal=INT", "bash", self.config / script],
             env={**self.env, **env},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

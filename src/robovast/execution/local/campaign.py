@@ -18,6 +18,7 @@ from robovast.execution.inputs import container_files
 from robovast.execution.local.events import Observer, Summary
 from robovast.execution.local.job_execution import JobExecution
 from robovast.execution.local.session import Session
+from robovast.execution.local.signals import call_on_signals
 from robovast.execution.local.store import explained
 from robovast.plain import dump_yaml
 from robovast.plan import Job, Run, pack_runs
@@ -100,24 +101,26 @@ class _CampaignExecution:
         self._jobs: deque[Job] = deque()
         self._add(todo)
         self._failure: BaseException | None = None
+        self._interrupted = False
 
     def run(self, workers: int) -> bool:
         """Execute all jobs; True when the user interrupted it."""
         threads = [Thread(target=self._work, name=f"job-{n}") for n in range(workers)]
-        for thread in threads:
-            thread.start()
-        interrupted = False
-        while any(thread.is_alive() for thread in threads) or not self._events.empty():
-            try:
+        with call_on_signals(self._interrupt):
+            for thread in threads:
+                thread.start()
+            while any(thread.is_alive() for thread in threads) or not self._events.empty():
                 self._handle_event()
-            except KeyboardInterrupt:
-                if not interrupted:
-                    self._observer.message("Stopping: waiting for running scenarios to end …")
-                interrupted = True
-                self._stop.set()
         if self._failure is not None:
             raise self._failure
-        return interrupted
+        return self._interrupted
+
+    def _interrupt(self) -> None:
+        if not self._interrupted:
+            stopping = "Stopping: waiting for running scenarios to end …"
+            self._events.put(lambda: self._observer.message(stopping))
+        self._interrupted = True
+        self._stop.set()
 
     def _handle_event(self) -> None:
         try:
