@@ -4,8 +4,10 @@
     python tests/bench/local_runs.py [--docker IMAGE] [--repeat 3]
 
 Prints, from one session, the wall time of a growth_sim campaign (13 configurations × 2 runs) over
-`26 × one bare run ÷ CPUs`, for plain processes and, with an image, for Docker; and the split of a
-run in a pack of 26. Bare and full executions alternate, so that both see the same machine.
+`26 × one bare run ÷ CPUs`, and over 26 bare runs that a thread pool starts, as many side by side as
+there are CPUs (what this machine can do at best: side by side each run is slower than alone). For
+plain processes and, with an image, for Docker. Then the split of a run in a pack of 26. Bare and
+full executions alternate, so that all see the same machine.
 """
 
 from __future__ import annotations
@@ -17,8 +19,10 @@ import statistics
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, mkdtemp
 
 import yaml
 
@@ -46,8 +50,7 @@ def parameters(folder: Path) -> Path:
 def bare_process(folder: Path) -> float:
     """One run of scenario_execution alone [s]."""
     binaries = process_environment(print) / "bin"
-    out = folder / "bare"
-    out.mkdir(exist_ok=True)
+    out = Path(mkdtemp(dir=folder))
     scenario = str(EXAMPLE / "scenario.osc")
     options = ["-o", str(out), "--scenario-parameter-file", str(parameters(folder)), scenario]
     environment = {**os.environ, "PATH": f"{binaries}:{os.environ['PATH']}"}
@@ -56,8 +59,7 @@ def bare_process(folder: Path) -> float:
 
 def bare_docker(folder: Path, image: str) -> float:
     """One run of scenario_execution alone in a container [s]."""
-    out = folder / "bare-docker"
-    out.mkdir(exist_ok=True)
+    out = Path(mkdtemp(dir=folder))
     out.chmod(0o777)
     mounts = ["-v", f"{EXAMPLE}:/config:ro", "-v", f"{out}:/out", "-v", f"{folder}:/parameters:ro"]
     parameters(folder)
@@ -72,24 +74,41 @@ def campaign(folder: Path, *options: str, document: str = "growth_sim.vast") -> 
     return timed([str(VAST), "-V", name, "exec", "local", "run", *options, "-o", str(folder)])
 
 
-def report(name: str, bare: list[float], full: list[float], goal: float) -> None:
-    """One line: the ratio, and both times with their spread."""
-    expected = [RUNS * value / machine_cpus() for value in bare]
-    ratio = statistics.median(full) / statistics.median(expected)
-    print(
-        f"{name}: ratio {ratio:.2f} (goal {goal}); campaign {statistics.median(full):.2f} s "
-        f"[{min(full):.2f}–{max(full):.2f}], bare run {statistics.median(bare):.3f} s "
-        f"[{min(bare):.3f}–{max(bare):.3f}], {RUNS} runs, {machine_cpus()} CPUs"
-    )
+def side_by_side(bare_run: Callable[[], float]) -> float:
+    """All runs by a thread pool, without RoboVAST [s]."""
+    begin = time.perf_counter()
+    with ThreadPoolExecutor(machine_cpus()) as pool:
+        for future in [pool.submit(bare_run) for _ in range(RUNS)]:
+            future.result()
+    return time.perf_counter() - begin
 
 
-def compare(name: str, goal: float, repeat: int, bare_run: object, full_run: object) -> None:
-    bare, full = [], []
+def spread(values: list[float]) -> str:
+    """Median, least and largest."""
+    return f"{statistics.median(values):.2f} s [{min(values):.2f}–{max(values):.2f}]"
+
+
+def compare(
+    name: str,
+    goal: float,
+    repeat: int,
+    bare_run: Callable[[], float],
+    full_run: Callable[[], float],
+) -> None:
+    bare, limit, full = [], [], []
     for _ in range(repeat):
-        bare += [bare_run() for _ in range(5)]  # type: ignore[operator]
-        full.append(full_run())  # type: ignore[operator]
-    bare += [bare_run() for _ in range(5)]  # type: ignore[operator]
-    report(name, bare, full, goal)
+        bare += [bare_run() for _ in range(5)]
+        full.append(full_run())
+        limit.append(side_by_side(bare_run))
+    bare += [bare_run() for _ in range(5)]
+    campaign_time = statistics.median(full)
+    ideal = RUNS * statistics.median(bare) / machine_cpus()
+    print(
+        f"{name}: {campaign_time / ideal:.2f} of the ideal (goal {goal}), "
+        f"{campaign_time / statistics.median(limit):.2f} of the limit; campaign {spread(full)}, "
+        f"bare run {spread(bare)}, {RUNS} bare runs side by side {spread(limit)}, "
+        f"{machine_cpus()} CPUs"
+    )
 
 
 def packed(folder: Path, repeat: int) -> None:
