@@ -105,7 +105,7 @@ class _CampaignExecution:
 
     def run(self, workers: int) -> bool:
         """Execute all jobs; True when the user interrupted it."""
-        threads = [Thread(target=self._work, name=f"job-{n}") for n in range(workers)]
+        threads = [Thread(target=self._work_to_the_end, name=f"job-{n}") for n in range(workers)]
         with call_on_signals(self._interrupt):
             for thread in threads:
                 thread.start()
@@ -128,6 +128,10 @@ class _CampaignExecution:
         except queue.Empty:
             return
         event()
+
+    def _work_to_the_end(self) -> None:
+        self._work()
+        self._events.put(lambda: None)  # wakes the caller's thread, which waits for events
 
     def _work(self) -> None:
         while (job := self._take()) is not None:
