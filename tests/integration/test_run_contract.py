@@ -18,6 +18,8 @@ from pathlib import Path
 
 import pytest
 import yaml
+from robovast_testbed import debian
+from robovast_testbed.pytest_plugin import skipped_when_unavailable
 
 from robovast.execution.contract import contract_files
 
@@ -541,8 +543,9 @@ def test_with_ros_the_package_runs_and_rosout_is_recorded(job: Job) -> None:
     assert processes_of(job) == []
 
 
-@pytest.mark.skipif(not shutil.which("Xvfb"), reason="Xvfb is not installed")
 def test_a_display_is_there_unless_it_is_not_wanted(job: Job) -> None:
+    with skipped_when_unavailable():
+        debian.require("Xvfb")
     job.single(job.program("[[ -S /tmp/.X11-unix/X${DISPLAY#:} ]]"))
     code, output = job.run(ENABLE_X11="true")
     assert code == 0, output

@@ -19,6 +19,8 @@ PACKAGES = {
     "nsenter": "util-linux",
     "openssl": "openssl",
     "runc": "runc",
+    "shellcheck": "shellcheck",
+    "Xvfb": "xvfb",
     "/usr/lib/cni/bridge": "containernetworking-plugins",
 }
 SUITE = "bookworm"
