@@ -122,7 +122,7 @@ class Job:
 
     def start(self, script: str = "entrypoint.sh", **env: str) -> subprocess.Popen[str]:
         return subprocess.Popen(
-            ["env", "--default-signal=INT", "bash", self.config / script],
+            ["/usr/bin/env", "--default-signal=INT", "bash", self.config / script],
             env={**self.env, **env},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -347,7 +347,7 @@ def test_a_post_command_that_cannot_be_run_is_found_before_the_run(job: Job) -> 
 def test_each_missing_tool_is_named(job: Job) -> None:
     tools = job.root / "tools"
     tools.mkdir()
-    for name in ("bash", "env", "mkdir", "tee", "flock", "find", "python3"):
+    for name in ("bash", "mkdir", "tee", "flock", "find", "python3"):
         (tools / name).symlink_to(Path("/usr/bin") / name)
     code, output = job.run(PATH=str(tools), ENABLE_X11="true")
     assert code == 69
