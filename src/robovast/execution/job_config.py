@@ -26,7 +26,7 @@ def parameter_documents(job: Job, scenario: str) -> str:
 
 def _parameters(job: Job, run: Any) -> dict[str, Any]:
     parameters = {k: v for k, v in run.variant.parameters.items() if not k.startswith("_")}
-    return {**parameters, "_output_dir": run.path} if is_pack(job) else parameters
+    return {**parameters, "_output_dir": run.path if is_pack(job) else "."}
 
 
 def build_config_folder(folder: Path, common: Path, job: Job, scenario: str) -> None:
@@ -88,6 +88,7 @@ def job_environment(
         "CAMPAIGN_ID": campaign,
         "SCENARIO_FILE": scenario_file,
         "SCENARIO_PARAMETER_FILE": PARAMETER_FILE,
+        "OUTPUT_RESULT_PER_SCENARIO": "true",
         "OUTPUT_DIR": f"{out_dir}/_jobs/{job.name}",
         "SCENARIO_OUTPUT_DIR": out_dir if is_pack(job) else f"{out_dir}/{job.runs[0].path}",
         "SCENARIO_EXECUTION_PARAMETERS": scenario_options,
@@ -96,6 +97,4 @@ def job_environment(
         "ROBOVAST_CONFIG_DIR": config_dir,
         "ROBOVAST_OUT_DIR": out_dir,
     }
-    if is_pack(job):
-        environment["OUTPUT_RESULT_PER_SCENARIO"] = "true"
     return environment | {name: value for name, value in settings.items() if value}
