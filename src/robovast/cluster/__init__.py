@@ -1,0 +1,1 @@
+"""Campaigns on a cluster: names, plan, storage. Knows no Kubernetes client."""

@@ -1,0 +1,130 @@
+"""Faults of an S3 server: which pass by themselves, how long to wait, what to tell."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
+
+from minio.error import InvalidResponseError, MinioException, S3Error, ServerError
+from urllib3.exceptions import HTTPError, MaxRetryError, SSLError
+
+from robovast.errors import StorageError
+
+T = TypeVar("T")
+
+FIRST_PAUSE = 0.25
+"""Longest pause before the second attempt [s]; it doubles with each further one."""
+LONGEST_PAUSE = 15.0
+"""[s]"""
+BUSY = frozenset({429, 500, 502, 503, 504})
+"""HTTP statuses of a server that may answer later."""
+
+_PASSING = frozenset(
+    {
+        "BadDigest",  # damaged on the way
+        "IncompleteBody",
+        "InternalError",
+        "NoSuchUpload",  # a restart forgot the parts of a large file
+        "OperationAborted",
+        "RequestTimeTooSkewed",  # it waited for too long
+        "RequestTimeout",
+        "ServiceUnavailable",
+        "SlowDown",
+        "SlowDownRead",
+        "SlowDownWrite",
+        "XAmzContentChecksumMismatch",
+        "XAmzContentSHA256Mismatch",
+        "XMinioServerNotInitialized",
+    }
+)
+
+
+class Pauses:
+    """Pauses of random length that grow exponentially, until `patience` is used up."""
+
+    def __init__(self, patience: float) -> None:
+        self._patience = patience
+        self.reset()
+
+    def reset(self) -> None:
+        """Something went well: be patient anew."""
+        self._deadline = time.monotonic() + self._patience
+        self._longest = FIRST_PAUSE
+
+    def wait(self) -> bool:
+        """Wait before the next attempt; False, at once, when none is left."""
+        left = self._deadline - time.monotonic()
+        if left <= 0:
+            return False
+        time.sleep(min(left, random.uniform(self._longest / 2, self._longest)))  # noqa: S311
+        self._longest = min(2 * self._longest, LONGEST_PAUSE)
+        return True
+
+
+def persist(action: Callable[[], T], patience: float) -> T:
+    """The result of `action`, which is repeated while its fault may pass by itself.
+
+    Args:
+        action: does the same however often it is called.
+        patience: for how long to repeat it [s].
+
+    Raises:
+        MinioException: the last fault, also urllib3's `HTTPError` and `OSError`.
+    """
+    pauses = Pauses(patience)
+    while True:
+        try:
+            return action()
+        except (MinioException, HTTPError) as error:
+            if not passes(error) or not pauses.wait():
+                raise
+
+
+def passes(error: Exception) -> bool:
+    """True when the same request may succeed later."""
+    if isinstance(error, S3Error):
+        return error.code in _PASSING or error.response.status in BUSY
+    if isinstance(error, ServerError):
+        return error.status_code in BUSY
+    if isinstance(error, InvalidResponseError):  # of a proxy, which speaks no S3
+        return any(f"Response code: {code}," in str(error) for code in BUSY)
+    if isinstance(error, MaxRetryError):
+        return not isinstance(error.reason, SSLError)
+    return isinstance(error, HTTPError) and not isinstance(error, SSLError)
+
+
+@contextmanager
+def explained(attempt: str) -> Iterator[None]:
+    """Turn a fault into an error that says what to do.
+
+    Args:
+        attempt: the server, and what cannot be done.
+
+    Raises:
+        StorageError: in place of what `minio` and urllib3 raise.
+    """
+    try:
+        yield
+    except S3Error as error:
+        cause = f"{(error.message or 'no reason given').rstrip('.')} ({error.code})"
+        remedy = _REMEDIES.get(error.code or "", "The server's own log may tell more.")
+        raise StorageError(f"{attempt}: {cause}. {remedy}") from error
+    except (MinioException, HTTPError) as error:
+        reason = getattr(error, "reason", None) or error
+        raise StorageError(
+            f"{attempt}: {reason}. Is an S3 server at this address, and can it be reached from "
+            "here?"
+        ) from error
+
+
+_REMEDIES = {
+    "AccessDenied": "The account's policy must allow it.",
+    "InvalidAccessKeyId": "Check the access key.",
+    "SignatureDoesNotMatch": "Check the secret key.",
+    "NoSuchBucket": "Is it the right server, or was the bucket removed?",
+    "PreconditionFailed": "It has changed meanwhile; try again.",
+    "XMinioStorageFull": "Make room on the server; what is stored stays.",
+}
