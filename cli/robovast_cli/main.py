@@ -22,6 +22,9 @@ COMMANDS: Mapping[str, Lazy] = {
         aliases=("configuration",),
     ),
     "exec": Lazy("robovast_cli.exec:app", "Run campaigns.", aliases=("execution",)),
+    "results": Lazy(
+        "robovast_cli.results:app", "Bring results home, work them up, ask them, publish them."
+    ),
     "install-completion": Lazy(
         "robovast_cli.completion:app", "Complete commands and options in your shell."
     ),
