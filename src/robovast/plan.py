@@ -49,24 +49,37 @@ def plan_runs(variants: Sequence[Variant], runs: int) -> list[Run]:
 def pack_runs(runs: Iterable[Run], runs_per_job: int, first_job: int = 0) -> list[Job]:
     """Runs in jobs of at most `runs_per_job`, in order.
 
-    Variants that bring different files of one name cannot share a config folder, so a job also
-    ends where that would happen.
+    A job also ends where `breaks` says so, since its variants share one config folder.
     """
-    packs = _packs(runs, runs_per_job)
+    packs = _packs(list(runs), runs_per_job)
     return [Job(first_job + index, tuple(pack)) for index, pack in enumerate(packs)]
 
 
-def _packs(runs: Iterable[Run], size: int) -> Iterator[list[Run]]:
+def _packs(runs: list[Run], size: int) -> Iterator[list[Run]]:
+    variants = list({run.variant.name: run.variant for run in runs}.values())
+    starts = {variants[index].name for index in breaks(variants)}
     pack: list[Run] = []
-    sources: dict[str, object] = {}
     for run in runs:
-        clash = any(
-            sources.get(file.name, file.source) != file.source for file in run.variant.files
-        )
-        if pack and (len(pack) == size or clash):
+        other = bool(pack) and pack[-1].variant.name != run.variant.name
+        if pack and (len(pack) == size or (other and run.variant.name in starts)):
             yield pack
-            pack, sources = [], {}
+            pack = []
         pack.append(run)
-        sources.update((file.name, file.source) for file in run.variant.files)
     if pack:
         yield pack
+
+
+def breaks(variants: Sequence[Variant]) -> list[int]:
+    """Indexes of the variants that cannot share a job with the one before.
+
+    Variants that bring different files of one name cannot share a config folder; an index is
+    given where a variant clashes with any since the index before.
+    """
+    found: list[int] = []
+    sources: dict[str, object] = {}
+    for index, variant in enumerate(variants):
+        if any(sources.get(file.name, file.source) != file.source for file in variant.files):
+            found.append(index)
+            sources = {}
+        sources.update((file.name, file.source) for file in variant.files)
+    return found

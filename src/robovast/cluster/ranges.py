@@ -1,0 +1,92 @@
+"""Sets of run ids as text: `17,204-206`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+
+Span = tuple[int, int]
+"""First and last id, both included."""
+
+_ITEM = re.compile(r"(\d+)(?:-(\d+))?")
+
+
+def spans(ids: Iterable[int]) -> list[Span]:
+    """Ids, in any order and repeated, as ascending spans that do not touch."""
+    return merge((id_, id_) for id_ in ids)
+
+
+def merge(parts: Iterable[Span]) -> list[Span]:
+    """Spans, in any order and overlapping, as ascending spans that do not touch."""
+    merged: list[Span] = []
+    for first, last in sorted(parts):
+        if merged and first <= merged[-1][1] + 1:
+            merged[-1] = (merged[-1][0], max(merged[-1][1], last))
+        else:
+            merged.append((first, last))
+    return merged
+
+
+def subtract(parts: Iterable[Span], minus: Iterable[Span]) -> list[Span]:
+    """What is in `parts` and not in `minus`."""
+    left: list[Span] = []
+    cuts = merge(minus)
+    for begin, last in merge(parts):
+        first = begin
+        for cut_first, cut_last in cuts:
+            if cut_last < first or cut_first > last:
+                continue
+            if cut_first > first:
+                left.append((first, cut_first - 1))
+            first = cut_last + 1
+        if first <= last:
+            left.append((first, last))
+    return left
+
+
+def shift(parts: Iterable[Span], by: int) -> list[Span]:
+    """Every id increased by `by`."""
+    return [(first + by, last + by) for first, last in parts]
+
+
+def count(parts: Iterable[Span]) -> int:
+    """Number of ids."""
+    return sum(last - first + 1 for first, last in parts)
+
+
+def ids(parts: Iterable[Span]) -> Iterator[int]:
+    """Every id, in the order of the spans."""
+    for first, last in parts:
+        yield from range(first, last + 1)
+
+
+def format_ranges(parts: Iterable[Span]) -> str:
+    """Spans as text; the text of no span is empty."""
+    return ",".join(str(a) if a == b else f"{a}-{b}" for a, b in parts)
+
+
+def parse_ranges(text: str) -> list[Span]:
+    """The spans of a text as `format_ranges` and the completed indexes of a Job have it.
+
+    Raises:
+        ValueError: the text is no list of ranges.
+    """
+    return [_span(item) for item in text.split(",")] if text.strip() else []
+
+
+def _span(item: str) -> Span:
+    match = _ITEM.fullmatch(item.strip())
+    if match is None:
+        raise ValueError(f"`{item}` is no range of numbers as `3` or `5-9`")
+    first = int(match[1])
+    last = int(match[2] or first)
+    if last < first:
+        raise ValueError(f"the range `{item}` ends before it begins")
+    return first, last
+
+
+def truncate(text: str, limit: int) -> tuple[str, bool]:
+    """Ranges cut at an item so that they have at most `limit` characters; True when cut."""
+    if len(text) <= limit:
+        return text, False
+    return text[: text.rfind(",", 0, limit + 1)] if "," in text[: limit + 1] else "", True
