@@ -7,15 +7,15 @@ the operator (how many pods?), the agent (which runs are mine?) and the command 
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, PositiveInt
 
-from robovast.cluster.ranges import Span, format_ranges, parse_ranges, spans
+from robovast.cluster.ranges import Span, format_ranges, ids, merge, parse_ranges, spans
 
 
 class _Data(BaseModel):
@@ -151,6 +151,14 @@ class Entry(_Data):
 def first_blocks(entries: Sequence[Entry], runs: int) -> tuple[Block, ...]:
     """The block of a document's entries."""
     return (Block(first_variant=0, variants=sum(e.variants for e in entries), runs=runs),)
+
+
+def retry_groups(plan: PlanSpec, runs: Iterable[Span]) -> list[list[int]]:
+    """Run ids that are executed once more, in groups: each is a pod's share.
+
+    Runs stay with those of their own pack, so no group is larger than a pack.
+    """
+    return [list(group) for _, group in groupby(ids(merge(runs)), plan.pack_of)]
 
 
 def format_breaks(indexes: Sequence[int]) -> str:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robovast.cluster.plan import Block, PlanSpec, format_breaks
+from robovast.cluster.plan import Block, PlanSpec, format_breaks, retry_groups
 from robovast.cluster.ranges import (
     count,
     format_ranges,
@@ -124,3 +124,14 @@ def test_truncated_ranges_are_ranges_of_the_beginning(some: set[int], limit: int
     assert cut == (short != text)
     assert text.startswith(short)
     assert set(ids(parse_ranges(short))) <= some
+
+
+@given(plans(), st.data())
+def test_runs_that_are_repeated_stay_with_those_of_their_pack(
+    plan: PlanSpec, data: st.DataObject
+) -> None:
+    chosen = data.draw(st.sets(st.integers(0, plan.total - 1)))
+    groups = retry_groups(plan, spans(chosen))
+    assert [id_ for group in groups for id_ in group] == sorted(chosen)
+    assert len({plan.pack_of(group[0]) for group in groups}) == len(groups)
+    assert all(len({plan.pack_of(id_) for id_ in group}) == 1 for group in groups)

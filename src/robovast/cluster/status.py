@@ -1,0 +1,142 @@
+"""The status of the custom resources; it never grows with the number of runs."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+from pydantic.alias_generators import to_camel
+
+RANGES_LIMIT = 4096
+"""Most characters of the ranges of bad runs; the index in the bucket is complete."""
+
+SHARDS_LIMIT = 512
+
+ConditionType = Literal[
+    "Accepted",
+    "QuotaReserved",
+    "Reconciling",
+    "Stalled",
+    "Succeeded",
+    "Passed",
+    "ResultsAvailable",
+]
+
+
+class _Status(BaseModel):
+    model_config = ConfigDict(
+        extra="ignore",
+        frozen=True,
+        use_attribute_docstrings=True,
+        alias_generator=to_camel,
+        populate_by_name=True,
+    )
+
+
+class Condition(_Status):
+    """One fact about an object, as Kubernetes writes them."""
+
+    type: str
+    """Which fact."""
+    status: Literal["True", "False", "Unknown"]
+    """Whether it holds."""
+    reason: str
+    """Why, in one word."""
+    message: str = ""
+    """Why, for people."""
+    observed_generation: int = 0
+    """Generation of the object that this is about."""
+    last_transition_time: str = ""
+    """When `status` changed."""
+
+
+class Runs(_Status):
+    """Numbers of runs."""
+
+    total: int = 0
+    """All runs."""
+    active: int = 0
+    """Runs in pods that are there now."""
+    passed: int = 0
+    """Runs whose scenario succeeded."""
+    failed: int = 0
+    """Runs whose scenario failed."""
+    errored: int = 0
+    """Runs that something else ended."""
+    stored: int = 0
+    """Runs whose results are in the bucket."""
+
+
+class Shard(_Status):
+    """One Job over consecutive packs of runs."""
+
+    index: int
+    """Number of the shard."""
+    job: str
+    """Name of its Job."""
+    state: Literal["Open", "Complete", "Failed"]
+    """`Failed` when not every run has a result."""
+    packs: str
+    """Its packs as a range."""
+    attempt: int = 1
+    """1, or the repetition that it belongs to."""
+    runs: str = ""
+    """Ids of the runs that it repeats; empty for a first attempt."""
+    configuration: str = ""
+    """Configuration object that it belongs to; empty when it belongs to the document."""
+    plan: str = ""
+    """ConfigMap with its plan."""
+
+
+class CampaignStatus(_Status):
+    """What is known about a campaign."""
+
+    observed_generation: int = 0
+    """Generation that this status is about."""
+    state: str = "Pending"
+    """One word for people; programs read the conditions."""
+    progress: str = ""
+    """`912/1000`: runs with a result, of all."""
+    campaign: str = ""
+    """Name of the results folder."""
+    bucket: str = ""
+    """Bucket of the results."""
+    endpoint: str = ""
+    """URL of the S3 server as pods reach it."""
+    image: str = ""
+    """Container image of the runs."""
+    attempt: int = 1
+    """How often bad runs were executed, at most."""
+    runs: Runs = Field(default_factory=Runs)
+    """Numbers of runs."""
+    failed_runs: str = ""
+    """Ids of failed runs as ranges, `17,204-206`."""
+    errored_runs: str = ""
+    """Ids of errored runs as ranges."""
+    ranges_truncated: bool = False
+    """Whether ids are missing above; `_execution/index.json` in the bucket has them all."""
+    failing: Annotated[list[str], Field(max_length=10)] = Field(default_factory=list)
+    """First bad runs by results folder."""
+    shards: Annotated[list[Shard], Field(max_length=SHARDS_LIMIT)] = Field(default_factory=list)
+    """The Jobs so far."""
+    start_time: str | None = None
+    """When the first Job was made."""
+    completion_time: str | None = None
+    """When the last run ended."""
+    conditions: Annotated[list[Condition], Field(max_length=16)] = Field(default_factory=list)
+    """Facts that programs wait for."""
+
+
+class ConfigurationStatus(_Status):
+    """What is known about a configuration."""
+
+    observed_generation: int = 0
+    """Generation that this status is about."""
+    variants: int = 0
+    """How many variants it expands to."""
+    progress: str = ""
+    """`18/20`: runs with a result, of all."""
+    runs: Runs = Field(default_factory=Runs)
+    """Numbers of runs."""
+    conditions: Annotated[list[Condition], Field(max_length=16)] = Field(default_factory=list)
+    """Facts that programs wait for."""
