@@ -1,0 +1,1 @@
+"""Variations for mobile robots: floor plans, paths and obstacles (extra `nav`)."""

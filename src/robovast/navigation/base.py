@@ -1,0 +1,151 @@
+"""What the variations of this package share: references, maps, errors."""
+
+from __future__ import annotations
+
+import hashlib
+import random
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field
+
+from robovast.common.scenario import read_scenario
+from robovast.common.variation import Variation
+from robovast.errors import InputError
+from robovast.navigation.poses import Pose, read_pose
+
+if TYPE_CHECKING:
+    from robovast.navigation.costmap import Costmap
+
+Config = dict[str, Any]
+
+RECORD = "_navigation"
+"""Key of a configuration under which variations leave what others, pictures and provenance use."""
+
+RobotDiameter = Annotated[float, Field(gt=0, le=100)]
+FloatOrList = float | list[float]
+
+
+def as_list(value: FloatOrList) -> list[float]:
+    """A number, or several, as a list."""
+    return value if isinstance(value, list) else [value]
+
+
+class NavigationVariation(Variation):
+    """Base of the variations of this package."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._maps: set[Path] = set()
+
+    def error(self, config: Config, message: object) -> InputError:
+        """An error that names the configuration."""
+        return InputError(f"configuration `{config['name']}`: {type(self).__name__}: {message}")
+
+    def reference(self, value: Any) -> str | None:
+        """The scenario parameter that `@name` refers to; None when a value is no reference.
+
+        Raises:
+            InputError: the scenario has no such parameter.
+        """
+        if not (isinstance(value, str) and value.startswith("@")):
+            return None
+        name = value[1:]
+        try:
+            self.check_scenario_parameter_reference(name)
+        except ValueError as error:
+            raise InputError(str(error)) from None
+        return name
+
+    def type_of(self, name: str) -> str:
+        """The declared type of a scenario parameter."""
+        parameters = read_scenario(self.scenario_file).parameters
+        return next(p.type for p in parameters if p.name == name)
+
+    def given(self, config: Config, value: Any) -> Any:
+        """A value as written, or what a configuration has for the parameter that it refers to.
+
+        None when the parameter has no value yet.
+        """
+        name = self.reference(value)
+        return value if name is None else config["config"].get(name)
+
+    def given_pose(self, config: Config, value: Any) -> Pose | None:
+        """The pose that is written or referred to.
+
+        Raises:
+            InputError: it is no pose.
+        """
+        found = self.given(config, value)
+        try:
+            return None if found is None else read_pose(found)
+        except ValueError as error:
+            raise self.error(config, error) from None
+
+    def costmap(self, config: Config, map_file: str | None, robot_diameter: float) -> Costmap:
+        """The costmap of a configuration's map.
+
+        Raises:
+            InputError: there is no map, or it cannot be read.
+        """
+        from robovast.navigation.costmap import read_costmap
+
+        path = self._map_path(config, map_file)
+        self._maps.add(path)
+        try:
+            return read_costmap(path, robot_diameter)
+        except InputError as error:
+            raise self.error(config, error) from None
+
+    def map_name(self, config: Config, map_file: str | None) -> str:
+        """The map as it is named: by the parameter, or by the floor plan that made it."""
+        if map_file is not None:
+            name = self.given(config, map_file)
+            if name is None:
+                name = self._default(map_file[1:])
+        else:
+            name = config.get(RECORD, {}).get("map_file")
+        if not isinstance(name, str) or not name:
+            raise self.error(
+                config,
+                "there is no map. Name one with `map_file: maps/hall.yaml` or "
+                '`map_file: "@map_file"`, or put a floor plan variation before.',
+            )
+        return name
+
+    def _map_path(self, config: Config, map_file: str | None) -> Path:
+        name = self.map_name(config, map_file).removeprefix("/config/")
+        files = {str(relative): source for relative, source in config.get("_config_files", ())}
+        return Path(files.get(name, Path(self.base_path) / name))
+
+    def _default(self, parameter: str) -> Any:
+        from robovast.common.scenario import get_scenario_parameters
+
+        return get_scenario_parameters(self.scenario_file)[parameter]
+
+    def get_input_files(self) -> list[str]:
+        """The maps that were read, and their images."""
+        from robovast.navigation.occupancy import map_image
+
+        return [str(file) for path in sorted(self._maps) for file in (path, map_image(path))]
+
+    def generator(self, seed: int | None, *identity: object) -> random.Random:
+        """A random generator for one thing to draw: equal seeds and identities give equal draws."""
+        if seed is None:
+            entry = (self.general_parameters or {}).get("name", "")
+            identity = (entry, type(self).__name__, *identity)
+        text = repr((seed, *identity))
+        digest = hashlib.sha256(text.encode()).digest()
+        return random.Random(int.from_bytes(digest[:8]))  # noqa: S311  # repeatable on purpose
+
+
+def with_record(config: Config, **values: Any) -> dict[str, Any]:
+    """`other_values` that add to what earlier variations have recorded."""
+    return {RECORD: {**config.get(RECORD, {}), **values}}
+
+
+def record_of(config: Mapping[str, Any]) -> dict[str, Any]:
+    """What navigation variations have recorded of a configuration."""
+    record = config.get(RECORD)
+    return dict(record) if isinstance(record, Mapping) else {}

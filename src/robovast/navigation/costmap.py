@@ -1,0 +1,259 @@
+"""Where a round robot can be, and its shortest ways from place to place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from robovast.navigation.occupancy import Mask, OccupancyMap, read_map
+from robovast.navigation.poses import Point
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+MOST_NODES = 20_000
+"""Nodes of a lattice over the whole map: shortest ways from a node then take some milliseconds."""
+
+LATTICE_EXCESS = 1.03
+"""How much longer a way along the lattice's edges can be than a straight one (1.027)."""
+
+_STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))
+_EIGHT = np.ones((3, 3), bool)
+
+
+class Costmap:
+    """A map that is inflated by the radius of a robot.
+
+    Args:
+        occupancy: the map; what is unknown or outside is as good as occupied.
+        robot_diameter: [m]
+        clearance: from the centre of each cell to the nearest obstacle [m]; default: by the map.
+    """
+
+    def __init__(
+        self, occupancy: OccupancyMap, robot_diameter: float, clearance: Floats | None = None
+    ) -> None:
+        self.map = occupancy
+        self.radius = robot_diameter / 2
+        self.clearance: Floats = _clearance(occupancy) if clearance is None else clearance
+        """From the centre of each cell to the nearest obstacle [m]."""
+        self.passable: Mask = occupancy.free & (self.clearance >= self.radius)
+        """Cells where the robot's centre can be."""
+
+    def without(self, discs: list[tuple[Point, float]]) -> Costmap:
+        """This costmap with further round obstacles, each a centre and a radius [m]."""
+        rows, columns = np.indices(self.map.free.shape)
+        clearance = self.clearance
+        for point, radius in discs:
+            row, column = self.map.cell(point)
+            distance = np.hypot(rows - row, columns - column) * self.map.resolution
+            clearance = np.minimum(clearance, distance - radius)
+        return Costmap(self.map, 2 * self.radius, clearance)
+
+    def clearance_at(self, point: Point) -> float:
+        """Distance to the nearest obstacle [m]; 0 in an obstacle and outside the map."""
+        row, column = (round(value) for value in self.map.cell(point))
+        rows, columns = self.clearance.shape
+        if 0 <= row < rows and 0 <= column < columns:
+            return float(self.clearance[row, column])
+        return 0.0
+
+    def is_passable(self, point: Point) -> bool:
+        """True when the robot's centre can be at a point."""
+        return self.sees(point, point)
+
+    def sees(self, a: Point, b: Point) -> bool:
+        """True when the robot can go straight from one point to another."""
+        (row_a, column_a), (row_b, column_b) = self.map.cell(a), self.map.cell(b)
+        count = 2 * math.ceil(max(abs(row_b - row_a), abs(column_b - column_a))) + 1
+        rows = np.linspace(row_a, row_b, count).round().astype(np.int64)
+        columns = np.linspace(column_a, column_b, count).round().astype(np.int64)
+        height, width = self.passable.shape
+        low = min(rows[0], rows[-1], columns[0], columns[-1])
+        if low < 0 or max(rows[0], rows[-1]) >= height or max(columns[0], columns[-1]) >= width:
+            return False
+        return bool(self.passable[rows, columns].all())
+
+    def shortest_path(self, start: Point, goal: Point) -> list[Point] | None:
+        """The shortest way between two points, start and goal included; None when there is none."""
+        if self.sees(start, goal):
+            return [start, goal]
+        for lattice in (self.lattice, self.finest):
+            first, last = lattice.node_near(start), lattice.node_near(goal)
+            if first is not None and last is not None:
+                ways = lattice.ways_from(first)
+                if np.isfinite(ways.lengths[last]):
+                    return self.straightened([start, *ways.points_to(last), goal])
+        return None
+
+    def straightened(self, points: list[Point]) -> list[Point]:
+        """A way without the detours that a lattice makes: it turns only at corners."""
+        for _ in range(2):  # once from either end
+            points = list(self._taut(points))[::-1]
+        return points
+
+    def _taut(self, points: list[Point]) -> Iterator[Point]:
+        yield points[0]
+        anchor = 0
+        for index in range(2, len(points)):
+            if not self.sees(points[anchor], points[index]):
+                anchor = index - 1
+                yield points[anchor]
+        yield points[-1]
+
+    @cached_property
+    def finest(self) -> Lattice:
+        """The lattice with a node in every passable cell."""
+        return Lattice(self, 1)
+
+    @cached_property
+    def lattice(self) -> Lattice:
+        """The finest lattice of at most MOST_NODES nodes that misses no passage."""
+        stride = max(1, math.ceil(math.sqrt(self.passable.size / MOST_NODES)))
+        for width in range(stride, 1, -1):
+            lattice = Lattice(self, width)
+            if lattice.is_faithful:
+                return lattice
+        return self.finest
+
+
+@dataclass(frozen=True)
+class Ways:
+    """Shortest ways from one node of a lattice to all others."""
+
+    lattice: Lattice
+    lengths: Floats
+    """By node [m]; infinite where there is no way."""
+    _before: npt.NDArray[np.int32]
+
+    def points_to(self, node: int) -> list[Point]:
+        """The way to a node, both ends included."""
+        found = []
+        while node >= 0:
+            found.append(self.lattice.points[node])
+            node = int(self._before[node])
+        return found[::-1]
+
+
+class Lattice:
+    """A graph on every n-th passable cell: edges are straight lines that the robot can go.
+
+    Each node has up to 16 neighbours, so that a way is at most 2.7 % longer than without lattice.
+    """
+
+    def __init__(self, costmap: Costmap, stride: int) -> None:
+        self._costmap = costmap
+        self._stride = stride
+        self._offset = stride // 2
+        there = costmap.passable[self._offset :: stride, self._offset :: stride]
+        self._nodes: Ints = np.full(there.shape, -1, np.int64)
+        self._nodes[there] = np.arange(np.count_nonzero(there))
+        rows, columns = np.nonzero(there)
+        self._rows = rows * stride + self._offset
+        self._columns = columns * stride + self._offset
+        self._graph = self._edges(len(rows))
+
+    @cached_property
+    def points(self) -> list[Point]:
+        """The place of every node."""
+        x, y = self._costmap.map.point(self._rows, self._columns)  # type: ignore[arg-type]
+        return list(zip(np.asarray(x).tolist(), np.asarray(y).tolist(), strict=True))
+
+    @cached_property
+    def places(self) -> Floats:
+        """The place of every node, shape (nodes, 2) [m]."""
+        return np.array(self.points, np.float64).reshape(-1, 2)
+
+    @cached_property
+    def components(self) -> npt.NDArray[np.int32]:
+        """By node, the number of the connected part that it belongs to."""
+        return connected_components(self._graph, directed=False)[1]  # type: ignore[no-any-return]
+
+    @cached_property
+    def is_faithful(self) -> bool:
+        """False when a part of the map is cut in two, or missed."""
+        labels, count = ndimage.label(self._costmap.passable, _EIGHT)
+        least = 16 * self._stride**2
+        owner = labels[self._rows, self._columns]
+        for label, cells in enumerate(np.bincount(labels.ravel(), minlength=count + 1)[1:], 1):
+            sizes = np.bincount(self.components[owner == label])
+            if cells >= least and (not sizes.size or sizes.max() < 0.98 * sizes.sum()):
+                return False
+        return True
+
+    def node_near(self, point: Point) -> int | None:
+        """The nearest node that the robot can go straight to from a point."""
+        if not len(self.places):
+            return None
+        distances = np.hypot(*(self.places - point).T)
+        reach = 3 * self._stride * self._costmap.map.resolution
+        near = np.flatnonzero(distances <= reach)
+        for node in near[np.argsort(distances[near])]:
+            if self._costmap.sees(point, self.points[node]):
+                return int(node)
+        return None
+
+    @lru_cache(maxsize=16)  # noqa: B019  # costmaps are few, and cached too
+    def ways_from(self, node: int, limit: float = math.inf) -> Ways:
+        """Shortest ways from a node, as far as a limit [m]."""
+        lengths, before = dijkstra(self._graph, indices=node, limit=limit, return_predecessors=True)
+        return Ways(self, lengths, before)
+
+    def _edges(self, nodes: int) -> csr_matrix:
+        parts = [self._edges_along(step) for step in _STEPS]
+        first = np.concatenate([part[0] for part in parts])
+        second = np.concatenate([part[1] for part in parts])
+        length = np.concatenate([part[2] for part in parts])
+        ends = (np.concatenate([first, second]), np.concatenate([second, first]))
+        return csr_matrix((np.concatenate([length, length]), ends), shape=(nodes, nodes))
+
+    def _edges_along(self, step: tuple[int, int]) -> tuple[Ints, Ints, Floats]:
+        """Nodes that a step connects, and the length of the edge."""
+        down, right = step
+        rows, columns = self._nodes.shape
+        left = max(0, -right)
+        here = self._nodes[: rows - down or None, left : columns - max(0, right)]
+        there = self._nodes[down:, max(0, right) : columns - left]
+        if not here.size or not there.size:
+            return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
+        found = (here >= 0) & (there >= 0)
+        first, second = here[found], there[found]
+        clear = np.ones(len(first), bool)
+        span = 2 * self._stride * max(abs(down), abs(right))
+        for part in np.linspace(0, 1, span + 1)[1:-1]:
+            row = self._rows[first] + round(part * down * self._stride)
+            column = self._columns[first] + round(part * right * self._stride)
+            clear &= self._costmap.passable[row, column]
+        length = math.hypot(down, right) * self._stride * self._costmap.map.resolution
+        return first[clear], second[clear], np.full(int(clear.sum()), length)
+
+
+def _clearance(occupancy: OccupancyMap) -> Floats:
+    cells = ndimage.distance_transform_edt(np.pad(occupancy.free, 1))[1:-1, 1:-1]
+    clearance: Floats = np.maximum(cells - 0.5, 0.0) * occupancy.resolution
+    return clearance
+
+
+def read_costmap(path: Path, robot_diameter: float) -> Costmap:
+    """The costmap of a map file; read once as long as the file stays as it is.
+
+    Raises:
+        InputError: the map cannot be read.
+    """
+    changed = path.stat().st_mtime_ns if path.is_file() else 0
+    return _read_costmap(path, changed, robot_diameter)
+
+
+@lru_cache(maxsize=8)
+def _read_costmap(path: Path, changed: int, robot_diameter: float) -> Costmap:
+    del changed
+    return Costmap(read_map(path), robot_diameter)

@@ -1,0 +1,201 @@
+"""Start and goal poses with ways of given lengths between them, drawn or on a raster."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field, model_validator
+
+from robovast.common.config import VariationConfig
+from robovast.navigation.base import (
+    Config,
+    NavigationVariation,
+    RobotDiameter,
+    as_list,
+    with_record,
+)
+from robovast.navigation.extra import nav_extra
+from robovast.navigation.poses import Pose, read_pose
+
+if TYPE_CHECKING:
+    from robovast.navigation.costmap import Costmap
+    from robovast.navigation.paths import Path, Wish
+
+Length = Annotated[float, Field(gt=0)]
+Pointer = str | dict[str, Any]
+
+
+class _PathConfig(VariationConfig):
+    start_pose: Pointer
+    """`@parameter` that gets the start, or has it from before; or a fixed `{x, y, yaw}`."""
+    map_file: str | None = None
+    """Map, or `@parameter` with it; without, the map of the floor plan variation before."""
+    path_length: Length | Annotated[list[Length], Field(min_length=1)]
+    """Length of the way from the start through all goals [m]; a list multiplies."""
+    path_length_tolerance: Annotated[float, Field(gt=0)] = 0.5
+    """How much the length may differ [m]."""
+    robot_diameter: RobotDiameter = 0.35
+    """The way is at least half of it from every obstacle [m]."""
+
+
+class PathVariationRandomConfig(_PathConfig):
+    """Parameters of PathVariationRandom."""
+
+    goal_poses: str | list[Pointer] | None = None
+    """`@parameter` that gets the goals (one pose unless it is a list), or fixed poses."""
+    num_goal_poses: Annotated[int, Field(ge=1)] | None = None
+    """Number of goals; 1 when neither this nor the next is given."""
+    num_goal_poses_per_m: Annotated[float, Field(gt=0)] | None = None
+    """Number of goals by the length of the way, at least 1 [1/m]."""
+    num_paths: Annotated[int, Field(ge=1)] = 1
+    """Number of paths of each length."""
+    min_distance: Annotated[float, Field(ge=0)] = 0.0
+    """Least distance between any two poses of a path, as the crow flies [m]."""
+    seed: int | None = None
+    """Seed; without one it follows from the configuration's name."""
+
+    @model_validator(mode="after")
+    def _check_goals(self) -> PathVariationRandomConfig:
+        if self.num_goal_poses is not None and self.num_goal_poses_per_m is not None:
+            raise ValueError("give `num_goal_poses` or `num_goal_poses_per_m`, not both")
+        return self
+
+    def goals(self, length: float) -> int:
+        """Number of goals of a path [m]."""
+        if self.num_goal_poses_per_m is not None:
+            return max(1, round(length * self.num_goal_poses_per_m))
+        return self.num_goal_poses or 1
+
+
+class PathVariationRasterizedConfig(_PathConfig):
+    """Parameters of PathVariationRasterized."""
+
+    goal_poses: str | None = None
+    """`@parameter` that gets the goals; without, `goal_poses` or `goal_pose` of the scenario."""
+    num_goal_poses: Annotated[int, Field(ge=1)] = 1
+    """Number of goals."""
+    raster_size: Length
+    """Distance of the raster's points [m]."""
+    raster_offset_x: float = 0.0
+    """Where the raster begins, from the map's origin [m]."""
+    raster_offset_y: float = 0.0
+    """Where the raster begins, from the map's origin [m]."""
+
+
+class _PathVariation(NavigationVariation):
+    def variation(self, in_configs: list[Config]) -> list[Config]:
+        """Each configuration with each path."""
+        with nav_extra(type(self).__name__):
+            from robovast.navigation.paths import NoPathError
+        made = []
+        for config in in_configs:
+            self.progress_update(config["name"])
+            costmap = self.costmap(config, self.parameters.map_file, self.parameters.robot_diameter)
+            try:
+                for path in self._paths(config, costmap):
+                    made.append(self._with_path(config, path))
+            except NoPathError as error:
+                map_name = self.map_name(config, self.parameters.map_file)
+                raise self.error(config, f"{map_name}: {error}") from None
+        return made
+
+    def _paths(self, config: Config, costmap: Costmap) -> Iterator[Path]:
+        raise NotImplementedError
+
+    def _goals_reference(self) -> str:
+        """The parameter for the goals: the one that is named, else the scenario's own."""
+        named = self.parameters.goal_poses
+        if named is None:
+            from robovast.common.scenario import is_scenario_parameter
+
+            plural = is_scenario_parameter("goal_poses", self.scenario_file)
+            named = "@goal_poses" if plural else "@goal_pose"
+        return self.reference(named) or ""
+
+    def _with_path(self, config: Config, path: Path) -> Config:
+        values: dict[str, Any] = {}
+        start = self.reference(self.parameters.start_pose)
+        if start is not None:
+            values[start] = path.start.parameter()
+        if not isinstance(self.parameters.goal_poses, list):
+            name = self._goals_reference()
+            values[name] = self._goals_parameter(config, name, path)
+        record = {
+            "map_file": self.map_name(config, self.parameters.map_file),
+            "robot_diameter": self.parameters.robot_diameter,
+            "start": path.start.parameter(),
+            "goals": [goal.parameter() for goal in path.goals],
+            "path": [[round(x, 4), round(y, 4)] for x, y in path.points],
+            "path_length": round(path.length, 4),
+        }
+        return self.update_config(config, values, other_values=with_record(config, **record))
+
+    def _goals_parameter(self, config: Config, name: str, path: Path) -> Any:
+        poses = [goal.parameter() for goal in path.goals]
+        if self.type_of(name).startswith("list"):
+            return poses
+        if len(poses) > 1:
+            raise self.error(
+                config,
+                f"the parameter `{name}` holds one pose, not {len(poses)}; declare it as "
+                "`list of pose_3d`, or ask for one goal.",
+            )
+        return poses[0]
+
+
+class PathVariationRandom(_PathVariation):
+    """Paths drawn at random."""
+
+    CONFIG_CLASS = PathVariationRandomConfig
+
+    def _paths(self, config: Config, costmap: Costmap) -> Iterator[Path]:
+        from robovast.navigation.paths import draw_path
+
+        for length in as_list(self.parameters.path_length):
+            for number in range(self.parameters.num_paths):
+                rng = self.generator(self.parameters.seed, length, number)
+                yield draw_path(costmap, rng, self._wish(config, length))
+
+    def _wish(self, config: Config, length: float) -> Wish:
+        from robovast.navigation.paths import Wish
+
+        return Wish(
+            length,
+            self.parameters.path_length_tolerance,
+            self.parameters.min_distance,
+            self.parameters.goals(length),
+            self.given_pose(config, self.parameters.start_pose),
+            self._fixed_goals(config),
+        )
+
+    def _fixed_goals(self, config: Config) -> tuple[Pose, ...] | None:
+        goals = self.parameters.goal_poses
+        if not isinstance(goals, list):
+            return None
+        try:
+            return tuple(read_pose(self.given(config, goal)) for goal in goals)
+        except ValueError as error:
+            raise self.error(config, error) from None
+
+
+class PathVariationRasterized(_PathVariation):
+    """Every path between points of a raster that has a given length."""
+
+    CONFIG_CLASS = PathVariationRasterizedConfig
+
+    def _paths(self, config: Config, costmap: Costmap) -> Iterator[Path]:
+        from robovast.navigation.paths import Wish
+        from robovast.navigation.raster import Raster, raster_paths
+
+        offset = (self.parameters.raster_offset_x, self.parameters.raster_offset_y)
+        raster = Raster(self.parameters.raster_size, offset)
+        start = self.given_pose(config, self.parameters.start_pose)
+        for length in as_list(self.parameters.path_length):
+            wish = Wish(
+                length,
+                self.parameters.path_length_tolerance,
+                goals=self.parameters.num_goal_poses,
+                start=start,
+            )
+            yield from raster_paths(costmap, raster, wish)

@@ -1,0 +1,112 @@
+"""Paths between the points of a raster."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+from robovast.navigation.costmap import LATTICE_EXCESS, Costmap
+from robovast.navigation.paths import Draft, NoPathError, Path, Wish, finished, require_passable
+from robovast.navigation.poses import Point, length_of
+
+MOST_PATHS = 5_000
+"""More paths than this are refused: no campaign wants them, and finding them takes minutes."""
+
+
+@dataclass(frozen=True)
+class Raster:
+    """Points at equal distances from the map's origin, where the robot can be."""
+
+    size: float
+    """[m]"""
+    offset: Point = (0.0, 0.0)
+    """From the map's lower left corner [m]."""
+
+    def points(self, costmap: Costmap) -> list[Point]:
+        """The points, from the lowest row up, each from left to right."""
+        x0, x1, y0, y1 = costmap.map.extent
+        found = [
+            (x, y)
+            for y in _steps(y0 + self.offset[1], y0, y1, self.size)
+            for x in _steps(x0 + self.offset[0], x0, x1, self.size)
+        ]
+        return [point for point in found if costmap.is_passable(point)]
+
+
+def _steps(anchor: float, low: float, high: float, size: float) -> list[float]:
+    """The values `anchor + n × size` between two limits."""
+    first = anchor - (anchor - low) // size * size
+    return [first + number * size for number in range(int((high - first) // size) + 1)]
+
+
+def raster_paths(costmap: Costmap, raster: Raster, wish: Wish) -> Iterator[Path]:
+    """Every path over points of a raster that satisfies a wish.
+
+    It starts at the given start, else at any of the points.
+
+    Raises:
+        NoPathError: there is none, or there are more than MOST_PATHS.
+    """
+    require_passable(costmap, wish)
+    points = raster.points(costmap)
+    legs = _Legs(costmap, wish.length + wish.tolerance)
+    count = 0
+    for start in [wish.start.point] if wish.start else points:
+        for draft in _drafts(legs, points, Draft([start]), wish):
+            count += 1
+            if count > MOST_PATHS:
+                raise NoPathError(
+                    f"a raster of {raster.size:g} m gives more than {MOST_PATHS} paths; make it "
+                    "wider, or ask for fewer goals or one start"
+                )
+            yield finished(draft, wish.start)
+    if not count:
+        raise NoPathError(
+            f"no path of {wish.length:g} m (± {wish.tolerance:g} m) leads over the {len(points)} "
+            f"points of a raster of {raster.size:g} m where a robot of {2 * costmap.radius:g} m "
+            "can be; make it finer, or allow another length"
+        )
+
+
+def _drafts(legs: _Legs, points: Sequence[Point], draft: Draft, wish: Wish) -> Iterator[Draft]:
+    """Every path that goes on from a draft."""
+    missing = wish.goals + 1 - len(draft.stops)
+    if not missing:
+        yield draft
+        return
+    least = wish.length - wish.tolerance - draft.length if missing == 1 else 0.0
+    most = wish.length + wish.tolerance - draft.length
+    for point in points:
+        if point not in draft.stops:
+            way = legs.between(draft.stops[-1], point, least, most)
+            if way is not None:
+                yield from _drafts(legs, points, draft.extended(way), wish)
+
+
+class _Legs:
+    """Shortest ways between points, none longer than a limit [m]."""
+
+    def __init__(self, costmap: Costmap, limit: float) -> None:
+        self._costmap = costmap
+        self._limit = limit * LATTICE_EXCESS
+        self._node = cache(costmap.lattice.node_near)
+        self._straightened = cache(self._straighten)
+
+    def between(self, a: Point, b: Point, least: float, most: float) -> list[Point] | None:
+        """The way, when its length is between two limits [m]."""
+        if math.dist(a, b) > most:
+            return None
+        first, last = self._node(a), self._node(b)
+        if first is None or last is None:
+            return None
+        ways = self._costmap.lattice.ways_from(first, self._limit)
+        if not least <= ways.lengths[last] <= most * LATTICE_EXCESS:
+            return None
+        way = self._straightened(a, first, last, b)
+        return way if least <= length_of(way) <= most else None
+
+    def _straighten(self, a: Point, first: int, last: int, b: Point) -> list[Point]:
+        ways = self._costmap.lattice.ways_from(first, self._limit)
+        return self._costmap.straightened([a, *ways.points_to(last), b])
