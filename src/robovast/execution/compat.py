@@ -8,6 +8,14 @@ from robovast.errors import CannotRunError
 VERSION_PATH = "/etc/robovast_compat_version"
 """Where an image says its version."""
 
+INCOMPATIBLE = 78
+"""Exit code of `COMPAT_SCRIPT` for an image of another version."""
+
+REMEDY = (
+    "Rebuild the image from container/robovast/Dockerfile of this RoboVAST (container/build.sh), "
+    "or use the RoboVAST that the image was built for."
+)
+
 
 def check_compat(image: str, found: str | None) -> None:
     """Refuse an image that speaks another version of the run contract.
@@ -24,7 +32,16 @@ def check_compat(image: str, found: str | None) -> None:
     says = f"has version `{found.strip()}`" if found else f"has no version ({VERSION_PATH} missing)"
     raise CannotRunError(
         f"the image {image} is not compatible: RoboVAST here needs contract version "
-        f"`{COMPAT_VERSION}`, the image {says}. Rebuild the image from "
-        "container/robovast/Dockerfile of this RoboVAST (container/build.sh), or use the RoboVAST "
-        "that the image was built for."
+        f"`{COMPAT_VERSION}`, the image {says}. {REMEDY}"
     )
+
+
+COMPAT_SCRIPT = f"""\
+found=$(cat {VERSION_PATH} 2>/dev/null)
+[ "$found" = "$EXPECTED" ] && exit 0
+[ -n "$found" ] && says="has version \\`$found\\`" || says="has no version ({VERSION_PATH} missing)"
+echo "the image $IMAGE is not compatible: RoboVAST here needs contract version \\`$EXPECTED\\`, \
+the image $says. {REMEDY}" | tee /dev/termination-log >&2
+exit {INCOMPATIBLE}
+"""
+"""`check_compat` for a shell inside the image; takes EXPECTED and IMAGE from the environment."""

@@ -89,8 +89,7 @@ def job_environment(
         "SCENARIO_FILE": scenario_file,
         "SCENARIO_PARAMETER_FILE": PARAMETER_FILE,
         "OUTPUT_RESULT_PER_SCENARIO": "true",
-        "OUTPUT_DIR": f"{out_dir}/_jobs/{job.name}",
-        "SCENARIO_OUTPUT_DIR": out_dir if is_pack(job) else f"{out_dir}/{job.runs[0].path}",
+        **output_places(job, out_dir),
         "SCENARIO_EXECUTION_PARAMETERS": scenario_options,
         "AVAILABLE_CPUS": f"{available_cpus:g}",
         "AVAILABLE_MEM": str(available_memory),
@@ -98,3 +97,11 @@ def job_environment(
         "ROBOVAST_OUT_DIR": out_dir,
     }
     return environment | {name: value for name, value in settings.items() if value}
+
+
+def output_places(job: Job, out_dir: str) -> dict[str, str]:
+    """The part of a job's environment that says where its output goes."""
+    return {
+        "OUTPUT_DIR": f"{out_dir}/_jobs/{job.name}",
+        "SCENARIO_OUTPUT_DIR": out_dir if is_pack(job) else f"{out_dir}/{job.runs[0].path}",
+    }

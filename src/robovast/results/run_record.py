@@ -53,14 +53,25 @@ class RunRecord:
 
     def write(self, folder: Path) -> None:
         """Write `run.json` into a run's folder."""
-        text = json.dumps(asdict(self), indent=1, default=str)
-        write_atomically(folder / RUN_RECORD, text + "\n")
+        write_atomically(folder / RUN_RECORD, self.to_json())
+
+    def to_json(self) -> str:
+        """The text of `run.json`."""
+        return json.dumps(asdict(self), indent=1, default=str) + "\n"
 
 
 def read_run_record(folder: Path) -> RunRecord | None:
     """The record in a run's folder; None when there is none, or none of this format."""
     try:
-        data = json.loads((folder / RUN_RECORD).read_text(encoding="utf-8"))
+        return parse_run_record((folder / RUN_RECORD).read_bytes())
+    except OSError:
+        return None
+
+
+def parse_run_record(text: str | bytes) -> RunRecord | None:
+    """The record in the text of a `run.json`; None when it is none of this format."""
+    try:
+        data = json.loads(text)
         return RunRecord(**{**data, "verdict": Verdict(data["verdict"])})
-    except (OSError, ValueError, TypeError, KeyError):
+    except (ValueError, TypeError, KeyError):
         return None

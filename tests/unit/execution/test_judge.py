@@ -3,7 +3,7 @@
 import signal
 from pathlib import Path
 
-from robovast.execution.local.judge import Ending, judge
+from robovast.execution.judge import Ending, judge
 from robovast.results.verdict import TestResult, Verdict
 
 PASSED = TestResult(Verdict.PASSED, "", 1.0, 2.0)

@@ -11,10 +11,11 @@ from subprocess import Popen
 from threading import Event
 
 from robovast.execution.job_config import build_config_folder, is_pack, parameter_documents
-from robovast.execution.local.judge import Ending, judge
+from robovast.execution.judge import Ending, judge
 from robovast.execution.local.process_tree import wait
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, store_run
+from robovast.execution.progress import is_over
 from robovast.plan import Job, Run
 from robovast.results.run_record import RunRecord
 from robovast.results.verdict import read_test_result
@@ -23,9 +24,6 @@ POLL = 0.1
 """How often a job is looked at while it runs [s]; its end is noticed at once."""
 GRACE = 10.0
 """How long a job may take to end by itself when it is told to [s]."""
-
-FINISHED_RUNS = "finished_runs"
-"""File in a job's folder where the contract's scripts list the runs that are over."""
 
 Started = Callable[[Run], None]
 Finished = Callable[[Run, RunRecord], None]
@@ -126,21 +124,11 @@ class JobExecution:
 
     def _advance(self) -> None:
         """Store the runs of a pack that are over; the last one is left to the job's end."""
-        while self._current < len(self._job.runs) - 1 and self._is_over(self._current):
+        while self._current < len(self._job.runs) - 1 and is_over(
+            self._job.runs, self._current, self._spec.out, self._spec.job
+        ):
             self._store(Ending(None))
             self._begin(self._current + 1)
-
-    def _is_over(self, index: int) -> bool:
-        """The job says so, or, with an executor that does not, a later run has begun."""
-        if self._job.runs[index].path in self._finished_runs():
-            return True
-        return any(self._folder(run).is_dir() for run in self._job.runs[index + 1 :])
-
-    def _finished_runs(self) -> list[str]:
-        try:
-            return (self._spec.job / FINISHED_RUNS).read_text(encoding="utf-8").splitlines()
-        except FileNotFoundError:
-            return []
 
     def _begin(self, index: int) -> None:
         self._current = index

@@ -7,11 +7,11 @@ import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from pathlib import Path
 
 from robovast.errors import StorageError
 from robovast.execution.local.session import Session
+from robovast.execution.record import Circumstances, make_record
 from robovast.plan import Job, Run
 from robovast.results.run_record import RunRecord, read_run_record
 from robovast.results.verdict import TestResult
@@ -39,7 +39,16 @@ def store_run(
     """
     target = session.layout.run(run.path)
     earlier = read_run_record(target)
-    record = _record(session, job, run, result, observed, exit_code, earlier)
+    circumstances = Circumstances(
+        campaign=session.layout.root.name,
+        attempt=earlier.attempt + 1 if earlier else 1,
+        job=job.name,
+        runtime=session.runtime.name,
+        image=session.identity.image,
+        image_digest=session.identity.digest,
+        host=session.host,
+    )
+    record = make_record(run, result, observed, exit_code, circumstances)
     with explained(session.layout.root):
         folder.mkdir(parents=True, exist_ok=True)
         if not os.access(folder, os.W_OK):  # another user's, from the container
@@ -73,40 +82,3 @@ def _link_job(folder: Path, job: Job) -> None:
     link = folder / "job"
     if not link.is_symlink():
         link.symlink_to(Path("..") / ".." / "_jobs" / job.name)
-
-
-def _record(
-    session: Session,
-    job: Job,
-    run: Run,
-    result: TestResult,
-    observed: tuple[float, float],
-    exit_code: int | None,
-    earlier: RunRecord | None,
-) -> RunRecord:
-    started = result.started_at or observed[0]
-    duration = result.duration if result.duration is not None else observed[1] - observed[0]
-    return RunRecord(
-        campaign=session.layout.root.name,
-        variant=run.variant.name,
-        entry=run.variant.entry,
-        run=run.number,
-        id=run.id,
-        verdict=result.verdict,
-        reason=result.reason,
-        started_at=_iso(started),
-        finished_at=_iso(started + duration),
-        duration=round(duration, 6),
-        exit_code=exit_code,
-        attempt=earlier.attempt + 1 if earlier else 1,
-        job=job.name,
-        runtime=session.runtime.name,
-        image=session.identity.image,
-        image_digest=session.identity.digest,
-        host=session.host,
-        parameters=dict(run.variant.parameters),
-    )
-
-
-def _iso(seconds: float) -> str:
-    return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="milliseconds")
