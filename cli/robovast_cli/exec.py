@@ -2,6 +2,9 @@
 
 from robovast_cli.lazy import Lazy, new_group
 
-GROUPS = {"local": Lazy("robovast_cli.local:app", "Run on this machine.")}
+GROUPS = {
+    "local": Lazy("robovast_cli.local:app", "Run on this machine."),
+    "cluster": Lazy("robovast_cli.cluster:app", "Run on a Kubernetes cluster."),
+}
 
 app = new_group("Run campaigns.", GROUPS)

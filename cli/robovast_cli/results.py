@@ -4,6 +4,10 @@ from collections.abc import Mapping
 
 from robovast_cli.lazy import Lazy, new_group
 
-COMMANDS: Mapping[str, Lazy] = {}
+COMMANDS: Mapping[str, Lazy] = {
+    "download": Lazy(
+        "robovast_cli.results_download:app", "Bring results home from the cluster's storage."
+    ),
+}
 
 app = new_group("Bring results home, work them up, ask them, publish them.", COMMANDS)

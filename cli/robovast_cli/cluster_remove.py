@@ -1,0 +1,75 @@
+"""Removing campaigns from a cluster, with their data or without."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from robovast.cluster.resources import UID_LABEL
+from robovast.errors import CannotRunError
+from robovast_cli.cluster_status import CampaignState
+from robovast_cli.cluster_store import open_store, place_of
+from robovast_cli.kubernetes import Kubernetes
+from robovast_cli.output import say
+
+PATIENCE = 120.0
+"""How long the pods of a campaign may take to end [s]."""
+PAUSE = 0.5
+"""[s]"""
+
+
+def remove_finished(kube: Kubernetes, *, data: bool = False) -> None:
+    """Remove every finished campaign of the namespace; those that run are named.
+
+    Args:
+        kube: the cluster.
+        data: remove their buckets, too.
+    """
+    campaigns = [CampaignState(item) for item in kube.campaigns()]
+    remove([campaign for campaign in campaigns if campaign.finished], kube, data=data)
+    for campaign in campaigns:
+        if not campaign.finished:
+            say(
+                f"{campaign.name}: still runs; `vast exec cluster run-cleanup -i "
+                f"{campaign.name}` removes it, too."
+            )
+
+
+def remove(campaigns: Sequence[CampaignState], kube: Kubernetes, *, data: bool) -> None:
+    """Remove campaigns with all that was made for them.
+
+    Args:
+        campaigns: which.
+        kube: the cluster.
+        data: remove their buckets, too, as soon as no pod can write into them.
+    """
+    for campaign in campaigns:
+        kube.delete_campaign(campaign.name)
+    for campaign in campaigns:
+        if data:
+            _wait_until_gone(kube, campaign)
+            remove_bucket(kube, campaign)
+        kept = (
+            ""
+            if data or not campaign.status.bucket
+            else f"; its results stay in the bucket {campaign.status.bucket}"
+        )
+        say(f"{campaign.name}: removed{kept}.")
+
+
+def remove_bucket(kube: Kubernetes, campaign: CampaignState) -> None:
+    """Remove the bucket of a campaign; nothing happens when there is none."""
+    if campaign.status.bucket:
+        with open_store(kube, place_of(campaign)) as store:
+            store.delete_bucket(campaign.status.bucket)
+
+
+def _wait_until_gone(kube: Kubernetes, campaign: CampaignState) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while kube.campaign(campaign.name) or kube.pods({UID_LABEL: campaign.uid}):
+        if time.monotonic() > deadline:
+            raise CannotRunError(
+                f"{campaign.name}: its pods do not end, so its bucket {campaign.status.bucket} "
+                "was not removed. Look at `kubectl get pods`, then repeat the command."
+            )
+        time.sleep(PAUSE)

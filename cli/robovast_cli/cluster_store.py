@@ -1,0 +1,163 @@
+"""The S3 server of a cluster, reached from this machine."""
+
+from __future__ import annotations
+
+import base64
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from robovast.cluster.names import CREDENTIALS_SECRET
+from robovast.errors import CannotRunError, StorageError
+from robovast_cli.cluster_status import CampaignState
+from robovast_cli.kubernetes import Kubernetes, cluster_extra
+
+if TYPE_CHECKING:
+    from robovast.cluster.storage import ObjectStore
+
+ENDPOINT = "ROBOVAST_S3_ENDPOINT"
+ACCESS_KEY = "ROBOVAST_S3_ACCESS_KEY"
+SECRET_KEY = "ROBOVAST_S3_SECRET_KEY"  # noqa: S105 - the name of a variable
+
+PATIENCE = 60.0
+"""For how long a server may be gone [s]."""
+CONNECTIONS = 16
+
+
+@dataclass(frozen=True)
+class StorePlace:
+    """An S3 server and the Secret with the keys of an account on it."""
+
+    endpoint: str
+    """URL as pods reach it."""
+    region: str | None = None
+    secret: str = CREDENTIALS_SECRET
+
+
+def place_of(campaign: CampaignState) -> StorePlace:
+    """Where a campaign's results are."""
+    storage = campaign.storage
+    endpoint = campaign.status.endpoint or storage.endpoint or ""
+    return StorePlace(endpoint, storage.region, storage.secret_name)
+
+
+@contextmanager
+def installed_store(kube: Kubernetes) -> Iterator[ObjectStore]:
+    """The store that campaigns of the namespace use when they name none."""
+    endpoint = os.environ.get(ENDPOINT) or _installed_endpoint(kube)
+    with open_store(kube, StorePlace(endpoint)) as store:
+        yield store
+
+
+@contextmanager
+def open_store(kube: Kubernetes, place: StorePlace) -> Iterator[ObjectStore]:
+    """A store as long as the context lasts.
+
+    `$ROBOVAST_S3_ENDPOINT` stands for an address that only pods know; without it, a Service of
+    the cluster is reached by port forwarding. Keys come from `$ROBOVAST_S3_ACCESS_KEY` and
+    `$ROBOVAST_S3_SECRET_KEY`, else from the Secret.
+
+    Raises:
+        CannotRunError: there are no keys, or no pod serves the Service.
+        StorageError: the endpoint is unknown.
+    """
+    with cluster_extra():
+        from robovast.cluster.endpoint import Credentials, Endpoint
+        from robovast.cluster.storage import ObjectStore
+    credentials = Credentials(*_keys(kube, place.secret))
+    with _reachable(kube, os.environ.get(ENDPOINT) or place.endpoint) as address:
+        endpoint = Endpoint.parse(address, place.region)
+        yield ObjectStore(endpoint, credentials, patience=PATIENCE, connections=CONNECTIONS)
+
+
+def cluster_service(endpoint: str) -> tuple[str, str, int] | None:
+    """Name, namespace and port when an endpoint is a Service of the cluster, else None."""
+    parts = urlsplit(endpoint)
+    labels = (parts.hostname or "").split(".")
+    if len(labels) < 3 or labels[2] != "svc":
+        return None
+    return labels[0], labels[1], parts.port or (443 if parts.scheme == "https" else 80)
+
+
+def _keys(kube: Kubernetes, secret: str) -> tuple[str, str]:
+    given = os.environ.get(ACCESS_KEY), os.environ.get(SECRET_KEY)
+    if given[0] and given[1]:
+        return given[0], given[1]
+    remedy = f"Set {ACCESS_KEY} and {SECRET_KEY}, or ask for the right to read that Secret."
+    try:
+        found = kube.secret(secret)
+    except CannotRunError as error:
+        raise CannotRunError(f"{error} {remedy}") from error
+    data = (found or {}).get("data") or {}
+    try:
+        access, hidden = (_decoded(data[key]) for key in ("accessKey", "secretKey"))
+    except KeyError:
+        raise CannotRunError(
+            f"there is no Secret `{secret}` with the keys `accessKey` and `secretKey` in the "
+            f"namespace {kube.namespace}, so nothing opens its S3 server. {remedy}"
+        ) from None
+    return access, hidden
+
+
+def _installed_endpoint(kube: Kubernetes) -> str:
+    """The endpoint that the Secret notes beside its keys, else that of an earlier campaign."""
+    try:
+        data = (kube.secret(CREDENTIALS_SECRET) or {}).get("data") or {}
+    except CannotRunError:
+        data = {}
+    if "endpoint" in data:
+        return _decoded(data["endpoint"])
+    known = [CampaignState(item).status.endpoint for item in kube.campaigns()]
+    return next(filter(None, reversed(known)), "")
+
+
+def _decoded(value: str) -> str:
+    return base64.b64decode(value).decode().strip()
+
+
+@contextmanager
+def _reachable(kube: Kubernetes, endpoint: str) -> Iterator[str]:
+    if not endpoint:
+        raise StorageError(
+            f"it is not known where the S3 server of this cluster is: set {ENDPOINT}, as "
+            "`https://s3.example.org`."
+        )
+    service = cluster_service(endpoint)
+    if service is None:
+        yield endpoint
+        return
+    name, namespace, port = service
+    with kube.forward(name, namespace, _pod_port(kube, name, namespace, port)) as local:
+        yield f"{urlsplit(endpoint).scheme}://127.0.0.1:{local}"
+
+
+def _pod_port(kube: Kubernetes, name: str, namespace: str, port: int) -> int:
+    """The port of the pods behind a Service's port."""
+    service = kube.service(name, namespace)
+    if service is None:
+        raise CannotRunError(
+            f"there is no Service `{name}` in the namespace {namespace}: is RoboVAST's embedded "
+            "storage installed? `vast exec cluster setup` installs it."
+        )
+    ports = {item["port"]: item.get("targetPort") for item in service["spec"]["ports"]}
+    target = ports.get(port) or port
+    if isinstance(target, int):
+        return target
+    pods = kube.pods(service["spec"].get("selector") or {}, namespace)
+    named = (
+        item["containerPort"]
+        for pod in pods
+        for container in pod["spec"]["containers"]
+        for item in container.get("ports") or ()
+        if item.get("name") == target
+    )
+    found: int | None = next(named, None)
+    if found is None:
+        raise CannotRunError(
+            f"no pod of the Service `{name}` in the namespace {namespace} is there: look at "
+            f"`kubectl --namespace {namespace} get pods`."
+        )
+    return found

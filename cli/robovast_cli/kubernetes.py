@@ -1,0 +1,241 @@
+"""The API server, as the user's kubeconfig leads to it."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import warnings
+from collections.abc import Callable, Coroutine, Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+from robovast.cluster.resources import API_VERSION
+from robovast.errors import CannotRunError, RobovastError
+from robovast_cli.refusals import NotFoundError, refusal, unreachable
+
+if TYPE_CHECKING:
+    from anyio.from_thread import BlockingPortal
+    from kr8s.asyncio.portforward import PortForward
+
+PATIENCE = 20.0
+"""How long an API server may take to answer [s]."""
+
+Json = dict[str, Any]
+
+
+class Kubernetes:
+    """One API server, namespace and user.
+
+    Methods raise `RobovastError` when the server refuses or cannot be reached.
+    """
+
+    def __init__(self, api: Any, portal: BlockingPortal, namespace: str | None) -> None:
+        self._api = api
+        self._portal = portal
+        self.context = str(api.auth.active_context)
+        """Name of the kubeconfig's context; empty inside a pod."""
+        self.namespace = namespace or _namespace(api.auth)
+
+    @property
+    def where(self) -> str:
+        """The API server, as messages name it."""
+        return _where(self.context, str(self._api.auth.server))
+
+    def campaigns(self) -> list[Json]:
+        """All Campaigns of the namespace, the oldest first."""
+        found: list[Json] = self._call("GET", "campaigns", API_VERSION)["items"]
+        return sorted(found, key=lambda item: str(item["metadata"].get("creationTimestamp")))
+
+    def campaign(self, name: str) -> Json | None:
+        """A Campaign; None when there is none of this name."""
+        return self._find("campaigns", name, API_VERSION)
+
+    def create_campaign(self, campaign: Json) -> Json:
+        """Create a Campaign."""
+        return self._call("POST", "campaigns", API_VERSION, body=campaign)
+
+    def patch_campaign(self, name: str, spec: Mapping[str, Any]) -> Json:
+        """Change keys of a Campaign's spec."""
+        url = f"campaigns/{quote(name)}"
+        return self._call("PATCH", url, API_VERSION, body={"spec": spec})
+
+    def delete_campaign(self, name: str) -> None:
+        """Delete a Campaign; it disappears after everything that was made for it."""
+        options = {"propagationPolicy": "Foreground"}
+        self._call("DELETE", f"campaigns/{quote(name)}", API_VERSION, body=options)
+
+    def secret(self, name: str) -> Json | None:
+        """A Secret; None when there is none of this name."""
+        return self._find("secrets", name)
+
+    def service(self, name: str, namespace: str) -> Json | None:
+        """A Service; None when there is none of this name."""
+        return self._find("services", name, namespace=namespace)
+
+    def pods(self, labels: Mapping[str, str], namespace: str | None = None) -> list[Json]:
+        """Pods that have all these labels."""
+        selector = ",".join(f"{key}={value}" for key, value in labels.items())
+        answer = self._call("GET", "pods", namespace=namespace, params={"labelSelector": selector})
+        items: list[Json] = answer["items"]
+        return items
+
+    @contextmanager
+    def forward(self, service: str, namespace: str, port: int) -> Iterator[int]:
+        """Forward a port of this machine to the pods of a Service, while the context lasts.
+
+        Args:
+            service: its name.
+            namespace: its namespace.
+            port: of its pods.
+
+        Yields:
+            The port on this machine's loopback.
+        """
+        from kr8s.asyncio.objects import Service
+        from kr8s.asyncio.portforward import PortForward
+
+        async def start() -> PortForward:
+            found = await Service.get(service, namespace=namespace, api=self._api)
+            made = PortForward(found, port, local_port="auto")
+            await made.start()
+            return made
+
+        forward = self._run(start)
+        try:
+            yield int(forward.local_port)
+        finally:
+            self._run(forward.stop)
+
+    def _find(
+        self, kind: str, name: str, version: str = "v1", namespace: str | None = None
+    ) -> Json | None:
+        try:
+            return self._call("GET", f"{kind}/{quote(name)}", version, namespace=namespace)
+        except NotFoundError:
+            return None
+
+    def _call(
+        self,
+        method: str,
+        url: str,
+        version: str = "v1",
+        *,
+        namespace: str | None = None,
+        body: Any = None,
+        params: Mapping[str, str] | None = None,
+    ) -> Json:
+        async def call() -> Json:
+            kind = "merge-patch+json" if method == "PATCH" else "json"
+            async with self._api.call_api(
+                method,
+                version=version,
+                namespace=namespace or self.namespace,
+                url=url,
+                content=None if body is None else json.dumps(body),
+                headers={"content-type": f"application/{kind}"},
+                params=params,
+            ) as response:
+                answer: Json = response.json()
+                return answer
+
+        answer: Json = self._run(call)
+        return answer
+
+    def _run(self, action: Callable[[], Coroutine[Any, Any, Any]]) -> Any:
+        try:
+            return self._portal.call(action)
+        except Exception as error:
+            raise _explained(error, self.where) from error
+
+
+@contextmanager
+def connect(context: str | None = None, namespace: str | None = None) -> Iterator[Kubernetes]:
+    """Talk to an API server, which `$KUBECONFIG` and the context choose, as for kubectl.
+
+    Args:
+        context: name of the context; the current one when None.
+        namespace: the context's when None.
+
+    Raises:
+        CannotRunError: there is no such context, or the server cannot be reached.
+    """
+    with cluster_extra():
+        import kr8s
+        from anyio.from_thread import start_blocking_portal
+    with _no_keys_left_behind(), start_blocking_portal() as portal, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # kr8s warns of every Kubernetes that is younger than it
+
+        async def log_in() -> Any:
+            from anyio import fail_after
+
+            with fail_after(PATIENCE):
+                made = await kr8s.asyncio.api(context=context, namespace=namespace)
+            made.timeout = PATIENCE
+            return made
+
+        try:
+            api = portal.call(log_in)
+        except Exception as error:
+            raise _explained(error, _where(context, "")) from error
+        try:
+            yield Kubernetes(api, portal, namespace)
+        finally:
+            portal.call(api._session.aclose)  # kr8s itself never closes it
+
+
+@contextmanager
+def cluster_extra() -> Iterator[None]:
+    """Imports that need the extra `cluster`."""
+    try:
+        yield
+    except ImportError as error:
+        raise CannotRunError(
+            f"the package {error.name} is missing: install `robovast[cluster]`."
+        ) from None
+
+
+@contextmanager
+def _no_keys_left_behind() -> Iterator[None]:
+    """Temporary files go at the end: kr8s writes keys of a kubeconfig into some."""
+    before = tempfile.tempdir
+    with tempfile.TemporaryDirectory(prefix="robovast-") as folder:
+        tempfile.tempdir = folder
+        try:
+            yield
+        finally:
+            tempfile.tempdir = before
+
+
+def _namespace(auth: Any) -> str:
+    """The namespace of the chosen context, which need not be the current one."""
+    if not auth.active_context:
+        return str(auth.namespace)
+    return str(auth.kubeconfig.get_context(auth.active_context).get("namespace") or "default")
+
+
+def _where(context: str | None, server: str) -> str:
+    named = f"the API server of the context `{context}`" if context else "the API server"
+    return f"{named} ({server})" if server else named
+
+
+def _explained(error: Exception, where: str) -> RobovastError:
+    import httpx
+    import kr8s
+
+    if isinstance(error, kr8s.ServerError) and error.response is not None:
+        return refusal(error.response.status_code, _status(error.response), where)
+    if isinstance(error, httpx.TransportError | kr8s.APITimeoutError | OSError):
+        return unreachable(str(error) or type(error).__name__, where)
+    return CannotRunError(
+        f"{where}: no login: {error or type(error).__name__}. `kubectl config get-contexts` shows "
+        "the contexts of your kubeconfig ($KUBECONFIG, else ~/.kube/config)."
+    )
+
+
+def _status(response: Any) -> Json:
+    try:
+        answer = response.json()
+    except ValueError:
+        return {}
+    return answer if isinstance(answer, dict) else {}

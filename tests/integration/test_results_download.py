@@ -1,0 +1,169 @@
+"""Results brought home from real object stores: complete runs, once, as they were."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from uuid import uuid4
+
+import pytest
+from robovast_testbed.s3 import Server
+
+from robovast.cluster.endpoint import Credentials, Endpoint
+from robovast.cluster.storage import ObjectStore
+from robovast.errors import StorageError
+from robovast.results.download import DownloadResult, download_campaign
+
+RUN = {"_jobs/job-0/logs/system.log": b"log", "_config/a.vast": b"version: 1\n"}
+
+
+class Meter:
+    """Counts what it is told."""
+
+    def __init__(self) -> None:
+        self.files = self.size = self.received_bytes = self.finished = 0
+
+    def planned(self, files: int, size: int) -> None:
+        self.files, self.size = files, size
+
+    def received(self, size: int) -> None:
+        self.received_bytes += size
+
+    def file_finished(self) -> None:
+        self.finished += 1
+
+
+@pytest.fixture
+def store(s3_server: Server) -> ObjectStore:
+    credentials = Credentials(s3_server.access_key, s3_server.secret_key)
+    return ObjectStore(Endpoint.parse(f"http://{s3_server.endpoint}"), credentials, patience=20)
+
+
+@pytest.fixture
+def bucket(store: ObjectStore) -> Iterator[str]:
+    name = f"test-{uuid4().hex[:12]}"
+    store.make_bucket(name)
+    yield name
+    store.delete_bucket(name)
+
+
+def put_run(store: ObjectStore, bucket: str, path: str, attempt: int = 1, **files: bytes) -> None:
+    for name, content in files.items():
+        store.put_bytes(bucket, f"{path}/{name}", content)
+    record = json.dumps({"job": "job-0", "attempt": attempt})
+    store.put_bytes(bucket, f"{path}/run.json", record.encode())
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file() and not path.is_symlink()
+    }
+
+
+def fetch(
+    store: ObjectStore, bucket: str, folder: Path, *, force: bool = False
+) -> tuple[DownloadResult, Meter]:
+    meter = Meter()
+    return download_campaign(store, bucket, folder, meter, force=force), meter
+
+
+def test_a_campaign_comes_home_in_the_local_layout(
+    store: ObjectStore, bucket: str, tmp_path: Path
+) -> None:
+    for key, content in RUN.items():
+        store.put_bytes(bucket, key, content)
+    put_run(store, bucket, "hall-1/0", bag=b"x" * 100_000, test_xml=b"<testsuite/>")
+    put_run(store, bucket, "hall-1/1", bag=b"y")
+    home = tmp_path / "campaign"
+    result, meter = fetch(store, bucket, home)
+    assert (result.fetched, result.present, result.unfinished) == (2, 0, ())
+    assert set(tree(home)) == {
+        *RUN,
+        *(f"hall-1/0/{name}" for name in ("bag", "test_xml", "run.json")),
+        *(f"hall-1/1/{name}" for name in ("bag", "run.json")),
+    }
+    assert (home / "hall-1/0/bag").read_bytes() == b"x" * 100_000
+    assert (home / "hall-1/0/job/logs/system.log").read_bytes() == b"log"
+    assert meter.files == meter.finished == 7
+    assert meter.size == meter.received_bytes == result.size
+
+
+def test_what_is_here_is_not_fetched_again(store: ObjectStore, bucket: str, tmp_path: Path) -> None:
+    put_run(store, bucket, "hall/0", bag=b"a")
+    store.put_bytes(bucket, "_config/a.vast", b"a")
+    fetch(store, bucket, tmp_path)
+    put_run(store, bucket, "hall/1", bag=b"b")
+    result, meter = fetch(store, bucket, tmp_path)
+    assert (result.fetched, result.present) == (1, 1)
+    assert meter.files == 2
+    result, meter = fetch(store, bucket, tmp_path, force=True)
+    assert (result.fetched, meter.files) == (2, 5)
+
+
+def test_a_run_that_is_not_stored_yet_does_not_appear(
+    store: ObjectStore, bucket: str, tmp_path: Path
+) -> None:
+    store.put_bytes(bucket, "hall/0/bag", b"half")
+    put_run(store, bucket, "hall/1", bag=b"whole")
+    result, _ = fetch(store, bucket, tmp_path)
+    assert result.unfinished == ("hall/0",)
+    assert sorted(path.name for path in (tmp_path / "hall").iterdir()) == ["1"]
+
+
+def test_a_repeated_run_replaces_the_one_that_is_here(
+    store: ObjectStore, bucket: str, tmp_path: Path
+) -> None:
+    put_run(store, bucket, "hall/0", old=b"old")
+    fetch(store, bucket, tmp_path)
+    store.delete_bucket(bucket)
+    store.make_bucket(bucket)
+    put_run(store, bucket, "hall/0", attempt=22, new=b"new")
+    result, _ = fetch(store, bucket, tmp_path)
+    assert result.fetched == 1
+    assert set(tree(tmp_path)) == {"hall/0/new", "hall/0/run.json"}
+
+
+def test_after_an_interruption_only_the_rest_is_fetched(
+    store: ObjectStore, bucket: str, tmp_path: Path
+) -> None:
+    put_run(store, bucket, "hall/0", a=b"a" * 10, b=b"b" * 20)
+
+    class Impatient(Meter):
+        def file_finished(self) -> None:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        download_campaign(store, bucket, tmp_path, Impatient())
+    assert not (tmp_path / "hall").exists()
+    put_run(store, bucket, "hall/0", a=b"a" * 10, b=b"b" * 20)
+    result, _ = fetch(store, bucket, tmp_path)
+    assert result.fetched == 1
+    assert set(tree(tmp_path)) == {"hall/0/a", "hall/0/b", "hall/0/run.json"}
+
+
+def test_a_damaged_object_is_refused(store: ObjectStore, bucket: str, tmp_path: Path) -> None:
+    put_run(store, bucket, "hall/0", bag=b"good")
+    store._client.put_object(  # what a broken writer or disk would leave
+        bucket, "hall/0/bag", io.BytesIO(b"evil"), 4, metadata={"sha256": "0" * 64}
+    )
+    with pytest.raises(StorageError, match="damaged"):
+        fetch(store, bucket, tmp_path)
+    assert not (tmp_path / "hall").exists()
+
+
+def test_two_downloads_into_one_folder_do_not_mix(
+    store: ObjectStore, bucket: str, tmp_path: Path
+) -> None:
+    put_run(store, bucket, "hall/0", bag=b"x")
+
+    class Second(Meter):
+        def planned(self, files: int, size: int) -> None:
+            with pytest.raises(StorageError, match="another download"):
+                fetch(store, bucket, tmp_path)
+
+    result = download_campaign(store, bucket, tmp_path, Second())
+    assert result.fetched == 1
