@@ -13,9 +13,9 @@ from typing import Any
 import yaml
 
 try:
-    from yaml import CSafeDumper as _Dumper
+    from yaml import CSafeDumper as _SafeDumper
 except ImportError:  # PyYAML built without libyaml: slower, same result
-    from yaml import SafeDumper as _Dumper  # type: ignore[assignment]
+    from yaml import SafeDumper as _SafeDumper  # type: ignore[assignment]
 
 
 def to_plain(value: Any) -> Any:
@@ -52,6 +52,14 @@ def _base_value(value: Any) -> Any:
 
 def _key(key: Any) -> Any:
     return key if type(key) in (str, int, bool) else str(key)
+
+
+class _Dumper(_SafeDumper):
+    """Writes a value that stands in several places in each of them, without anchors."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        del data
+        return True
 
 
 def dump_yaml(data: Any) -> str:

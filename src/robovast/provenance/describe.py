@@ -1,0 +1,131 @@
+"""Writing metadata.yaml and metadata.prov.json of a campaign."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+from robovast import __version__
+from robovast.errors import InputError, StorageError
+from robovast.plain import dump_yaml, to_plain, write_atomically
+from robovast.provenance.findings import Findings
+from robovast.provenance.graph import Graph
+from robovast.provenance.metadata import collect_metadata
+from robovast.provenance.reading import read_mapping
+from robovast.provenance.times import now
+from robovast.provenance.vocabulary import context
+
+METADATA = "metadata.yaml"
+GRAPH = "metadata.prov.json"
+
+_log = logging.getLogger(__name__)
+
+
+class PluginFaultsError(InputError):
+    """Plugins did wrong; what they should have added is missing, all else is written."""
+
+    def __init__(self, root: Path, file: str, faults: list[str]) -> None:
+        self.faults = faults
+        lines = "\n".join(f"    {fault}" for fault in faults)
+        super().__init__(
+            f"{root / file} was written without what these plugins should have added:\n{lines}\n"
+            "    Mend them, then repeat `vast results metadata`."
+        )
+
+
+def describe(campaign_dir: Path) -> None:
+    """Write metadata.yaml and metadata.prov.json; faster than one after the other.
+
+    Raises:
+        PluginFaultsError: after both were written.
+        StorageError: a file cannot be written.
+    """
+    findings = Findings()
+    metadata = _write_metadata(campaign_dir, findings)
+    _write_graph(campaign_dir, metadata, findings)
+    _tell(campaign_dir, f"{METADATA} and {GRAPH}", findings)
+
+
+def write_metadata(campaign_dir: Path) -> Path:
+    """Write metadata.yaml; returns its path. What is missing is logged as a warning.
+
+    Raises:
+        PluginFaultsError: a hook or a processor did wrong; the file is written nevertheless.
+        StorageError: the file cannot be written.
+    """
+    findings = Findings()
+    _write_metadata(campaign_dir, findings)
+    _tell(campaign_dir, METADATA, findings)
+    return campaign_dir / METADATA
+
+
+def write_graph(campaign_dir: Path) -> Path:
+    """Write metadata.prov.json from metadata.yaml; returns its path.
+
+    Raises:
+        InputError: there is no metadata.yaml.
+        PluginFaultsError: a hook did wrong; the file is written nevertheless.
+        StorageError: the file cannot be written.
+    """
+    findings = Findings()
+    metadata = read_mapping(campaign_dir / METADATA, findings, campaign_dir.name)
+    if not isinstance(metadata.get("configurations"), list):
+        raise InputError(
+            f"{campaign_dir / METADATA} is missing or damaged; `vast results metadata` writes it."
+        )
+    _write_graph(campaign_dir, metadata, findings)
+    _tell(campaign_dir, GRAPH, findings)
+    return campaign_dir / GRAPH
+
+
+def _write_metadata(root: Path, findings: Findings) -> dict[str, Any]:
+    started = now()
+    metadata = to_plain(collect_metadata(root, findings))
+    times = {"started_at": started, "ended_at": now(), "robovast_version": __version__}
+    metadata["generated"] = times
+    with _explained(root):
+        write_atomically(root / METADATA, dump_yaml(metadata))
+    return metadata  # type: ignore[no-any-return]
+
+
+def _write_graph(root: Path, metadata: dict[str, Any], findings: Findings) -> None:
+    started = now()
+    graph = Graph(root, metadata, findings)
+    temporary = root / f".{GRAPH}.{os.getpid()}.tmp"
+    with _explained(root):
+        try:
+            with temporary.open("w", encoding="utf-8") as file:
+                _write_nodes(file, graph, started)
+            os.replace(temporary, root / GRAPH)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+def _write_nodes(file: IO[str], graph: Graph, started: str) -> None:
+    """One node a line, as they are made: memory does not grow with the graph."""
+    encode = json.JSONEncoder(ensure_ascii=False, default=str).encode
+    file.write(f'{{"@context": {encode(context(graph.iri))},\n"@graph": [\n')
+    for node in graph.nodes():
+        file.write(f"{encode(node)},\n")
+    last = (encode(node) for node in graph.graph_file(GRAPH, started, now()))
+    file.write(",\n".join(last) + "\n]}\n")
+
+
+def _tell(root: Path, file: str, findings: Findings) -> None:
+    for notice in findings.notices:
+        _log.warning("%s: %s", root.name, notice)
+    if findings.faults:
+        raise PluginFaultsError(root, file, findings.faults)
+
+
+@contextmanager
+def _explained(root: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise StorageError(f"{root}: cannot be written: {error.strerror}.") from error

@@ -1,0 +1,36 @@
+"""Times as ISO 8601 in UTC."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+
+def now() -> str:
+    """This moment."""
+    return datetime.now(UTC).isoformat(timespec="microseconds")
+
+
+def as_utc(time: Any) -> str | None:
+    """A time in any spelling; one without a zone is taken to be in UTC. None when it is none."""
+    try:
+        parsed = time if isinstance(time, datetime) else datetime.fromisoformat(str(time))
+        zoned = parsed if parsed.tzinfo else parsed.replace(tzinfo=UTC)
+        return zoned.astimezone(UTC).isoformat()
+    except (ValueError, OverflowError):
+        return None
+
+
+def from_epoch(seconds: float | None) -> str | None:
+    """A time in seconds since the epoch."""
+    try:
+        return datetime.fromtimestamp(seconds, UTC).isoformat() if seconds else None
+    except (ValueError, OverflowError, OSError):
+        return None
+
+
+def later(time: str | None, seconds: Any) -> str | None:
+    """A time some seconds after another; None when either is unknown."""
+    if time is None or not isinstance(seconds, int | float) or not 0 <= seconds < 1e9:
+        return None
+    return (datetime.fromisoformat(time) + timedelta(seconds=seconds)).isoformat()
