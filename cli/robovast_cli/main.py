@@ -25,6 +25,10 @@ COMMANDS: Mapping[str, Lazy] = {
     "results": Lazy(
         "robovast_cli.results:app", "Bring results home, work them up, ask them, publish them."
     ),
+    "evaluation": Lazy("robovast_cli.evaluation:app", "Look at results.", aliases=("eval",)),
+    "import-results": Lazy(
+        "robovast_cli.import_results:app", "Take over a campaign that comes as an archive."
+    ),
     "install-completion": Lazy(
         "robovast_cli.completion:app", "Complete commands and options in your shell."
     ),

@@ -8,6 +8,9 @@ COMMANDS: Mapping[str, Lazy] = {
     "download": Lazy(
         "robovast_cli.results_download:app", "Bring results home from the cluster's storage."
     ),
+    "import-results": Lazy(
+        "robovast_cli.import_results:app", "Take over a campaign that comes as an archive."
+    ),
 }
 
 app = new_group("Bring results home, work them up, ask them, publish them.", COMMANDS)

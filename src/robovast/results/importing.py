@@ -1,0 +1,58 @@
+"""Taking over a campaign that comes as an archive."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from robovast.errors import InputError
+from robovast.results.appearing import explained, take_place
+from robovast.results.archive import refuse_links_out, unpack
+
+_SUFFIXES = (".tar.gz", ".tgz", ".tar.xz", ".tar.bz2", ".tar", ".zip")
+_CAMPAIGN_FOLDERS = ("_config", "_execution")
+
+
+def import_archive(archive: Path, output: Path, *, force: bool = False) -> Path:
+    """Unpack a campaign's archive; returns the campaign's folder.
+
+    The campaign appears at once and complete, or not at all.
+
+    Args:
+        archive: a tar file (any compression) or zip file, of the campaign's folder or of what is
+            in it; in the latter case its name is the campaign's.
+        output: folder for the campaign's folder; made when missing.
+        force: replace a campaign of the same name.
+
+    Raises:
+        InputError: the archive cannot be read, is unsafe, or holds no campaign.
+        StorageError: the campaign is here already, or cannot be written.
+    """
+    with explained(output):
+        output.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(prefix=".import-", dir=output) as scratch:
+            whole = Path(scratch) / campaign_of_archive(archive.name)
+            whole.mkdir()
+            links = unpack(archive, whole)
+            campaign = _campaign_in(archive, whole)
+            refuse_links_out(archive, links, campaign)
+            take_place(campaign, output / campaign.name, replace=force)
+    return output / campaign.name
+
+
+def campaign_of_archive(name: str) -> str:
+    """Name of the campaign whose archive has this file name."""
+    suffix = next((suffix for suffix in _SUFFIXES if name.endswith(suffix)), "")
+    return name.removesuffix(suffix) or "campaign"
+
+
+def _campaign_in(archive: Path, whole: Path) -> Path:
+    content = list(whole.iterdir())
+    folder = content[0] if len(content) == 1 else whole
+    if not folder.is_symlink() and any((folder / name).is_dir() for name in _CAMPAIGN_FOLDERS):
+        return folder
+    names = ", ".join(sorted(path.name for path in content)[:5]) or "nothing"
+    raise InputError(
+        f"{archive} holds no campaign, but {names}. It must hold one campaign's folder, with "
+        "`_config` in it. Nothing was imported."
+    )

@@ -1,0 +1,153 @@
+"""Taking over a campaign's archive: complete or not at all, and nothing outside of the results."""
+
+from __future__ import annotations
+
+import io
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from robovast.errors import InputError, StorageError
+from robovast.results.importing import import_archive
+
+NAME = "my-campaign-2026-03-05-121530"
+
+
+def member(name: str, content: bytes = b"", **attributes: object) -> tuple[tarfile.TarInfo, bytes]:
+    info = tarfile.TarInfo(name)
+    info.size = len(content)
+    for key, value in attributes.items():
+        setattr(info, key, value)
+    return info, content
+
+
+def link(name: str, target: str, kind: bytes = tarfile.SYMTYPE) -> tuple[tarfile.TarInfo, bytes]:
+    return member(name, type=kind, linkname=target)
+
+
+GOOD = [
+    member(f"{NAME}/_config/a file.vast", b"version: 1\n"),
+    member(f"{NAME}/_jobs/job-1/logs/system.log", b"\xff\xfe no text"),
+    member(f"{NAME}/one-1/0/test.xml", b"<testsuite/>", mtime=1_700_000_000),
+    member(f"{NAME}/one-1/0/tool", b"#!/bin/sh\n", mode=0o4755),
+    link(f"{NAME}/one-1/0/job", "../../_jobs/job-1"),
+]
+
+
+def archive_of(
+    folder: Path, *members: tuple[tarfile.TarInfo, bytes], name: str = f"{NAME}.tar.gz"
+) -> Path:
+    path = folder / name
+    with tarfile.open(path, "w:gz") as tar:
+        for info, content in members:
+            tar.addfile(info, io.BytesIO(content) if info.isreg() else None)
+    return path
+
+
+def everything(folder: Path) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*")}
+
+
+def test_a_campaign_comes_in_as_it_was(tmp_path: Path) -> None:
+    campaign = import_archive(archive_of(tmp_path, *GOOD), tmp_path / "results")
+    assert campaign == tmp_path / "results" / NAME
+    assert (campaign / "_config" / "a file.vast").read_text() == "version: 1\n"
+    assert (campaign / "one-1" / "0" / "job" / "logs" / "system.log").read_bytes()[
+        :2
+    ] == b"\xff\xfe"
+    assert (campaign / "one-1" / "0" / "test.xml").stat().st_mtime == 1_700_000_000
+    assert (campaign / "one-1" / "0" / "tool").stat().st_mode & 0o7777 == 0o755
+    assert everything(tmp_path / "results") >= {NAME}
+    assert [path.name for path in (tmp_path / "results").iterdir()] == [NAME]
+
+
+def test_an_archive_without_the_campaigns_folder_gives_the_campaign_its_name(
+    tmp_path: Path,
+) -> None:
+    bare = [member("./_config/x.vast"), member("one/0/test.xml"), link("one/0/job", "../../_jobs")]
+    campaign = import_archive(archive_of(tmp_path, *bare, name="a name.tgz"), tmp_path / "results")
+    assert everything(campaign) >= {"_config/x.vast", "one/0/test.xml", "one/0/job"}
+    assert campaign.name == "a name"
+
+
+def test_hard_links_become_files(tmp_path: Path) -> None:
+    hard = link(f"{NAME}/one-1/0/copy", f"{NAME}/one-1/0/test.xml", tarfile.LNKTYPE)
+    campaign = import_archive(archive_of(tmp_path, *GOOD, hard), tmp_path / "results")
+    assert (campaign / "one-1" / "0" / "copy").read_text() == "<testsuite/>"
+
+
+def test_a_zip_file_keeps_its_links(tmp_path: Path) -> None:
+    path = tmp_path / "x.zip"
+    with zipfile.ZipFile(path, "w") as zipped:
+        zipped.writestr(f"{NAME}/_config/x.vast", "")
+        info = zipfile.ZipInfo(f"{NAME}/one/0/job")
+        info.external_attr = 0o120777 << 16
+        zipped.writestr(info, "../../_jobs/job-1")
+    campaign = import_archive(path, tmp_path / "results")
+    assert (campaign / "one" / "0" / "job").readlink() == Path("../../_jobs/job-1")
+
+
+MALICIOUS = {
+    "an absolute name": [member("/tmp/evil")],
+    "a name that climbs": [member(f"{NAME}/../../evil")],
+    "an absolute link": [link(f"{NAME}/evil", "/etc/passwd")],
+    "a link that climbs": [link(f"{NAME}/one-1/evil", "../../../evil")],
+    "a link to another campaign": [link(f"{NAME}/evil", "../other-campaign/secret")],
+    "links that climb together": [
+        link(f"{NAME}/a/b/here", "../.."),
+        link(f"{NAME}/evil", "a/b/here/.."),
+    ],
+    "a file through a link": [link(f"{NAME}/evil", "_jobs"), member(f"{NAME}/evil/x", b"x")],
+    "a hard link out": [link(f"{NAME}/evil", "../../../etc/passwd", tarfile.LNKTYPE)],
+    "a device": [member(f"{NAME}/evil", type=tarfile.CHRTYPE)],
+    "a pipe": [member(f"{NAME}/evil", type=tarfile.FIFOTYPE)],
+    "a name that comes twice": [member(f"{NAME}/evil"), member(f"{NAME}/evil")],
+    "a folder that is a file": [member(f"{NAME}/evil"), member(f"{NAME}/evil/x")],
+}
+
+
+@pytest.mark.parametrize("what", MALICIOUS)
+def test_a_malicious_archive_leaves_nothing(tmp_path: Path, what: str) -> None:
+    archive = archive_of(tmp_path, *GOOD, *MALICIOUS[what])
+    (tmp_path / "results").mkdir()
+    with pytest.raises(InputError):
+        import_archive(archive, tmp_path / "results")
+    assert everything(tmp_path) == {archive.name, "results"}
+
+
+def test_a_link_alone_is_no_campaign(tmp_path: Path) -> None:
+    (tmp_path / "other" / "_config").mkdir(parents=True)
+    archive = archive_of(tmp_path, link("evil", "../../../other"))
+    with pytest.raises(InputError, match="holds no campaign"):
+        import_archive(archive, tmp_path / "results")
+
+
+@pytest.mark.parametrize("keep", [0, 10, 200])
+def test_an_incomplete_archive_is_refused(tmp_path: Path, keep: int) -> None:
+    archive = archive_of(tmp_path, *GOOD)
+    archive.write_bytes(archive.read_bytes()[:keep])
+    with pytest.raises(InputError, match="damaged or incomplete"):
+        import_archive(archive, tmp_path / "results")
+    assert list((tmp_path / "results").iterdir()) == []
+
+
+def test_what_holds_no_campaign_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds no campaign, but a, b"):
+        import_archive(archive_of(tmp_path, member("a"), member("b")), tmp_path / "results")
+    with pytest.raises(InputError, match="No such file"):
+        import_archive(tmp_path / "missing.tar.gz", tmp_path / "results")
+
+
+def test_a_campaign_that_is_here_is_replaced_on_demand_only(tmp_path: Path) -> None:
+    archive = archive_of(tmp_path, *GOOD)
+    kept = tmp_path / "results" / NAME / "mine"
+    kept.parent.mkdir(parents=True)
+    kept.touch()
+    with pytest.raises(StorageError, match="exists already"):
+        import_archive(archive, tmp_path / "results")
+    assert kept.exists()
+    import_archive(archive, tmp_path / "results", force=True)
+    assert not kept.exists()
+    assert [path.name for path in (tmp_path / "results").iterdir()] == [NAME]
