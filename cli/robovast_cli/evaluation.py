@@ -1,0 +1,9 @@
+"""`vast evaluation`: looking at results."""
+
+from robovast_cli.lazy import Lazy, new_group
+
+COMMANDS = {
+    "gui": Lazy("robovast_cli.gui:app", "Look at results in the browser."),
+}
+
+app = new_group("Look at results.", COMMANDS)

@@ -1,0 +1,66 @@
+"""`vast evaluation gui`: results in the browser."""
+
+import os
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robovast_cli.lazy import new_app
+from robovast_cli.output import say
+
+app = new_app("Look at results in the browser.")
+
+
+@app.command()
+def gui(
+    ctx: typer.Context,
+    results_dir: Annotated[
+        Path | None,
+        typer.Option(
+            "-r",
+            "--results-dir",
+            metavar="PATH",
+            help="Results folder, or one campaign's; the project's when omitted.",
+            show_default=False,
+        ),
+    ] = None,
+    port: Annotated[
+        int | None,
+        typer.Option(
+            "-p",
+            "--port",
+            min=1,
+            max=65535,
+            help="Port on this machine, to forward it over SSH; any free one when omitted.",
+            show_default=False,
+        ),
+    ] = None,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Print the address only, open no browser.")
+    ] = False,
+) -> None:
+    """Look at results in the browser, those of a campaign that is still running too.
+
+    The page answers on this machine only, at an address that holds a secret. Ctrl-C ends it.
+    """
+    from robovast.errors import CannotRunError
+    from robovast.evaluation.campaign_index import is_campaign
+
+    try:
+        from robovast.evaluation.server.serve import serve
+    except ModuleNotFoundError as error:
+        raise CannotRunError(
+            f"The page needs {error.name}; install the extra: pip install 'robovast[gui]'."
+        ) from None
+    folder = results_dir or ctx.obj.results
+    campaign = folder.absolute().name if is_campaign(folder) else ""
+
+    def show(address: str) -> None:
+        page = f"{address}#/campaign/{campaign}" if campaign else address
+        say(f"Showing {folder}: {page}")
+        if not no_browser and (os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}):
+            webbrowser.open(page)
+
+    serve(folder.absolute().parent if campaign else folder, port, show)

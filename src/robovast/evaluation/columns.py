@@ -1,0 +1,50 @@
+"""All runs of a campaign as columns: a tenth of the size of as many objects, and quick to read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from robovast.evaluation.campaign_index import VariantRuns
+from robovast.results.verdict import Verdict
+
+VERDICTS = list(Verdict)
+"""Verdicts in the order of their codes."""
+
+
+def columns(variants: Sequence[VariantRuns]) -> dict[str, Any]:
+    """Variants and runs of a campaign.
+
+    Returns:
+        `verdicts`: names of the codes. `variants`: `name`, `entry` and, by parameter, `values`,
+        each a list with one item per variant. `runs`: lists with one item per run: `variant`
+        (place in the list of variants), `number`, `verdict` (code), `reason` (place in
+        `reasons`), `started` [s since the epoch], `duration` [s].
+    """
+    names = list(dict.fromkeys(name for variant in variants for name in variant.parameters))
+    runs = [(place, run) for place, variant in enumerate(variants) for run in variant.runs]
+    reasons = {"": 0}
+    for _, run in runs:
+        reasons.setdefault(run.reason, len(reasons))
+    codes = {verdict: code for code, verdict in enumerate(VERDICTS)}
+    return {
+        "verdicts": VERDICTS,
+        "reasons": list(reasons),
+        "variants": {
+            "name": [variant.name for variant in variants],
+            "entry": [variant.entry for variant in variants],
+            "values": {name: [v.parameters.get(name) for v in variants] for name in names},
+        },
+        "runs": {
+            "variant": [place for place, _ in runs],
+            "number": [run.number for _, run in runs],
+            "verdict": [codes[run.verdict] for _, run in runs],
+            "reason": [reasons[run.reason] for _, run in runs],
+            "started": [_rounded(run.started_at) for _, run in runs],
+            "duration": [_rounded(run.duration) for _, run in runs],
+        },
+    }
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 3)

@@ -1,0 +1,183 @@
+"""Comparing two campaigns: what got worse, and whether chance explains it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import exp, lgamma, sqrt
+from statistics import median
+
+from robovast.evaluation.campaign_index import VariantRuns
+from robovast.results.verdict import Verdict
+
+LEVEL = 0.05
+"""Significance level of every statement."""
+_Z = 1.959964
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """Runs with a verdict, and how many of them did not pass."""
+
+    runs: int
+    bad: int
+    duration: float | None
+    """Median [s]"""
+
+    @property
+    def rate(self) -> float:
+        """Share of the runs that did not pass; 0 without runs."""
+        return self.bad / self.runs if self.runs else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Two samples, and how likely chance alone makes them differ so much."""
+
+    a: Sample
+    b: Sample
+    p: float
+    """Two-sided p-value of Fisher's exact test."""
+    low: float
+    """Lower limit of the 95 % interval of the difference of rates, b - a (Newcombe)."""
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class VariantDifference:
+    """One variant in both campaigns."""
+
+    name_a: str
+    name_b: str
+    difference: Difference
+    adjusted_p: float
+    """Holm's correction for the number of variants."""
+    change: str
+    """`worse`, `better` or `same`; at the level of `LEVEL`, by the adjusted p-value."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two campaigns, matched variant by variant."""
+
+    overall: Difference
+    """All matched variants together."""
+    statement: str
+    variants: list[VariantDifference]
+    """The smallest p-value first."""
+    only_a: list[str]
+    only_b: list[str]
+
+
+def compare(a: Iterable[VariantRuns], b: Iterable[VariantRuns]) -> Comparison:
+    """Compare campaign b with campaign a, variants of equal parameters with each other."""
+    left, right = _by_identity(a), _by_identity(b)
+    common = [key for key in left if key in right]
+    pairs = [(left[key], right[key]) for key in common]
+    differences = [difference(sample(one), sample(other)) for one, other in pairs]
+    adjusted = holm([d.p for d in differences])
+    variants = [
+        VariantDifference(one.name, other.name, found, p, _change(found, p))
+        for (one, other), found, p in zip(pairs, differences, adjusted, strict=True)
+    ]
+    overall = difference(sample(*(one for one, _ in pairs)), sample(*(other for _, other in pairs)))
+    return Comparison(
+        overall=overall,
+        statement=state(overall),
+        variants=sorted(variants, key=lambda variant: variant.difference.p),
+        only_a=[variant.name for key, variant in left.items() if key not in right],
+        only_b=[variant.name for key, variant in right.items() if key not in left],
+    )
+
+
+def sample(*variants: VariantRuns) -> Sample:
+    """The runs of variants, without the interrupted ones."""
+    runs = [r for v in variants for r in v.runs if r.verdict is not Verdict.INTERRUPTED]
+    durations = [run.duration for run in runs if run.duration is not None]
+    bad = sum(run.verdict is not Verdict.PASSED for run in runs)
+    return Sample(len(runs), bad, median(durations) if durations else None)
+
+
+def difference(a: Sample, b: Sample) -> Difference:
+    """Test whether the rates of two samples differ."""
+    p = fisher_exact(a.bad, a.runs - a.bad, b.bad, b.runs - b.bad)
+    low, high = newcombe(a, b)
+    return Difference(a, b, p, low, high)
+
+
+def fisher_exact(a: int, b: int, c: int, d: int) -> float:
+    """Two-sided p-value of the table [[a, b], [c, d]]: of all tables no likelier than this one."""
+    row, column, total = a + b, a + c, a + b + c + d
+    constant = _log_choose(total, column)
+
+    def probability(x: int) -> float:
+        return exp(_log_choose(row, x) + _log_choose(total - row, column - x) - constant)
+
+    possible = range(max(0, row + column - total), min(row, column) + 1)
+    limit = probability(a) * (1 + 1e-7)
+    return min(1.0, sum(p for p in map(probability, possible) if p <= limit))
+
+
+def newcombe(a: Sample, b: Sample) -> tuple[float, float]:
+    """95 % interval of the difference of two rates, b - a, from Wilson's score intervals."""
+    (low_a, high_a), (low_b, high_b) = _wilson(a), _wilson(b)
+    change = b.rate - a.rate
+    low = change - sqrt((b.rate - low_b) ** 2 + (high_a - a.rate) ** 2)
+    high = change + sqrt((high_b - b.rate) ** 2 + (a.rate - low_a) ** 2)
+    return low, high
+
+
+def holm(values: Sequence[float]) -> list[float]:
+    """p-values corrected for their number; in the order given."""
+    adjusted = [0.0] * len(values)
+    highest = 0.0
+    for rank, index in enumerate(sorted(range(len(values)), key=values.__getitem__)):
+        highest = max(highest, min(1.0, values[index] * (len(values) - rank)))
+        adjusted[index] = highest
+    return adjusted
+
+
+def state(found: Difference) -> str:
+    """A difference in words."""
+    a, b = found.a, found.b
+    if not a.runs or not b.runs:
+        return "Nothing can be compared: the campaigns share no variant with runs in both."
+    verb = "rose" if b.rate > a.rate else "fell" if b.rate < a.rate else "stayed the same"
+    certain = "chance alone hardly explains that" if found.p < LEVEL else "chance can explain that"
+    text = (
+        f"The share of runs that did not pass {verb}, from {a.rate:.1%} ({a.bad} of {a.runs}) to "
+        f"{b.rate:.1%} ({b.bad} of {b.runs})"
+    )
+    interval = f"95 % interval {100 * found.low:+.1f} to {100 * found.high:+.1f} points"
+    p = f"p = {found.p:.2g}" if found.p >= 0.0001 else "p < 0.0001"
+    return f"{text}; {certain} (Fisher's exact test, {p}; {interval})."
+
+
+def _change(found: Difference, p: float) -> str:
+    if p >= LEVEL:
+        return "same"
+    return "worse" if found.b.rate > found.a.rate else "better"
+
+
+def _by_identity(variants: Iterable[VariantRuns]) -> dict[str, VariantRuns]:
+    """Variants by their parameters, or by name where these do not tell them apart."""
+    found: dict[str, VariantRuns] = {}
+    for variant in variants:
+        parameters = json.dumps(variant.parameters, sort_keys=True) if variant.parameters else ""
+        key = variant.name if not parameters or parameters in found else parameters
+        found[key] = variant
+    return found
+
+
+def _log_choose(n: int, k: int) -> float:
+    return lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1)
+
+
+def _wilson(one: Sample) -> tuple[float, float]:
+    if not one.runs:
+        return 0.0, 1.0
+    n, rate, z = one.runs, one.rate, _Z
+    centre = (rate + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * sqrt(rate * (1 - rate) / n + z * z / (4 * n * n))
+    return max(0.0, centre - half), min(1.0, centre + half)

@@ -1,0 +1,76 @@
+"""The files of a run."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from robovast.evaluation.inside import MissingError, resolved
+
+MOST_FILES = 2000
+
+KINDS = {
+    ".csv": "table",
+    ".log": "log",
+    ".txt": "log",
+    ".xml": "text",
+    ".json": "text",
+    ".yaml": "text",
+    ".yml": "text",
+    ".osc": "text",
+    ".png": "image",
+    ".jpg": "image",
+    ".jpeg": "image",
+    ".gif": "image",
+    ".webp": "image",
+    ".webm": "video",
+    ".mp4": "video",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class FileEntry:
+    """A file, as the page shows it."""
+
+    path: str
+    """Relative to the results folder, `/` between its parts."""
+    name: str
+    """Relative to the folder that was listed."""
+    kind: str
+    """`table`, `log`, `text`, `image`, `video` or `other`."""
+    size: int
+    """[bytes]"""
+
+
+def list_files(results: Path, relative: str) -> list[FileEntry]:
+    """Regular files at and below a folder by name, `MOST_FILES` at most; links are left out.
+
+    Raises:
+        InputError: there is no such folder below `results`.
+    """
+    folder = resolved(results, relative)
+    if not folder.is_dir():
+        raise MissingError(f"{relative} is no folder.")
+    entries = []
+    for path, size in _walk(folder):
+        name = path.relative_to(folder).as_posix()
+        entries.append(FileEntry(path.relative_to(results).as_posix(), name, kind_of(name), size))
+        if len(entries) == MOST_FILES:
+            break
+    return sorted(entries, key=lambda entry: entry.name)
+
+
+def kind_of(name: str) -> str:
+    """What the page can do with a file, by its suffix."""
+    return KINDS.get(PurePosixPath(name).suffix.lower(), "other")
+
+
+def _walk(folder: Path) -> Iterator[tuple[Path, int]]:
+    for parent, folders, names in os.walk(folder):
+        folders.sort()
+        for name in names:
+            path = Path(parent, name)
+            if not path.is_symlink() and path.is_file():
+                yield path, path.stat().st_size

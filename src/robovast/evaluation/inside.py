@@ -1,0 +1,81 @@
+"""Reading below a folder, and never outside of it: not by `..`, not through a link.
+
+A path is resolved first, so that links inside the folder work (`job` of a run is one). Then it is
+opened part by part without following links, so that a link made in between changes nothing.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+from robovast.errors import InputError
+
+_FLAGS = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+
+
+class OutsideError(InputError):
+    """A path that leads out of the folder."""
+
+
+class MissingError(InputError):
+    """There is no such file or folder."""
+
+
+def resolved(root: Path, relative: str) -> Path:
+    """A path below a folder without links; `root` must be one already.
+
+    Raises:
+        OutsideError: it leads out of the folder.
+        MissingError: there is nothing.
+    """
+    if "\0" in relative:
+        raise OutsideError(f"{relative!r} is no path.")
+    try:
+        path = (root / relative).resolve(strict=True)
+    except (FileNotFoundError, NotADirectoryError):
+        raise MissingError(f"There is no {relative}.") from None
+    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a name too long
+        raise OutsideError(f"{relative} cannot be resolved: {error}.") from None
+    if not path.is_relative_to(root):
+        raise OutsideError(f"{relative} leads out of the results folder.")
+    return path
+
+
+def open_inside(root: Path, relative: str) -> BinaryIO:
+    """Open a regular file below a folder; see `resolved`."""
+    path = resolved(root, relative)
+    try:
+        descriptor = _open(root, path.relative_to(root).parts)
+    except OSError as error:
+        raise MissingError(f"{relative} cannot be read: {error.strerror}.") from None
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise MissingError(f"{relative} is no file.")
+    return os.fdopen(descriptor, "rb")
+
+
+def _open(root: Path, parts: tuple[str, ...]) -> int:
+    descriptor = os.open(root, os.O_RDONLY | os.O_CLOEXEC | os.O_DIRECTORY)
+    for part in parts:
+        try:
+            following = os.open(part, _FLAGS, dir_fd=descriptor)
+        finally:
+            os.close(descriptor)
+        descriptor = following
+    return descriptor
+
+
+def read_small(root: Path, relative: str, limit: int = 1 << 20) -> bytes:
+    """Content of a file below a folder.
+
+    Raises:
+        InputError: it is larger than `limit` [bytes], or see `resolved`.
+    """
+    with open_inside(root, relative) as file:
+        content = file.read(limit + 1)
+    if len(content) > limit:
+        raise InputError(f"{relative} is larger than {limit} bytes.")
+    return content

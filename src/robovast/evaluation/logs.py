@@ -1,0 +1,131 @@
+"""Logs of a run: found, and read a page at a time whatever their size."""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from robovast.evaluation.inside import open_inside
+
+LEVELS = ("debug", "info", "warn", "error", "fatal")
+PAGE = 2000
+"""Lines of a page."""
+LONGEST_LINE = 4000
+"""Characters that are kept of a line."""
+
+_LEVEL = re.compile(
+    r"\[\s*(DEBUG|INFO|WARN(?:ING)?|ERROR|FATAL|CRITICAL)\s*\]"
+    r"|\b(DEBUG|INFO|WARN(?:ING)?|ERROR|FATAL|CRITICAL)\b\s*[:|]",
+    re.IGNORECASE,
+)
+_NAMES = {"warning": "warn", "critical": "fatal"}
+_STAMP = re.compile(r"\[(\d{9,10}\.\d{3,9})\]")
+_ESCAPES = re.compile(r"\x1b\[[0-9;?]*[ -/]*[@-~]|\x1b\][^\x07]*\x07|[\x00-\x08\x0b-\x1f\x7f]")
+
+
+@dataclass(frozen=True, slots=True)
+class LogLine:
+    """One line; `level` is empty where nothing says it."""
+
+    number: int
+    level: str
+    text: str
+
+
+@dataclass(frozen=True)
+class LogPage:
+    """Lines that match a question, the last ones of them first asked for."""
+
+    lines: list[LogLine]
+    matches: int
+    """Lines that match in the whole file."""
+    total: int
+    """Lines of the file."""
+    counts: dict[str, int]
+    """Lines of each level in the whole file."""
+
+
+@dataclass(frozen=True)
+class LogQuestion:
+    """Which lines to show."""
+
+    text: str = ""
+    """Only lines with this text, in capitals or not."""
+    levels: frozenset[str] = frozenset()
+    """Only lines of these levels; all when empty."""
+    since: float | None = None
+    """Only lines stamped in this period [s since the epoch]; others join the line before."""
+    until: float | None = None
+    before: int | None = None
+    """Only lines before this number: the page that precedes another."""
+
+
+def read_log(root: Path, relative: str, question: LogQuestion) -> LogPage:
+    """The last page of the lines that match.
+
+    Raises:
+        InputError: there is no such file below `root`.
+    """
+    needle = question.text.casefold()
+    page: deque[LogLine] = deque(maxlen=PAGE)
+    counts = dict.fromkeys(LEVELS, 0)
+    matches = total = 0
+    with open_inside(root, relative) as file:
+        for line in _in_period(parse_lines(_lines(file)), question):
+            total += 1
+            if line.level:
+                counts[line.level] += 1
+            if question.levels and line.level not in question.levels:
+                continue
+            if needle and needle not in line.text.casefold():
+                continue
+            matches += 1
+            if question.before is None or line.number < question.before:
+                page.append(line)
+    return LogPage(list(page), matches, total, counts)
+
+
+def parse_lines(lines: Iterable[str]) -> Iterator[LogLine]:
+    """Lines with their levels; what follows a line and is indented shares its level."""
+    level = ""
+    for number, raw in enumerate(lines, start=1):
+        text = _ESCAPES.sub("", raw)
+        found = _LEVEL.search(text[:200])
+        if found:
+            name = (found[1] or found[2]).lower()
+            level = _NAMES.get(name, name)
+        elif text.startswith("Traceback "):
+            level = "error"
+        elif not text.startswith((" ", "\t")):
+            level = "error" if _ends_traceback(level, text) else ""
+        yield LogLine(number, level, text)
+
+
+def _ends_traceback(level: str, text: str) -> bool:
+    return level == "error" and bool(re.match(r"[\w.]+(Error|Exception)\b", text))
+
+
+def _lines(file: BinaryIO) -> Iterator[str]:
+    """Lines of a file; what is too long for a line is passed over, not held in memory."""
+    goes_on = False
+    while raw := file.readline(4 * LONGEST_LINE):
+        if not goes_on:
+            yield raw.decode("utf-8", "replace").rstrip("\r\n")[:LONGEST_LINE]
+        goes_on = not raw.endswith(b"\n")
+
+
+def _in_period(lines: Iterable[LogLine], question: LogQuestion) -> Iterator[LogLine]:
+    if question.since is None or question.until is None:
+        yield from lines
+        return
+    inside = False
+    for line in lines:
+        stamp = _STAMP.search(line.text[:200])
+        if stamp:
+            inside = question.since <= float(stamp[1]) <= question.until
+        if inside:
+            yield line

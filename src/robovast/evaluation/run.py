@@ -1,0 +1,176 @@
+"""One run: its record, and where what it left behind is."""
+
+from __future__ import annotations
+
+import shlex
+import xml.etree.ElementTree as ET  # entities are refused below
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from robovast.errors import InputError
+from robovast.evaluation.campaign_index import read_yaml
+from robovast.evaluation.files import FileEntry, list_files
+from robovast.evaluation.inside import read_small, resolved
+from robovast.evaluation.untrusted import LONGEST, mapping, parse_json
+from robovast.results.layout import RUN_RECORD, TEST_RESULT
+
+
+@dataclass(frozen=True)
+class Bag:
+    """A ROS bag as its own metadata describe it."""
+
+    path: str
+    """Relative to the results folder."""
+    start: float
+    """[s since the epoch]"""
+    duration: float
+    """[s]"""
+    topics: list[tuple[str, str, int]]
+    """Name, type and number of messages of each topic."""
+
+
+@dataclass(frozen=True)
+class RunDetails:
+    """Everything that the page of a run shows at once."""
+
+    record: Mapping[str, Any]
+    """Content of run.json; empty when there is none."""
+    files: list[FileEntry]
+    """Of the run's folder."""
+    job_files: list[FileEntry]
+    """Of its job's folder, which it may share with other runs."""
+    logs: list[str] = field(default_factory=list)
+    """Paths of logs, the one that tells most first."""
+    usage: list[str] = field(default_factory=list)
+    """Paths of tables of resource usage."""
+    sysinfo: Mapping[str, Any] = field(default_factory=dict)
+    bags: list[Bag] = field(default_factory=list)
+    command: str = ""
+    """Shell command that executes this variant again on this machine."""
+    failure: str = ""
+    """What test.xml says in full, when the run did not pass."""
+
+
+def read_run(results: Path, campaign: str, variant: str, number: int) -> RunDetails:
+    """One run of a campaign.
+
+    Raises:
+        InputError: there is no such run.
+    """
+    place = f"{campaign}/{variant}/{number}"
+    files = list_files(results, place)
+    record = _record(results, place)
+    job = _job_folder(results, campaign, place, record)
+    job_files = list_files(results, job) if job else []
+    return RunDetails(
+        record=record,
+        files=files,
+        job_files=job_files,
+        logs=[entry.path for entry in (*job_files, *files) if entry.kind == "log"],
+        usage=[e.path for e in (*job_files, *files) if _is_usage(e.name)],
+        sysinfo=_sysinfo(results, place, job),
+        bags=list(_bags(results, files)),
+        command=repeat_command(results, campaign, variant, record),
+        failure=_failure(results, place),
+    )
+
+
+def repeat_command(results: Path, campaign: str, variant: str, record: Mapping[str, Any]) -> str:
+    """The command that executes a variant once more, with the image that the run had.
+
+    Empty when the campaign holds no .vast file.
+    """
+    try:
+        documents = sorted(resolved(results, f"{campaign}/_config").glob("*.vast"))
+    except InputError:
+        return ""
+    if not documents:
+        return ""
+    words = ["vast", "-V", str(documents[0]), "exec", "local", "run", f"--config={variant}"]
+    words.append("--runs=1")
+    image = str(record.get("image") or "")
+    if record.get("runtime") == "process":
+        words.append("--runtime=process")
+    elif image:
+        words.append(f"--image={image}")
+    return shlex.join(words)
+
+
+def _record(results: Path, place: str) -> Mapping[str, Any]:
+    try:
+        return mapping(parse_json(read_small(results, f"{place}/{RUN_RECORD}")))
+    except InputError:
+        return {}
+
+
+def _job_folder(results: Path, campaign: str, place: str, record: Mapping[str, Any]) -> str | None:
+    """The job's folder relative to the results; None when there is none inside."""
+    named = [f"{campaign}/_jobs/{record['job']}"] if record.get("job") else []
+    for candidate in (*named, f"{place}/job"):
+        try:
+            folder = resolved(results, candidate)
+        except InputError:
+            continue
+        if folder.is_dir() and folder.is_relative_to(results / campaign):
+            return folder.relative_to(results).as_posix()
+    return None
+
+
+def _is_usage(name: str) -> bool:
+    file = name.rpartition("/")[2]
+    return file.startswith("resource_usage") and file.endswith(".csv")
+
+
+def _sysinfo(results: Path, place: str, job: str | None) -> Mapping[str, Any]:
+    for folder in filter(None, (place, job)):
+        if found := read_yaml(results, f"{folder}/sysinfo.yaml"):
+            return found
+    return {}
+
+
+def _failure(results: Path, place: str) -> str:
+    """Text of all failures in test.xml."""
+    try:
+        content = read_small(results, f"{place}/{TEST_RESULT}")
+        if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
+            return ""
+        suite = ET.fromstring(content)  # noqa: S314  # no entities, see above
+    except (InputError, ET.ParseError, ValueError):
+        return ""  # the verdict's reason says so
+    found = [item for tag in ("failure", "error") for item in suite.iter(tag)]
+    texts = [filter(None, (item.get("message"), item.text)) for item in found]
+    return "\n\n".join("\n".join(text) for text in texts)[:LONGEST]
+
+
+def _bags(results: Path, files: list[FileEntry]) -> Iterator[Bag]:
+    for entry in files:
+        if not entry.path.endswith("/metadata.yaml"):
+            continue
+        data = read_yaml(results, entry.path).get("rosbag2_bagfile_information")
+        if isinstance(data, dict):
+            yield _bag(entry.path.removesuffix("/metadata.yaml"), data)
+
+
+def _bag(path: str, data: Mapping[str, Any]) -> Bag:
+    topics = data.get("topics_with_message_count")
+    described = [
+        (mapping(item.get("topic_metadata")), item.get("message_count"))
+        for item in (topics if isinstance(topics, list) else ())
+        if isinstance(item, dict)
+    ]
+    return Bag(
+        path=path,
+        start=_whole(mapping(data.get("starting_time")).get("nanoseconds_since_epoch")) / 1e9,
+        duration=_whole(mapping(data.get("duration")).get("nanoseconds")) / 1e9,
+        topics=[
+            (str(topic.get("name")), str(topic.get("type")), _whole(count))
+            for topic, count in described
+        ],
+    )
+
+
+def _whole(value: Any) -> int:
+    """A whole number, which `plain` has made text when JavaScript could not hold it."""
+    return int(value) if str(value).isdigit() else 0

@@ -1,0 +1,1 @@
+"""The page of `vast evaluation gui`: a server on this machine (extra `gui`)."""

@@ -1,0 +1,100 @@
+"""Answers of the server: data as JSON, files in a form that no browser executes."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import PurePosixPath
+from typing import Any, BinaryIO
+from urllib.parse import quote
+
+from starlette.responses import JSONResponse, Response, StreamingResponse
+
+_SHOWN = {
+    ".png": "image/png",
+    ".jpg": "image/jpeg",
+    ".jpeg": "image/jpeg",
+    ".gif": "image/gif",
+    ".webp": "image/webp",
+    ".webm": "video/webm",
+    ".mp4": "video/mp4",
+}
+"""What a browser may show; anything else it may only save."""
+_CHUNK = 1 << 18
+_RANGE = re.compile(r"bytes=(\d*)-(\d*)")
+
+
+class Data(JSONResponse):
+    """Dataclasses, lists, dicts and scalars as JSON."""
+
+    def render(self, content: Any) -> bytes:
+        """The body."""
+        text = json.dumps(content, default=_as_dict, separators=(",", ":"), allow_nan=False)
+        return text.encode("utf-8", "replace")
+
+
+def _as_dict(value: Any) -> Any:
+    if dataclasses.is_dataclass(value):
+        return {
+            field.name: getattr(value, field.name)
+            for field in dataclasses.fields(value)
+            if field.repr
+        }
+    raise TypeError(f"{type(value).__name__} is no data")
+
+
+def send_file(file: BinaryIO, name: str, range_header: str | None) -> Response:
+    """An open file, or the part of it that a player asks for; closes it.
+
+    Args:
+        file: the file.
+        name: its name, for its type and for saving it.
+        range_header: the request's `Range`.
+    """
+    size = os.fstat(file.fileno()).st_size
+    media_type = _SHOWN.get(PurePosixPath(name).suffix.lower(), "application/octet-stream")
+    kind = "inline" if media_type != "application/octet-stream" else "attachment"
+    headers = {
+        "accept-ranges": "bytes",
+        "content-disposition": f"{kind}; filename*=UTF-8''{quote(name, safe='')}",
+        "content-security-policy": "default-src 'none'; sandbox",
+    }
+    part = _part(range_header, size)
+    if part is None:
+        file.close()
+        return Response(status_code=416, headers={"content-range": f"bytes */{size}"})
+    start, end = part
+    status = 200
+    if (start, end) != (0, size):
+        status = 206
+        headers["content-range"] = f"bytes {start}-{end - 1}/{size}"
+    headers["content-length"] = str(end - start)
+    return StreamingResponse(_chunks(file, start, end), status, headers, media_type)
+
+
+def _part(header: str | None, size: int) -> tuple[int, int] | None:
+    """Begin and end of the asked part of a file; None when there is none of it."""
+    asked = _RANGE.fullmatch(header or "")
+    if asked is None or not any(asked.groups()):
+        return 0, size
+    first, last = asked.groups()
+    start = int(first) if first else max(0, size - int(last))
+    end = min(size, int(last) + 1) if first and last else size
+    return (start, end) if start < end else None
+
+
+def _chunks(file: BinaryIO, start: int, end: int) -> Iterator[bytes]:
+    with file:
+        file.seek(start)
+        while start < end and (chunk := file.read(min(_CHUNK, end - start))):
+            start += len(chunk)
+            yield chunk
+
+
+def error(message: str, status: int) -> Response:
+    """An error as data."""
+    content: Mapping[str, str] = {"error": message}
+    return Data(content, status)

@@ -1,0 +1,173 @@
+"""What the page asks for, and what it gets: thin routes over the reading side."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import PurePosixPath
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
+from starlette.middleware.gzip import GZipMiddleware
+from starlette.requests import Request
+from starlette.responses import Response, StreamingResponse
+from starlette.routing import Mount, Route
+from starlette.types import ASGIApp
+
+from robovast.errors import InputError
+from robovast.evaluation.columns import columns
+from robovast.evaluation.compare import compare
+from robovast.evaluation.inside import OutsideError, open_inside
+from robovast.evaluation.library import Library
+from robovast.evaluation.logs import LogQuestion, read_log
+from robovast.evaluation.run import read_run
+from robovast.evaluation.server.answers import Data, error, send_file
+from robovast.evaluation.server.guard import Guard
+from robovast.evaluation.server.live import events
+from robovast.evaluation.tables import read_table, read_usage
+
+_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+
+
+def make_app(library: Library, token: str, closing: asyncio.Event) -> ASGIApp:
+    """The server's application.
+
+    Args:
+        library: the campaigns.
+        token: secret that is the first part of every path.
+        closing: is set when the server ends; open streams end then.
+    """
+    pages = Pages(library, closing)
+    api = [
+        Route("/campaigns", pages.campaigns),
+        Route("/campaigns/{campaign}", pages.campaign),
+        Route("/campaigns/{campaign}/{variant}/{run:int}", pages.run),
+        Route("/compare", pages.compare),
+        Route("/events", pages.events),
+        Route("/log", pages.log),
+        Route("/table", pages.table),
+        Route("/usage", pages.usage),
+    ]
+    app = Starlette(
+        routes=[
+            Mount("/api", routes=api, middleware=[Middleware(GZipMiddleware, compresslevel=3)]),
+            Route("/files/{path:path}", pages.file),
+            *(Route(path, answer) for path, answer in _assets().items()),
+        ],
+        exception_handlers={InputError: _refuse, HTTPException: _refuse_http},
+    )
+    return Guard(app, token)
+
+
+class Pages:
+    """Answers to requests about one library."""
+
+    def __init__(self, library: Library, closing: asyncio.Event) -> None:
+        self._library = library
+        self._closing = closing
+
+    def campaigns(self, _: Request) -> Response:
+        """Summaries of all campaigns, the newest first; null for one that was not read yet."""
+        library = self._library
+        found = {name: library.summary(name, known_only=True) for name in library.names()}
+        return Data({"results": str(library.results), "campaigns": found})
+
+    def campaign(self, request: Request) -> Response:
+        """One campaign with all its runs, as columns."""
+        name = request.path_params["campaign"]
+        index = self._library.campaign(name)
+        return Data({"summary": self._library.summary(name), **columns(index.variants)})
+
+    def run(self, request: Request) -> Response:
+        """One run."""
+        names = request.path_params
+        found = read_run(self._library.results, names["campaign"], names["variant"], names["run"])
+        return Data(found)
+
+    def compare(self, request: Request) -> Response:
+        """Two campaigns, `a` and `b`."""
+        a, b = (self._library.campaign(_asked(request, key)).variants for key in ("a", "b"))
+        return Data(compare(a, b))
+
+    async def events(self, _: Request) -> Response:
+        """Changes as they happen."""
+        stream = events(self._library, self._closing)
+        return StreamingResponse(stream, media_type="text/event-stream")
+
+    def log(self, request: Request) -> Response:
+        """A page of the lines of the log `path` that match."""
+        asked = request.query_params
+        question = LogQuestion(
+            text=asked.get("text", ""),
+            levels=frozenset(filter(None, asked.get("levels", "").split(","))),
+            since=_number(asked.get("since")),
+            until=_number(asked.get("until")),
+            before=int(_number(asked.get("before")) or 0) or None,
+        )
+        found = read_log(self._library.results, _asked(request, "path"), question)
+        lines = [dataclasses.astuple(line) for line in found.lines]
+        return Data({**dataclasses.asdict(found), "lines": lines})
+
+    def table(self, request: Request) -> Response:
+        """Columns of the CSV file `path`."""
+        wanted = request.query_params.getlist("column")
+        return Data(read_table(self._library.results, _asked(request, "path"), wanted))
+
+    def usage(self, request: Request) -> Response:
+        """Resource usage over time from the file `path`."""
+        return Data(read_usage(self._library.results, _asked(request, "path")))
+
+    def file(self, request: Request) -> Response:
+        """A file as it is."""
+        path = request.path_params["path"]
+        file = open_inside(self._library.results, path)
+        return send_file(file, PurePosixPath(path).name, request.headers.get("range"))
+
+
+def _assets() -> dict[str, Callable[[Request], Response]]:
+    """Answers by path for the files of the page itself, which are read once."""
+    found = {}
+    for asset in files("robovast.evaluation.server").joinpath("assets").iterdir():
+        media_type = _TYPES.get(PurePosixPath(asset.name).suffix)
+        if media_type:
+            path = "/" if asset.name == "index.html" else f"/{asset.name}"
+            found[path] = _constant(asset.read_bytes(), media_type)
+    return found
+
+
+def _constant(content: bytes, media_type: str) -> Callable[[Request], Response]:
+    def answer(_: Request) -> Response:
+        return Response(content, media_type=media_type)
+
+    return answer
+
+
+def _asked(request: Request, key: str) -> str:
+    value = request.query_params.get(key)
+    if value is None:
+        raise InputError(f"The request names no `{key}`.")
+    return value
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        raise InputError(f"{text!r} is no number.") from None
+
+
+def _refuse(_: Request, cause: Exception) -> Response:
+    return error(str(cause), 403 if isinstance(cause, OutsideError) else 404)
+
+
+def _refuse_http(_: Request, cause: Exception) -> Response:
+    status = cause.status_code if isinstance(cause, HTTPException) else 500
+    return error("There is no such page.", status)

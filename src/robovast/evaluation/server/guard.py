@@ -1,0 +1,104 @@
+"""What every request must pass, and what every answer carries.
+
+The page shows files that anyone may have written, on a machine whose browser visits other sites
+too. So: a token in the path that other sites cannot guess, a Host of this machine only (a site may
+let its name point here), no request that another origin makes, and answers that a browser neither
+runs, nor guesses the type of, nor puts into a frame.
+"""
+
+from __future__ import annotations
+
+import secrets
+from urllib.parse import urlsplit
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
+
+POLICY = "; ".join(
+    (
+        "default-src 'none'",
+        "script-src 'self'",
+        "style-src 'self'",
+        "img-src 'self'",
+        "media-src 'self'",
+        "connect-src 'self'",
+        "base-uri 'none'",
+        "form-action 'none'",
+        "frame-ancestors 'none'",
+        "require-trusted-types-for 'script'",
+    )
+)
+HEADERS = {
+    "content-security-policy": POLICY,
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "permissions-policy": "camera=(), geolocation=(), microphone=()",
+    "referrer-policy": "no-referrer",
+    "x-content-type-options": "nosniff",
+    "x-frame-options": "DENY",
+}
+
+
+class Guard:
+    """Lets through what comes from the page itself; below `/<token>/`, which it takes off."""
+
+    def __init__(self, app: ASGIApp, token: str) -> None:
+        self._app = app
+        self._token = token
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        if scope["type"] != "http":
+            return
+        refusal = self._refusal(scope)
+        target = refusal or self._app
+        if refusal is None:
+            path = "/" + scope["path"].partition("/")[2].partition("/")[2]
+            scope = {**scope, "path": path, "root_path": "", "raw_path": path.encode()}
+        await target(scope, receive, _with_headers(send))
+
+    def _refusal(self, scope: Scope) -> PlainTextResponse | None:
+        headers = Headers(scope=scope)
+        if not _is_loopback(f"//{headers.get('host', '')}"):
+            return PlainTextResponse("This page answers to localhost only.", 421)
+        origin = headers.get("origin")
+        if origin is not None and urlsplit(origin).netloc != headers["host"]:
+            return PlainTextResponse("Another site's request is not answered.", 403)
+        if headers.get("sec-fetch-site", "none") not in {"none", "same-origin"} and (
+            headers.get("sec-fetch-mode") != "navigate"
+        ):
+            return PlainTextResponse("Another site's request is not answered.", 403)
+        if scope["method"] not in {"GET", "HEAD"}:
+            return PlainTextResponse("Nothing can be changed here.", 405)
+        given = scope["path"].removeprefix("/").partition("/")[0]
+        if not secrets.compare_digest(given.encode(), self._token.encode()):
+            return PlainTextResponse(
+                "Open the address that `vast evaluation gui` printed: it holds a secret.", 403
+            )
+        return None
+
+
+def _is_loopback(url: str) -> bool:
+    """Whether a URL names this machine; any port, since it may be forwarded."""
+    try:
+        return urlsplit(url).hostname in LOOPBACK
+    except ValueError:
+        return False
+
+
+def _with_headers(send: Send) -> Send:
+    async def sending(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            headers = MutableHeaders(scope=message)
+            for name, value in HEADERS.items():
+                headers.setdefault(name, value)
+            headers.setdefault("cache-control", "no-store")
+        await send(message)
+
+    return sending

@@ -1,0 +1,51 @@
+"""Server-sent events: a page learns that a campaign has changed without asking again."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Mapping
+from typing import Any
+
+from robovast.errors import InputError
+from robovast.evaluation.library import Library
+
+PERIOD = 1.0
+"""How often changes are looked for [s]."""
+
+
+async def events(library: Library, closing: asyncio.Event) -> AsyncIterator[str]:
+    """Changes of the versions of all campaigns, each `{name: version}`; None for one that is gone.
+
+    The first event has all campaigns. Ends when the server is closing.
+    """
+    sent: dict[str, int] = {}
+    first = True
+    while not closing.is_set():
+        now = await asyncio.to_thread(_versions, library)
+        changes: dict[str, int | None] = {n: v for n, v in now.items() if sent.get(n) != v}
+        changes |= dict.fromkeys(sent.keys() - now.keys())
+        if changes or first:
+            yield _event(changes)
+        else:
+            yield ": nothing new\n\n"  # a connection that is gone is noticed by this
+        sent, first = now, False
+        try:
+            await asyncio.wait_for(closing.wait(), PERIOD)
+        except TimeoutError:
+            continue
+
+
+def _versions(library: Library) -> dict[str, int]:
+    found = {}
+    for name in library.names():
+        try:
+            summary = library.summary(name)
+        except InputError:  # it went away in between
+            continue
+        found[name] = summary.version if summary else 0
+    return found
+
+
+def _event(data: Mapping[str, Any]) -> str:
+    return f"data: {json.dumps(data)}\n\n"

@@ -1,0 +1,98 @@
+"""Running the server until the user has seen enough."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import socket
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from threading import Thread
+from types import FrameType
+
+import uvicorn
+
+from robovast.errors import InputError, RobovastError
+from robovast.evaluation.library import Library
+from robovast.evaluation.server.app import make_app
+
+HOST = "127.0.0.1"
+
+
+def serve(results: Path, port: int | None, ready: Callable[[str], None]) -> None:
+    """Show a results folder until Ctrl-C.
+
+    Args:
+        results: the results folder.
+        port: on the loopback interface; any free one when None.
+        ready: is called with the page's address as soon as it answers.
+
+    Raises:
+        InputError: the folder cannot be read, or the port is taken.
+    """
+    library = Library(results)
+    library.names()
+    listener = _listen(port)
+    token = secrets.token_urlsafe(24)
+    closing = asyncio.Event()
+    config = uvicorn.Config(
+        make_app(library, token, closing),
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        lifespan="off",
+        limit_concurrency=64,
+        timeout_graceful_shutdown=2,
+    )
+    Thread(target=_read_ahead, args=(library,), daemon=True, name="read-ahead").start()
+    server = _Server(config, closing, lambda: ready(f"http://{HOST}:{_port(listener)}/{token}/"))
+    with listener, suppress(KeyboardInterrupt):
+        server.run(sockets=[listener])
+
+
+class _Server(uvicorn.Server):
+    """Says when it answers, and ends open streams when it is told to end."""
+
+    def __init__(
+        self, config: uvicorn.Config, closing: asyncio.Event, ready: Callable[[], None]
+    ) -> None:
+        super().__init__(config)
+        self._closing = closing
+        self._ready = ready
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Begin to answer."""
+        await super().startup(sockets)
+        self._ready()
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """End."""
+        self._closing.set()
+        super().handle_exit(sig, frame)
+
+
+def _listen(port: int | None) -> socket.socket:
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((HOST, port or 0))
+    except OSError as error:
+        listener.close()
+        raise InputError(
+            f"Port {port} cannot be used: {error.strerror}. Name another, or none at all."
+        ) from None
+    return listener
+
+
+def _port(listener: socket.socket) -> int:
+    return int(listener.getsockname()[1])
+
+
+def _read_ahead(library: Library) -> None:
+    """Read all campaigns, so that the page has them when it asks."""
+    try:
+        for name in library.names():
+            library.summary(name)
+    except RobovastError:
+        return  # the page's own request says so

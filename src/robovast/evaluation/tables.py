@@ -1,0 +1,137 @@
+"""CSV files of a run, thinned out so that they can be drawn, whatever their size."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, TypeVar
+
+from robovast.errors import InputError
+from robovast.evaluation.inside import open_inside
+
+MOST_ROWS = 2000
+MOST_COLUMNS = 16
+"""Columns that are read when none are asked for."""
+
+Cell = float | str | None
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of a CSV file."""
+
+    names: list[str]
+    """Names of all columns of the file."""
+    columns: dict[str, list[Cell]]
+    """Those that were read: numbers where all cells are numbers or empty (None), else text."""
+    rows: int
+    """Rows of the file."""
+    stride: int
+    """Every how many-th row was read."""
+
+
+@dataclass(frozen=True)
+class Usage:
+    """CPU and memory of the processes of a container over time."""
+
+    time: list[float]
+    """[s since the epoch]"""
+    cpu: list[float]
+    """[% of one CPU], all processes together"""
+    memory: list[float]
+    """Resident memory [bytes], all processes together; shared pages count more than once."""
+
+
+def read_table(root: Path, relative: str, wanted: Sequence[str] = ()) -> Table:
+    """A CSV file with a header, at most `MOST_ROWS` of its rows.
+
+    Args:
+        root: folder that the file is below, without links.
+        relative: path of the file.
+        wanted: names of columns; the first `MOST_COLUMNS` when empty.
+
+    Raises:
+        InputError: no such file, or it is no CSV file.
+    """
+    with closing(_rows(open_inside(root, relative), relative)) as rows:
+        names = next(rows, [])
+        places = [names.index(name) for name in wanted if name in names][:MOST_COLUMNS]
+        places = places or list(range(len(names)))[:MOST_COLUMNS]
+        kept, count, stride = _thinned([_cell(row, place) for place in places] for row in rows)
+    columns = {names[place]: _typed([row[i] for row in kept]) for i, place in enumerate(places)}
+    return Table(names, columns, count, stride)
+
+
+def read_usage(root: Path, relative: str) -> Usage:
+    """Resource usage as the run contract's monitor writes it, summed over the processes.
+
+    Raises:
+        InputError: no such file, or it has other columns.
+    """
+    totals: dict[float, tuple[float, float]] = {}
+    with closing(_rows(open_inside(root, relative), relative)) as rows:
+        names = next(rows, [])
+        try:
+            places = [names.index(n) for n in ("timestamp", "cpu_percent", "memory_rss_bytes")]
+        except ValueError:
+            raise InputError(f"{relative}: is no record of resource usage.") from None
+        for row in rows:
+            time, cpu, memory = (_finite(_cell(row, place)) for place in places)
+            if time is not None:
+                total = totals.get(time, (0.0, 0.0))
+                totals[time] = (total[0] + (cpu or 0), total[1] + (memory or 0))
+    samples, _, _ = _thinned((time, *totals[time]) for time in sorted(totals))
+    return Usage(*(list(column) for column in zip(*samples, strict=True))) if samples else _IDLE
+
+
+_IDLE = Usage([], [], [])
+
+
+def _rows(file: BinaryIO, relative: str) -> Generator[list[str], None, None]:
+    with file:
+        text = io.TextIOWrapper(file, encoding="utf-8", errors="replace", newline="")
+        try:
+            yield from csv.reader(line.replace("\0", "") for line in text)
+        except csv.Error as error:
+            raise InputError(f"{relative}: is no CSV file: {error}.") from None
+
+
+def _thinned(rows: Iterable[_T]) -> tuple[list[_T], int, int]:
+    """Every n-th row, n being as small as `MOST_ROWS` allows; number of rows; n."""
+    kept: list[_T] = []
+    stride, count = 1, 0
+    for count, row in enumerate(rows, start=1):
+        if (count - 1) % stride == 0:
+            kept.append(row)
+            if len(kept) > MOST_ROWS:
+                kept = kept[::2]
+                stride *= 2
+    return kept, count, stride
+
+
+def _cell(row: Sequence[str], place: int) -> str:
+    return row[place] if place < len(row) else ""
+
+
+def _typed(cells: Sequence[str]) -> list[Cell]:
+    numbers = [_finite(cell) for cell in cells]
+    numeric = all(n is not None or not _says(cell) for n, cell in zip(numbers, cells, strict=True))
+    return list(numbers) if numeric else [cell[:200] for cell in cells]
+
+
+def _says(cell: str) -> bool:
+    return cell.strip().lower() not in {"", "nan", "inf", "-inf", "none", "null"}
+
+
+def _finite(cell: str) -> float | None:
+    try:
+        number = float(cell)
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None

@@ -1,0 +1,73 @@
+"""JSON and YAML from files that anyone may have written, as data that is safe to pass on."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from datetime import date
+from typing import Any
+
+import yaml
+
+try:
+    from yaml import CSafeLoader as _Loader
+except ImportError:  # PyYAML built without libyaml: slower, same result
+    from yaml import SafeLoader as _Loader  # type: ignore[assignment]
+
+MOST_VALUES = 20_000
+"""Values in one document; a small one with anchors can stand for billions."""
+DEEPEST = 30
+LONGEST = 20_000
+"""Characters of one text."""
+
+
+def parse_json(content: bytes) -> Any:
+    """JSON as plain data; None when it is not valid."""
+    try:
+        return plain(json.loads(content))
+    except (ValueError, RecursionError):
+        return None
+
+
+def parse_yaml(content: bytes) -> Any:
+    """YAML as plain data; None when it is not valid."""
+    try:
+        return plain(yaml.load(content, Loader=_Loader))  # the safe one
+    except (ValueError, RecursionError, TypeError, yaml.YAMLError):
+        return None
+
+
+def mapping(value: Any) -> Mapping[str, Any]:
+    """The value when it is a mapping, else an empty one."""
+    return value if isinstance(value, dict) else {}
+
+
+def plain(value: Any) -> Any:
+    """A copy that JSON can hold, with an end to its size and depth.
+
+    Raises:
+        ValueError: it has more than `MOST_VALUES` values, or is nested too deeply.
+    """
+    return _plain(value, [MOST_VALUES], DEEPEST)
+
+
+def _plain(value: Any, left: list[int], depth: int) -> Any:
+    left[0] -= 1
+    if left[0] < 0 or depth < 0:
+        raise ValueError("the document is too large")
+    if isinstance(value, dict):
+        return {str(key)[:LONGEST]: _plain(v, left, depth - 1) for key, v in value.items()}
+    if isinstance(value, list | tuple | set):
+        return [_plain(item, left, depth - 1) for item in value]
+    return _scalar(value)
+
+
+def _scalar(value: Any) -> Any:
+    if value is None or isinstance(value, bool):
+        return value
+    if isinstance(value, int) and abs(value) < 2**53:
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else str(value)
+    return value.isoformat() if isinstance(value, date) else str(value)[:LONGEST]

@@ -1,0 +1,147 @@
+// What the server answers; the names are those of the Python side.
+
+export type Verdict = "passed" | "failed" | "errored" | "interrupted";
+export const VERDICTS: Verdict[] = ["passed", "failed", "errored", "interrupted"];
+
+export type Scalar = string | number | boolean | null;
+
+export interface Summary {
+  name: string;
+  state: "running" | "finished" | "incomplete";
+  planned: number;
+  counts: Record<Verdict, number>;
+  variants: number;
+  started_at: number | null;
+  duration: number | null;
+  execution: Record<string, unknown>;
+  version: number;
+}
+
+export interface Campaigns {
+  results: string;
+  campaigns: Record<string, Summary | null>;
+}
+
+export interface Columns {
+  summary: Summary;
+  verdicts: Verdict[];
+  reasons: string[];
+  variants: { name: string[]; entry: string[]; values: Record<string, unknown[]> };
+  runs: {
+    variant: number[];
+    number: number[];
+    verdict: number[];
+    reason: number[];
+    started: (number | null)[];
+    duration: (number | null)[];
+  };
+}
+
+export interface FileEntry {
+  path: string;
+  name: string;
+  kind: "table" | "log" | "text" | "image" | "video" | "other";
+  size: number;
+}
+
+export interface Bag {
+  path: string;
+  start: number;
+  duration: number;
+  topics: [string, string, number][];
+}
+
+export interface RunDetails {
+  record: Record<string, unknown>;
+  files: FileEntry[];
+  job_files: FileEntry[];
+  logs: string[];
+  usage: string[];
+  sysinfo: Record<string, unknown>;
+  bags: Bag[];
+  command: string;
+  failure: string;
+}
+
+export interface LogPage {
+  lines: [number, string, string][];
+  matches: number;
+  total: number;
+  counts: Record<string, number>;
+}
+
+export interface Table {
+  names: string[];
+  columns: Record<string, (number | string | null)[]>;
+  rows: number;
+  stride: number;
+}
+
+export interface Usage {
+  time: number[];
+  cpu: number[];
+  memory: number[];
+}
+
+export interface Sample {
+  runs: number;
+  bad: number;
+  duration: number | null;
+}
+
+export interface Difference {
+  a: Sample;
+  b: Sample;
+  p: number;
+  low: number;
+  high: number;
+}
+
+export interface Comparison {
+  overall: Difference;
+  statement: string;
+  variants: {
+    name_a: string;
+    name_b: string;
+    difference: Difference;
+    adjusted_p: number;
+    change: "worse" | "better" | "same";
+  }[];
+  only_a: string[];
+  only_b: string[];
+}
+
+type Query = Record<string, string | number | string[] | undefined>;
+
+/** Address of an answer of the server. */
+export function address(path: string[], query: Query = {}): string {
+  const words = new URLSearchParams();
+  for (const [key, value] of Object.entries(query)) {
+    for (const one of Array.isArray(value) ? value : [value]) {
+      if (one !== undefined && one !== "") words.append(key, String(one));
+    }
+  }
+  const text = words.toString();
+  return ["api", ...path.map(encodeURIComponent)].join("/") + (text && `?${text}`);
+}
+
+/** Address of a file of the results folder. */
+export function fileAddress(path: string): string {
+  return "files/" + path.split("/").map(encodeURIComponent).join("/");
+}
+
+/** Ask the server; throws an Error whose message is for the user. */
+export async function ask<T>(url: string, signal?: AbortSignal): Promise<T> {
+  let answer: Response;
+  try {
+    answer = await fetch(url, { signal });
+  } catch (cause) {
+    if (signal?.aborted) throw cause;
+    throw new Error("The server does not answer. Is `vast evaluation gui` still running?");
+  }
+  if (!answer.ok) {
+    const said = await answer.json().catch(() => null);
+    throw new Error(said?.error ?? `The server answered ${answer.status}.`);
+  }
+  return answer.json() as Promise<T>;
+}

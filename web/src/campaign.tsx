@@ -1,0 +1,212 @@
+// One campaign: how it went, over any two parameters, and every run.
+import { useMemo } from "preact/hooks";
+import { address, VERDICTS, type Columns, type Verdict } from "./api";
+import { axis, matcher, parameters, show, sorted, valueOf, variantOf, verdictOf, type Run } from "./data";
+import { count, duration, moment, plural } from "./format";
+import { Grid, type Column } from "./grid";
+import { useAnswer, type Versions } from "./live";
+import { Matrix } from "./matrix";
+import { Parallel } from "./parallel";
+import { Export, Mark, State, Tabs, VerdictBar, Waiting } from "./parts";
+import { choose, link } from "./route";
+
+const MOST_COLUMNS = 8;
+
+function isStale(data: Columns, versions: Versions): boolean {
+  const version = versions[data.summary.name];
+  return version !== undefined && version !== data.summary.version;
+}
+
+export function CampaignPage({ name, query }: { name: string; query: URLSearchParams }) {
+  const { data, error } = useAnswer<Columns>(address(["campaigns", name]), isStale);
+  if (!data) return <Waiting error={error} />;
+  return (
+    <>
+      <Head data={data} />
+      <Body data={data} query={query} />
+    </>
+  );
+}
+
+function Head({ data }: { data: Columns }) {
+  const { summary } = data;
+  const { execution } = summary;
+  const facts: [string, string][] = [
+    ["Started", moment(summary.started_at)],
+    ["Duration", duration(summary.duration)],
+    ["Configurations", count(summary.variants)],
+    ["Image", show(execution.image || null)],
+    ["Executed", show(execution.execution_type ?? null)],
+    ["RoboVAST", show(execution.robovast_version ?? null)],
+  ];
+  return (
+    <div class="head">
+      <h1>
+        {summary.name} <State state={summary.state} />
+      </h1>
+      <VerdictBar summary={summary} />
+      <dl class="facts">
+        {facts.map(([key, value]) => (
+          <div key={key}>
+            <dt>{key}</dt>
+            <dd>{value}</dd>
+          </div>
+        ))}
+      </dl>
+    </div>
+  );
+}
+
+function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
+  const names = useMemo(() => parameters(data), [data]);
+  const [first, second] = names;
+  const x = axisName(query.get("x"), first);
+  const y = axisName(query.get("y"), second);
+  const text = query.get("q") ?? "";
+  const wanted = query.get("verdict") ?? "";
+  const cell = query.get("cell") ?? "";
+  const sort = query.get("sort") ?? "verdict";
+  const colour = query.get("colour") ?? "rate";
+
+  const found = useMemo(() => filtered(data, text, wanted), [data, text, wanted]);
+  const inCell = useMemo(() => ofCell(data, found, x, y, cell), [data, found, x, y, cell]);
+  const rows = useMemo(() => sorted(data, inCell, sort), [data, inCell, sort]);
+  const columns = useMemo(() => columnsOf(data, names), [data, names]);
+  const views = [
+    {
+      id: "matrix",
+      label: "Matrix",
+      show: () => (
+        <Matrix
+          {...{ data, names, x, y, colour, chosen: cell }}
+          runs={found}
+          measures={[["duration", "mean duration [s]"]]}
+        />
+      ),
+    },
+    { id: "parallel", label: "Parallel coordinates", show: () => <Parallel {...{ data, names }} runs={inCell} /> },
+  ];
+  return (
+    <>
+      {names.length > 0 && (
+        <Tabs tabs={views} chosen={query.get("view") ?? "matrix"} onChoose={(view) => choose({ view })} />
+      )}
+      <h2>Runs</h2>
+      <div class="tools">
+        <label class="choice">
+          Find
+          <input
+            type="search"
+            value={text}
+            placeholder={first ? `words, ${first}=…, duration>2` : "words, duration>2"}
+            onInput={(event) => choose({ q: event.currentTarget.value })}
+          />
+        </label>
+        <VerdictFilter data={data} wanted={wanted} />
+        {cell && (
+          <button type="button" onClick={() => choose({ cell: "" })}>
+            Only the chosen cell ✕
+          </button>
+        )}
+        <span class="quiet" role="status">
+          {rows.length === data.runs.number.length
+            ? plural(rows.length, "run")
+            : `${count(rows.length)} of ${plural(data.runs.number.length, "run")}`}
+        </span>
+        <Export name={`${data.summary.name}-runs`} rows={() => exported(data, rows, names)} />
+      </div>
+      {rows.length > 0 ? (
+        <Grid
+          label="Runs"
+          columns={columns}
+          rows={rows}
+          sort={sort}
+          onSort={(next) => choose({ sort: next === "verdict" ? "" : next })}
+          open={(run) => (location.hash = runLink(data, run))}
+        />
+      ) : (
+        <p class="hint">{data.runs.number.length ? "No run is like that." : "No run has ended yet."}</p>
+      )}
+    </>
+  );
+}
+
+/** `-` stands for no parameter; what is not there (any more) for the usual one. */
+function axisName(asked: string | null, usual: string | undefined): string {
+  return asked === "-" ? "" : asked || usual || "";
+}
+
+function filtered(data: Columns, text: string, wanted: string): Run[] {
+  const matches = matcher(data, text);
+  const verdicts = new Set(wanted.split(",").filter(Boolean));
+  return data.runs.number
+    .map((_, run) => run)
+    .filter((run) => (!verdicts.size || verdicts.has(verdictOf(data, run))) && matches(run));
+}
+
+function ofCell(data: Columns, runs: Run[], x: string, y: string, cell: string): Run[] {
+  if (!cell) return runs;
+  const [i, j] = cell.split(",").map(Number);
+  const across = axis(data, x).group;
+  const down = axis(data, y).group;
+  return runs.filter((run) => {
+    const variant = data.runs.variant[run]!;
+    return across[variant] === i && down[variant] === j;
+  });
+}
+
+function runLink(data: Columns, run: Run): string {
+  return link(["campaign", data.summary.name, variantOf(data, run), data.runs.number[run]!]);
+}
+
+function columnsOf(data: Columns, names: string[]): Column[] {
+  const value = (column: string) => (run: Run) => show(valueOf(data, run, column));
+  return [
+    { id: "verdict", label: "Verdict", cell: (run) => <Mark verdict={verdictOf(data, run)} /> },
+    {
+      id: "variant",
+      label: "Run",
+      cell: (run) => (
+        <a href={runLink(data, run)}>
+          {variantOf(data, run)}/{data.runs.number[run]}
+        </a>
+      ),
+    },
+    ...names.slice(0, MOST_COLUMNS).map((name): Column => {
+      const kind = data.variants.values[name]!.some((one) => typeof one === "number") ? "number" : "text";
+      return { id: `p:${name}`, label: name, kind, cell: value(`p:${name}`) };
+    }),
+    {
+      id: "duration",
+      label: "Duration",
+      kind: "number",
+      cell: (run) => duration(data.runs.duration[run]),
+    },
+    { id: "started", label: "Started", cell: (run) => moment(data.runs.started[run]) },
+    { id: "reason", label: "Reason", cell: value("reason") },
+  ];
+}
+
+function exported(data: Columns, rows: Run[], names: string[]): unknown[][] {
+  const head = ["variant", "run", "verdict", ...names.map((name) => `p:${name}`), "duration", "started", "reason"];
+  const label = (column: string) => column.replace(/^p:/, "");
+  return [head.map(label), ...rows.map((run) => head.map((column) => valueOf(data, run, column)))];
+}
+
+function VerdictFilter({ data, wanted }: { data: Columns; wanted: string }) {
+  const chosen = new Set(wanted.split(",").filter(Boolean));
+  const toggle = (verdict: Verdict) => {
+    if (chosen.has(verdict)) chosen.delete(verdict);
+    else chosen.add(verdict);
+    choose({ verdict: [...chosen].join() });
+  };
+  return (
+    <span class="chips" role="group" aria-label="Verdicts">
+      {VERDICTS.filter((verdict) => data.summary.counts[verdict] || chosen.has(verdict)).map((verdict) => (
+        <button key={verdict} type="button" aria-pressed={chosen.has(verdict)} onClick={() => toggle(verdict)}>
+          <Mark verdict={verdict} /> {count(data.summary.counts[verdict])}
+        </button>
+      ))}
+    </span>
+  );
+}

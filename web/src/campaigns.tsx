@@ -1,0 +1,128 @@
+// All campaigns of the results folder.
+import { useState } from "preact/hooks";
+import { address, type Campaigns, type Summary } from "./api";
+import { duration, moment, plural } from "./format";
+import { useAnswer, type Versions } from "./live";
+import { passRate, State, VerdictBar, Waiting } from "./parts";
+import { choose, link } from "./route";
+
+function isStale(data: Campaigns, versions: Versions): boolean {
+  const names = new Set([...Object.keys(versions), ...Object.keys(data.campaigns)]);
+  return [...names].some((name) => versions[name] !== data.campaigns[name]?.version);
+}
+
+export function CampaignsPage({ query }: { query: URLSearchParams }) {
+  const { data, error } = useAnswer<Campaigns>(address(["campaigns"]), isStale);
+  const [chosen, setChosen] = useState<string[]>([]);
+  const filter = query.get("q") ?? "";
+  if (!data) return <Waiting error={error} />;
+  const all = Object.entries(data.campaigns);
+  const shown = all.filter(([name]) => name.toLowerCase().includes(filter.toLowerCase()));
+  const toggle = (name: string) =>
+    setChosen(chosen.includes(name) ? chosen.filter((one) => one !== name) : [...chosen, name].slice(-2));
+  // The older campaign is what the newer one is compared with.
+  const [b, a] = all.map(([name]) => name).filter((name) => chosen.includes(name));
+  return (
+    <>
+      <div class="head">
+        <h1>Campaigns</h1>
+        <p class="quiet">
+          {plural(all.length, "campaign")} in <code>{data.results}</code>
+        </p>
+      </div>
+      {all.length === 0 && (
+        <p class="hint">
+          There is no campaign yet. <code>vast exec local run</code> makes one, and it appears here at
+          once.
+        </p>
+      )}
+      {all.length > 0 && (
+        <>
+          <div class="tools">
+            <label class="choice">
+              Find
+              <input
+                type="search"
+                value={filter}
+                onInput={(event) => choose({ q: event.currentTarget.value })}
+              />
+            </label>
+            {a && b ? (
+              <a class="button" href={link(["compare"], { a, b })}>
+                Compare {a} with {b}
+              </a>
+            ) : (
+              <span class="quiet">Choose two to compare them.</span>
+            )}
+          </div>
+          <div class="scroll" tabIndex={0} role="region" aria-label="List of campaigns">
+            <table class="list">
+              <thead>
+                <tr>
+                  <th>
+                    <span class="hidden">Compare</span>
+                  </th>
+                  <th>Campaign</th>
+                  <th>State</th>
+                  <th class="wide">Runs</th>
+                  <th class="number">Passed</th>
+                  <th>Started</th>
+                  <th class="number">Duration</th>
+                </tr>
+              </thead>
+              <tbody>
+                {shown.map(([name, summary]) => (
+                  <Row
+                    key={name}
+                    name={name}
+                    summary={summary}
+                    chosen={chosen.includes(name)}
+                    onToggle={() => toggle(name)}
+                  />
+                ))}
+              </tbody>
+            </table>
+          </div>
+          {shown.length === 0 && <p class="hint">No campaign has “{filter}” in its name.</p>}
+        </>
+      )}
+    </>
+  );
+}
+
+interface RowProps {
+  name: string;
+  summary: Summary | null;
+  chosen: boolean;
+  onToggle: () => void;
+}
+
+function Row({ name, summary, chosen, onToggle }: RowProps) {
+  return (
+    <tr>
+      <td>
+        <input type="checkbox" checked={chosen} onChange={onToggle} aria-label={`Compare ${name}`} />
+      </td>
+      <td>
+        <a href={link(["campaign", name])}>{name}</a>
+      </td>
+      {summary ? (
+        <>
+          <td>
+            <State state={summary.state} />
+          </td>
+          <td>
+            <VerdictBar summary={summary} />
+          </td>
+          <td class="number">{passRate(summary)}</td>
+          <td class="nowrap">{moment(summary.started_at)}</td>
+          <td class="number nowrap">{duration(summary.duration)}</td>
+        </>
+      ) : (
+        <td colSpan={5} class="quiet">
+          Reading …
+        </td>
+      )}
+    </tr>
+  );
+}

@@ -1,0 +1,177 @@
+// Two campaigns beside each other: what got worse, and whether chance explains it.
+import { useMemo } from "preact/hooks";
+import { address, type Campaigns, type Comparison, type Difference } from "./api";
+import { show } from "./data";
+import { duration, percent, plural } from "./format";
+import { Grid, type Column } from "./grid";
+import { useAnswer } from "./live";
+import { Export, Select, Waiting } from "./parts";
+import { choose, link } from "./route";
+
+const CHANGES = { worse: "▲ worse", better: "▼ better", same: "= same" };
+
+export function ComparePage({ a, b, query }: { a: string; b: string; query: URLSearchParams }) {
+  const { data, error } = useAnswer<Comparison>(address(["compare"], { a, b }));
+  const known = useAnswer<Campaigns>(address(["campaigns"]));
+  const names = Object.keys(known.data?.campaigns ?? {});
+  const options = [...new Set([...names, a, b])].map((name): [string, string] => [name, name]);
+  return (
+    <>
+      <div class="head">
+        <h1>Comparison</h1>
+        <div class="tools">
+          <Select label="Before" value={a} options={options} onChoose={(name) => choose({ a: name })} />
+          <Select label="After" value={b} options={options} onChoose={(name) => choose({ b: name })} />
+        </div>
+      </div>
+      {data ? <Result data={data} a={a} b={b} query={query} /> : <Waiting error={error} />}
+    </>
+  );
+}
+
+interface ResultProps {
+  data: Comparison;
+  a: string;
+  b: string;
+  query: URLSearchParams;
+}
+
+function Result({ data, a, b, query }: ResultProps) {
+  const sort = query.get("sort") ?? "";
+  const rows = useMemo(() => order(data, sort), [data, sort]);
+  const worse = data.variants.filter((variant) => variant.change === "worse").length;
+  const better = data.variants.filter((variant) => variant.change === "better").length;
+  const columns = columnsOf(data, a, b);
+  return (
+    <>
+      <p class="statement">{data.statement}</p>
+      <Interval found={data.overall} />
+      <p>
+        Of {plural(data.variants.length, "configuration")} in both, {worse} got worse and {better} got
+        better beyond chance (Fisher’s exact test for each, Holm’s correction for their number, 5 % level).
+        {data.only_a.length > 0 && ` ${plural(data.only_a.length, "configuration")} only before.`}
+        {data.only_b.length > 0 && ` ${plural(data.only_b.length, "configuration")} only after.`}
+      </p>
+      <div class="tools">
+        <Export name={`${a}-${b}`} rows={() => exported(data, rows)} />
+      </div>
+      {rows.length > 0 && (
+        <Grid
+          label="Configurations in both campaigns"
+          columns={columns}
+          rows={rows}
+          sort={sort || "p"}
+          onSort={(next) => choose({ sort: next })}
+          open={(row) => (location.hash = variantLink(b, data.variants[row]!.name_b))}
+        />
+      )}
+    </>
+  );
+}
+
+function variantLink(campaign: string, variant: string): string {
+  return link(["campaign", campaign], { q: `variant=${variant}` });
+}
+
+/** The interval of the difference, drawn around nothing. */
+function Interval({ found }: { found: Difference }) {
+  const most = Math.max(0.05, Math.abs(found.low), Math.abs(found.high)) * 1.1;
+  const x = (value: number) => 200 + (200 * value) / most;
+  const change = rate(found.b) - rate(found.a);
+  const label = `Difference ${(100 * change).toFixed(1)} points, from ${(100 * found.low).toFixed(1)} to ${(100 * found.high).toFixed(1)}`;
+  return (
+    <svg class="interval" viewBox="-20 0 440 58" role="img" aria-label={label}>
+      <line x1={0} x2={400} y1={24} y2={24} class="axis" />
+      <line x1={200} x2={200} y1={8} y2={40} class="axis" />
+      <line x1={x(found.low)} x2={x(found.high)} y1={24} y2={24} class="range" />
+      <circle cx={x(change)} cy={24} r={6} class="point" />
+      <text x={0} y={54}>better</text>
+      <text x={200} y={54} text-anchor="middle">no difference</text>
+      <text x={400} y={54} text-anchor="end">worse</text>
+    </svg>
+  );
+}
+
+function rate(sample: { runs: number; bad: number }): number {
+  return sample.runs ? sample.bad / sample.runs : 0;
+}
+
+function valueOf(data: Comparison, row: number, column: string): number | string {
+  const variant = data.variants[row]!;
+  const { a, b, p } = variant.difference;
+  switch (column) {
+    case "a":
+      return rate(a);
+    case "b":
+      return rate(b);
+    case "difference":
+      return rate(b) - rate(a);
+    case "duration":
+      return (b.duration ?? 0) - (a.duration ?? 0);
+    case "variant":
+      return variant.name_b;
+    case "change":
+      return variant.change;
+    default:
+      return p;
+  }
+}
+
+function order(data: Comparison, sort: string): number[] {
+  const down = sort.startsWith("-");
+  const column = sort.replace(/^-/, "") || "p";
+  const sign = down ? -1 : 1;
+  const compare = (left: number | string, right: number | string) => (left < right ? -1 : left > right ? 1 : 0);
+  return data.variants
+    .map((_, row) => row)
+    .sort((i, j) => sign * compare(valueOf(data, i, column), valueOf(data, j, column)) || i - j);
+}
+
+function columnsOf(data: Comparison, a: string, b: string): Column[] {
+  const of = (row: number) => data.variants[row]!;
+  const shares = (sample: { runs: number; bad: number }) => (
+    <>
+      {sample.runs ? percent(rate(sample)) : "–"} <small>{`${sample.bad}/${sample.runs}`}</small>
+    </>
+  );
+  const points = (row: number) => (100 * (valueOf(data, row, "difference") as number)).toFixed(1);
+  return [
+    { id: "change", label: "Change", cell: (row) => <span class={`change ${of(row).change}`}>{CHANGES[of(row).change]}</span> },
+    {
+      id: "variant",
+      label: "Configuration",
+      cell: (row) => <a href={variantLink(b, of(row).name_b)}>{of(row).name_b}</a>,
+    },
+    {
+      id: "a",
+      label: "Not passed before",
+      kind: "number",
+      cell: (row) => <a href={variantLink(a, of(row).name_a)}>{shares(of(row).difference.a)}</a>,
+    },
+    { id: "b", label: "After", kind: "number", cell: (row) => shares(of(row).difference.b) },
+    { id: "difference", label: "Points", kind: "number", cell: points },
+    { id: "p", label: "p", kind: "number", cell: (row) => show(Number(of(row).difference.p.toPrecision(3))) },
+    {
+      id: "adjusted",
+      label: "p, corrected",
+      kind: "number",
+      cell: (row) => show(Number(of(row).adjusted_p.toPrecision(3))),
+    },
+    {
+      id: "duration",
+      label: "Median duration",
+      kind: "number",
+      cell: (row) => `${duration(of(row).difference.a.duration)} → ${duration(of(row).difference.b.duration)}`,
+    },
+  ];
+}
+
+function exported(data: Comparison, rows: number[]): unknown[][] {
+  const head = ["before", "after", "change", "runs before", "bad before", "runs after", "bad after", "p", "p corrected", "median duration before", "median duration after"];
+  const line = (row: number) => {
+    const { name_a, name_b, change, adjusted_p, difference } = data.variants[row]!;
+    const { a, b, p } = difference;
+    return [name_a, name_b, change, a.runs, a.bad, b.runs, b.bad, p, adjusted_p, a.duration, b.duration];
+  };
+  return [head, ...rows.map(line)];
+}

@@ -1,0 +1,214 @@
+// Runs of a campaign: filtered, sorted, put into cells. Pure functions over the server's columns.
+import type { Columns, Verdict } from "./api";
+
+/** A run is its place in the columns. */
+export type Run = number;
+
+export function verdictOf(data: Columns, run: Run): Verdict {
+  return data.verdicts[data.runs.verdict[run]!]!;
+}
+
+export function variantOf(data: Columns, run: Run): string {
+  return data.variants.name[data.runs.variant[run]!]!;
+}
+
+/** Value of a run in a column: `variant`, `run`, `verdict`, `duration`, … or a parameter. */
+export function valueOf(data: Columns, run: Run, column: string): unknown {
+  const { runs } = data;
+  switch (column) {
+    case "variant":
+      return variantOf(data, run);
+    case "run":
+      return runs.number[run];
+    case "verdict":
+      return verdictOf(data, run);
+    case "duration":
+      return runs.duration[run];
+    case "started":
+      return runs.started[run];
+    case "reason":
+      return data.reasons[runs.reason[run]!];
+    default:
+      return data.variants.values[column.replace(/^p:/, "")]?.[runs.variant[run]!];
+  }
+}
+
+/** Names of the parameters that have more than one value, then the others. */
+export function parameters(data: Columns): string[] {
+  const names = Object.keys(data.variants.values);
+  const varies = new Map(names.map((name) => [name, distinct(data.variants.values[name]!) > 1]));
+  return names.sort((a, b) => Number(varies.get(b)) - Number(varies.get(a)));
+}
+
+function distinct(values: unknown[]): number {
+  return new Set(values.map(show)).size;
+}
+
+/** A value as text. */
+export function show(value: unknown): string {
+  if (value === null || value === undefined) return "–";
+  if (typeof value === "number") return shortNumber(value);
+  return typeof value === "object" ? JSON.stringify(value) : String(value);
+}
+
+function shortNumber(value: number): string {
+  return Number.isInteger(value) ? String(value) : String(Number(value.toPrecision(6)));
+}
+
+/** Numbers by size, text by its numbers and letters; what is missing comes last. */
+export function order(a: unknown, b: unknown): number {
+  const missing = Number(a === null || a === undefined) - Number(b === null || b === undefined);
+  if (missing || a === null || a === undefined) return missing;
+  if (typeof a === "number" && typeof b === "number") return a - b;
+  return collator.compare(show(a), show(b));
+}
+
+const collator = new Intl.Collator("en", { numeric: true });
+
+const WORST_FIRST: Record<string, number> = { failed: 0, errored: 1, interrupted: 2, passed: 3 };
+
+/** Runs sorted by a column; `-duration` is downwards. Equal ones stay in their order. */
+export function sorted(data: Columns, runs: Run[], by: string): Run[] {
+  if (!by) return runs;
+  const down = by.startsWith("-");
+  const column = down ? by.slice(1) : by;
+  const keys = new Map(runs.map((run) => [run, keyOf(data, run, column)]));
+  const sign = down ? -1 : 1;
+  return [...runs].sort((a, b) => {
+    const left = keys.get(a);
+    const right = keys.get(b);
+    const gone = Number(left === null || left === undefined) - Number(right === null || right === undefined);
+    return gone || sign * order(left, right) || a - b;
+  });
+}
+
+function keyOf(data: Columns, run: Run, column: string): unknown {
+  return column === "verdict" ? WORST_FIRST[verdictOf(data, run)] : valueOf(data, run, column);
+}
+
+const CONDITION = /^([^<>=!]+)(<=|>=|!=|=|<|>)(.*)$/;
+
+/** A test for runs from what a user types: words, and conditions such as `speed>2` or `map=hall`. */
+export function matcher(data: Columns, text: string): (run: Run) => boolean {
+  const tests = text.split(/\s+/).filter(Boolean).map((word) => wordTest(data, word));
+  return (run) => tests.every((test) => test(run));
+}
+
+function wordTest(data: Columns, word: string): (run: Run) => boolean {
+  const condition = CONDITION.exec(word);
+  const column = condition && columnNamed(data, condition[1]!);
+  if (condition && column) return conditionTest(data, column, condition[2]!, condition[3]!);
+  const needle = word.toLowerCase();
+  const reasons = data.reasons.map((reason) => reason.toLowerCase().includes(needle));
+  const variants = data.variants.name.map(
+    (name, place) => name.toLowerCase().includes(needle) || hasValue(data, place, needle),
+  );
+  return (run) =>
+    variants[data.runs.variant[run]!]! ||
+    reasons[data.runs.reason[run]!]! ||
+    verdictOf(data, run) === needle;
+}
+
+function hasValue(data: Columns, place: number, needle: string): boolean {
+  return Object.values(data.variants.values).some((values) => {
+    const value = values[place];
+    return typeof value === "string" && value.toLowerCase().includes(needle);
+  });
+}
+
+function columnNamed(data: Columns, name: string): string | null {
+  const known = ["variant", "run", "verdict", "duration", "reason"];
+  if (Object.hasOwn(data.variants.values, name)) return `p:${name}`;
+  return known.includes(name) ? name : null;
+}
+
+function conditionTest(data: Columns, column: string, sign: string, text: string) {
+  const number = Number(text);
+  return (run: Run): boolean => {
+    const value = valueOf(data, run, column);
+    const comparable = typeof value === "number" && text !== "" && !Number.isNaN(number);
+    const equal = comparable ? value === number : show(value).toLowerCase() === text.toLowerCase();
+    if (sign === "=") return equal;
+    if (sign === "!=") return !equal;
+    if (!comparable) return false;
+    if (sign === "<") return value < number;
+    if (sign === ">") return value > number;
+    return sign === "<=" ? value <= number : value >= number;
+  };
+}
+
+/** Groups of values along an axis: each value, or ranges where there are too many numbers. */
+export interface Axis {
+  labels: string[];
+  /** Group of each variant; -1 for none. */
+  group: number[];
+}
+
+export const MOST_GROUPS = 24;
+const RANGES = 10;
+
+/** The axis of a parameter; without one, a single group. */
+export function axis(data: Columns, parameter: string): Axis {
+  const values = data.variants.values[parameter];
+  if (!values) return { labels: [""], group: data.variants.name.map(() => 0) };
+  const different = [...new Map(values.map((value) => [show(value), value])).values()].sort(order);
+  if (different.length <= MOST_GROUPS || !different.every((value) => typeof value === "number")) {
+    const labels = different.map(show);
+    const place = new Map(labels.map((label, index) => [label, index]));
+    return { labels, group: values.map((value) => place.get(show(value))!) };
+  }
+  return ranges(values as number[], different as number[]);
+}
+
+/** Ranges with about as many values each. */
+function ranges(values: number[], ordered: number[]): Axis {
+  const starts = Array.from(
+    { length: RANGES },
+    (_, index) => ordered[Math.floor((index * ordered.length) / RANGES)]!,
+  );
+  const short = (value: number) => String(Number(value.toPrecision(3)));
+  const labels = starts.map((start, index) => {
+    const end = starts[index + 1] ?? ordered[ordered.length - 1]!;
+    return `${short(start)} … ${short(end)}`;
+  });
+  return { labels, group: values.map((value) => starts.findLastIndex((start) => value >= start)) };
+}
+
+export interface Cell {
+  runs: number;
+  bad: number;
+  /** Sum of the measured column, and how many runs have it. */
+  sum: number;
+  measured: number;
+}
+
+/** Cells of a matrix, row by row; interrupted runs do not count. */
+export function cells(data: Columns, runs: Run[], x: Axis, y: Axis, column: string): Cell[][] {
+  const found = y.labels.map(() =>
+    x.labels.map((): Cell => ({ runs: 0, bad: 0, sum: 0, measured: 0 })),
+  );
+  for (const run of runs) {
+    const verdict = verdictOf(data, run);
+    if (verdict === "interrupted") continue;
+    const variant = data.runs.variant[run]!;
+    const cell = found[y.group[variant]!]?.[x.group[variant]!];
+    if (!cell) continue;
+    cell.runs += 1;
+    cell.bad += Number(verdict !== "passed");
+    const value = column ? valueOf(data, run, column) : null;
+    if (typeof value === "number") {
+      cell.sum += value;
+      cell.measured += 1;
+    }
+  }
+  return found;
+}
+
+/** Rows as CSV (RFC 4180). */
+export function csv(rows: unknown[][]): string {
+  const cell = (value: unknown) => {
+    const text = value === null || value === undefined ? "" : typeof value === "object" ? JSON.stringify(value) : String(value);
+    return /[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
+  };
+  return rows.map((row) => row.map(cell).join(",") + "\r\n").join("");
+}

@@ -1,0 +1,158 @@
+// A log: searched on the server, coloured by level, a page at a time.
+import { useEffect, useState } from "preact/hooks";
+import { address, ask, fileAddress, type LogPage } from "./api";
+import { count, plural } from "./format";
+import { Select, Waiting } from "./parts";
+import { choose } from "./route";
+
+const LEVELS = ["debug", "info", "warn", "error", "fatal"];
+
+interface LogProps {
+  paths: string[];
+  query: URLSearchParams;
+  /** When the run took place [s since the epoch]; its job's log may tell of other runs too. */
+  period: [number, number] | null;
+}
+
+export function Log({ paths, query, period }: LogProps) {
+  const path = query.get("log") ?? paths[0] ?? "";
+  const text = query.get("find") ?? "";
+  const levels = query.get("levels") ?? "";
+  const only = query.get("only") === "run" && period;
+  const [before, setBefore] = useState(0);
+  const [page, setPage] = useState<LogPage | null>(null);
+  const [error, setError] = useState<string | null>(null);
+  const question = {
+    path,
+    text,
+    levels,
+    since: only ? period[0] : undefined,
+    until: only ? period[1] : undefined,
+  };
+  const url = address(["log"], question);
+  useEffect(() => setBefore(0), [url]);
+  useEffect(() => {
+    if (!path) return;
+    const controller = new AbortController();
+    const asked = before ? `${url}&before=${before}` : url;
+    const wait = setTimeout(
+      () =>
+        ask<LogPage>(asked, controller.signal).then(
+          (found) => {
+            setPage(found);
+            setError(null);
+          },
+          (cause: Error) => !controller.signal.aborted && setError(cause.message),
+        ),
+      page ? 150 : 0,
+    );
+    return () => {
+      clearTimeout(wait);
+      controller.abort();
+    };
+  }, [url, before]);
+  if (!path) return <p class="hint">The run left no log.</p>;
+  const chosen = new Set(levels.split(",").filter(Boolean));
+  const toggle = (level: string) => {
+    if (chosen.has(level)) chosen.delete(level);
+    else chosen.add(level);
+    choose({ levels: [...chosen].join() });
+  };
+  const options = [...new Set([...paths, path])].map((one): [string, string] => [one, short(one)]);
+  return (
+    <>
+      <div class="tools">
+        {options.length > 1 && (
+          <Select label="Log" value={path} options={options} onChoose={(log) => choose({ log })} />
+        )}
+        <label class="choice">
+          Search
+          <input type="search" value={text} onInput={(event) => choose({ find: event.currentTarget.value })} />
+        </label>
+        <span class="chips" role="group" aria-label="Levels">
+          {LEVELS.filter((level) => page?.counts[level] || chosen.has(level)).map((level) => (
+            <button key={level} type="button" class={`level ${level}`} aria-pressed={chosen.has(level)} onClick={() => toggle(level)}>
+              {level} {count(page?.counts[level] ?? 0)}
+            </button>
+          ))}
+        </span>
+        {period && (
+          <label class="choice inline">
+            <input
+              type="checkbox"
+              checked={Boolean(only)}
+              onChange={(event) => choose({ only: event.currentTarget.checked ? "run" : "" })}
+            />
+            Only this run’s time
+          </label>
+        )}
+        <a class="button" href={fileAddress(path)} download>
+          Save
+        </a>
+        <span class="quiet" role="status">
+          {page && (page.matches === page.total ? plural(page.total, "line") : `${count(page.matches)} of ${plural(page.total, "line")}`)}
+        </span>
+      </div>
+      {error !== null || !page ? (
+        <Waiting error={error} />
+      ) : (
+        <Lines page={page} text={text} before={before} onPage={setBefore} />
+      )}
+    </>
+  );
+}
+
+function short(path: string): string {
+  return path.split("/").slice(1).join("/");
+}
+
+interface LinesProps {
+  page: LogPage;
+  text: string;
+  before: number;
+  onPage: (before: number) => void;
+}
+
+function Lines({ page, text, before, onPage }: LinesProps) {
+  const first = page.lines[0]?.[0] ?? 0;
+  if (!page.lines.length) return <p class="hint">No line is like that.</p>;
+  return (
+    <div class="log" tabIndex={0} role="region" aria-label="Lines of the log">
+      {page.lines.length < page.matches && (
+        <p class="pager">
+          <button type="button" onClick={() => onPage(first)}>
+            Earlier lines
+          </button>
+          {before > 0 && (
+            <button type="button" onClick={() => onPage(0)}>
+              The end
+            </button>
+          )}
+        </p>
+      )}
+      <ol>
+        {page.lines.map(([number, level, line]) => (
+          <li key={number} value={number} class={level}>
+            <span class="at" aria-hidden="true">
+              {number}
+            </span>
+            <span class="said">{marked(line, text)}</span>
+          </li>
+        ))}
+      </ol>
+    </div>
+  );
+}
+
+/** A line with what is searched for marked. */
+function marked(line: string, text: string) {
+  if (!text) return line;
+  const parts = [];
+  const [lower, needle] = [line.toLowerCase(), text.toLowerCase()];
+  let from = 0;
+  for (let at = lower.indexOf(needle); at >= 0; at = lower.indexOf(needle, from)) {
+    parts.push(line.slice(from, at), <mark>{line.slice(at, at + text.length)}</mark>);
+    from = at + text.length;
+  }
+  return [...parts, line.slice(from)];
+}

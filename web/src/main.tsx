@@ -1,0 +1,64 @@
+import { render } from "preact";
+import { useEffect } from "preact/hooks";
+import { CampaignPage } from "./campaign";
+import { CampaignsPage } from "./campaigns";
+import { ComparePage } from "./compare";
+import { startListening, useConnected } from "./live";
+import { link, useRoute } from "./route";
+import { RunPage } from "./run";
+import "./style.css";
+
+function Page() {
+  const { path, query } = useRoute();
+  const [view, ...names] = path;
+  const connected = useConnected();
+  useEffect(() => {
+    document.title = [...names.toReversed(), "RoboVAST"].join(" · ");
+  }, [path.join("/")]);
+  return (
+    <>
+      <header class="top">
+        <a class="brand" href={link([])}>
+          RoboVAST
+        </a>
+        {view === "campaign" && names[0] && (
+          <nav aria-label="Place">
+            <ol class="place">
+              <li>
+                <a href={link(["campaign", names[0]])}>{names[0]}</a>
+              </li>
+              {names[1] && (
+                <li aria-current="page">
+                  {names[1]}/{names[2]}
+                </li>
+              )}
+            </ol>
+          </nav>
+        )}
+        {!connected && (
+          <span class="offline" role="status">
+            The server does not answer.
+          </span>
+        )}
+      </header>
+      <main id="main">{pageOf(view, names, query)}</main>
+    </>
+  );
+}
+
+function pageOf(view: string | undefined, names: string[], query: URLSearchParams) {
+  const [campaign, variant, run] = names;
+  if (view === "compare") {
+    return <ComparePage a={query.get("a") ?? ""} b={query.get("b") ?? ""} query={query} />;
+  }
+  if (view === "campaign" && campaign && variant && run) {
+    return <RunPage campaign={campaign} variant={variant} run={run} query={query} />;
+  }
+  if (view === "campaign" && campaign) return <CampaignPage name={campaign} query={query} />;
+  return <CampaignsPage query={query} />;
+}
+
+startListening();
+const root = document.getElementById("page")!;
+root.textContent = "";
+render(<Page />, root);

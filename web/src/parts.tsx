@@ -1,0 +1,179 @@
+// Parts that several views share.
+import type { ComponentChildren } from "preact";
+import { useState } from "preact/hooks";
+import { VERDICTS, type Summary, type Verdict } from "./api";
+import { csv } from "./data";
+import { count, percent } from "./format";
+
+const GLYPHS: Record<Verdict, string> = { passed: "✓", failed: "✕", errored: "!", interrupted: "–" };
+
+/** A verdict: colour, sign and word, so that none of them is needed alone. */
+export function Mark({ verdict }: { verdict: Verdict }) {
+  return (
+    <span class={`mark ${verdict}`}>
+      <span class="glyph" aria-hidden="true">
+        {GLYPHS[verdict]}
+      </span>
+      {verdict}
+    </span>
+  );
+}
+
+/** Shares of the verdicts of a campaign; what is still to come stays empty. */
+export function VerdictBar({ summary }: { summary: Summary }) {
+  const { counts, planned } = summary;
+  const shares = VERDICTS.filter((verdict) => counts[verdict] > 0);
+  const done = VERDICTS.reduce((sum, verdict) => sum + counts[verdict], 0);
+  const text = [...shares.map((verdict) => `${count(counts[verdict])} ${verdict}`)];
+  if (planned > done) text.push(`${count(planned - done)} to come`);
+  return (
+    <div class="verdicts">
+      <div class="bar" role="img" aria-label={text.join(", ") || "no runs"}>
+        {shares.map((verdict) => (
+          <span
+            key={verdict}
+            class={verdict}
+            style={{ width: `${(100 * counts[verdict]) / Math.max(1, planned)}%` }}
+          />
+        ))}
+      </div>
+      <span class="numbers">
+        {shares.map((verdict) => (
+          <span key={verdict} class={`mark ${verdict}`} title={verdict}>
+            <span class="glyph" aria-hidden="true">
+              {GLYPHS[verdict]}
+            </span>
+            {count(counts[verdict])}
+            <span class="hidden"> {verdict}</span>
+          </span>
+        ))}
+        {planned > done && <span class="quiet">{count(planned - done)} to come</span>}
+      </span>
+    </div>
+  );
+}
+
+export function State({ state }: { state: Summary["state"] }) {
+  return <span class={`state ${state}`}>{state}</span>;
+}
+
+export function passRate(summary: Summary): string {
+  const { passed, failed, errored } = summary.counts;
+  const all = passed + failed + errored;
+  return all ? percent(passed / all) : "–";
+}
+
+/** What is shown while an answer is waited for, or instead of it. */
+export function Waiting({ error }: { error: string | null }) {
+  if (error === null) return <p class="loading">Loading …</p>;
+  return (
+    <p class="error" role="alert">
+      {error}
+    </p>
+  );
+}
+
+/** Saves data as a file. */
+export function Export({ name, rows }: { name: string; rows: () => unknown[][] }) {
+  const save = (text: string, type: string, suffix: string) => {
+    const anchor = document.createElement("a");
+    anchor.href = URL.createObjectURL(new Blob([text], { type }));
+    anchor.download = `${name}.${suffix}`;
+    anchor.click();
+    setTimeout(() => URL.revokeObjectURL(anchor.href), 10_000);
+  };
+  const records = () => {
+    const [head, ...rest] = rows();
+    return rest.map((row) => Object.fromEntries(head!.map((key, place) => [key, row[place]])));
+  };
+  return (
+    <span class="buttons">
+      <button type="button" onClick={() => save(csv(rows()), "text/csv", "csv")}>
+        Save CSV
+      </button>
+      <button
+        type="button"
+        onClick={() => save(JSON.stringify(records(), null, 1), "application/json", "json")}
+      >
+        Save JSON
+      </button>
+    </span>
+  );
+}
+
+export function Copy({ text, label }: { text: string; label: string }) {
+  const [copied, setCopied] = useState(false);
+  const copy = async () => {
+    await navigator.clipboard.writeText(text);
+    setCopied(true);
+    setTimeout(() => setCopied(false), 2000);
+  };
+  return (
+    <button type="button" onClick={copy}>
+      <span aria-live="polite">{copied ? "Copied" : label}</span>
+    </button>
+  );
+}
+
+interface Choice {
+  label: string;
+  value: string;
+  options: [string, string][];
+  onChoose: (value: string) => void;
+}
+
+export function Select({ label, value, options, onChoose }: Choice) {
+  return (
+    <label class="choice">
+      {label}
+      <select value={value} onChange={(event) => onChoose(event.currentTarget.value)}>
+        {options.map(([key, text]) => (
+          <option key={key} value={key}>
+            {text}
+          </option>
+        ))}
+      </select>
+    </label>
+  );
+}
+
+export interface Tab {
+  id: string;
+  label: string;
+  show: () => ComponentChildren;
+}
+
+/** Tabs; arrow keys move between them. */
+export function Tabs({ tabs, chosen, onChoose }: { tabs: Tab[]; chosen: string; onChoose: (id: string) => void }) {
+  const current = tabs.find((tab) => tab.id === chosen) ?? tabs[0]!;
+  const move = (event: KeyboardEvent) => {
+    const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+    if (!step) return;
+    const next = tabs[(tabs.indexOf(current) + step + tabs.length) % tabs.length]!;
+    onChoose(next.id);
+    document.getElementById(`tab-${next.id}`)?.focus();
+  };
+  return (
+    <div class="tabs">
+      <div role="tablist" onKeyDown={move}>
+        {tabs.map((tab) => (
+          <button
+            key={tab.id}
+            id={`tab-${tab.id}`}
+            type="button"
+            role="tab"
+            aria-selected={tab === current}
+            aria-controls="panel"
+            tabIndex={tab === current ? 0 : -1}
+            onClick={() => onChoose(tab.id)}
+          >
+            {tab.label}
+          </button>
+        ))}
+      </div>
+      <section id="panel" role="tabpanel" aria-labelledby={`tab-${current.id}`} key={current.id}>
+        {current.show()}
+      </section>
+    </div>
+  );
+}

@@ -1,0 +1,86 @@
+// Curves over a common axis.
+import { useEffect, useRef } from "preact/hooks";
+import uPlot from "uplot";
+import "uplot/dist/uPlot.min.css";
+
+export interface Curve {
+  label: string;
+  values: (number | null)[];
+}
+
+interface PlotProps {
+  label: string;
+  x: Curve;
+  /** Whether x is a time [s since the epoch]. */
+  time?: boolean;
+  curves: Curve[];
+  format?: (value: number) => string;
+  height?: number;
+}
+
+const DASHES = [[], [8, 4], [2, 3], [10, 3, 2, 3]];
+
+export function Plot({ label, x, time = false, curves, format, height = 260 }: PlotProps) {
+  const frame = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    const element = frame.current!;
+    const dark = matchMedia("(prefers-color-scheme: dark)");
+    let plot: uPlot | null = null;
+    const width = () => Math.max(200, element.clientWidth);
+    const build = () => {
+      plot?.destroy();
+      plot = new uPlot(
+        { ...options(element, x.label, curves, time, format), width: width(), height },
+        [x.values as number[], ...curves.map((curve) => curve.values)],
+        element,
+      );
+    };
+    build();
+    const observer = new ResizeObserver(() => plot?.setSize({ width: width(), height }));
+    observer.observe(element);
+    dark.addEventListener("change", build);
+    return () => {
+      observer.disconnect();
+      dark.removeEventListener("change", build);
+      plot?.destroy();
+    };
+  }, [x, curves]);
+  return <div class="plot" ref={frame} role="img" aria-label={`${label}: ${curves.map((c) => c.label).join(", ")} over ${x.label}`} />;
+}
+
+function options(
+  element: Element,
+  xLabel: string,
+  curves: Curve[],
+  time: boolean,
+  format?: (value: number) => string,
+): Omit<uPlot.Options, "width" | "height"> {
+  const style = getComputedStyle(element);
+  const colour = (name: string) => style.getPropertyValue(name).trim();
+  const axis = {
+    stroke: colour("--quiet"),
+    grid: { stroke: colour("--line"), width: 1 },
+    ticks: { stroke: colour("--line"), width: 1 },
+    font: `12px ${style.fontFamily}`,
+  };
+  return {
+    scales: { x: { time } },
+    axes: [
+      { ...axis, label: time ? undefined : xLabel, labelFont: `12px ${style.fontFamily}`, labelSize: 18 },
+      { ...axis, size: 70, values: format && ((_, splits) => splits.map((value) => format(value))) },
+    ],
+    legend: { show: curves.length > 1 || Boolean(format) },
+    series: [
+      { label: xLabel },
+      ...curves.map((curve, index) => ({
+        label: curve.label,
+        stroke: colour(`--curve-${(index % 6) + 1}`),
+        dash: DASHES[Math.floor(index / 6) % DASHES.length],
+        width: 1.6,
+        points: { show: curve.values.length < 60 },
+        value: format && ((_: uPlot, value: number | null) => (value === null ? "–" : format(value))),
+      })),
+    ],
+    cursor: { drag: { x: true, y: false } },
+  };
+}

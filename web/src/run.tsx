@@ -1,0 +1,303 @@
+// One run: its verdict and why, and all that it left behind.
+import { useMemo } from "preact/hooks";
+import { address, fileAddress, type FileEntry, type RunDetails, type Usage, type Verdict } from "./api";
+import { show } from "./data";
+import { bytes, count, duration, moment } from "./format";
+import { useAnswer } from "./live";
+import { Log } from "./log";
+import { Copy, Export, Mark, Tabs, Waiting, type Tab } from "./parts";
+import { Plot } from "./plot";
+import { choose } from "./route";
+import { Tables } from "./tables";
+
+interface RunProps {
+  campaign: string;
+  variant: string;
+  run: string;
+  query: URLSearchParams;
+}
+
+export function RunPage({ campaign, variant, run, query }: RunProps) {
+  const { data, error } = useAnswer<RunDetails>(address(["campaigns", campaign, variant, run]));
+  if (!data) return <Waiting error={error} />;
+  return (
+    <>
+      <Head data={data} title={`${variant}/${run}`} />
+      <Tabs
+        tabs={tabsOf(data, query)}
+        chosen={query.get("tab") ?? "log"}
+        onChoose={(tab) => choose({ tab: tab === "log" ? "" : tab })}
+      />
+    </>
+  );
+}
+
+function Head({ data, title }: { data: RunDetails; title: string }) {
+  const { record } = data;
+  const text = (key: string) => show(record[key] === "" ? null : record[key]);
+  const facts: [string, string][] = [
+    ["Started", moment(seconds(record.started_at))],
+    ["Duration", duration(record.duration as number | null)],
+    ["Exit code", text("exit_code")],
+    ["Attempt", text("attempt")],
+    ["Job", text("job")],
+    ["Runtime", text("runtime")],
+    ["Image", text("image")],
+    ["Host", text("host")],
+  ];
+  return (
+    <div class="head">
+      <h1>
+        {title} {typeof record.verdict === "string" && <Mark verdict={record.verdict as Verdict} />}
+      </h1>
+      {record.reason ? <p class="reason">{String(record.reason)}</p> : null}
+      {data.failure && (
+        <details>
+          <summary>All that the test result says</summary>
+          <pre tabIndex={0}>{data.failure}</pre>
+        </details>
+      )}
+      <dl class="facts">
+        {facts
+          .filter(([, value]) => value !== "–")
+          .map(([key, value]) => (
+            <div key={key}>
+              <dt>{key}</dt>
+              <dd>{value}</dd>
+            </div>
+          ))}
+      </dl>
+      {data.command && (
+        <div class="command">
+          <span id="repeat">Run it again here</span>
+          <code tabIndex={0} aria-labelledby="repeat">
+            {data.command}
+          </code>
+          <Copy text={data.command} label="Copy" />
+        </div>
+      )}
+    </div>
+  );
+}
+
+function seconds(time: unknown): number | null {
+  const parsed = typeof time === "string" ? Date.parse(time) / 1000 : NaN;
+  return Number.isNaN(parsed) ? null : parsed;
+}
+
+function tabsOf(data: RunDetails, query: URLSearchParams): Tab[] {
+  const all = [...data.files, ...data.job_files];
+  const tables = all.filter((file) => file.kind === "table");
+  const pictures = all.filter((file) => file.kind === "video" || file.kind === "image");
+  const [from, to] = [seconds(data.record.started_at), seconds(data.record.finished_at)];
+  const period = from !== null && to !== null ? ([from - 0.05, to + 0.05] as [number, number]) : null;
+  const tabs: (Tab | false)[] = [
+    { id: "log", label: "Log", show: () => <Log paths={data.logs} query={query} period={period} /> },
+    tables.length > 0 && { id: "plots", label: "Plots", show: () => <Tables files={tables} query={query} /> },
+    data.usage.length > 0 && { id: "resources", label: "Resources", show: () => <Resources data={data} /> },
+    { id: "parameters", label: "Parameters", show: () => <Parameters data={data} /> },
+    pictures.length > 0 && { id: "video", label: "Video", show: () => <Pictures files={pictures} /> },
+    data.bags.length > 0 && { id: "bag", label: "Bag", show: () => <Bags data={data} /> },
+    { id: "files", label: `Files`, show: () => <Files data={data} /> },
+  ];
+  return tabs.filter((tab) => tab !== false);
+}
+
+function Parameters({ data }: { data: RunDetails }) {
+  const rows = Object.entries((data.record.parameters ?? {}) as Record<string, unknown>);
+  return (
+    <>
+      {rows.length > 0 ? (
+        <>
+          <div class="tools">
+            <Export name="parameters" rows={() => [["parameter", "value"], ...rows]} />
+          </div>
+          <Pairs rows={rows} />
+        </>
+      ) : (
+        <p class="hint">No scenario parameter was set.</p>
+      )}
+      {Object.keys(data.sysinfo).length > 0 && (
+        <>
+          <h2>Machine</h2>
+          <Pairs rows={Object.entries(data.sysinfo).flatMap(flat)} />
+        </>
+      )}
+    </>
+  );
+}
+
+function flat([key, value]: [string, unknown]): [string, unknown][] {
+  const nested = value !== null && typeof value === "object" && !Array.isArray(value);
+  return nested ? Object.entries(value) : [[key, value]];
+}
+
+function Pairs({ rows }: { rows: [string, unknown][] }) {
+  return (
+    <table class="plain pairs">
+      <tbody>
+        {rows.map(([key, value]) => (
+          <tr key={key}>
+            <th scope="row">{key}</th>
+            <td>{show(value)}</td>
+          </tr>
+        ))}
+      </tbody>
+    </table>
+  );
+}
+
+function Resources({ data }: { data: RunDetails }) {
+  return (
+    <>
+      {data.usage.map((path) => (
+        <UsageOf key={path} path={path} />
+      ))}
+    </>
+  );
+}
+
+function UsageOf({ path }: { path: string }) {
+  const { data, error } = useAnswer<Usage>(address(["usage"], { path }));
+  const curves = useMemo(() => {
+    if (!data) return null;
+    const start = data.time[0] ?? 0;
+    const x = { label: "time [s]", values: data.time.map((time) => time - start) };
+    return {
+      x,
+      cpu: [{ label: "CPU [%]", values: data.cpu }],
+      memory: [{ label: "memory", values: data.memory }],
+    };
+  }, [data]);
+  const name = path.split("/").at(-1)!.replace(/^resource_usage_?|\.csv$/g, "");
+  if (!curves) return <Waiting error={error} />;
+  if (!curves.x.values.length) return <p class="hint">Nothing was recorded for {name}.</p>;
+  return (
+    <section>
+      <h2>
+        Container {name}{" "}
+        <a class="button" href={fileAddress(path)} download>
+          Save CSV
+        </a>
+      </h2>
+      <Plot label="CPU" {...curves} curves={curves.cpu} format={(v) => `${count(Math.round(v))} %`} height={180} />
+      <Plot label="Memory" {...curves} curves={curves.memory} format={bytes} height={180} />
+    </section>
+  );
+}
+
+function Pictures({ files }: { files: FileEntry[] }) {
+  return (
+    <div class="pictures">
+      {files.map((file) => (
+        <figure key={file.path}>
+          {file.kind === "video" ? (
+            <video controls preload="metadata" src={fileAddress(file.path)} aria-label={file.name} />
+          ) : (
+            <img loading="lazy" src={fileAddress(file.path)} alt={file.name} />
+          )}
+          <figcaption>
+            <a href={fileAddress(file.path)} download>
+              {file.name}
+            </a>
+          </figcaption>
+        </figure>
+      ))}
+    </div>
+  );
+}
+
+function Bags({ data }: { data: RunDetails }) {
+  return (
+    <>
+      {data.bags.map((bag) => (
+        <section key={bag.path}>
+          <h2>{bag.path.split("/").slice(3).join("/")}</h2>
+          <p class="quiet">
+            {moment(bag.start)}, {duration(bag.duration)}
+          </p>
+          <table class="plain">
+            <thead>
+              <tr>
+                <th>Topic</th>
+                <th>Type</th>
+                <th class="number">Messages</th>
+                <th class="number">Per second</th>
+              </tr>
+            </thead>
+            <tbody>
+              {bag.topics.map(([name, type, messages]) => (
+                <tr key={name}>
+                  <td>{name}</td>
+                  <td>{type}</td>
+                  <td class="number">{count(messages)}</td>
+                  <td class="number">{bag.duration ? show(Number((messages / bag.duration).toPrecision(3))) : "–"}</td>
+                </tr>
+              ))}
+            </tbody>
+          </table>
+        </section>
+      ))}
+    </>
+  );
+}
+
+function Files({ data }: { data: RunDetails }) {
+  return (
+    <>
+      <FileList title="Run" files={data.files} />
+      {data.job_files.length > 0 && <FileList title="Job" files={data.job_files} />}
+    </>
+  );
+}
+
+function FileList({ title, files }: { title: string; files: FileEntry[] }) {
+  return (
+    <section>
+      <h2>{title}</h2>
+      <div class="scroll" tabIndex={0} role="region" aria-label={`Files of the ${title.toLowerCase()}`}>
+        <table class="plain">
+          <thead>
+            <tr>
+              <th>File</th>
+              <th class="number">Size</th>
+              <th>
+                <span class="hidden">Open</span>
+              </th>
+            </tr>
+          </thead>
+          <tbody>
+            {files.map((file) => (
+              <tr key={file.path}>
+                <td>
+                  <a href={fileAddress(file.path)} download>
+                    {file.name}
+                  </a>
+                </td>
+                <td class="number">{bytes(file.size)}</td>
+                <td>
+                  <Opener file={file} />
+                </td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </div>
+    </section>
+  );
+}
+
+function Opener({ file }: { file: FileEntry }) {
+  const target: Record<string, string> =
+    file.kind === "table"
+      ? { tab: "plots", table: file.path, columns: "", over: "" }
+      : file.kind === "log" || file.kind === "text"
+        ? { tab: "", log: file.path }
+        : {};
+  if (!Object.keys(target).length) return null;
+  return (
+    <button type="button" onClick={() => choose(target, true)} aria-label={`Show ${file.name}`}>
+      Show
+    </button>
+  );
+}
