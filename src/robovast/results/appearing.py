@@ -86,5 +86,12 @@ def explained(target: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise StorageError(
-            f"{target}: cannot be written: {error.strerror or error}. Nothing was left behind."
+            f"{target}: cannot be written: {_cause(error)}. Nothing was left behind."
         ) from error
+
+
+def _cause(error: OSError) -> str:
+    if isinstance(error, shutil.Error):  # of copying a tree: one entry for each file
+        source, _, cause = error.args[0][0]
+        return f"{cause} ({source})"
+    return error.strerror or str(error)

@@ -74,5 +74,9 @@ class Layout:
         """Folders of all runs that were stored, sorted by variant and number."""
         for variant in sorted(self.root.iterdir()):
             if variant.is_dir() and not variant.name.startswith(("_", ".")):
-                numbers = (path for path in variant.iterdir() if path.name.isdigit())
-                yield from sorted(numbers, key=lambda path: int(path.name))
+                yield from self.run_folders_of(variant.name)
+
+    def run_folders_of(self, variant: str) -> list[Path]:
+        """Folders of a variant's runs that were stored, sorted by number."""
+        numbers = (path for path in self.variant(variant).iterdir() if path.name.isdigit())
+        return sorted(numbers, key=lambda path: int(path.name))

@@ -1,0 +1,45 @@
+"""`vast results merge-campaigns`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robovast_cli.lazy import new_app
+from robovast_cli.results_options import Campaigns, ResultsDir
+
+app = new_app("Merge campaigns: runs of equal configurations come together.")
+
+
+@app.command()
+def merge_campaigns(
+    ctx: typer.Context,
+    target: Annotated[
+        Path, typer.Argument(metavar="DIR", help="New folder for the merged campaign.")
+    ],
+    results_dir: ResultsDir = None,
+    campaign: Campaigns = None,
+) -> None:
+    """Merge campaigns: runs of equal configurations come together, numbered anew.
+
+    The campaigns stay as they are. Tables, metadata and provenance are not taken over:
+    `vast results postprocess -r DIR` makes them of all runs together.
+    """
+    from robovast.results.merge import merge_campaigns
+    from robovast_cli.output import say
+    from robovast_cli.results_options import chosen_campaigns
+    from robovast_cli.workspace import shown
+
+    campaigns = chosen_campaigns(results_dir or ctx.obj.results, campaign)
+    sources = [path for path in campaigns if path.absolute() != target.absolute()]
+    result = merge_campaigns(sources, target)
+    for path in result.unidentified:
+        say(f"{path}: has no config_identifier, so it was merged with nothing.")
+    for path in result.left_out:
+        say(f"{path}: was interrupted, and left out.")
+    say(
+        f"Merged {len(sources)} campaigns into {shown(target)}: "
+        f"{result.configurations} configurations, {result.runs} runs."
+    )

@@ -1,0 +1,226 @@
+"""Merging campaigns: runs of equal configurations come together, numbered anew.
+
+Equal is what has the same `config_identifier`. The jobs of a campaign keep their names below a
+folder of its name: `_jobs/<campaign>/job-N`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path, PurePath
+from typing import Any
+
+import yaml
+
+from robovast.errors import InputError
+from robovast.plain import dump_yaml
+from robovast.results.appearing import appearing_folder
+from robovast.results.layout import RUN_RECORD, Layout
+from robovast.results.run_record import read_run_record
+
+try:
+    from yaml import CSafeLoader as _Loader
+except ImportError:  # PyYAML built without libyaml: slower, same result
+    from yaml import SafeLoader as _Loader  # type: ignore[assignment]
+
+JOB = "job"
+"""Link in a run's folder to its job's own output."""
+
+
+@dataclass(frozen=True)
+class MergeResult:
+    """What came together."""
+
+    target: Path
+    configurations: int
+    runs: int
+    left_out: tuple[str, ...]
+    """`<campaign>/<configuration>/<run>` of runs that were interrupted."""
+    unidentified: tuple[str, ...]
+    """`<campaign>/<configuration>` of those that stay alone: they have no `config_identifier`."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A configuration in one of the campaigns."""
+
+    campaign: Layout
+    name: str
+    identifier: str | None
+
+    @property
+    def path(self) -> str:
+        return f"{self.campaign.root.name}/{self.name}"
+
+
+def merge_campaigns(campaigns: Sequence[Path], target: Path) -> MergeResult:
+    """Copy the runs of several campaigns into a new one; the campaigns stay as they are.
+
+    What is made from all runs together (metadata, provenance, tables) is not taken over: it has
+    to be made again.
+
+    Args:
+        campaigns: their folders; the last one gives `_config` and `_execution`.
+        target: folder of the new campaign; it appears when it is complete.
+
+    Raises:
+        InputError: there is nothing to merge, or two campaigns have one name.
+        StorageError: the target is there already, or cannot be written.
+    """
+    _check(campaigns)
+    parts = [part for campaign in campaigns for part in _parts(Layout(campaign))]
+    merged = _named(_grouped(parts))
+    with appearing_folder(target) as folder:
+        layout = Layout(folder)
+        shutil.copytree(campaigns[-1] / "_config", layout.config, symlinks=True)
+        for campaign in map(Layout, campaigns):
+            if campaign.jobs.is_dir():
+                shutil.copytree(campaign.jobs, layout.job(campaign.root.name), symlinks=True)
+        runs = _Runs(layout, target.name)
+        for name, group in merged.items():
+            shutil.copytree(
+                group[0].campaign.variant_config(group[0].name), layout.variant_config(name)
+            )
+            runs.copy(name, group)
+        _write_records(layout, [Layout(path) for path in campaigns], merged, runs)
+    unidentified = tuple(part.path for part in parts if part.identifier is None)
+    return MergeResult(target, len(merged), runs.number, tuple(runs.left_out), unidentified)
+
+
+def _check(campaigns: Sequence[Path]) -> None:
+    if not campaigns:
+        raise InputError("there are no campaigns to merge.")
+    names = [path.name for path in campaigns]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice:
+        raise InputError(f"two of the campaigns are named {twice}; rename the folder of one.")
+    if not (campaigns[-1] / "_config").is_dir():
+        raise InputError(f"{campaigns[-1]} has no `_config` folder, so it cannot be merged.")
+
+
+def _parts(layout: Layout) -> Iterator[_Part]:
+    for folder in sorted(layout.root.iterdir()):
+        if (folder / "_config").is_dir() and not folder.name.startswith(("_", ".")):
+            identity = _mapping(folder / "_config" / "config.yaml")
+            yield _Part(layout, folder.name, identity.get("config_identifier"))
+
+
+def _mapping(path: Path) -> dict[str, Any]:
+    try:
+        data = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)  # safe
+    except (OSError, ValueError, yaml.YAMLError):
+        return {}
+    return data if isinstance(data, dict) else {}
+
+
+def _grouped(parts: Sequence[_Part]) -> list[list[_Part]]:
+    groups: dict[str, list[_Part]] = {}
+    for part in parts:
+        groups.setdefault(part.identifier or part.path, []).append(part)
+    return list(groups.values())
+
+
+def _named(groups: Sequence[list[_Part]]) -> dict[str, list[_Part]]:
+    """Each group by its first member's name; a name that is taken gets `_2`, `_3`…."""
+    reserved = {group[0].name for group in groups}
+    named: dict[str, list[_Part]] = {}
+    for group in groups:
+        name = group[0].name
+        if name in named:
+            others = (f"{name}_{number}" for number in count(2))
+            name = next(other for other in others if other not in named and other not in reserved)
+        named[name] = group
+    return named
+
+
+class _Runs:
+    """Copies runs and remembers where they came from."""
+
+    def __init__(self, layout: Layout, campaign: str) -> None:
+        self.number = 0
+        self.most = 0
+        """Largest number of runs of a configuration."""
+        self.left_out: list[str] = []
+        self.jobs: dict[str, str] = {}
+        """Job of each run, by `<configuration>/<run>`."""
+        self._layout = layout
+        self._campaign = campaign
+
+    def copy(self, name: str, group: Sequence[_Part]) -> None:
+        """Copy all runs of a group of equal configurations."""
+        number = 0
+        for part in group:
+            for source in part.campaign.run_folders_of(part.name):
+                record = read_run_record(source)
+                if record is not None and not record.finished:
+                    self.left_out.append(f"{part.path}/{source.name}")
+                    continue
+                target = self._layout.run(f"{name}/{number}")
+                shutil.copytree(
+                    source, target, symlinks=True, ignore=shutil.ignore_patterns(RUN_RECORD)
+                )
+                job = self._link_job(target, part.campaign.root.name)
+                if record is not None:
+                    dataclasses.replace(
+                        record,
+                        campaign=self._campaign,
+                        variant=name,
+                        run=number,
+                        id=self.number,
+                        job=job or record.job,
+                    ).write(target)
+                number += 1
+                self.number += 1
+        self.most = max(self.most, number)
+
+    def _link_job(self, run: Path, campaign: str) -> str | None:
+        """Let a copied run's link lead to its job's new place; returns the job's new name."""
+        link = run / JOB
+        if not link.is_symlink():
+            return None
+        _, found, inside = link.readlink().as_posix().partition("_jobs/")
+        if not found:
+            return None
+        job = f"{campaign}/{inside}"
+        link.unlink()
+        link.symlink_to(PurePath("../../_jobs") / job)
+        self.jobs[f"{run.parent.name}/{run.name}"] = job
+        return job
+
+
+def _write_records(
+    layout: Layout, campaigns: Sequence[Layout], merged: dict[str, list[_Part]], runs: _Runs
+) -> None:
+    execution = _mapping(campaigns[-1].execution / "execution.yaml")
+    names = [campaign.root.name for campaign in campaigns]
+    layout.execution.mkdir()
+    (layout.execution / "execution.yaml").write_text(
+        dump_yaml({**execution, "runs": runs.most, "merged_from": names}), encoding="utf-8"
+    )
+    layout.transient.mkdir()
+    (layout.transient / "job_links.yaml").write_text(dump_yaml(runs.jobs), encoding="utf-8")
+    (layout.transient / "configurations.yaml").write_text(
+        dump_yaml(_configurations(campaigns, merged)), encoding="utf-8"
+    )
+
+
+def _configurations(campaigns: Sequence[Layout], merged: dict[str, list[_Part]]) -> dict[str, Any]:
+    """`configurations.yaml` of the merged campaign."""
+    read = {
+        campaign.root: _mapping(campaign.transient / "configurations.yaml")
+        for campaign in campaigns
+    }
+    entries = {
+        (root, entry.get("name")): entry
+        for root, data in read.items()
+        for entry in data.get("configs") or ()
+    }
+    configs = [
+        {**entries.get((group[0].campaign.root, group[0].name), {}), "name": name}
+        for name, group in merged.items()
+    ]
+    return {**read[campaigns[-1].root], "configs": configs}
