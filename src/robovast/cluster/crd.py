@@ -64,7 +64,7 @@ def campaign_crd() -> Schema:
         short_names=["vcamp"],
         description="A .vast document that is executed on this cluster.",
         spec=spec,
-        status=structural(CampaignStatus),
+        status=_without_defaults(structural(CampaignStatus)),
         columns=[
             _column("State", "string", ".status.state"),
             _column("Progress", "string", ".status.progress"),
@@ -104,7 +104,7 @@ def configuration_crd() -> Schema:
         short_names=["vconf"],
         description="One configuration entry of a Campaign; applied by hand, it adds runs to it.",
         spec=spec,
-        status=structural(ConfigurationStatus),
+        status=_without_defaults(structural(ConfigurationStatus)),
         columns=[
             _column("Campaign", "string", ".spec.campaign"),
             _column("Variants", "integer", ".status.variants"),

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.alias_generators import to_camel
 
-RANGES_LIMIT = 4096
+RANGES_LIMIT = 16_384
 """Most characters of the ranges of bad runs; the index in the bucket is complete."""
 
 SHARDS_LIMIT = 512
@@ -74,8 +74,8 @@ class Shard(_Status):
     """Number of the shard."""
     job: str
     """Name of its Job."""
-    state: Literal["Open", "Complete", "Failed"]
-    """`Failed` when not every run has a result."""
+    state: Literal["Waiting", "Open", "Complete", "Failed"]
+    """`Failed` when its Job did not come to its end."""
     packs: str
     """Its packs as a range."""
     attempt: int = 1
@@ -119,6 +119,8 @@ class CampaignStatus(_Status):
     """First bad runs by results folder."""
     shards: Annotated[list[Shard], Field(max_length=SHARDS_LIMIT)] = Field(default_factory=list)
     """The Jobs so far."""
+    finished_shards: int = 0
+    """How many shards the index in the bucket covers."""
     start_time: str | None = None
     """When the first Job was made."""
     completion_time: str | None = None

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import io
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -111,8 +111,15 @@ class ObjectStore:
         return self._persist(lambda: self._client.bucket_exists(bucket))
 
     def _empty(self, bucket: str) -> None:
-        doomed = (DeleteObject(item.key) for item in self.objects(bucket))
-        for error in self._client.remove_objects(bucket, doomed):
+        self._delete(bucket, (item.key for item in self.objects(bucket)))
+
+    def delete(self, bucket: str, keys: Collection[str]) -> None:
+        """Remove objects; those that are not there count as removed."""
+        with self._explained(f"remove objects from {bucket}"):
+            self._persist(lambda: self._delete(bucket, keys))
+
+    def _delete(self, bucket: str, keys: Iterable[str]) -> None:
+        for error in self._client.remove_objects(bucket, map(DeleteObject, keys)):
             raise StorageError(f"{bucket}/{error.name} cannot be removed: {error.message}")
 
     def put_file(self, bucket: str, key: str, path: Path) -> bool:

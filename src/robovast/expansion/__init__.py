@@ -1,7 +1,7 @@
 """Expansion of a document's configuration entries into variants."""
 
 from robovast.expansion.expand import Composition, compose, expand
-from robovast.expansion.select import select_variants
+from robovast.expansion.select import select_any, select_variants
 from robovast.expansion.variant import ConfigFile, Variant, VariationRecord
 
 __all__ = [
@@ -11,5 +11,6 @@ __all__ = [
     "VariationRecord",
     "compose",
     "expand",
+    "select_any",
     "select_variants",
 ]

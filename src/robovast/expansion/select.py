@@ -29,3 +29,13 @@ def select_variants(variants: Sequence[Variant], pattern: str) -> list[Variant]:
         f"no configuration matches `{pattern}`. There are {len(variants)}, for example "
         f"{', '.join(near)}; `vast config list` shows all."
     )
+
+
+def select_any(variants: Sequence[Variant], patterns: Sequence[str]) -> list[Variant]:
+    """Variants that any of the patterns selects, in their order; no pattern selects all.
+
+    Raises:
+        InputError: a pattern selects none.
+    """
+    chosen = {v.name for pattern in patterns for v in select_variants(variants, pattern)}
+    return [v for v in variants if v.name in chosen or not patterns]

@@ -1,0 +1,98 @@
+"""`python -m robovast_operator`: kopf as the shell around the operator."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import kopf
+
+from robovast.cluster.resources import GROUP, MANAGED_BY, MANAGED_LABEL, VERSION
+from robovast.errors import RobovastError
+from robovast_operator.api import connection_info
+from robovast_operator.operator import Operator
+from robovast_operator.settings import read_settings
+
+LOGGER = logging.getLogger(__name__)
+
+
+class Handlers:
+    """What kopf calls: it only passes on what it is told, and never raises."""
+
+    def __init__(self, start: Callable[[], Operator]) -> None:
+        self._start = start
+        self._operator: Operator | None = None
+
+    async def startup(self, settings: kopf.OperatorSettings, **_: Any) -> None:
+        """Begin to work, before the first event."""
+        configure(settings)
+        self._operator = self._start()
+        await self._operator.start()
+
+    async def cleanup(self, **_: Any) -> None:
+        """End work, after the last event."""
+        if self._operator is not None:
+            await self._operator.stop()
+
+    def campaign(self, event: Any, **_: Any) -> None:
+        """A Campaign has changed."""
+        self._pass_on("campaign_event", event)
+
+    def configuration(self, event: Any, **_: Any) -> None:
+        """A Configuration has changed."""
+        self._pass_on("configuration_event", event)
+
+    def job(self, event: Any, **_: Any) -> None:
+        """A Job has changed."""
+        self._pass_on("job_event", event)
+
+    def _pass_on(self, name: str, event: Any) -> None:
+        try:
+            getattr(self._operator, name)(event["type"], event["object"])
+        except Exception:  # what escapes would end the watch stream
+            LOGGER.exception("an event could not be taken")
+
+
+def configure(settings: kopf.OperatorSettings) -> None:
+    """Kopf as a shell only: no finalizers, no annotations, no events, no peering by it."""
+    settings.posting.enabled = False
+    settings.scanning.disabled = True
+    settings.peering.standalone = True
+    settings.networking.request_timeout = 15
+    settings.watching.server_timeout = 600
+    settings.watching.initial_streaming = os.environ.get("ROBOVAST_STREAMING_LISTS") != "false"
+    settings.watching.label_selectors["jobs"] = f"{MANAGED_LABEL}={MANAGED_BY}"
+    logging.getLogger("kopf.objects").setLevel(logging.WARNING)
+
+
+def main() -> None:
+    """Run until told to end."""
+    logging.basicConfig(
+        level=os.environ.get("ROBOVAST_LOG_LEVEL", "INFO"),
+        format="%(asctime)s %(levelname)s %(name)s: %(message)s",
+    )
+    try:
+        own = read_settings()
+    except RobovastError as error:
+        sys.exit(f"robovast-operator: {error}")
+    handlers = Handlers(lambda: Operator(own))
+    registry = kopf.OperatorRegistry()
+    kopf.on.startup(registry=registry)(handlers.startup)
+    kopf.on.cleanup(registry=registry)(handlers.cleanup)
+    kopf.on.login(registry=registry)(lambda **_: connection_info())
+    kopf.on.event(GROUP, VERSION, "campaigns", registry=registry)(handlers.campaign)
+    kopf.on.event(GROUP, VERSION, "configurations", registry=registry)(handlers.configuration)
+    kopf.on.event("batch", "v1", "jobs", registry=registry)(handlers.job)
+    kopf.run(
+        registry=registry,
+        standalone=True,
+        clusterwide=not own.namespaces,
+        namespaces=own.namespaces,
+    )
+
+
+if __name__ == "__main__":
+    main()

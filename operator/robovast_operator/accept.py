@@ -1,0 +1,259 @@
+"""From a Campaign object to a campaign that can be executed, or to what is wrong with it."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import tempfile
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
+
+import yaml
+from pydantic import ValidationError
+
+from robovast.cluster.names import CAMPAIGN_NAME_LIMIT
+from robovast.cluster.plan import Entry, format_breaks
+from robovast.cluster.resources import CampaignSpec
+from robovast.common.variation import Variation
+from robovast.common.variation.loader import load_variation
+from robovast.document.loader import Document, check_source
+from robovast.document.model import Vast
+from robovast.document.source import Source
+from robovast.errors import DocumentError, RobovastError
+from robovast.execution.resources import cpus, memory
+from robovast.expansion import compose, select_any
+from robovast.expansion.expand import DEFAULT_ENTRY
+from robovast.plain import dump_yaml
+from robovast.plan import breaks
+from robovast.plugins import split_file_reference
+from robovast_operator.campaign import Accepted, Identity, Object, Rejected
+from robovast_operator.settings import Settings
+
+Files = Mapping[str, bytes]
+"""Input files by path, relative to the document; None when only pods can read them."""
+
+PURE = "robovast.common.variation"
+"""Variation types of this package compute only; others may read files or start containers."""
+
+
+def accept(obj: Object, files: Files | None, settings: Settings) -> Accepted | Rejected:
+    """Check a Campaign as far as it can be done without executing anything of its user's.
+
+    Args:
+        obj: the Campaign.
+        files: its input files, None when they are in S3 or Git.
+        settings: of the installation.
+    """
+    identity = Identity.of(obj)
+    try:
+        spec = CampaignSpec.model_validate(obj["spec"])
+        text = _document_text(spec, identity, files)
+        if files is None:
+            vast = _validate_alone(spec)
+            return _accepted(identity, spec, vast, text, settings)
+        with tempfile.TemporaryDirectory() as folder:
+            return _checked(Path(folder), identity, spec, text, files, settings)
+    except ValidationError as error:
+        return Rejected("InvalidSpec", _spec_message(error))
+    except DocumentError as error:
+        return Rejected("InvalidDocument", str(error))
+    except RobovastError as error:
+        return Rejected("Invalid", str(error))
+    except (ValueError, binascii.Error) as error:
+        return Rejected("InvalidSpec", str(error))
+
+
+def inline_files(spec: Mapping[str, object]) -> Files:
+    """The files that stand in a Campaign.
+
+    Raises:
+        ValueError: a path leaves the folder, or content is no base64.
+    """
+    source = CampaignSpec.model_validate(spec).source
+    if source.inline is None:
+        return {}
+    found = {path: text.encode() for path, text in source.inline.files.items()}
+    for path, data in source.inline.binary_files.items():
+        try:
+            found[path] = base64.b64decode(data, validate=True)
+        except binascii.Error as error:
+            raise ValueError(f"spec.source.inline.binaryFiles[{path}] is no base64") from error
+    for path in found:
+        _check_path(path)
+    return found
+
+
+def _check_path(path: str) -> None:
+    parts = PurePosixPath(path).parts
+    if not parts or PurePosixPath(path).is_absolute() or ".." in parts or "\0" in path:
+        raise ValueError(f"the file `{path}` leaves the document's folder; use a relative path")
+
+
+def _spec_message(error: ValidationError) -> str:
+    lines = []
+    for problem in error.errors():
+        where = ".".join(str(part) for part in ("spec", *problem["loc"]))
+        lines.append(f"{where}: {problem['msg']}")
+    return "\n".join(lines)
+
+
+def _document_text(spec: CampaignSpec, identity: Identity, files: Files | None) -> str:
+    """The document as its user wrote it, when that is among the files, else made from the spec.
+
+    Numbers and comments survive in the file alone: the API keeps `1.0` as `1`.
+    """
+    name = spec.document or f"{identity.name}.vast"
+    written = (files or {}).get(name)
+    if written is not None:
+        try:
+            if yaml.safe_load(written) == spec.vast:
+                return written.decode()
+        except (yaml.YAMLError, UnicodeDecodeError):
+            pass  # the spec decides; the file beside it is just a file
+    return dump_yaml(spec.vast)
+
+
+def _validate_alone(spec: CampaignSpec) -> Vast:
+    return Vast.model_validate(spec.vast)
+
+
+def _checked(
+    folder: Path,
+    identity: Identity,
+    spec: CampaignSpec,
+    text: str,
+    files: Files,
+    settings: Settings,
+) -> Accepted | Rejected:
+    """With the files at hand, a document is checked as the command line checks it."""
+    for path, content in files.items():
+        _check_path(path)
+        target = folder / path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(content)
+    name = spec.document or f"{identity.name}.vast"
+    if not _is_pure(spec):
+        return _accepted(identity, spec, Vast.model_validate(spec.vast), text, settings)
+    try:
+        document = check_source(Source(folder / name, text))
+        accepted = _accepted(identity, spec, document.vast, text, settings)
+        return accepted if isinstance(accepted, Rejected) else _expanded(document, accepted)
+    except RobovastError as error:
+        reason = "InvalidDocument" if isinstance(error, DocumentError) else "Invalid"
+        return Rejected(reason, str(error).replace(f"{folder}/", ""))
+
+
+def _is_pure(spec: CampaignSpec) -> bool:
+    """Whether all variation types of a document are built in and compute only."""
+    calls = (
+        call
+        for entry in spec.vast.get("configuration") or []
+        if isinstance(entry, dict)
+        for call in entry.get("variations") or []
+    )
+    names = (call if isinstance(call, str) else next(iter(call), "") for call in calls)
+    return all(_is_pure_name(str(name)) for name in names)
+
+
+def _is_pure_name(name: str) -> bool:
+    if split_file_reference(name) is not None:
+        return False
+    try:
+        variation: type[Variation] = load_variation(name, Path())
+    except RobovastError:
+        return True  # unknown: checking the document says so
+    return variation.__module__.startswith(PURE)
+
+
+def _expanded(document: Document, accepted: Accepted) -> Accepted | Rejected:
+    with tempfile.TemporaryDirectory() as output:
+        variants = list(compose(document, Path(output)).variants)
+    variants = select_any(variants, accepted.spec.select)
+    counts: dict[str, int] = {}
+    for variant in variants:
+        counts[variant.entry] = counts.get(variant.entry, 0) + 1
+    entries = tuple(Entry(name=name, variants=number) for name, number in counts.items())
+    cuts = format_breaks(breaks(variants))
+    return replace(accepted, pure=True, entries=entries, breaks=cuts)
+
+
+def _accepted(
+    identity: Identity, spec: CampaignSpec, vast: Vast, text: str, settings: Settings
+) -> Accepted | Rejected:
+    """What needs no files: limits, image, resources."""
+    image = spec.image or vast.execution.image
+    if not image:
+        return Rejected("NoImage", "no image is named: set `execution.image` in the document")
+    if vast.search is not None:
+        return Rejected("InvalidDocument", "a `search` cannot be executed on a cluster yet")
+    if len(identity.name) > CAMPAIGN_NAME_LIMIT:
+        return Rejected(
+            "InvalidName", f"the Campaign's name is longer than {CAMPAIGN_NAME_LIMIT} characters"
+        )
+    containers = [("execution", vast.execution.resources)]
+    containers += [(s.name, s.resources) for s in vast.execution.secondary_containers]
+    for name, resources in containers:
+        cpus(resources.cpu, f"resources.cpu of {name}", spec.cluster or "")
+        memory(resources.memory, f"resources.memory of {name}", spec.cluster or "")
+    return Accepted(
+        identity=identity,
+        spec=spec,
+        vast=vast,
+        document_text=text,
+        image=image,
+        pure=False,
+        default_endpoint=settings.endpoint,
+        default_region=settings.region,
+    )
+
+
+DOCUMENT_CHANGED = Rejected(
+    "DocumentChanged",
+    "spec.vast has changed after its runs were planned; only `execution.runs` may. Undo the "
+    "change, or create another Campaign for it. What runs already goes on.",
+)
+
+
+def same_document(planned: str, vast: Mapping[str, object]) -> bool:
+    """Whether a document is the one that was planned, but for its number of runs."""
+    before = yaml.safe_load(planned)
+    return _without_runs(before) == _without_runs(vast)
+
+
+def _without_runs(vast: Mapping[str, object]) -> dict[str, object]:
+    execution = vast.get("execution")
+    if not isinstance(execution, Mapping):
+        return dict(vast)
+    return {**vast, "execution": {k: v for k, v in execution.items() if k != "runs"}}
+
+
+def config_map_files(config_map: Object, paths: Mapping[str, str]) -> Files:
+    """The files in a ConfigMap.
+
+    Args:
+        config_map: the object.
+        paths: file by key; without any, each key is a file name.
+    """
+    found = {key: text.encode() for key, text in (config_map.get("data") or {}).items()}
+    for key, data in (config_map.get("binaryData") or {}).items():
+        found[key] = base64.b64decode(data)
+    return {paths[k]: v for k, v in found.items() if k in paths} if paths else found
+
+
+def with_composition(
+    accepted: Accepted, composed: tuple[list[int], str] | str | None
+) -> Accepted | Rejected:
+    """A campaign with what its compose Job found out, or what that says is wrong."""
+    if not isinstance(composed, tuple):
+        return Rejected("InvalidDocument", composed or "the compose Job left no word; see its log")
+    counts, cuts = composed
+    names = [entry.name for entry in accepted.vast.configuration or [DEFAULT_ENTRY]]
+    entries = tuple(
+        Entry(name=name, variants=number)
+        for name, number in zip(names, counts, strict=False)
+        if number
+    )
+    if not entries:
+        return Rejected("NothingSelected", "no configuration is selected: see spec.select")
+    return replace(accepted, entries=entries, breaks=cuts)

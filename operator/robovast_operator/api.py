@@ -1,0 +1,218 @@
+"""Requests to the Kubernetes API: few, patient with a busy server, clear when refused."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import json
+import os
+import ssl
+import tempfile
+from collections.abc import AsyncIterator, Mapping
+from typing import Any
+
+import aiohttp
+import kopf
+
+from robovast.errors import CannotRunError
+from robovast_operator.campaign import Object
+
+FIELD_MANAGER = "robovast-operator"
+
+JSON_PATCH = "application/json-patch+json"
+MERGE_PATCH = "application/merge-patch+json"
+APPLY_PATCH = "application/apply-patch+yaml"
+
+TRIES = 5
+PAGE = 200
+"""Objects of a list in one answer: an answer is held in memory whole."""
+
+
+class ApiError(Exception):
+    """The server refused a request."""
+
+    def __init__(self, code: int, reason: str, message: str) -> None:
+        super().__init__(f"{message} ({code} {reason})")
+        self.code = code
+        self.reason = reason
+
+
+class Api:
+    """A client of one API server."""
+
+    def __init__(self, info: kopf.ConnectionInfo, metrics: Any = None) -> None:
+        self._info = info
+        self._metrics = metrics
+        self._session: aiohttp.ClientSession | None = None
+
+    async def close(self) -> None:
+        """End all connections."""
+        if self._session is not None:
+            await self._session.close()
+
+    async def get(self, path: str) -> Object:
+        """Read an object."""
+        return await self._request("GET", path)
+
+    async def list(self, path: str, **parameters: str) -> AsyncIterator[Object]:
+        """Read the objects of a collection, a page at a time.
+
+        Args:
+            path: of the collection.
+            parameters: of the query, `labelSelector` and the like.
+        """
+        query = {"limit": str(PAGE), **parameters}
+        while True:
+            page = await self._request("GET", path, query=query)
+            for item in page.get("items") or ():
+                yield item
+            token = page.get("metadata", {}).get("continue")
+            if not token:
+                return
+            query = {**query, "continue": token}
+
+    async def create(self, path: str, obj: Object) -> Object | None:
+        """Make an object; None when there is one of its name, which is as good."""
+        try:
+            return await self._request("POST", path, body=obj, query=_MANAGED)
+        except ApiError as error:
+            if error.code == 409 and error.reason == "AlreadyExists":
+                return None
+            raise
+
+    async def patch(self, path: str, patch: Object) -> Object | None:
+        """Change fields of an object; None when it is gone."""
+        return await self._gone_is_none("PATCH", path, body=patch, kind=MERGE_PATCH)
+
+    async def apply_status(self, path: str, obj: Object) -> Object | None:
+        """Write the whole status of an object; None when it is gone."""
+        query = {"force": "true", **_MANAGED}
+        return await self._gone_is_none(
+            "PATCH", f"{path}/status", body=obj, kind=APPLY_PATCH, query=query
+        )
+
+    async def delete(self, path: str) -> None:
+        """Remove an object and what it owns; that it is gone already is as good."""
+        await self._gone_is_none("DELETE", path, query={"propagationPolicy": "Background"})
+
+    async def update(self, path: str, obj: Object) -> Object:
+        """Replace an object, unless it has changed since it was read."""
+        return await self._request("PUT", path, body=obj)
+
+    async def _gone_is_none(self, method: str, path: str, **arguments: Any) -> Object | None:
+        try:
+            return await self._request(method, path, **arguments)
+        except ApiError as error:
+            if error.code == 404:
+                return None
+            raise
+
+    async def _request(
+        self,
+        method: str,
+        path: str,
+        *,
+        body: Object | None = None,
+        kind: str = "application/json",
+        query: Mapping[str, str] | None = None,
+    ) -> Object:
+        for attempt in range(TRIES):
+            try:
+                answer, retry = await self._once(method, path, body, kind, query or {})
+            except (aiohttp.ClientConnectionError, TimeoutError) as error:
+                if attempt == TRIES - 1:
+                    raise ApiError(0, "Unreachable", f"{method} {path}: {error}") from error
+                retry = 2.0**attempt / 4
+            else:
+                if retry is None:
+                    return answer
+            await asyncio.sleep(retry)
+        raise ApiError(429, "TooManyRequests", f"{method} {path}: the server stays busy")
+
+    async def _once(
+        self,
+        method: str,
+        path: str,
+        body: Object | None,
+        kind: str,
+        query: Mapping[str, str],
+    ) -> tuple[Object, float | None]:
+        """The answer, or how long the server asks to wait."""
+        session = await self._connected()
+        headers = {"Content-Type": kind, "Accept": "application/json", **self._authorization()}
+        async with session.request(
+            method,
+            self._info.server.rstrip("/") + path,
+            data=None if body is None else json.dumps(body),
+            params=query,
+            headers=headers,
+        ) as response:
+            if self._metrics is not None:
+                self._metrics.request(method, path, response.status)
+            if response.status in {429, 503}:
+                return {}, float(response.headers.get("Retry-After") or 1)
+            data = await response.json(content_type=None)
+            if response.status >= 400:
+                data = data if isinstance(data, dict) else {}
+                raise ApiError(
+                    response.status,
+                    data.get("reason", ""),
+                    data.get("message", f"{method} {path}"),
+                )
+            return data, None
+
+    def _authorization(self) -> dict[str, str]:
+        token = self._info.token
+        if os.path.exists(TOKEN_FILE):  # it is renewed every hour
+            with open(TOKEN_FILE, encoding="utf-8") as file:
+                token = file.read().strip()
+        return {"Authorization": f"Bearer {token}"} if token else {}
+
+    async def _connected(self) -> aiohttp.ClientSession:
+        if self._session is None:
+            connector = aiohttp.TCPConnector(ssl=_tls(self._info), limit=20)
+            timeout = aiohttp.ClientTimeout(total=30, connect=10)
+            self._session = aiohttp.ClientSession(connector=connector, timeout=timeout)
+        return self._session
+
+
+_MANAGED = {"fieldManager": FIELD_MANAGER}
+
+TOKEN_FILE = "/var/run/secrets/kubernetes.io/serviceaccount/token"  # noqa: S105
+
+
+def connection_info() -> kopf.ConnectionInfo:
+    """How to reach the API server: from inside a pod, else by kubeconfig.
+
+    Raises:
+        CannotRunError: there is neither.
+    """
+    settings = kopf.OperatorSettings()
+    info = kopf.login_with_service_account(settings=settings)
+    if info is None:
+        info = kopf.login_with_kubeconfig(settings=settings)
+    if info is None:
+        raise CannotRunError(
+            "There is no way to the Kubernetes API: neither a service account nor a kubeconfig."
+        )
+    return info
+
+
+def _tls(info: kopf.ConnectionInfo) -> ssl.SSLContext | bool:
+    """The server is trusted by its authority, we by our certificate, if there are any."""
+    if info.server.startswith("http://"):
+        return False
+    authority = info.ca_data and base64.b64decode(info.ca_data).decode()
+    context = ssl.create_default_context(cafile=info.ca_path, cadata=authority or None)
+    if info.insecure:
+        context.check_hostname = False
+        context.verify_mode = ssl.CERT_NONE
+    if info.certificate_path:
+        context.load_cert_chain(str(info.certificate_path), info.private_key_path)
+    elif info.certificate_data and info.private_key_data:
+        with tempfile.NamedTemporaryFile() as file:  # the only way into a context is a file
+            file.write(base64.b64decode(info.certificate_data))
+            file.write(b"\n" + base64.b64decode(info.private_key_data))
+            file.flush()
+            context.load_cert_chain(file.name)
+    return context

@@ -1,0 +1,202 @@
+"""Conditions of a campaign, and its state in one word. Pure functions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from robovast.cluster.resources import CampaignSpec
+from robovast.cluster.status import CampaignStatus, Condition, Runs
+from robovast_operator.campaign import Object
+
+Truth = Literal["True", "False", "Unknown"]
+Why = tuple[str, str]
+"""Reason and message."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What conditions are made from."""
+
+    generation: int
+    now: str
+    spec: CampaignSpec
+    runs: Runs
+    active: bool
+    """Whether any Job of a shard is open."""
+    over: bool
+    """Whether nothing more is to be executed."""
+    indexed: bool
+    """Whether the results are complete in the bucket."""
+    aborted: Why | None = None
+    trouble: Why | None = None
+    quota: Why | None = None
+
+    @property
+    def done(self) -> int:
+        """Runs with a verdict."""
+        return self.runs.passed + self.runs.failed + self.runs.errored
+
+
+Found = tuple[str, Truth, str, str]
+"""Type, status, reason and message of a condition."""
+
+
+def is_true(status: CampaignStatus, name: str) -> bool:
+    """Whether a condition holds."""
+    return any(c.type == name and c.status == "True" for c in status.conditions)
+
+
+def campaign_conditions(facts: Facts, old: Iterable[Condition]) -> list[Condition]:
+    """All conditions of an accepted campaign."""
+    found: list[Found] = [
+        ("Accepted", "True", "Valid", "the document is in order"),
+        _quota(facts),
+        _reconciling(facts),
+        _stalled(facts),
+        _succeeded(facts),
+        _passed(facts),
+        _results(facts),
+    ]
+    return dated(found, facts.generation, facts.now, old)
+
+
+def rejected_conditions(
+    reason: str, message: str, generation: int, now: str, old: Iterable[Condition]
+) -> list[Condition]:
+    """All conditions of a campaign that cannot be executed as it is."""
+    rest: list[Found] = [
+        (name, "Unknown", "NotAccepted", "") for name in ("QuotaReserved", "Succeeded", "Passed")
+    ]
+    found: list[Found] = [
+        ("Accepted", "False", reason, message),
+        ("Reconciling", "False", "NotAccepted", ""),
+        ("Stalled", "True", reason, message),
+        ("ResultsAvailable", "False", "NotAccepted", ""),
+        *rest,
+    ]
+    return dated(found, generation, now, old)
+
+
+def dated(
+    found: Sequence[Found], generation: int, now: str, old: Iterable[Condition]
+) -> list[Condition]:
+    """Conditions with the time since when their status holds."""
+    before = {condition.type: condition for condition in old}
+    made = []
+    for name, status, reason, message in found:
+        known = before.get(name)
+        since = known.last_transition_time if known and known.status == status else now
+        made.append(
+            Condition(
+                type=name,
+                status=status,
+                reason=reason,
+                message=message[:4000],
+                observed_generation=generation,
+                last_transition_time=since or now,
+            )
+        )
+    return made
+
+
+def campaign_state(facts: Facts, conditions: Iterable[Condition]) -> str:
+    """One word for people."""
+    by_type = {condition.type: condition for condition in conditions}
+    if by_type["Succeeded"].status == "False":
+        return "Failed"
+    if facts.over:
+        return "Finished" if facts.indexed else "Finishing"
+    if facts.spec.suspend:
+        return "Suspended"
+    if by_type["QuotaReserved"].status == "False":
+        return "Queued"
+    return "Running" if facts.active else "Pending"
+
+
+def _quota(facts: Facts) -> Found:
+    if facts.quota is not None:
+        return ("QuotaReserved", "False", *facts.quota)
+    if facts.spec.queue_name is None:
+        return ("QuotaReserved", "True", "NoQueue", "spec.queueName names no queue")
+    message = f"admitted by the queue {facts.spec.queue_name}"
+    return ("QuotaReserved", "True", "Admitted", message)
+
+
+def _reconciling(facts: Facts) -> Found:
+    if facts.indexed:
+        return ("Reconciling", "False", "Finished", "")
+    if facts.over:
+        return ("Reconciling", "True", "Finishing", "the results are being completed")
+    if facts.spec.suspend:
+        return ("Reconciling", "False", "Suspended", "spec.suspend is set")
+    return ("Reconciling", "True", "Running", f"{facts.done} of {facts.runs.total} runs")
+
+
+def _stalled(facts: Facts) -> Found:
+    cause = facts.aborted or facts.trouble
+    if cause is not None and not (facts.indexed and facts.aborted is None):
+        return ("Stalled", "True", *cause)
+    return ("Stalled", "False", "Progressing", "")
+
+
+def _succeeded(facts: Facts) -> Found:
+    if facts.aborted is not None:
+        return ("Succeeded", "False", *facts.aborted)
+    if facts.over:
+        return ("Succeeded", "True", "Finished", f"all {facts.runs.total} runs have ended")
+    return ("Succeeded", "Unknown", "Running", "")
+
+
+def _passed(facts: Facts) -> Found:
+    runs, least = facts.runs, facts.spec.acceptance.min_pass_ratio
+    bad = runs.failed + runs.errored
+    needed = float(least) * runs.total
+    told = f"{runs.passed} of {runs.total} runs passed; needed are {least} of all"
+    if runs.total and runs.total - bad < needed - 1e-9:
+        return ("Passed", "False", "TooManyBadRuns", told)
+    if facts.aborted is not None:
+        return ("Passed", "False", facts.aborted[0], facts.aborted[1])
+    if facts.over and facts.indexed:
+        return ("Passed", "True", "Accepted", told)
+    return ("Passed", "Unknown", "Running", "")
+
+
+def _results(facts: Facts) -> Found:
+    if facts.indexed:
+        return ("ResultsAvailable", "True", "Indexed", "the bucket is complete")
+    return ("ResultsAvailable", "False", "Running", "")
+
+
+def is_news(old: CampaignStatus, new: CampaignStatus) -> bool:
+    """Whether a change of status is told at once: numbers can wait, facts cannot."""
+
+    def facts(status: CampaignStatus) -> list[tuple[str, str, str]]:
+        return [(c.type, c.status, c.reason) for c in status.conditions]
+
+    def shards(status: CampaignStatus) -> list[tuple[str, str]]:
+        return [(shard.job, shard.state) for shard in status.shards]
+
+    return (
+        facts(old) != facts(new)
+        or shards(old) != shards(new)
+        or (old.attempt, old.observed_generation) != (new.attempt, new.observed_generation)
+    )
+
+
+def is_settled(obj: Object, jobs: Mapping[str, object], configurations: Iterable[Object]) -> bool:
+    """Whether a campaign is finished for good: it costs nothing more."""
+    status = CampaignStatus.model_validate(obj.get("status") or {})
+    spec = obj.get("spec") or {}
+    expires = spec.get("ttlSecondsAfterFinished") is not None and bool(jobs)
+    return (
+        status.observed_generation == obj["metadata"].get("generation")
+        and is_true(status, "ResultsAvailable")
+        and not expires
+        and all(
+            (item.get("status") or {}).get("observedGeneration")
+            == item["metadata"].get("generation")
+            for item in configurations
+        )
+    )

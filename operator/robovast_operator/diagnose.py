@@ -1,0 +1,168 @@
+"""Looking at pods: only at those of failed indexes, and where nothing moves."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import AsyncIterator, Mapping
+
+from robovast_operator import paths
+from robovast_operator.api import Api, ApiError
+from robovast_operator.campaign import Accepted, Object
+from robovast_operator.decide import Trouble
+from robovast_operator.memory import Memory
+from robovast_operator.pod_facts import final_of, reports_of, trouble_of
+from robovast_operator.settings import Settings
+from robovast_operator.store import JobState
+
+REPORT_SECONDS = 10.0
+"""Least time between two looks at the failed pods of an open Job."""
+
+SAMPLE = "20"
+"""Pods that are looked at where nothing moves: the cause is the same for all."""
+
+GIVEN_UP = frozenset({"PodFailurePolicy", "BackoffLimitExceeded", "DeadlineExceeded"})
+"""Reasons of a Job that failed as a whole."""
+
+
+class Diagnosis:
+    """Fills the memory of a campaign with what its pods tell."""
+
+    def __init__(self, api: Api, settings: Settings) -> None:
+        self._api = api
+        self._settings = settings
+
+    async def update(
+        self, accepted: Accepted, memory: Memory, jobs: Mapping[str, JobState]
+    ) -> float | None:
+        """Look where a look is due; returns when to look again [s], None when events will tell."""
+        waits = [await self._reports(memory, job) for job in jobs.values()]
+        for job in jobs.values():
+            await self._final(memory, job)
+        waits.append(await self._stalled(accepted, memory, jobs))
+        waits.append(await self._quota(accepted, memory, jobs))
+        return min((wait for wait in waits if wait is not None), default=None)
+
+    def pods_of(self, job: JobState, **parameters: str) -> AsyncIterator[Object]:
+        """The pods of a Job."""
+        selector = f"batch.kubernetes.io/controller-uid={job.uid}"
+        return self._api.list(paths.pods(job.namespace), labelSelector=selector, **parameters)
+
+    async def _reports(self, memory: Memory, job: JobState) -> float | None:
+        """The verdicts of failed indexes."""
+        known, _ = memory.reports.get(job.name, ("", {}))
+        if job.role != "shard" or not job.failed or known == f"{job.uid} {job.failed}":
+            return None
+        wait = memory.looked + REPORT_SECONDS - time.monotonic()
+        if job.open and known and wait > 0:
+            return wait
+        pods = self.pods_of(job, fieldSelector="status.phase=Failed")
+        reports = reports_of([pod async for pod in pods])
+        memory.reports[job.name] = (f"{job.uid} {job.failed}", reports)
+        memory.looked = time.monotonic()
+        return None
+
+    async def _final(self, memory: Memory, job: JobState) -> None:
+        """The last words of Jobs that are over: the finish Job's numbers, or why one failed."""
+        if job.role == "finish" and job.finished == "Complete" and job.name not in memory.finals:
+            final = final_of([pod async for pod in self.pods_of(job)])
+            if final is not None:
+                memory.finals[job.name] = final
+        if job.finished != "Failed" or job.reason not in GIVEN_UP:
+            return
+        if job.uid not in memory.final_trouble:
+            pods = [pod async for pod in self.pods_of(job)]
+            found = trouble_of(pods) or Trouble(job.reason, f"the Job {job.name}: {job.message}")
+            memory.final_trouble[job.uid] = Trouble(found.reason, found.message, final=True)
+        if job.role == "shard":
+            memory.trouble = memory.final_trouble[job.uid]
+        else:
+            told = memory.final_trouble[job.uid]
+            memory.trouble = Trouble(told.reason, told.message)
+
+    async def _stalled(
+        self, accepted: Accepted, memory: Memory, jobs: Mapping[str, JobState]
+    ) -> float | None:
+        """Why nothing moves."""
+        waiting = [job for job in jobs.values() if job.open and not job.suspended]
+        if not waiting or accepted.spec.suspend or (memory.trouble and memory.trouble.final):
+            return None
+        limit = self._settings.stall_seconds
+        still = memory.still_for()
+        if still < limit:
+            return limit - still
+        if all(job.ready and job.ready == job.active and not job.failed_pods for job in waiting):
+            return None  # all pods are at work: runs may be long
+        for job in waiting:
+            selector = "status.phase!=Running,status.phase!=Succeeded"
+            pods = self._api.list(
+                paths.pods(job.namespace),
+                labelSelector=f"batch.kubernetes.io/controller-uid={job.uid}",
+                fieldSelector=selector,
+                limit=SAMPLE,
+            )
+            memory.trouble = trouble_of([pod async for pod in _first_page(pods)])
+            if memory.trouble is not None:
+                break
+        return min(300.0, max(limit, still / 2))
+
+    async def _quota(
+        self, accepted: Accepted, memory: Memory, jobs: Mapping[str, JobState]
+    ) -> float | None:
+        """Why Kueue has not admitted a Job yet."""
+        memory.quota = None
+        if accepted.spec.queue_name is None or accepted.spec.suspend:
+            return None
+        waiting = [
+            job
+            for job in jobs.values()
+            if job.role == "shard" and job.open and job.suspended and not job.deleting
+        ]
+        if not waiting:
+            return None
+        workload = await self._workload(accepted, waiting[0])
+        if workload is None:
+            memory.quota = Trouble(
+                "NoQueue", f"Kueue has no workload for it: is there a queue "
+                f"`{accepted.spec.queue_name}`, and is Kueue installed?"
+            )  # fmt: skip
+        else:
+            memory.quota = _quota_trouble(workload)
+        return self._settings.stall_seconds
+
+    async def activate(self, accepted: Accepted, job: str, *, active: bool) -> None:
+        """Take a Job from Kueue, or give it back."""
+        state = JobState.of(await self._api.get(f"{paths.jobs(accepted.identity.namespace)}/{job}"))
+        workload = await self._workload(accepted, state)
+        if workload is not None and workload["spec"].get("active", True) != active:
+            path = f"{paths.workloads(state.namespace)}/{workload['metadata']['name']}"
+            await self._api.patch(path, {"spec": {"active": active}})
+
+    async def _workload(self, accepted: Accepted, job: JobState) -> Object | None:
+        """Kueue's Workload of a Job."""
+        selector = f"kueue.x-k8s.io/job-uid={job.uid}"
+        path = paths.workloads(accepted.identity.namespace)
+        try:
+            found = [item async for item in self._api.list(path, labelSelector=selector)]
+        except ApiError as error:
+            if error.code == 404:
+                return None
+            raise
+        return found[0] if found else None
+
+
+async def _first_page(pods: AsyncIterator[Object]) -> AsyncIterator[Object]:
+    count = 0
+    async for pod in pods:
+        yield pod
+        count += 1
+        if count >= int(SAMPLE):
+            return
+
+
+def _quota_trouble(workload: Object) -> Trouble | None:
+    """What Kueue says of a workload that waits."""
+    conditions = {c["type"]: c for c in (workload.get("status") or {}).get("conditions") or ()}
+    reserved = conditions.get("QuotaReserved", {})
+    if reserved.get("status") == "True":
+        return None
+    return Trouble(reserved.get("reason", "Pending"), reserved.get("message", "waits in the queue"))

@@ -1,0 +1,119 @@
+"""Which of several replicas works: the one that holds the Lease."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from datetime import datetime, timedelta
+
+from robovast_operator import paths
+from robovast_operator.api import Api, ApiError
+from robovast_operator.campaign import Object
+from robovast_operator.settings import Settings
+from robovast_operator.times import now, parse_time
+
+LOGGER = logging.getLogger(__name__)
+
+NAME = "robovast-operator"
+
+RENEWALS = 5
+"""How often the Lease is renewed within its duration."""
+
+
+class Leadership:
+    """Holds the Lease as long as it can; `leading` tells whether it does."""
+
+    def __init__(self, api: Api, settings: Settings) -> None:
+        self._api = api
+        self._settings = settings
+        self._until = datetime.min.replace(tzinfo=now().tzinfo)
+        self._acquired = asyncio.Event()
+
+    @property
+    def leading(self) -> bool:
+        """Whether this replica may work now."""
+        return now() < self._until
+
+    async def wait(self) -> None:
+        """Wait until this replica leads."""
+        while not self.leading:
+            self._acquired.clear()
+            await self._acquired.wait()
+
+    async def keep(self) -> None:
+        """Try to get the Lease and to keep it, for ever."""
+        while True:
+            asked = now()
+            try:
+                if await self._renew():
+                    if not self.leading:
+                        LOGGER.info("%s leads", self._settings.identity)
+                    # counted from before the request: others count from what they read
+                    self._until = asked + timedelta(seconds=self._settings.lease_seconds * 2 / 3)
+                    self._acquired.set()
+            except (ApiError, OSError) as error:
+                LOGGER.warning("the Lease cannot be renewed: %s", error)
+            await asyncio.sleep(self._settings.lease_seconds / RENEWALS)
+
+    async def release(self) -> None:
+        """Let another replica lead at once."""
+        if self.leading:
+            self._until = now()
+            lease = await self._read()
+            if lease is not None and lease["spec"].get("holderIdentity") == self._settings.identity:
+                lease["spec"]["holderIdentity"] = None
+                await self._api.update(f"{self._collection}/{NAME}", lease)
+
+    @property
+    def _collection(self) -> str:
+        return paths.leases(self._settings.lease_namespace)
+
+    async def _read(self) -> Object | None:
+        try:
+            return await self._api.get(f"{self._collection}/{NAME}")
+        except ApiError as error:
+            if error.code == 404:
+                return None
+            raise
+
+    async def _renew(self) -> bool:
+        lease = await self._read()
+        if lease is None:
+            made: Object = {
+                "apiVersion": "coordination.k8s.io/v1",
+                "kind": "Lease",
+                "metadata": {"name": NAME, "namespace": self._settings.lease_namespace},
+                "spec": self._claim({}),
+            }
+            return await self._api.create(self._collection, made) is not None
+        spec = lease["spec"]
+        mine = spec.get("holderIdentity") == self._settings.identity
+        if not mine and not _expired(spec, now()):
+            return False
+        lease["spec"] = self._claim(spec)
+        try:
+            await self._api.update(f"{self._collection}/{NAME}", lease)
+        except ApiError as error:
+            if error.code == 409:
+                return False  # another replica was faster
+            raise
+        return True
+
+    def _claim(self, spec: Object) -> Object:
+        moment = now().strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+        mine = spec.get("holderIdentity") == self._settings.identity
+        return {
+            "holderIdentity": self._settings.identity,
+            "leaseDurationSeconds": max(1, round(self._settings.lease_seconds)),
+            "acquireTime": spec.get("acquireTime") if mine else moment,
+            "renewTime": moment,
+            "leaseTransitions": spec.get("leaseTransitions", 0) + (0 if mine else 1),
+        }
+
+
+def _expired(spec: Object, moment: datetime) -> bool:
+    renewed = spec.get("renewTime")
+    if not spec.get("holderIdentity") or renewed is None:
+        return True
+    duration = timedelta(seconds=spec.get("leaseDurationSeconds") or 1)
+    return parse_time(renewed) + duration < moment

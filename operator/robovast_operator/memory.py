@@ -1,0 +1,54 @@
+"""What the operator remembers of a campaign between two looks; all of it can be found out anew."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from robovast_operator.campaign import Accepted, Rejected, Revision
+from robovast_operator.decide import Final, Trouble
+from robovast_operator.store import JobState
+from robovast_operator.verdicts import Report
+
+
+@dataclass
+class Memory:
+    """Of one Campaign, by its uid."""
+
+    uid: str
+    accepted_for: str = ""
+    """What `accepted` was made from."""
+    accepted: Accepted | Rejected | None = None
+    revisions: list[Revision] | None = None
+    files_made: bool = False
+    reports: dict[str, tuple[str, Mapping[int, Report]]] = field(default_factory=dict)
+    """By Job: its failed indexes and what their pods said."""
+    finals: dict[str, Final] = field(default_factory=dict)
+    final_trouble: dict[str, Trouble] = field(default_factory=dict)
+    """By uid of a Job that failed as a whole."""
+    trouble: Trouble | None = None
+    quota: Trouble | None = None
+    problems: dict[str, str] = field(default_factory=dict)
+    """By Configuration, why its runs cannot be added."""
+    picture: tuple[object, ...] = ()
+    """The Jobs as they were when something last moved."""
+    moved: float = field(default_factory=time.monotonic)
+    looked: float = 0.0
+    """When pods were last looked at."""
+    status_written: float = 0.0
+
+    def notice(self, jobs: Mapping[str, JobState]) -> None:
+        """Remember when something last moved."""
+        picture = tuple(
+            (job.name, job.completed, job.failed, job.active, job.ready, job.suspended)
+            for job in jobs.values()
+        )
+        if picture != self.picture:
+            self.picture = picture
+            self.moved = time.monotonic()
+            self.trouble = None
+
+    def still_for(self) -> float:
+        """How long nothing has moved [s]."""
+        return time.monotonic() - self.moved

@@ -1,0 +1,65 @@
+"""Deleting a campaign's bucket with it, where its spec asks for that."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from robovast_operator import paths
+from robovast_operator.api import Api
+from robovast_operator.campaign import Accepted, Object, Rejected
+from robovast_operator.jobs import task_job
+from robovast_operator.settings import Settings
+from robovast_operator.store import JobState
+
+FINALIZER = "robovast.io/purge"
+
+
+class Purge:
+    """The finalizer of `retention: Delete`; every other Campaign has none."""
+
+    def __init__(self, api: Api, settings: Settings) -> None:
+        self._api = api
+        self._settings = settings
+
+    async def protect(self, obj: Object) -> None:
+        """Hold a Campaign back until its bucket is gone, or let go of it, as its spec says."""
+        storage = (obj.get("spec") or {}).get("storage") or {}
+        finalizers = list(obj["metadata"].get("finalizers") or ())
+        wanted = storage.get("retention") == "Delete"
+        if wanted != (FINALIZER in finalizers):
+            others = [name for name in finalizers if name != FINALIZER]
+            await self._set(obj, [*others, FINALIZER] if wanted else others)
+
+    async def carry_out(
+        self, obj: Object, accepted: Accepted | Rejected, jobs: Mapping[str, JobState]
+    ) -> float | None:
+        """The next step of removing a bucket; returns when to look again [s]."""
+        finalizers = list(obj["metadata"].get("finalizers") or ())
+        if FINALIZER not in finalizers:
+            return None
+        others = [name for name in finalizers if name != FINALIZER]
+        if isinstance(accepted, Rejected) or not (obj.get("status") or {}).get("bucket"):
+            await self._set(obj, others)  # it never had a bucket
+            return None
+        namespace = accepted.identity.namespace
+        name = accepted.identity.child("purge")
+        job = jobs.get(name)
+        if job is not None and job.finished == "Complete":
+            await self._set(obj, others)
+            return None
+        at_work = [other for other in jobs.values() if other.name != name]
+        for other in at_work:
+            if not other.deleting:
+                await self._api.delete(f"{paths.jobs(namespace)}/{other.name}")
+        if at_work:
+            return 2.0  # what still stores results would make the bucket anew
+        if job is None:
+            plan = f"{accepted.identity.child('plan')}-{0 if accepted.pure else 'compose'}"
+            made = task_job(accepted, self._settings, "purge", name, plan)
+            await self._api.create(paths.jobs(namespace), made)
+        return 15.0
+
+    async def _set(self, obj: Object, finalizers: list[str]) -> None:
+        meta = obj["metadata"]
+        path = f"{paths.campaigns(meta['namespace'])}/{meta['name']}"
+        await self._api.patch(path, {"metadata": {"finalizers": finalizers}})

@@ -1,0 +1,76 @@
+"""What an installation decides: read from the environment, which the chart writes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from robovast.errors import InputError
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of the operator."""
+
+    agent_image: str
+    """Image of the fetch, agent, compose, finish and purge containers."""
+    endpoint: str
+    """URL of the S3 server as pods reach it, for Campaigns that name none."""
+    region: str | None = None
+    """Its region."""
+    namespaces: tuple[str, ...] = ()
+    """Namespaces to work in; none means all."""
+    restricted_runs: bool = True
+    """Whether run containers may not gain privileges."""
+    lease_namespace: str = "default"
+    """Where the Lease is that makes one of several replicas the leader."""
+    identity: str = "operator"
+    """Name of this replica."""
+    port: int = 8080
+    """Port of /healthz, /readyz and /metrics."""
+    stall_seconds: float = 15.0
+    """How long nothing moves before the operator looks for the cause."""
+    status_seconds: float = 5.0
+    """Least time between two writes of one status, unless a condition changes."""
+    resync_seconds: float = 600.0
+    """Time between two comparisons of what is known with what is there."""
+    lease_seconds: float = 15.0
+    """How long a leader that has gone is waited for."""
+
+
+def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
+    """Settings from ROBOVAST_* variables.
+
+    Raises:
+        InputError: one that must be there is missing, or a number is none.
+    """
+
+    def needed(name: str) -> str:
+        value = environment.get(name, "")
+        if not value:
+            raise InputError(f"The environment variable {name} is not set; the chart sets it.")
+        return value
+
+    def number(name: str, default: float) -> float:
+        value = environment.get(name, "")
+        try:
+            return float(value) if value else default
+        except ValueError as error:
+            raise InputError(f"The environment variable {name} is no number: {value}") from error
+
+    namespaces = environment.get("ROBOVAST_NAMESPACES", "")
+    return Settings(
+        agent_image=needed("ROBOVAST_AGENT_IMAGE"),
+        endpoint=needed("ROBOVAST_S3_ENDPOINT"),
+        region=environment.get("ROBOVAST_S3_REGION") or None,
+        namespaces=tuple(name.strip() for name in namespaces.split(",") if name.strip()),
+        restricted_runs=environment.get("ROBOVAST_RESTRICTED_RUNS", "true") != "false",
+        lease_namespace=environment.get("POD_NAMESPACE", "default"),
+        identity=environment.get("POD_NAME", f"operator-{os.getpid()}"),
+        port=int(number("ROBOVAST_PORT", 8080)),
+        stall_seconds=number("ROBOVAST_STALL_SECONDS", 15),
+        status_seconds=number("ROBOVAST_STATUS_SECONDS", 5),
+        resync_seconds=number("ROBOVAST_RESYNC_SECONDS", 600),
+        lease_seconds=number("ROBOVAST_LEASE_SECONDS", 15),
+    )
