@@ -1,0 +1,277 @@
+"""A cluster in a few dictionaries: what Jobs do, as far as the operator's decisions depend on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from robovast.cluster.ranges import format_ranges, parse_ranges, spans
+from robovast.cluster.status import CampaignStatus, Runs
+from robovast_operator.accept import accept
+from robovast_operator.campaign import Accepted, Revision
+from robovast_operator.decide import (
+    CreateShard,
+    CreateTask,
+    Decision,
+    DeleteJob,
+    Final,
+    Observed,
+    ResizeJob,
+    SuspendJob,
+    decide,
+)
+from robovast_operator.revisions import next_revision
+from robovast_operator.settings import Settings
+from robovast_operator.shards import ShardPlan, run_ids
+from robovast_operator.store import JobState
+from robovast_operator.verdicts import Report
+
+SETTINGS = Settings(agent_image="agent:1", endpoint="http://s3:9000")
+
+SCENARIO = """scenario try_it:
+    speed: float = 1.0
+    do serial:
+        wait elapsed(1s)
+"""
+
+
+def campaign(**spec: Any) -> dict[str, Any]:
+    """A Campaign object of one entry with three variants."""
+    vast = {
+        "version": 1,
+        "configuration": [
+            {
+                "name": "hall",
+                "variations": [
+                    {"ParameterVariationList": {"name": "speed", "values": [1.0, 2.0, 3.0]}}
+                ],
+            }
+        ],
+        "execution": {"image": "runs:1", "scenario_file": "scenario.osc"},
+    }
+    return {
+        "apiVersion": "robovast.io/v1alpha1",
+        "kind": "Campaign",
+        "metadata": {
+            "namespace": "lab",
+            "name": "drive",
+            "uid": "0123-4567",
+            "creationTimestamp": "2026-11-21T07:00:00Z",
+            "generation": 1,
+            "resourceVersion": "1",
+        },
+        "spec": {"vast": vast, "source": {"inline": {"files": {"scenario.osc": SCENARIO}}}, **spec},
+    }
+
+
+def accepted(**spec: Any) -> Accepted:
+    """The campaign, accepted."""
+    obj = campaign(**spec)
+    files = {"scenario.osc": SCENARIO.encode()}
+    made = accept(obj, files, SETTINGS)
+    assert isinstance(made, Accepted), made
+    return made
+
+
+@dataclass
+class FakeJob:
+    """A Job and the verdicts of its runs."""
+
+    name: str
+    role: str
+    size: int
+    parallelism: int
+    shard: ShardPlan | None = None
+    done: dict[int, str] = field(default_factory=dict)
+    """Verdict by completion index."""
+    suspended: bool = False
+
+    @property
+    def over(self) -> bool:
+        return len(self.done) == self.size
+
+    def state(self) -> JobState:
+        bad = [index for index, verdict in self.done.items() if verdict != "passed"]
+        good = [index for index, verdict in self.done.items() if verdict == "passed"]
+        finished = "" if not self.over else "Failed" if bad else "Complete"
+        active = 0 if self.over or self.suspended else min(
+            self.parallelism, self.size - len(self.done)
+        )  # fmt: skip
+        return JobState(
+            namespace="lab",
+            name=self.name,
+            uid=f"uid-{self.name}",
+            campaign="drive",
+            campaign_uid="0123-4567",
+            role=self.role,
+            shard=self.shard.index if self.shard else -1,
+            runs=self.shard.runs if self.shard else "",
+            attempt=self.shard.attempt if self.shard else 1,
+            resource_version="1",
+            parallelism=self.parallelism,
+            suspended=self.suspended,
+            active=active,
+            ready=active,
+            failed_pods=len(bad),
+            completed=format_ranges(spans(good)),
+            failed=format_ranges(spans(bad)),
+            finished=finished,
+            reason="FailedIndexes" if finished == "Failed" else "",
+            message="",
+            deleting=False,
+        )
+
+
+class World:
+    """A cluster with one campaign, and an operator that may be killed at any moment."""
+
+    def __init__(self, campaign: Accepted) -> None:
+        self.accepted = campaign
+        self.status = CampaignStatus()
+        self.revisions: list[Revision] = []
+        self.jobs: dict[str, FakeJob] = {}
+        self.stored: dict[int, str] = {}
+        """Verdict by run id, as in the bucket."""
+        self.executed: list[int] = []
+        """Run ids in the order in which they were stored."""
+        self.created: list[str] = []
+        self.now = datetime(2026, 11, 21, 8, tzinfo=UTC)
+        self.plan_more()
+
+    def plan_more(self) -> None:
+        """Fix what is asked for in a plan."""
+        name = self.accepted.identity.child(f"plan-{len(self.revisions)}")
+        new = next_revision(self.accepted, self.revisions, (), name)
+        if new is not None:
+            self.revisions.append(new)
+
+    def ask(self, **spec: Any) -> None:
+        """Change the Campaign's spec."""
+        self.accepted = replace(self.accepted, spec=self.accepted.spec.model_copy(update=spec))
+        self.plan_more()
+
+    def look(self, *, dies: str = "") -> Decision:
+        """One look of the operator; it may die `before` its status is written, or `amid` its acts."""
+        self.now += timedelta(seconds=1)
+        decision = decide(self.observed())
+        acts = decision.actions[:1] if dies == "amid" else decision.actions
+        for action in acts:
+            self._act(action)
+        if dies:
+            return decision
+        self.status = decision.status
+        for action in decision.later:
+            self._act(action)
+        return decision
+
+    def observed(self) -> Observed:
+        return Observed(
+            accepted=self.accepted,
+            generation=1,
+            status=self.status,
+            revisions=self.revisions,
+            jobs={name: job.state() for name, job in self.jobs.items()},
+            now=self.now,
+            reports={name: self._reports(job) for name, job in self.jobs.items()},
+            finals={
+                name: self._final()
+                for name, job in self.jobs.items()
+                if job.role == "finish" and job.over
+            },
+        )
+
+    def work(self, verdict: str = "passed", which: int = 0) -> bool:
+        """Let one pod end; False when none is there."""
+        busy = [job for job in self.jobs.values() if job.state().active]
+        if not busy:
+            return False
+        job = busy[which % len(busy)]
+        index = next(i for i in range(job.size) if i not in job.done)
+        job.done[index] = verdict if job.role == "shard" else "passed"
+        for id_ in self._ids(job, index):
+            attempted = (job.shard.attempt if job.shard else 1) > 1
+            if id_ not in self.stored or (attempted and self.stored[id_] != "passed"):
+                self.executed.append(id_)
+                self.stored[id_] = verdict
+        if any(self.stored[id_] != "passed" for id_ in self._ids(job, index)):
+            job.done[index] = verdict if verdict != "passed" else "failed"
+        return True
+
+    def settle(self, verdict: str = "passed", looks: int = 400) -> None:
+        """Go on until nothing happens any more."""
+        for _ in range(looks):
+            before = (self.status, len(self.created))
+            self.look()
+            if not self.work(verdict) and before == (self.status, len(self.created)):
+                return
+        raise AssertionError(f"no end: {self.status}")
+
+    def truth(self, name: str) -> str:
+        """A condition's status."""
+        return next(c.status for c in self.status.conditions if c.type == name)
+
+    @property
+    def pods(self) -> int:
+        return sum(
+            job.parallelism for job in self.jobs.values() if job.role == "shard" and not job.over
+        )
+
+    def _ids(self, job: FakeJob, index: int) -> list[int]:
+        if job.shard is None:
+            return []
+        plan = self.revisions[-1].plan
+        found = run_ids(plan, job.shard, [(index, index)])
+        return [id_ for first, last in found for id_ in range(first, last + 1)]
+
+    def _reports(self, job: FakeJob) -> dict[int, Report]:
+        reports = {}
+        for index, verdict in job.done.items():
+            if verdict == "lost":
+                continue
+            ids: dict[str, list[int]] = {"passed": [], "failed": [], "errored": []}
+            for id_ in self._ids(job, index):
+                ids[self.stored[id_]].append(id_)
+            reports[index] = Report(
+                *(tuple(spans(ids[k])) for k in ("passed", "failed", "errored"))
+            )
+        return reports
+
+    def _final(self) -> Final:
+        def of(verdict: str) -> list[int]:
+            return sorted(id_ for id_, found in self.stored.items() if found == verdict)
+
+        total = self.revisions[-1].plan.total
+        runs = Runs(
+            total=total,
+            passed=len(of("passed")),
+            failed=len(of("failed")),
+            errored=len(of("errored")) + len(of("lost")) + total - len(self.stored),
+        )
+        missing = [id_ for id_ in range(total) if id_ not in self.stored]
+        errored = format_ranges(spans([*of("errored"), *of("lost"), *missing]))
+        return Final(runs, format_ranges(spans(of("failed"))), errored, False, ())
+
+    def _act(self, action: object) -> None:
+        match action:
+            case CreateShard(shard):
+                self._create(FakeJob(shard.job, "shard", shard.size, shard.parallelism, shard))
+            case CreateTask(command, name, _):
+                self._create(FakeJob(name, command, 1, 1))
+            case SuspendJob(job, suspend):
+                self.jobs[job].suspended = suspend
+            case ResizeJob(job, parallelism):
+                self.jobs[job].parallelism = parallelism
+            case DeleteJob(job):
+                self.jobs.pop(job, None)
+
+    def _create(self, job: FakeJob) -> None:
+        if job.name not in self.jobs:  # the API server answers 409, which is as good
+            self.created.append(job.name)
+            self.jobs[job.name] = job
+
+
+def bad(world: World) -> list[int]:
+    """Ids that the status calls bad."""
+    text = [world.status.failed_runs, world.status.errored_runs]
+    return sorted(i for t in text for a, b in parse_ranges(t) for i in range(a, b + 1))

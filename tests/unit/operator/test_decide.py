@@ -1,0 +1,233 @@
+"""Whatever happens, and in whatever order: the same picture leads to the same end."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from operator_world import World, accepted, bad
+
+from robovast.cluster.resources import Acceptance, FailFast
+from robovast_operator import shards as shards_module
+from robovast_operator.decide import CreateShard
+
+
+@pytest.fixture(autouse=True)
+def _small_shards(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that a handful of runs needs several."""
+    monkeypatch.setattr(shards_module, "SHARD_PACKS", 4)
+
+
+def test_a_campaign_runs_every_run_once_and_ends() -> None:
+    world = World(accepted(runs=10, parallelism=6))
+    world.settle()
+    assert world.executed == sorted(world.executed)
+    assert len(world.executed) == len(set(world.executed)) == 30
+    assert world.status.progress == "30/30"
+    assert world.status.state == "Finished"
+    assert {name: world.truth(name) for name in ("Succeeded", "Passed", "ResultsAvailable")} == {
+        "Succeeded": "True",
+        "Passed": "True",
+        "ResultsAvailable": "True",
+    }
+    assert world.truth("Reconciling") == world.truth("Stalled") == "False"
+
+
+moments = st.lists(
+    st.tuples(
+        st.sampled_from(["look", "dies before", "dies amid", "work", "vanish"]),
+        st.integers(0, 5),
+        st.sampled_from(["passed", "failed", "errored"]),
+    ),
+    max_size=60,
+)
+
+
+@settings(max_examples=40, deadline=None)
+@given(moments, st.integers(1, 12), st.integers(1, 9))
+def test_no_order_of_events_loses_a_run_or_repeats_one(
+    events: list[tuple[str, int, str]], runs: int, parallelism: int
+) -> None:
+    world = World(accepted(runs=runs, parallelism=parallelism))
+    for kind, which, verdict in events:
+        match kind:
+            case "look":
+                world.look()
+            case "dies before" | "dies amid":
+                world.look(dies=kind.split()[1])
+            case "work":
+                world.work(verdict, which)
+            case "vanish":  # somebody deletes a Job
+                names = [n for n, job in world.jobs.items() if job.role == "shard" and not job.over]
+                if names:
+                    del world.jobs[names[which % len(names)]]
+        assert world.pods <= parallelism
+    world.settle()
+    assert sorted(world.executed) == list(range(3 * runs))
+    assert bad(world) == [i for i in range(3 * runs) if world.stored[i] != "passed"]
+    assert world.status.runs.passed == 3 * runs - len(bad(world))
+    assert world.status.state == "Finished"
+    assert world.truth("Passed") == ("False" if bad(world) else "True")
+
+
+@settings(max_examples=15, deadline=None)
+@given(moments, st.integers(2, 6))
+def test_bad_runs_alone_are_repeated_when_that_is_asked_for(
+    events: list[tuple[str, int, str]], runs: int
+) -> None:
+    world = World(accepted(runs=runs, parallelism=3))
+    for kind, which, verdict in events:
+        if kind == "work":
+            world.work(verdict, which)
+        else:
+            world.look(dies=kind.removeprefix("dies ") if "dies" in kind else "")
+    world.settle()
+    first, before = list(world.executed), bad(world)
+    world.ask(attempt=2)
+    world.look(dies="before")
+    world.settle()
+    assert sorted(world.executed[len(first) :]) == before
+    assert bad(world) == []
+    assert world.status.attempt == 2
+    assert world.truth("Passed") == "True"
+    created = len(world.created)
+    world.ask(attempt=3)
+    world.settle()
+    assert len(world.created) == created, "nothing was bad, so nothing is to be done"
+    assert world.status.attempt == 3
+
+
+def test_raising_runs_appends_to_a_finished_campaign() -> None:
+    world = World(accepted(runs=2))
+    world.settle()
+    world.ask(runs=5)
+    world.look()
+    assert world.truth("ResultsAvailable") == "False"
+    world.settle()
+    assert sorted(world.executed) == list(range(15))
+    assert world.executed[:6] == list(range(6))
+    assert world.status.progress == "15/15"
+    assert world.truth("Passed") == "True"
+
+
+def test_raising_runs_of_a_campaign_at_work_moves_nothing() -> None:
+    world = World(accepted(runs=2))
+    world.look()
+    world.work()
+    world.ask(runs=4)
+    world.settle()
+    assert sorted(world.executed) == list(range(12))
+
+
+def test_a_suspended_campaign_has_no_pods_and_goes_on_where_it_was() -> None:
+    world = World(accepted(runs=4, parallelism=4))
+    world.look()
+    world.work()
+    world.ask(suspend=True)
+    world.look()
+    world.look()
+    assert not world.work()
+    assert world.status.state == "Suspended"
+    assert world.truth("Reconciling") == "False"
+    world.ask(suspend=False)
+    world.settle()
+    assert sorted(world.executed) == list(range(12))
+
+
+def test_too_many_bad_runs_end_a_campaign_at_once() -> None:
+    world = World(accepted(runs=20, parallelism=2))
+    world.ask(fail_fast=FailFast(max_failed=2))
+    for _ in range(3):
+        world.look()
+        world.work("failed")
+    world.settle()
+    assert world.status.state == "Failed"
+    assert world.truth("Succeeded") == world.truth("Passed") == "False"
+    assert world.truth("ResultsAvailable") == "True"
+    assert len(world.executed) < 10
+    reason = next(c.reason for c in world.status.conditions if c.type == "Succeeded")
+    assert reason == "FailFast"
+
+
+def test_a_verdict_that_cannot_change_any_more_is_told_early() -> None:
+    world = World(accepted(runs=4, parallelism=12))
+    world.ask(acceptance=Acceptance(min_pass_ratio="0.75"))
+    for _ in range(3):
+        world.look()
+        world.work("failed")
+    world.look()
+    assert world.truth("Passed") == "Unknown"
+    world.work("failed")
+    world.look()
+    assert world.truth("Passed") == "False"
+    assert world.truth("Succeeded") == "Unknown"
+
+
+@pytest.mark.parametrize(("ratio", "verdict"), [("0.9", "True"), ("0.95", "False")])
+def test_acceptance_is_a_ratio(ratio: str, verdict: str) -> None:
+    world = World(accepted(runs=10, parallelism=30))
+    world.ask(acceptance=Acceptance(min_pass_ratio=ratio))
+    for number in range(30):
+        world.look()
+        world.work("failed" if number < 3 else "passed")
+    world.settle()
+    assert world.truth("Passed") == verdict
+
+
+def test_jobs_of_a_finished_campaign_go_after_their_time() -> None:
+    world = World(accepted(runs=1))
+    world.ask(ttl_seconds_after_finished=600)
+    world.settle()
+    assert world.jobs
+    wait = world.look().again
+    assert wait is not None
+    assert 500 < wait <= 600
+    world.now += timedelta(seconds=601)
+    world.look()
+    assert world.jobs == {}
+    before = world.status
+    world.look()
+    assert world.status.runs == before.runs
+    assert world.created == ["drive-0123-0", "drive-0123-finish-1"]
+
+
+def test_a_lost_pod_is_an_error_not_a_failure() -> None:
+    world = World(accepted(runs=1))
+    world.look()
+    job = world.jobs["drive-0123-0"]
+    job.done = {0: "lost", 1: "passed", 2: "passed"}
+    world.stored = {1: "passed", 2: "passed"}
+    world.look()
+    assert (world.status.runs.failed, world.status.runs.errored) == (0, 1)
+    assert world.status.errored_runs == "0"
+
+
+def test_a_large_campaign_keeps_a_window_of_shards_open() -> None:
+    world = World(accepted(runs=100, parallelism=8))
+    first = world.look()
+    opened = [a.shard for a in first.actions if isinstance(a, CreateShard)]
+    assert len(opened) == shards_module.WINDOW
+    assert sum(shard.parallelism for shard in opened) == 8
+    world.look()
+    assert len(world.jobs) == shards_module.WINDOW
+    while not any(job.over for job in world.jobs.values()):
+        world.work()
+    world.look()
+    assert len(world.jobs) == shards_module.WINDOW + 1
+
+
+def test_a_campaign_of_a_hundred_thousand_runs_stays_small() -> None:
+    world = World(accepted(runs=33_334, parallelism=400))
+    for _ in range(3):
+        world.look()
+    assert len(world.status.model_dump_json()) < 20_000
+
+
+def test_after_the_end_nothing_is_done_any_more() -> None:
+    world = World(accepted(runs=3))
+    world.settle()
+    decision = world.look()
+    assert (decision.actions, decision.later, decision.again) == ((), (), None)
+    assert decision.status == world.status
