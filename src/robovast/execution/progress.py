@@ -1,8 +1,9 @@
-"""Which runs of a job are over, while it still executes others."""
+"""What a job has done: which runs are over, and what it wrote beside them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import shutil
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from robovast.plan import Run
@@ -30,3 +31,19 @@ def _finished_runs(job: Path) -> list[str]:
         return (job / FINISHED_RUNS).read_text(encoding="utf-8").splitlines()
     except FileNotFoundError:
         return []
+
+
+def keep_the_rest(out: Path, job: Path, but: Collection[str] = ()) -> None:
+    """Move what a job wrote outside its runs' folders to `out` in its own folder.
+
+    Args:
+        out: the output folder of the job, without the runs that are over.
+        job: the job's own folder.
+        but: names at the top of `out` that stay.
+    """
+    for path in [path for path in out.rglob("*") if path.is_file() or path.is_symlink()]:
+        relative = path.relative_to(out)
+        if relative.parts[0] not in but:
+            target = job / "out" / relative
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.move(path, target)

@@ -18,8 +18,8 @@ from robovast.execution.inputs import container_files
 from robovast.execution.local.events import Observer, Summary
 from robovast.execution.local.job_execution import JobExecution
 from robovast.execution.local.session import Session
-from robovast.execution.local.signals import call_on_signals
 from robovast.execution.local.store import explained
+from robovast.execution.signals import call_on_signals
 from robovast.plain import dump_yaml
 from robovast.plan import Job, Run, pack_runs
 from robovast.results.layout import Layout

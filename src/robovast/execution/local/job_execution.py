@@ -15,7 +15,7 @@ from robovast.execution.judge import Ending, judge
 from robovast.execution.local.process_tree import wait
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, store_run
-from robovast.execution.progress import is_over
+from robovast.execution.progress import is_over, keep_the_rest
 from robovast.plan import Job, Run
 from robovast.results.run_record import RunRecord
 from robovast.results.verdict import read_test_result
@@ -156,11 +156,7 @@ class JobExecution:
         """Keep what the job wrote outside its runs' folders, then remove the work folder."""
         shutil.rmtree(self._spec.out / "_jobs", ignore_errors=True)
         (self._spec.out / ".running").unlink(missing_ok=True)
-        rest = [path for path in self._spec.out.rglob("*") if path.is_file() or path.is_symlink()]
-        for path in rest:
-            target = self._spec.job / "out" / path.relative_to(self._spec.out)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.move(path, target)
+        keep_the_rest(self._spec.out, self._spec.job)
         console, log = self._work / "console.log", self._spec.job / "logs" / "system.log"
         if not log.is_file() and console.is_file():
             shutil.move(console, log)

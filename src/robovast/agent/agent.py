@@ -1,0 +1,104 @@
+"""`agent`: beside a pod's run, store every run that is over; say in the end how they went."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from threading import Event
+
+from robovast.agent.background import Background
+from robovast.agent.bucket import Bucket
+from robovast.agent.exit_codes import AgentExit, exit_code_of
+from robovast.agent.folders import Folders
+from robovast.agent.job_files import prepare_later_job
+from robovast.agent.messages import verdict_ranges, write_message
+from robovast.agent.orders import RunContainer
+from robovast.agent.pack import Pack, PodJob, read_pack
+from robovast.agent.results import Results
+from robovast.agent.trees import SIDE_BY_SIDE
+from robovast.agent.watch import EndedRun, JobWatch
+from robovast.cluster.endpoint import Credentials, Endpoint
+from robovast.cluster.storage import ObjectStore
+from robovast.execution.signals import call_on_signals
+from robovast.plan import Run
+from robovast.results.verdict import Verdict
+
+
+def agent(folders: Folders) -> AgentExit:
+    """Follow the jobs of a pod, as `fetch` prepared them, until every run has a verdict.
+
+    Raises:
+        StorageError: results cannot be stored.
+        OSError: the pod's disk cannot be written.
+    """
+    pack = read_pack(folders.pack)
+    verdicts = dict(pack.done)
+    container = RunContainer(folders)
+    stop = Event()
+    try:
+        if pack.first is not None:
+            container.beat_for_ever()
+            credentials = Credentials.from_folder(folders.credentials)
+            endpoint = Endpoint.parse(pack.endpoint, pack.region)
+            store = ObjectStore(endpoint, credentials, connections=SIDE_BY_SIDE + 2)
+            with call_on_signals(stop.set), Background() as background:
+                results = Results(Bucket(store, pack.bucket), pack)
+                keeper = _Keeper(folders, results, background, verdicts)
+                _follow_jobs(folders, pack, container, keeper, stop)
+        return _ending(pack, verdicts)
+    finally:
+        container.end()
+        write_message(folders.message, verdict_ranges(verdicts))
+
+
+def _follow_jobs(
+    folders: Folders, pack: Pack, container: RunContainer, keeper: _Keeper, stop: Event
+) -> None:
+    left: tuple[Run, ...] | None = pack.left
+    number = 1
+    while left:
+        job = pack.job(number, left)
+        if number > 1:
+            prepare_later_job(folders, pack, job)
+            container.run(number)
+        watch = JobWatch(folders, job, pack.timeout, pack.secondaries, keeper, stop.is_set)
+        left = watch.follow()
+        number += 1
+
+
+def _ending(pack: Pack, verdicts: Mapping[int, Verdict]) -> AgentExit:
+    if any(run.id not in verdicts for run in pack.runs):
+        return AgentExit.RUNS_LEFT
+    return exit_code_of(verdicts.values())
+
+
+class _Keeper:
+    """Stores what a job leaves, while the job goes on."""
+
+    def __init__(
+        self,
+        folders: Folders,
+        results: Results,
+        background: Background,
+        verdicts: dict[int, Verdict],
+    ) -> None:
+        self._folders = folders
+        self._results = results
+        self._background = background
+        self._verdicts = verdicts
+
+    def run_over(self, ended: EndedRun) -> None:
+        self._background.do(lambda: self._store_run(ended, self._folders.out / "_jobs"))
+
+    def job_over(self, job: PodJob, folder: Path, last: EndedRun | None) -> None:
+        self._background.do(lambda: self._results.store_job(job, folder))
+        if last is not None:
+            self._background.do(lambda: self._store_run(last, None))
+
+    def check(self) -> None:
+        self._background.check()
+
+    def _store_run(self, ended: EndedRun, jobs: Path | None) -> None:
+        if jobs is not None:
+            self._results.store_snapshot(ended.job, jobs / ended.job.name)
+        self._verdicts[ended.run.id] = self._results.store_run(ended)

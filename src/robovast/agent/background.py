@@ -1,0 +1,34 @@
+"""Work beside the watch over a job: one thing after the other, in order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from types import TracebackType
+
+
+class Background:
+    """A thread that does what it is given; as a context it ends when everything is done."""
+
+    def __init__(self) -> None:
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="store")
+        self._futures: list[Future[None]] = []
+
+    def __enter__(self) -> Background:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: object, trace: TracebackType | None
+    ) -> None:
+        self._pool.shutdown(cancel_futures=kind is not None)
+        if kind is None:
+            self.check()
+
+    def do(self, action: Callable[[], None]) -> None:
+        """Do it after everything that was given before."""
+        self._futures.append(self._pool.submit(action))
+
+    def check(self) -> None:
+        """Raise what something that was done has raised."""
+        while self._futures and self._futures[0].done():
+            self._futures.pop(0).result()

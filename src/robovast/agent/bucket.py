@@ -1,0 +1,59 @@
+"""A campaign's bucket as pods see it: which runs are stored, which jobs there were.
+
+Keys are the paths of the local results layout. A run is stored when its `run.json` is, which is
+written last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import count
+
+from robovast.agent.pack import job_name
+from robovast.cluster.storage import ObjectStore
+from robovast.plan import Run
+from robovast.results.layout import RUN_RECORD
+from robovast.results.run_record import RunRecord, parse_run_record
+from robovast.results.verdict import Verdict
+
+
+class Bucket:
+    """Records of runs and names of jobs.
+
+    Every method raises `StorageError` when the server refuses, or is gone for too long.
+    """
+
+    def __init__(self, store: ObjectStore, name: str) -> None:
+        self.store = store
+        self.name = name
+
+    def record(self, run: str) -> RunRecord | None:
+        """The record of a run, by `<variant>/<number>`; None when it is not stored."""
+        text = self.store.read(self.name, f"{run}/{RUN_RECORD}")
+        return parse_run_record(text) if text is not None else None
+
+    def verdicts(self, runs: Iterable[Run], attempt: int) -> dict[int, Verdict]:
+        """Verdicts of the runs that are stored with this attempt or a later one, by run id."""
+        records = ((run.id, self.record(run.path)) for run in runs)
+        return {id_: r.verdict for id_, r in records if r is not None and r.attempt >= attempt}
+
+    def first_free_job(self, pack: int) -> int:
+        """The first number of a job of the pack that nobody has claimed, from 1."""
+        names = ((number, parameters_key(job_name(pack, number))) for number in count(1))
+        return next(n for n, key in names if self.store.digest(self.name, key) is None)
+
+    def claim_job(self, pack: int, first: int, content: bytes) -> str:
+        """Name of a job that from now on is the caller's alone.
+
+        Args:
+            pack: of the job.
+            first: the number to try first.
+            content: the job's parameter documents, different for every caller.
+        """
+        names = (job_name(pack, number) for number in count(first))
+        return next(n for n in names if self.store.create(self.name, parameters_key(n), content))
+
+
+def parameters_key(job: str) -> str:
+    """Key of a job's parameter documents; who creates the object has the job's name."""
+    return f"_transient/{job}.params.yaml"

@@ -1,0 +1,139 @@
+"""A campaign as its pods know it: the plan, the inputs, the variants."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from robovast.agent.folders import Folders
+from robovast.agent.sources import copy_inputs
+from robovast.cluster.endpoint import Credentials, Endpoint
+from robovast.cluster.plan import CampaignPlan, PlanSpec
+from robovast.cluster.storage import ObjectStore
+from robovast.document import Document, load_document
+from robovast.errors import RobovastError
+from robovast.expansion import Composition, Variant, compose, select_any
+from robovast.results.configurations import read_variants
+from robovast.results.layout import Layout
+
+
+class PlanError(RobovastError):
+    """The plan is not what this version understands, or does not hold what is asked for."""
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A campaign as a pod sees it."""
+
+    plan: CampaignPlan
+    folders: Folders
+    store: ObjectStore
+
+    @property
+    def packs(self) -> PlanSpec:
+        """Which run is which.
+
+        Raises:
+            PlanError: nobody knows yet.
+        """
+        if self.plan.plan is None:
+            raise PlanError(f"{self.folders.plan / 'campaign.json'}: `plan` is missing.")
+        return self.plan.plan
+
+
+def open_campaign(folders: Folders, *, connections: int = 8) -> Campaign:
+    """The campaign whose plan is mounted.
+
+    Args:
+        folders: of the pod.
+        connections: to the S3 server.
+
+    Raises:
+        PlanError: there is no plan, or none of this version.
+        StorageError: there are no credentials.
+    """
+    plan = read_plan(folders.plan / "campaign.json")
+    credentials = Credentials.from_folder(folders.credentials)
+    endpoint = Endpoint.parse(plan.endpoint, plan.region)
+    return Campaign(plan, folders, ObjectStore(endpoint, credentials, connections=connections))
+
+
+def read_plan(path: Path) -> CampaignPlan:
+    """A mounted `campaign.json`.
+
+    Raises:
+        PlanError: there is none, or none of this version.
+    """
+    try:
+        return CampaignPlan.model_validate_json(path.read_bytes())
+    except (OSError, ValidationError) as error:
+        raise PlanError(
+            f"{path}: is no plan of this version: {error}. Operator and agent must be of one "
+            "version; was one of them updated alone?"
+        ) from None
+
+
+def load_inputs(campaign: Campaign) -> Document:
+    """The document with its files, brought to the pod.
+
+    Raises:
+        InputError: the document or its files are wrong.
+        StorageError: they cannot be fetched.
+    """
+    folder = campaign.folders.inputs
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    copy_inputs(campaign.plan, campaign.folders, campaign.store, folder)
+    document = folder / campaign.plan.document
+    shutil.copyfile(campaign.folders.plan / "document.vast", document)
+    return load_document(document)
+
+
+def expand(campaign: Campaign, document: Document, message: Callable[[str], None]) -> Composition:
+    """The variants of a document, those that the campaign selects.
+
+    Raises:
+        InputError: it cannot be expanded, or nothing is selected.
+    """
+    scratch = campaign.folders.scratch
+    shutil.rmtree(scratch, ignore_errors=True)
+    scratch.mkdir(parents=True)
+    composition = compose(document, scratch, message)
+    chosen = select_any(composition.variants, campaign.plan.select)
+    return Composition(tuple(chosen), composition.input_files, composition.transient_files)
+
+
+def open_composed(campaign: Campaign) -> tuple[Document, list[Variant]]:
+    """Document and variants as the compose Job left them in the bucket.
+
+    Files of the variants are not there yet: `fetch_variant_files` brings those of one.
+
+    Raises:
+        InputError: there is no composed campaign.
+        StorageError: it cannot be fetched.
+    """
+    layout = Layout(campaign.folders.inputs)
+    shutil.rmtree(layout.root, ignore_errors=True)
+    download(campaign, "_config/", layout.root)
+    download(campaign, "_transient/configurations.yaml", layout.root)
+    name, variants = read_variants(layout)
+    return load_document(layout.config / name), variants
+
+
+def fetch_variant_files(campaign: Campaign, variant: Variant) -> None:
+    """Bring the files of a composed variant to where they are expected."""
+    if variant.files:
+        download(campaign, f"{variant.name}/_config/", campaign.folders.inputs)
+
+
+def download(campaign: Campaign, prefix: str, folder: Path) -> None:
+    """Bring all objects of the campaign whose key begins so."""
+    for item in campaign.store.objects(campaign.plan.bucket, prefix):
+        target = Path(os.path.normpath(folder / item.key))
+        if target.is_relative_to(folder):
+            campaign.store.get_file(campaign.plan.bucket, item, target)

@@ -1,0 +1,35 @@
+"""How our containers end, and what may be done about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import IntEnum
+
+from robovast.results.verdict import Verdict
+
+
+class AgentExit(IntEnum):
+    """Exit codes (docs/agent.md)."""
+
+    PASSED = 0
+    """All is done; every run of the pod passed."""
+    FAILED = 10
+    """All is stored; some runs failed, none errored."""
+    ERRORED = 11
+    """All is stored; some runs errored."""
+    BAD_PLAN = 64
+    """The plan is none of this version: trying again is useless."""
+    BAD_DOCUMENT = 65
+    """The document or its files are wrong: trying again is useless."""
+    STORAGE = 74
+    """Storage, or the pod's own disk, gave up: try again."""
+    RUNS_LEFT = 75
+    """Some runs were not executed to their end: try again."""
+
+
+def exit_code_of(verdicts: Iterable[Verdict]) -> AgentExit:
+    """The exit code of a pod whose runs are all stored."""
+    found = set(verdicts)
+    if Verdict.ERRORED in found:
+        return AgentExit.ERRORED
+    return AgentExit.FAILED if Verdict.FAILED in found else AgentExit.PASSED

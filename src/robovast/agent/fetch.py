@@ -1,0 +1,173 @@
+"""`fetch`: prepare the runs of a pod, before any of its containers starts."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+from robovast.agent.bucket import Bucket
+from robovast.agent.campaign import (
+    Campaign,
+    PlanError,
+    expand,
+    fetch_variant_files,
+    load_inputs,
+    open_campaign,
+    open_composed,
+)
+from robovast.agent.exit_codes import AgentExit
+from robovast.agent.folders import Folders
+from robovast.agent.job_files import prepare_output, write_environment
+from robovast.agent.orders import RunContainer
+from robovast.agent.pack import Pack
+from robovast.cluster.plan import retry_groups
+from robovast.cluster.ranges import parse_ranges
+from robovast.common.scenario import read_scenario
+from robovast.document import Document
+from robovast.document.model import merge_pairs
+from robovast.execution.contract import contract_files
+from robovast.execution.generate import copy_file
+from robovast.execution.inputs import container_files
+from robovast.execution.job_config import build_config_folder, job_environment
+from robovast.execution.resources import machine_cpus, machine_memory
+from robovast.expansion import Variant
+from robovast.plan import Job, Run
+
+START = Path(__file__).with_name("start.sh")
+
+
+@dataclasses.dataclass(frozen=True)
+class Request:
+    """Which runs a pod is for."""
+
+    first_pack: int
+    """The pack of completion index 0."""
+    index: int
+    """The pod's completion index."""
+    attempt: int = 1
+    runs: str | None = None
+    """Ranges of run ids that are repeated; whole packs when None."""
+
+
+def fetch(folders: Folders, request: Request) -> AgentExit:
+    """Prepare the first job of a pod, or its end when nothing is left to run.
+
+    Raises:
+        PlanError: there is no such pack.
+        InputError: the document, or a file that it needs, is wrong.
+        StorageError: the bucket cannot be read.
+        OSError: the pod's disk cannot be written.
+    """
+    campaign = open_campaign(folders)
+    number, ids = _chosen(campaign, request)
+    document, variants = _variants(campaign)
+    runs = [_run(campaign, variants, id_) for id_ in ids]
+    pack = _pack(campaign, document, request, number, runs)
+    job = pack.first
+    if job is not None:
+        pack = dataclasses.replace(pack, environment=_environment(campaign, document, job))
+        left = [run for run in runs if run.id not in pack.done]
+        _build_config(campaign, document, pack, left)
+        prepare_output(folders, job)
+        write_environment(folders, pack.environment)
+    container = RunContainer(folders)
+    container.prepare()
+    pack.write(folders.pack)
+    container.run(1) if job is not None else container.end()
+    return AgentExit.PASSED
+
+
+def _chosen(campaign: Campaign, request: Request) -> tuple[int, Sequence[int]]:
+    """Number of the pod's pack, and the ids of its runs."""
+    plan = campaign.packs
+    try:
+        if request.runs is None:
+            number = request.first_pack + request.index
+            return number, plan.pack(number)
+        ids = retry_groups(plan, parse_ranges(request.runs))[request.index]
+        return plan.pack_of(ids[0]), ids
+    except (IndexError, ValueError) as error:
+        raise PlanError(
+            f"completion index {request.index}: the plan has no such runs: {error}"
+        ) from error
+
+
+def _variants(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
+    if campaign.plan.expansion == "composed":
+        return open_composed(campaign)
+    document = load_inputs(campaign)
+    return document, expand(campaign, document, print).variants
+
+
+def _run(campaign: Campaign, variants: Sequence[Variant], id_: int) -> Run:
+    index, number = campaign.packs.run(id_)
+    if index >= len(variants):
+        raise PlanError(
+            f"run {id_} is of configuration {index}, the document has {len(variants)} only: plan "
+            "and document are not of one campaign."
+        )
+    return Run(id_, variants[index], number)
+
+
+def _pack(
+    campaign: Campaign, document: Document, request: Request, number: int, runs: Sequence[Run]
+) -> Pack:
+    plan, execution = campaign.plan, document.vast.execution
+    bucket = Bucket(campaign.store, plan.bucket)
+    first_job = bucket.first_free_job(number)
+    touched = first_job > 1
+    return Pack(
+        campaign=plan.campaign,
+        bucket=plan.bucket,
+        endpoint=plan.endpoint,
+        region=plan.region,
+        image=plan.image,
+        number=number,
+        attempt=request.attempt,
+        runs=tuple(_without_files(run) for run in runs),
+        done=bucket.verdicts(runs, request.attempt) if touched else {},
+        first_job=first_job,
+        scenario=read_scenario(document.scenario).name,
+        timeout=execution.timeout,
+        secondaries=tuple(container.name for container in execution.secondary_containers),
+        environment={},
+    )
+
+
+def _without_files(run: Run) -> Run:
+    light = Variant(run.variant.name, run.variant.entry, run.variant.parameters)
+    return dataclasses.replace(run, variant=light)
+
+
+def _environment(campaign: Campaign, document: Document, job: Job) -> dict[str, str]:
+    plan, execution = campaign.plan, document.vast.execution
+    return job_environment(
+        job,
+        campaign=plan.campaign,
+        scenario_file=document.vast.scenario_file or "",
+        config_dir=campaign.folders.config_seen,
+        out_dir=campaign.folders.out_seen,
+        available_cpus=plan.cpus or machine_cpus(),
+        available_memory=plan.memory or machine_memory(),
+        settings={
+            "PRE_COMMAND": execution.pre_command,
+            "POST_COMMAND": execution.post_command,
+            "SIMULATION": execution.simulation,
+        },
+        scenario_options=plan.options,
+        user=merge_pairs(execution.env),
+    )
+
+
+def _build_config(campaign: Campaign, document: Document, pack: Pack, left: Sequence[Run]) -> None:
+    folders = campaign.folders
+    if campaign.plan.expansion == "composed":
+        for variant in {run.variant.name: run.variant for run in left}.values():
+            fetch_variant_files(campaign, variant)
+    common = folders.scratch / "common"
+    for path in container_files(document):
+        copy_file(document.folder / path, common / path)
+    for script in (*contract_files(), START):
+        copy_file(script, common / script.name)
+    build_config_folder(folders.config, common, Job(0, tuple(left)), pack.scenario)

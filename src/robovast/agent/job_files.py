@@ -1,0 +1,38 @@
+"""What a job of a pod needs in the folders that its containers see."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+
+from robovast.agent.folders import Folders
+from robovast.agent.pack import Pack, PodJob
+from robovast.execution.job_config import (
+    PARAMETER_FILE,
+    is_pack,
+    output_places,
+    parameter_documents,
+)
+
+ENVIRONMENT_FILE = "environment.sh"
+
+
+def prepare_output(folders: Folders, job: PodJob) -> None:
+    """Make the folders that a job writes to."""
+    (folders.out / "_jobs" / job.name / "logs").mkdir(parents=True)
+    if not is_pack(job):
+        (folders.out / job.runs[0].path).mkdir(parents=True)
+
+
+def write_environment(folders: Folders, environment: Mapping[str, str]) -> None:
+    """Write the environment of a job as start.sh reads it."""
+    lines = (f"export {name}={shlex.quote(value)}\n" for name, value in environment.items())
+    (folders.config / ENVIRONMENT_FILE).write_text("".join(lines), encoding="utf-8")
+
+
+def prepare_later_job(folders: Folders, pack: Pack, job: PodJob) -> None:
+    """Replace what the job before had by what this one needs."""
+    parameters = parameter_documents(job, pack.scenario)
+    (folders.config / PARAMETER_FILE).write_text(parameters, encoding="utf-8")
+    write_environment(folders, {**pack.environment, **output_places(job, folders.out_seen)})
+    prepare_output(folders, job)

@@ -1,0 +1,94 @@
+"""What `fetch` tells `agent` of the runs that a pod executes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import TypeAdapter
+
+from robovast.plan import Job, Run
+from robovast.results.verdict import Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class PodJob(Job):
+    """Runs of a pack that one start of the entrypoint executes."""
+
+    own_name: str = ""
+
+    @property
+    def name(self) -> str:
+        """Folder name below `_jobs`, as the pod sees it."""
+        return self.own_name
+
+
+@dataclass(frozen=True)
+class Pack:
+    """The runs of one completion index, and what the agent needs to store them."""
+
+    campaign: str
+    bucket: str
+    endpoint: str
+    region: str | None
+    image: str
+    number: int
+    """Number of the pack in the plan: jobs are named after it."""
+    attempt: int
+    runs: tuple[Run, ...]
+    """All runs of the pod; their variants have no files."""
+    done: Mapping[int, Verdict]
+    """Verdicts of runs that were stored before, by run id."""
+    first_job: int
+    """The first number of a job of the pack that is free in the bucket, from 1."""
+    scenario: str
+    """Name of the scenario."""
+    timeout: int | None
+    """Of one run [s]."""
+    secondaries: tuple[str, ...]
+    """Names of secondary containers."""
+    environment: Mapping[str, str]
+    """Of the first job."""
+
+    @property
+    def left(self) -> tuple[Run, ...]:
+        """Runs that are to be executed."""
+        return tuple(run for run in self.runs if run.id not in self.done)
+
+    @property
+    def first(self) -> PodJob | None:
+        """The first job; None when nothing is left to run."""
+        return self.job(1, self.left) if self.left else None
+
+    def job(self, number: int, runs: tuple[Run, ...]) -> PodJob:
+        """A job of the pod.
+
+        Args:
+            number: 1, 2, … in the pod.
+            runs: what it executes.
+        """
+        return PodJob(number, runs, self.job_name(self.first_job + number - 1))
+
+    def job_name(self, number: int) -> str:
+        """Name of the `number`-th job of the pack."""
+        return job_name(self.number, number)
+
+    def write(self, path: Path) -> None:
+        """Write it as JSON; numbers that JSON lacks stay what they are."""
+        data = _ADAPTER.dump_python(self, mode="json")
+        path.write_text(json.dumps(data), encoding="utf-8")
+
+
+def job_name(pack: int, number: int) -> str:
+    """`job-PACK`, and for later jobs of the pack, from 2, `job-PACK-NUMBER`."""
+    return f"job-{pack}" if number == 1 else f"job-{pack}-{number}"
+
+
+def read_pack(path: Path) -> Pack:
+    """What `fetch` wrote."""
+    return _ADAPTER.validate_python(json.loads(path.read_text(encoding="utf-8")))
+
+
+_ADAPTER = TypeAdapter(Pack)

@@ -1,0 +1,113 @@
+"""What an agent brings to the bucket: runs that are over, and the jobs that executed them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import time
+from io import BytesIO
+from pathlib import Path
+from uuid import uuid4
+
+from robovast.agent.bucket import Bucket
+from robovast.agent.pack import Pack, PodJob
+from robovast.agent.trees import open_files, store_tree
+from robovast.agent.watch import EndedRun
+from robovast.cluster.storage import PART
+from robovast.execution.job_config import parameter_documents
+from robovast.execution.record import Circumstances, make_record
+from robovast.results.layout import RUN_RECORD
+from robovast.results.verdict import Verdict
+
+RUNTIME = "kubernetes"
+"""As run.json names it."""
+
+SNAPSHOT_INTERVAL = 30.0
+"""How often, at most, the logs of a job that goes on are stored, lest a lost pod takes them [s]."""
+
+_OWN_NAMES = frozenset({RUN_RECORD, "job"})
+"""What a run's folder has beside what the run wrote."""
+
+
+class Results:
+    """Stores what one pod leaves; every method may be called again after a failure.
+
+    Every method raises `StorageError` when the server refuses, or is gone for too long.
+    """
+
+    def __init__(self, bucket: Bucket, pack: Pack) -> None:
+        self._bucket = bucket
+        self._pack = pack
+        self._writer = f"{socket.gethostname()} {uuid4().hex}"
+        self._host = os.environ.get("NODE_NAME") or socket.gethostname()
+        self._names: dict[int, str] = {}
+        self._next_snapshot = 0.0
+
+    def store_run(self, ended: EndedRun) -> Verdict:
+        """Store a run that is over, and remove its folder.
+
+        Returns:
+            The verdict that is stored: that of another pod, when it was faster.
+        """
+        circumstances = Circumstances(
+            campaign=self._pack.campaign,
+            attempt=self._pack.attempt,
+            job=self._name(ended.job),
+            runtime=RUNTIME,
+            image=self._pack.image,
+            image_digest="",
+            host=self._host,
+        )
+        record = make_record(
+            ended.run, ended.result, ended.observed, ended.exit_code, circumstances
+        )
+        verdict = self._store(ended, record.verdict, record.to_json().encode())
+        shutil.rmtree(ended.folder, ignore_errors=True)
+        return verdict
+
+    def _store(self, ended: EndedRun, verdict: Verdict, text: bytes) -> Verdict:
+        name, store, run = self._bucket.name, self._bucket.store, ended.run.path
+        prefix = f"{run}/"
+        key = prefix + RUN_RECORD
+        there = {item.key for item in store.objects(name, prefix)}
+        earlier = self._bucket.record(run) if key in there else None
+        if earlier is not None and earlier.attempt >= self._pack.attempt:
+            return earlier.verdict
+        keys = store_tree(self._bucket, ended.folder, prefix, there=there, skipped=_OWN_NAMES)
+        store.delete(name, there - keys - {key})
+        if key in there:
+            store.put_bytes(name, key, text)
+        elif not store.create(name, key, text):
+            other = self._bucket.record(run)
+            return other.verdict if other is not None else verdict
+        return verdict
+
+    def store_job(self, job: PodJob, folder: Path) -> None:
+        """Store what a job that is over left beside its runs, and remove its folder."""
+        prefix = f"_jobs/{self._name(job)}/"
+        there = {item.key for item in self._bucket.store.objects(self._bucket.name, prefix)}
+        store_tree(self._bucket, folder, prefix, there=there)
+        shutil.rmtree(folder, ignore_errors=True)
+
+    def store_snapshot(self, job: PodJob, folder: Path) -> None:
+        """Store the small files of a job that goes on, now and then."""
+        if time.monotonic() < self._next_snapshot:
+            return
+        prefix = f"_jobs/{self._name(job)}/"
+        for path, file in open_files(folder):
+            with file:
+                content = file.read(PART + 1)
+            if len(content) <= PART:
+                self._bucket.store.put(self._bucket.name, prefix + path, BytesIO(content))
+        self._next_snapshot = time.monotonic() + SNAPSHOT_INTERVAL
+
+    def _name(self, job: PodJob) -> str:
+        """Name of a job in the bucket, claimed when the first of it is stored."""
+        if job.index not in self._names:
+            self._bucket.store.make_bucket(self._bucket.name)
+            documents = parameter_documents(job, self._pack.scenario)
+            content = f"# executed by {self._writer}\n{documents}".encode()
+            first = self._pack.first_job + job.index - 1
+            self._names[job.index] = self._bucket.claim_job(self._pack.number, first, content)
+        return self._names[job.index]

@@ -1,0 +1,112 @@
+#!/usr/bin/env bash
+# In a container of a run's pod: runs the jobs that the agent orders, one after the other. With an
+# argument it is the secondary container of that name. Needs what entrypoint.sh needs.
+#
+# The agent orders by the files order (`run N`, `stop N`, `end`) and heartbeat (changes while the
+# agent lives) beside this script, and reads the answers in $ROBOVAST_OUT_DIR/.job:
+#   lock             held while the main container lives
+#   N.started        job N has begun
+#   N.ended[.NAME]   exit code of job N, of its secondary container NAME
+#   terminated       somebody else told the main container to end
+#
+# Exit code: 0. How a job ended is the agent's to tell.
+
+name=$1
+here=${BASH_SOURCE[0]%/*}
+silence=120 # how long the agent may be silent [s]
+grace=10    # how long a job may take to end when it is told to [s]
+
+word='' number='' job=0 child='' beat='' heard=0 terminated='' held=''
+
+read_order() { read -r word number <"$here/order"; }
+
+agent_lives() {
+    local now=''
+    read -r now <"$here/heartbeat"
+    [[ $now == "$beat" ]] || { beat=$now heard=$SECONDS; }
+    ((SECONDS - heard < silence))
+}
+
+# Sets job; false when there is no other.
+await_job() {
+    while [[ ! $terminated ]]; do
+        read_order
+        [[ $word == end ]] && return 1
+        [[ $word == run ]] && ((number > job)) && job=$number && return
+        agent_lives || return 1
+        sleep 0.1
+    done
+    return 1
+}
+
+# Descriptor 8 is closed for every child: only this shell holds the lock.
+hold_lock() {
+    exec 8>>"$answers/lock" &&
+        { flock 8 || python3 -I -S -c 'import fcntl; fcntl.flock(8, fcntl.LOCK_EX)'; } 2>/dev/null &&
+        held=1
+}
+
+answer() { # WHAT TEXT
+    [[ $name ]] || printf '%s\n' "$2" >"$answers/$1"
+}
+
+enter_job() {
+    exec 8>&-
+    # shellcheck source=/dev/null
+    source "$here/environment.sh"
+    cd "$ROBOVAST_OUT_DIR" || exit
+    [[ $name ]] || exec bash "$here/entrypoint.sh"
+    export CONTAINER_NAME=$name ROS_LOG_DIR=$OUTPUT_DIR/logs/$name
+    exec bash "$here/secondary_entrypoint.sh"
+}
+
+# Ends the job when that is ordered, or when nobody is there to store it.
+watch_orders() {
+    exec 8>&-
+    while sleep 0.5 && read_order && [[ $word == run ]] && ((number == job)) && agent_lives; do
+        :
+    done
+    kill -TERM "$child"
+    sleep "$grace"
+    kill -KILL -- "-$child"
+}
+
+run_job() {
+    local watcher code
+    [[ $held ]] && answer "$job.started" ''
+    set -m # a process group of its own for the job
+    enter_job &
+    child=$!
+    set +m
+    [[ $terminated ]] && kill -TERM "$child"
+    watch_orders &
+    watcher=$!
+    while wait "$child"; code=$?; ((code > 128)) && kill -0 "$child" 2>/dev/null; do :; done
+    child=''
+    kill "$watcher" 2>/dev/null
+    # In a container that is all that the job left behind; elsewhere it is not ours.
+    (($$ == 1)) && kill -KILL -- -1
+    wait "$watcher" 2>/dev/null
+    printf '%s\n' "$code" >"$answers/$job.ended${name:+.$name}"
+}
+
+# shellcheck disable=SC2317  # called by a trap
+terminate() {
+    terminated=1
+    answer terminated ''
+    [[ ! $child ]] || kill -TERM "$child"
+}
+
+main() {
+    local answers
+    trap terminate TERM INT
+    read_order
+    [[ $word == end ]] && exit
+    # shellcheck source=/dev/null
+    answers=$(source "$here/environment.sh" && printf '%s/.job' "$ROBOVAST_OUT_DIR")
+    [[ $name ]] || hold_lock
+    while await_job; do run_job; done
+}
+
+main
+exit 0

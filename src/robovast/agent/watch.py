@@ -1,0 +1,191 @@
+"""Following one job of a pod: each of its runs is handed over as soon as it is over."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from robovast.agent.folders import Folders
+from robovast.agent.orders import RunContainer
+from robovast.agent.pack import PodJob
+from robovast.execution.judge import Ending, judge
+from robovast.execution.progress import is_over, keep_the_rest
+from robovast.plan import Run
+from robovast.results.verdict import TestResult, Verdict, read_test_result
+
+POLL = 0.1
+"""How often a job is looked at [s]."""
+START_PATIENCE = 300.0
+"""How long the container of a run may take to start: its image is there already [s]."""
+STOP_PATIENCE = 30.0
+"""How long a job may take to end when that was ordered, and its secondary containers [s]."""
+KILL_DELAY = 2.0
+"""Who kills a whole pod kills the agent in this time; then it judges nothing [s]."""
+KILLED = 137
+"""Exit code of a container that was killed, as by the kernel when memory runs out."""
+
+_NOT_OUTPUT = frozenset({".job", ".running", "_jobs"})
+
+
+@dataclass(frozen=True)
+class EndedRun:
+    """A run that is over, out of its job's sight."""
+
+    job: PodJob
+    run: Run
+    folder: Path
+    """What it wrote; need not exist."""
+    result: TestResult
+    observed: tuple[float, float]
+    """When it was seen to start and to end [s since the epoch]."""
+    exit_code: int | None
+    """Of its process; None when that goes on with other runs."""
+
+
+class Receiver(Protocol):
+    """Takes what a job leaves."""
+
+    def run_over(self, ended: EndedRun) -> None:
+        """A run is over, its job goes on."""
+
+    def job_over(self, job: PodJob, folder: Path, last: EndedRun | None) -> None:
+        """A job is over: what it left beside its runs, and the run that was its last."""
+
+    def check(self) -> None:
+        """Raise what went wrong with what was received."""
+
+
+class JobWatch:
+    """Follows one job from its order to its end."""
+
+    def __init__(
+        self,
+        folders: Folders,
+        job: PodJob,
+        timeout: int | None,
+        secondaries: tuple[str, ...],
+        receiver: Receiver,
+        is_stopping: Callable[[], bool],
+    ) -> None:
+        self._folders = folders
+        self._container = RunContainer(folders)
+        self._job = job
+        self._timeout = timeout
+        self._secondaries = secondaries
+        self._receiver = receiver
+        self._is_stopping = is_stopping
+        self._own = folders.out / "_jobs" / job.name
+        self._current = 0
+        """Index of the run that is being executed."""
+        self._since: float | None = None
+        """When it began [s since the epoch]."""
+
+    def follow(self) -> tuple[Run, ...] | None:
+        """Follow the job to its end; returns the runs that it never came to.
+
+        None when this pod cannot go on.
+        """
+        ending = self._wait()
+        if ending is None:
+            return None
+        if not ending.from_outside:
+            self._advance()
+        self._wait_for(lambda: self._container.all_ended(self._job.index, self._secondaries))
+        self._finish(ending)
+        left = self._job.runs[self._current :]
+        return None if left and self._container.exit_code(self._job.index) is None else left
+
+    def _wait(self) -> Ending | None:
+        """How the job ended; None when the pod is told to end, or its run never starts."""
+        give_up = time.monotonic() + START_PATIENCE
+        while True:
+            self._receiver.check()
+            self._advance()
+            ending = self._ending()
+            if self._is_interrupted():
+                self._advance()
+                return None
+            if ending is not None:
+                return ending
+            if self._since is None and time.monotonic() > give_up:
+                return None
+            time.sleep(POLL)
+
+    def _ending(self) -> Ending | None:
+        number, container = self._job.index, self._container
+        if self._since is None:
+            self._since = container.started(number)
+        code = container.exit_code(number)
+        if code is not None:
+            return Ending(code)
+        if container.is_gone(number):
+            time.sleep(KILL_DELAY)
+            return Ending(KILLED)
+        if self._is_overdue():
+            container.stop(number)
+            self._wait_for(lambda: container.exit_code(number) is not None)
+            return Ending(container.exit_code(number), timed_out=True)
+        return None
+
+    def _is_overdue(self) -> bool:
+        if self._timeout is None or self._since is None:
+            return False
+        return time.time() - self._since > self._timeout
+
+    def _wait_for(self, condition: Callable[[], bool]) -> None:
+        give_up = time.monotonic() + STOP_PATIENCE
+        while not condition() and not self._is_interrupted() and time.monotonic() < give_up:
+            time.sleep(POLL)
+
+    def _is_interrupted(self) -> bool:
+        return self._is_stopping() or self._container.is_terminated()
+
+    def _advance(self) -> None:
+        """Hand over the runs that are over; the last one is left to the job's end."""
+        runs = self._job.runs
+        while self._current < len(runs) - 1:
+            if not is_over(runs, self._current, self._folders.out, self._own):
+                return
+            result = read_test_result(self._folder(runs[self._current]))
+            # Who tells a pod to end says so before its run can write what comes of that.
+            if self._is_interrupted() and result.verdict is not Verdict.PASSED:
+                return
+            self._receiver.run_over(self._take(result, None))
+            self._current += 1
+            self._since = time.time()
+
+    def _finish(self, ending: Ending) -> None:
+        """Hand over the current run, when it has begun, and what the job left beside its runs."""
+        run = self._job.runs[self._current]
+        last = None
+        if self._current == 0 or self._folder(run).is_dir():
+            result = read_test_result(self._folder(run))
+            last = self._take(judge(result, ending, self._timeout, self._log()), ending.exit_code)
+            self._current += 1
+        keep_the_rest(self._folders.out, self._own, but=_NOT_OUTPUT)
+        kept = self._folders.stored / self._job.name / "_job"
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        self._own.rename(kept)
+        self._receiver.job_over(self._job, kept, last)
+
+    def _take(self, result: TestResult, exit_code: int | None) -> EndedRun:
+        """Move the current run to where no other run reaches it."""
+        run = self._job.runs[self._current]
+        target = self._folders.stored / self._job.name / run.path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if self._folder(run).is_dir():
+            os.rename(self._folder(run), target)
+        now = time.time()
+        return EndedRun(self._job, run, target, result, (self._since or now, now), exit_code)
+
+    def _folder(self, run: Run) -> Path:
+        return self._folders.out / run.path
+
+    def _log(self) -> Path:
+        """The job's log, unless the job made it a link to something that is not its own."""
+        log = self._own / "logs" / "system.log"
+        return log if log.resolve() == log.parent.resolve() / log.name else Path(os.devnull)

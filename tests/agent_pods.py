@@ -1,0 +1,211 @@
+"""Pods of a campaign as plain processes: fetch, then start.sh beside the agent, and a real S3."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from itertools import count
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from uuid import uuid4
+
+from robovast_testbed.s3 import Server
+
+from robovast.cluster.endpoint import Credentials, Endpoint
+from robovast.cluster.names import bucket_name
+from robovast.cluster.plan import CampaignPlan, Entry, PlanSpec, first_blocks, format_breaks
+from robovast.cluster.storage import ObjectStore
+from robovast.document import load_document
+from robovast.execution.local.process_environment import process_environment
+from robovast.expansion import compose, select_any
+from robovast.plan import breaks
+
+MARKER = "ROBOVAST_TEST_POD"
+
+
+def eventually(condition: Callable[[], object], seconds: float = 30) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen in time"
+        time.sleep(0.05)
+
+
+def pids_of(work: Path) -> Iterator[int]:
+    """The processes of a pod."""
+    mark = f"{MARKER}={work}\0".encode()
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        with contextlib.suppress(OSError):
+            if mark in path.read_bytes():
+                yield int(path.parent.name)
+
+
+@dataclass
+class Campaign:
+    """A campaign whose plan and files are mounted, as the operator would do it."""
+
+    root: Path
+    vast: Path
+    server: Server
+    given: dict[str, Any] = field(default_factory=dict)
+    """Further values of the plan."""
+
+    def __post_init__(self) -> None:
+        self.name = f"test-{uuid4().hex[:8]}-2026-01-02-030405"
+        self.bucket = bucket_name(self.name)
+        document = load_document(self.vast)
+        select = self.given.get("select", ())
+        with TemporaryDirectory() as scratch:
+            variants = select_any(compose(document, Path(scratch)).variants, select)
+            cuts = format_breaks(breaks(variants))
+        names = dict.fromkeys(variant.entry for variant in variants)
+        entries = tuple(
+            Entry(name=name, variants=sum(v.entry == name for v in variants)) for name in names
+        )
+        runs = self.given.pop("runs", document.vast.execution.runs)
+        self.plan = CampaignPlan(
+            campaign=self.name,
+            bucket=self.bucket,
+            endpoint=f"http://{self.server.endpoint}",
+            document=self.vast.name,
+            **{"expansion": "pure", **self.given},
+            runs=runs,
+            image="registry/image:tag",
+            entries=entries,
+            plan=PlanSpec(
+                blocks=first_blocks(entries, runs),
+                runs_per_job=document.vast.execution.runs_per_job,
+                breaks=cuts,
+            ),
+        )
+        self._mount()
+        keys = Credentials(self.server.access_key, self.server.secret_key)
+        self.store = ObjectStore(Endpoint.parse(self.plan.endpoint), keys, patience=60)
+
+    def _mount(self) -> None:
+        plan, files, credentials = (self.root / n for n in ("plan", "files", "credentials"))
+        for folder in (plan, credentials):
+            folder.mkdir(parents=True)
+        (plan / "campaign.json").write_text(self.plan.model_dump_json(exclude_none=True))
+        shutil.copy(self.vast, plan / "document.vast")
+        others = shutil.ignore_patterns(self.vast.name)
+        shutil.copytree(self.vast.parent, files / "..data", ignore=others)
+        for path in (files / "..data").iterdir():  # as Kubernetes mounts a ConfigMap
+            (files / path.name).symlink_to(Path("..data") / path.name)
+        (credentials / "accessKey").write_text(self.server.access_key)
+        (credentials / "secretKey").write_text(self.server.secret_key)
+
+    def close(self) -> None:
+        """Leave no process and no bucket."""
+        for work in self.root.glob("pod-*"):
+            for pid in pids_of(work):
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+        self.store.delete_bucket(self.bucket)
+
+    def objects(self, prefix: str = "") -> list[str]:
+        return [item.key for item in self.store.objects(self.bucket, prefix)]
+
+    def read(self, key: str) -> str:
+        content = self.store.read(self.bucket, key)
+        assert content is not None, f"{key} is missing"
+        return content.decode()
+
+    def record(self, run: str) -> Any:
+        return json.loads(self.read(f"{run}/run.json"))
+
+    def verdicts(self) -> dict[str, str]:
+        """Verdict by run of everything that is stored."""
+        keys = [key for key in self.objects() if key.endswith("/run.json")]
+        return {
+            key.removesuffix("/run.json"): json.loads(self.read(key))["verdict"] for key in keys
+        }
+
+
+class Pod:
+    """One pod: a work folder, and processes in place of containers."""
+
+    _numbers = count()
+
+    def __init__(self, campaign: Campaign) -> None:
+        self.campaign = campaign
+        self.number = next(self._numbers)
+        self.work = campaign.root / f"pod-{self.number}"
+        self.work.mkdir()
+        self.message_file = self.work / "termination-log"
+        self.message_file.touch()
+        self.processes: list[subprocess.Popen[bytes]] = []
+
+    @property
+    def out(self) -> Path:
+        return self.work / "out"
+
+    def command(self, name: str, *arguments: object) -> subprocess.Popen[bytes]:
+        """Start one of our own containers."""
+        root = self.campaign.root
+        return self._spawn(
+            f"{name}.log",
+            [sys.executable, "-m", "robovast.agent", name, *map(str, arguments)]
+            + [f"--{folder}={root / folder}" for folder in ("plan", "files", "credentials")]
+            + [f"--work={self.work}", f"--message={self.message_file}"]
+            + [f"--config-seen={self.work / 'config'}", f"--out-seen={self.out}"],
+            {},
+        )
+
+    def start_run(self, secondary: str = "") -> subprocess.Popen[bytes]:
+        """Start a container of the user's image."""
+        environment = process_environment(print)
+        return self._spawn(
+            f"start{secondary}.log",
+            ["bash", str(self.work / "config/start.sh"), *filter(None, [secondary])],
+            {"PATH": f"{environment}/bin:{os.environ['PATH']}", "ENABLE_X11": "false"},
+        )
+
+    def _spawn(self, log: str, command: list[str], env: dict[str, str]) -> subprocess.Popen[bytes]:
+        with (self.work / log).open("wb") as output:
+            process = subprocess.Popen(
+                command,
+                env={**os.environ, **env, MARKER: str(self.work)},
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        self.processes.append(process)
+        return process
+
+    def fetch(self, index: int = 0, *arguments: object) -> int:
+        code = self.command("fetch", "--index", index, *arguments).wait(60)
+        self.message_file.rename(self.work / "fetch-message")
+        self.message_file.touch()
+        return code
+
+    def run(self, index: int = 0, *arguments: object, secondaries: tuple[str, ...] = ()) -> int:
+        """A pod from its beginning to its end; returns the agent's exit code."""
+        assert self.fetch(index, *arguments) == 0, self.log("fetch")
+        containers = [self.start_run(name) for name in (*secondaries, "")]
+        code = self.command("agent").wait(120)
+        assert [container.wait(30) for container in containers] == [0] * len(containers)
+        return code
+
+    def log(self, name: str) -> str:
+        return (self.work / f"{name}.log").read_text()
+
+    def message(self) -> Any:
+        return json.loads(self.message_file.read_text())
+
+    def kill(self) -> None:
+        """End everything of the pod at once, as the loss of its node does."""
+        for pid in pids_of(self.work):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        for process in self.processes:
+            process.wait()
