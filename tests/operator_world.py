@@ -1,4 +1,4 @@
-"""A cluster in a few dictionaries: what Jobs do, as far as the operator's decisions depend on it."""
+"""A cluster in a few dictionaries: what Jobs do, as far as decisions depend on it."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ class World:
         self.plan_more()
 
     def look(self, *, dies: str = "") -> Decision:
-        """One look of the operator; it may die `before` its status is written, or `amid` its acts."""
+        """One look of the operator; it may die `before` its status is written, or `amid` acts."""
         self.now += timedelta(seconds=1)
         decision = decide(self.observed())
         acts = decision.actions[:1] if dies == "amid" else decision.actions
