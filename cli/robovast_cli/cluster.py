@@ -1,12 +1,30 @@
 """`vast exec cluster`: campaigns on a Kubernetes cluster."""
 
+from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
-from robovast_cli.cluster_options import Context, Namespace
+from robovast_cli.cluster_options import CampaignName, Context, Namespace
 from robovast_cli.lazy import new_app
 from robovast_cli.local import Debug, LogTree, Runs, Select
+
+Image = Annotated[
+    str | None,
+    typer.Option(
+        "-i", "--image", help="Container image; the file's when omitted.", show_default=False
+    ),
+]
+ConfigOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "-o",
+        "--option",
+        metavar="KEY=VALUE",
+        help="Option of the cluster configuration; may be repeated.",
+        show_default=False,
+    ),
+]
 
 app = new_app("Run on a Kubernetes cluster.", no_args_is_help=True)
 
@@ -21,12 +39,7 @@ def run(
     ctx: typer.Context,
     config: Select = None,
     runs: Runs = None,
-    image: Annotated[
-        str | None,
-        typer.Option(
-            "-i", "--image", help="Container image; the file's when omitted.", show_default=False
-        ),
-    ] = None,
+    image: Image = None,
     detach: Annotated[
         bool, typer.Option("--detach", help="Return as soon as the cluster has the campaign.")
     ] = False,
@@ -102,3 +115,143 @@ def monitor(
     from robovast_cli import cluster_monitor
 
     cluster_monitor.monitor(context, namespace, interval=interval, once=once)
+
+
+@app.command()
+def setup(
+    cluster_config: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="CLUSTER_CONFIG", help="Kind of cluster, as `gcp`.", show_default=False
+        ),
+    ] = None,
+    list_: Annotated[
+        bool, typer.Option("--list", help="List the cluster configurations, and end.")
+    ] = False,
+    option: ConfigOption = None,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "-f", "--force", help="Also when another cluster configuration was used before."
+        ),
+    ] = False,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> None:
+    """Install RoboVAST in the cluster, or renew it; needs Helm."""
+    from robovast_cli import cluster_setup
+
+    if list_ or cluster_config is None:
+        return cluster_setup.list_configs()
+    return cluster_setup.setup(cluster_config, option or [], context, namespace, force=force)
+
+
+@app.command()
+def cleanup(
+    force: Annotated[bool, typer.Option("-f", "--force", help="Also while campaigns run.")] = False,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> None:
+    """Remove RoboVAST from the cluster; needs Helm."""
+    from robovast_cli import cluster_setup
+
+    cluster_setup.cleanup(context, namespace, force=force)
+
+
+@app.command()
+def prepare_setup(
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder.")],
+    cluster_config: Annotated[
+        str,
+        typer.Option("--cluster-config", metavar="NAME", help="Kind of cluster, as `gcp`."),
+    ],
+    option: ConfigOption = None,
+    namespace: Annotated[
+        str, typer.Option("-n", "--namespace", metavar="NAME", help="Where it will be installed.")
+    ] = "default",
+) -> None:
+    """Write the chart, its values and instructions, to set a cluster up by hand."""
+    from robovast_cli import cluster_setup
+
+    cluster_setup.prepare_setup(cluster_config, option or [], out, namespace)
+
+
+@app.command()
+def prepare_run(
+    ctx: typer.Context,
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder.")],
+    config: Select = None,
+    runs: Runs = None,
+    image: Image = None,
+    log_tree: LogTree = False,
+    debug: Debug = False,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> None:
+    """Write the Campaign, and instructions, to run it with kubectl."""
+    from robovast.cluster.submission import SubmitOptions
+    from robovast_cli import cluster_prepare
+
+    options = SubmitOptions(config, runs, image, log_tree, debug, context)
+    cluster_prepare.prepare_run(ctx.obj.document(), options, namespace, out)
+
+
+@app.command()
+def stop(
+    campaign: CampaignName = None, context: Context = None, namespace: Namespace = None
+) -> None:
+    """Stop a campaign: its pods end, what is stored stays, and it can be resumed.
+
+    Runs in progress are not stored; they are executed again after `resume`.
+    """
+    from robovast_cli import cluster_control
+
+    cluster_control.stop(context, namespace, campaign)
+
+
+@app.command()
+def resume(
+    campaign: CampaignName = None, context: Context = None, namespace: Namespace = None
+) -> None:
+    """Let a stopped campaign go on after its last stored run."""
+    from robovast_cli import cluster_control
+
+    cluster_control.resume(context, namespace, campaign)
+
+
+@app.command()
+def retry(
+    campaign: CampaignName = None, context: Context = None, namespace: Namespace = None
+) -> None:
+    """Execute the failed and errored runs of a finished campaign once more."""
+    from robovast_cli import cluster_control
+
+    cluster_control.retry(context, namespace, campaign)
+
+
+@app.command()
+def run_cleanup(
+    campaign: CampaignName = None,
+    data: Annotated[
+        bool, typer.Option("--data", help="Also remove its results from the cluster's storage.")
+    ] = False,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> None:
+    """Remove finished campaigns, or the one that is named, from the cluster; results stay."""
+    from robovast_cli import cluster_control
+
+    cluster_control.run_cleanup(context, namespace, campaign, data=data)
+
+
+@app.command()
+def download_cleanup(
+    campaign: CampaignName = None,
+    yes: Annotated[bool, typer.Option("-f", "--yes", help="Do not ask.")] = False,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> None:
+    """Remove the results of finished campaigns from the cluster's storage."""
+    from robovast_cli import cluster_control
+
+    cluster_control.download_cleanup(context, namespace, campaign, ask=not yes)

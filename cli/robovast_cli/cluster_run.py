@@ -23,7 +23,7 @@ from robovast.document import Document
 from robovast.errors import ExitCode
 from robovast_cli.cluster_remove import remove_finished
 from robovast_cli.cluster_status import CampaignState
-from robovast_cli.cluster_store import installed_store
+from robovast_cli.cluster_store import installed_place, open_store
 from robovast_cli.cluster_view import follow_view
 from robovast_cli.kubernetes import Kubernetes, connect
 from robovast_cli.output import say
@@ -42,7 +42,7 @@ def print_campaign(
     name = campaign_name(document, unique=False)
     submission = prepare_submission(document, options, name, namespace)
     campaign = submission.campaign
-    text = _yaml(campaign) if form == "yaml" else json.dumps(campaign, indent=2) + "\n"
+    text = campaign_yaml(campaign) if form == "yaml" else json.dumps(campaign, indent=2) + "\n"
     sys.stdout.write(text)
     if submission.archive:
         _warn_of_archive(submission)
@@ -134,7 +134,8 @@ def _upload(kube: Kubernetes, submission: Submission) -> None:
     archive = submission.archive
     assert archive is not None  # noqa: S101  # the caller looked
     say(f"Uploading the document's files ({len(archive.content) / 1e6:.1f} MB) …")
-    with installed_store(kube) as store:
+    known = [CampaignState(item) for item in kube.campaigns()]
+    with open_store(kube, installed_place(kube, known)) as store:
         store.make_bucket(BUNDLES_BUCKET)
         store.put_bytes(BUNDLES_BUCKET, archive.key, archive.content)
 
@@ -152,7 +153,8 @@ def _text(dumper: yaml.SafeDumper, value: str) -> yaml.ScalarNode:
 _Dumper.add_representer(str, _text)
 
 
-def _yaml(campaign: dict[str, Any]) -> str:
+def campaign_yaml(campaign: dict[str, Any]) -> str:
+    """A Campaign as YAML in which its files can be read."""
     text: str = yaml.dump(
         campaign, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=2**31 - 1
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
@@ -10,7 +10,7 @@ from typing import Any
 
 from robovast.cluster.resources import Storage
 from robovast.cluster.status import CampaignStatus, Condition
-from robovast.errors import ExitCode
+from robovast.errors import ExitCode, InputError
 
 _TROUBLE = {"Accepted": "False", "Succeeded": "False", "Stalled": "True"}
 """Conditions, and their status, whose message a person wants to read."""
@@ -133,6 +133,26 @@ class CampaignState:
 
     def _is(self, kind: str, status: str) -> bool:
         return any(c.type == kind and c.status == status for c in self.status.conditions)
+
+
+def lookup(known: Iterable[CampaignState], name: str) -> CampaignState | None:
+    """The campaign of a name, or of the name of its results folder; None when there is none."""
+    return next((c for c in known if name in {c.name, c.status.campaign}), None)
+
+
+def find_campaign(known: Sequence[CampaignState], name: str, namespace: str) -> CampaignState:
+    """The campaign of a name, or of the name of its results folder.
+
+    Raises:
+        InputError: there is none.
+    """
+    found = lookup(known, name)
+    if found is None:
+        names = ", ".join(campaign.name for campaign in known) or "none"
+        raise InputError(
+            f"there is no campaign `{name}` in the namespace {namespace}; it has {names}."
+        )
+    return found
 
 
 def _waits(condition: Condition) -> bool:

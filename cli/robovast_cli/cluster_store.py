@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -44,12 +44,19 @@ def place_of(campaign: CampaignState) -> StorePlace:
     return StorePlace(endpoint, storage.region, storage.secret_name)
 
 
-@contextmanager
-def installed_store(kube: Kubernetes) -> Iterator[ObjectStore]:
-    """The store that campaigns of the namespace use when they name none."""
-    endpoint = os.environ.get(ENDPOINT) or _installed_endpoint(kube)
-    with open_store(kube, StorePlace(endpoint)) as store:
-        yield store
+def installed_place(kube: Kubernetes, known: Sequence[CampaignState]) -> StorePlace:
+    """The store of campaigns that name none: as the Secret notes it, else as a campaign has it.
+
+    Its endpoint is empty when nobody tells.
+    """
+    try:
+        data = (kube.secret(CREDENTIALS_SECRET) or {}).get("data") or {}
+    except CannotRunError:
+        data = {}
+    told = [_decoded(data[key]) if key in data else "" for key in ("endpoint", "region")]
+    seen = (campaign.status.endpoint for campaign in reversed(known))
+    endpoint = os.environ.get(ENDPOINT) or told[0] or next(filter(None, seen), "")
+    return StorePlace(endpoint, told[1] or None)
 
 
 @contextmanager
@@ -100,18 +107,6 @@ def _keys(kube: Kubernetes, secret: str) -> tuple[str, str]:
             f"namespace {kube.namespace}, so nothing opens its S3 server. {remedy}"
         ) from None
     return access, hidden
-
-
-def _installed_endpoint(kube: Kubernetes) -> str:
-    """The endpoint that the Secret notes beside its keys, else that of an earlier campaign."""
-    try:
-        data = (kube.secret(CREDENTIALS_SECRET) or {}).get("data") or {}
-    except CannotRunError:
-        data = {}
-    if "endpoint" in data:
-        return _decoded(data["endpoint"])
-    known = [CampaignState(item).status.endpoint for item in kube.campaigns()]
-    return next(filter(None, reversed(known)), "")
 
 
 def _decoded(value: str) -> str:

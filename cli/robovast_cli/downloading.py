@@ -4,19 +4,30 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
+from robovast.cluster.names import bucket_name
 from robovast.common.progress import fmt_size
 from robovast.errors import CannotRunError, InputError
-from robovast.results.download import DownloadObserver, DownloadResult, download_campaign
-from robovast_cli.cluster_status import CampaignState
-from robovast_cli.cluster_store import open_store, place_of
+from robovast.results.download import DownloadObserver, DownloadResult, Silent, download_campaign
+from robovast_cli.cluster_status import CampaignState, find_campaign, lookup
+from robovast_cli.cluster_store import StorePlace, installed_place, open_store, place_of
 from robovast_cli.kubernetes import Kubernetes, connect
 from robovast_cli.output import say
 from robovast_cli.workspace import shown
+
+
+@dataclass(frozen=True)
+class Results:
+    """Results of a campaign in a store."""
+
+    name: str
+    """Name of the results folder."""
+    bucket: str
+    place: StorePlace
 
 
 def download_campaigns(
@@ -27,49 +38,57 @@ def download_campaigns(
     *,
     force: bool,
 ) -> None:
-    """Fetch the named campaigns of a namespace, or all."""
-    with connect(context, namespace) as kube:
-        for campaign in _chosen(kube, names):
-            _download(kube, campaign, output, force=force)
+    """Fetch the named campaigns of a namespace, or all.
 
-
-def _chosen(kube: Kubernetes, names: Sequence[str]) -> list[CampaignState]:
-    known = [CampaignState(item) for item in kube.campaigns()]
-    if names:
-        return [find_campaign(known, name, kube.namespace) for name in names]
-    if not known:
-        raise InputError(
-            f"there are no campaigns in the namespace {kube.namespace}. `--namespace` chooses "
-            "another one."
-        )
-    return [campaign for campaign in known if campaign.status.bucket]
-
-
-def find_campaign(known: Sequence[CampaignState], name: str, namespace: str) -> CampaignState:
-    """The campaign of a name, or of the name of its results folder.
-
-    Raises:
-        InputError: there is none.
+    Args:
+        context: of the kubeconfig; the current one when None.
+        namespace: the context's when None.
+        names: of Campaigns or results folders; none means all Campaigns.
+        output: folder for the campaigns' folders.
+        force: fetch also what is here.
     """
-    for campaign in known:
-        if name in {campaign.name, campaign.status.campaign}:
-            return campaign
-    names = ", ".join(campaign.name for campaign in known) or "none"
-    raise InputError(f"there is no campaign `{name}` in the namespace {namespace}; it has {names}.")
+    with connect(context, namespace) as kube:
+        known = [CampaignState(item) for item in kube.campaigns()]
+        chosen = [_results(kube, known, name) for name in names] if names else _all(kube, known)
+        for results in chosen:
+            _download(kube, results, output, force=force)
 
 
-def _download(kube: Kubernetes, campaign: CampaignState, output: Path, *, force: bool) -> None:
-    if not campaign.status.bucket:
+def _all(kube: Kubernetes, known: Sequence[CampaignState]) -> list[Results]:
+    stored = [campaign for campaign in known if campaign.status.bucket]
+    if not stored:
+        raise InputError(
+            f"no campaign in the namespace {kube.namespace} has results. `--namespace` chooses "
+            "another one, `--campaign` also finds results whose Campaign was removed."
+        )
+    return [_results_of(campaign) for campaign in stored]
+
+
+def _results(kube: Kubernetes, known: Sequence[CampaignState], name: str) -> Results:
+    """Results by name, also those whose Campaign was removed."""
+    place = installed_place(kube, known)
+    if lookup(known, name) is None and place.endpoint:
+        bucket = bucket_name(name)
+        with open_store(kube, place) as store:
+            if bucket in store.buckets():
+                return Results(name, bucket, place)
+    return _results_of(find_campaign(known, name, kube.namespace))
+
+
+def _results_of(campaign: CampaignState) -> Results:
+    status = campaign.status
+    if not status.bucket:
         raise CannotRunError(
             f"{campaign.name}: nothing is stored yet. `vast exec cluster monitor` shows how far "
             "it is."
         )
-    folder = output / campaign.status.campaign
-    with (
-        open_store(kube, place_of(campaign)) as store,
-        _view(campaign.status.campaign) as view,
-    ):
-        result = download_campaign(store, campaign.status.bucket, folder, view, force=force)
+    return Results(status.campaign or campaign.name, status.bucket, place_of(campaign))
+
+
+def _download(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> None:
+    folder = output / results.name
+    with open_store(kube, results.place) as store, _view(results.name) as view:
+        result = download_campaign(store, results.bucket, folder, view, force=force)
     for line in _summary(result):
         say(line)
 
@@ -83,31 +102,7 @@ def _summary(result: DownloadResult) -> Iterator[str]:
 
 
 def _view(title: str) -> AbstractContextManager[DownloadObserver]:
-    return _bar(title) if sys.stdout.isatty() else Silent()
-
-
-class Silent:
-    """Shows nothing."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        at: TracebackType | None,
-    ) -> None:
-        """Nothing to end."""
-
-    def planned(self, files: int, size: int) -> None:
-        """Say nothing."""
-
-    def received(self, size: int) -> None:
-        """Say nothing."""
-
-    def file_finished(self) -> None:
-        """Say nothing."""
+    return _bar(title) if sys.stdout.isatty() else nullcontext(Silent())
 
 
 @contextmanager

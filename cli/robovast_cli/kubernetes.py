@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import tempfile
-import warnings
 from collections.abc import Callable, Coroutine, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -22,6 +21,9 @@ PATIENCE = 20.0
 """How long an API server may take to answer [s]."""
 
 Json = dict[str, Any]
+
+_CONTENT = {"PATCH": "merge-patch+json", "APPLY": "apply-patch+yaml"}
+"""What a request's body is, where it is no plain object."""
 
 
 class Kubernetes:
@@ -64,6 +66,23 @@ class Kubernetes:
         """Delete a Campaign; it disappears after everything that was made for it."""
         options = {"propagationPolicy": "Foreground"}
         self._call("DELETE", f"campaigns/{quote(name)}", API_VERSION, body=options)
+
+    def has_group(self, group: str) -> bool:
+        """True when the server knows resources of an API group."""
+        groups = self._call("GET", "", "", namespace="")["groups"]
+        return any(item["name"] == group for item in groups)
+
+    def apply_crd(self, crd: Json) -> None:
+        """Create or renew a CustomResourceDefinition."""
+        name = quote(crd["metadata"]["name"])
+        self._call(
+            "APPLY",
+            f"customresourcedefinitions/{name}",
+            "apiextensions.k8s.io/v1",
+            namespace="",
+            body=crd,
+            params={"fieldManager": "vast", "force": "true"},
+        )
 
     def secret(self, name: str) -> Json | None:
         """A Secret; None when there is none of this name."""
@@ -126,14 +145,14 @@ class Kubernetes:
         params: Mapping[str, str] | None = None,
     ) -> Json:
         async def call() -> Json:
-            kind = "merge-patch+json" if method == "PATCH" else "json"
             async with self._api.call_api(
-                method,
+                "PATCH" if method == "APPLY" else method,
                 version=version,
-                namespace=namespace or self.namespace,
+                base="" if version else "/apis",
+                namespace=self.namespace if namespace is None else namespace,
                 url=url,
                 content=None if body is None else json.dumps(body),
-                headers={"content-type": f"application/{kind}"},
+                headers={"content-type": f"application/{_CONTENT.get(method, 'json')}"},
                 params=params,
             ) as response:
                 answer: Json = response.json()
@@ -161,27 +180,34 @@ def connect(context: str | None = None, namespace: str | None = None) -> Iterato
         CannotRunError: there is no such context, or the server cannot be reached.
     """
     with cluster_extra():
-        import kr8s
         from anyio.from_thread import start_blocking_portal
-    with _no_keys_left_behind(), start_blocking_portal() as portal, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # kr8s warns of every Kubernetes that is younger than it
+        from kr8s.asyncio import Api
+    with _no_keys_left_behind(), start_blocking_portal() as portal:
 
-        async def log_in() -> Any:
-            from anyio import fail_after
-
-            with fail_after(PATIENCE):
-                made = await kr8s.asyncio.api(context=context, namespace=namespace)
+        async def log_in() -> Api:
+            # kr8s's own factory also asks for the server's version, and warns of younger ones.
+            made = Api(bypass_factory=True, context=context, namespace=namespace)
+            await made.auth
             made.timeout = PATIENCE
             return made
 
         try:
             api = portal.call(log_in)
         except Exception as error:
-            raise _explained(error, _where(context, "")) from error
+            raise CannotRunError(
+                f"{_where(context, '')}: no login: {error or type(error).__name__}. `kubectl "
+                "config get-contexts` shows the contexts of your kubeconfig ($KUBECONFIG, else "
+                "~/.kube/config)."
+            ) from error
         try:
             yield Kubernetes(api, portal, namespace)
         finally:
-            portal.call(api._session.aclose)  # kr8s itself never closes it
+            portal.call(_close, api)
+
+
+async def _close(api: Any) -> None:
+    if api._session is not None:  # kr8s itself never closes it
+        await api._session.aclose()
 
 
 @contextmanager
@@ -227,10 +253,7 @@ def _explained(error: Exception, where: str) -> RobovastError:
         return refusal(error.response.status_code, _status(error.response), where)
     if isinstance(error, httpx.TransportError | kr8s.APITimeoutError | OSError):
         return unreachable(str(error) or type(error).__name__, where)
-    return CannotRunError(
-        f"{where}: no login: {error or type(error).__name__}. `kubectl config get-contexts` shows "
-        "the contexts of your kubeconfig ($KUBECONFIG, else ~/.kube/config)."
-    )
+    return CannotRunError(f"{where}: {type(error).__name__}: {error}")
 
 
 def _status(response: Any) -> Json:

@@ -12,6 +12,10 @@ class NotFoundError(CannotRunError):
     """There is no such object."""
 
 
+class NotInstalledError(CannotRunError):
+    """The cluster does not know RoboVAST's resources."""
+
+
 class ConflictError(CannotRunError):
     """There is such an object already, or it has changed meanwhile."""
 
@@ -42,7 +46,7 @@ def refusal(code: int, status: Mapping[str, Any], where: str) -> RobovastError:
             "with a RoleBinding in this namespace; `--namespace` chooses another one."
         )
     if code == 404 and not status.get("details", {}).get("name"):
-        return CannotRunError(
+        return NotInstalledError(
             f"RoboVAST is not installed in this cluster ({where}): it knows no Campaigns. Install "
             "it with `vast exec cluster setup CLUSTER_CONFIG`; `--list` shows the cluster "
             "configurations."

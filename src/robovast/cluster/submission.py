@@ -16,6 +16,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from pydantic import ValidationError
+
 from robovast.cluster.names import CAMPAIGN_NAME_LIMIT
 from robovast.cluster.resources import (
     API_VERSION,
@@ -107,7 +109,8 @@ def prepare_submission(
         namespace: of the Campaign; left open when None.
 
     Raises:
-        InputError: a variation type cannot say which files it reads, or a file cannot be read.
+        InputError: a variation type cannot say which files it reads, a file cannot be read, or a
+            Campaign cannot hold an option's value.
     """
     files = _read(document.folder, input_files(document))
     vast = json.loads(json.dumps(document.source.data, default=str))
@@ -244,10 +247,14 @@ def _spec(
         "queue_name": options.queue,
         "options": " ".join(flag for flag, on in flags.items() if on),
     }
-    spec = CampaignSpec(
-        vast=vast,
-        document=document.path.name if re.fullmatch(_FILE_NAME, document.path.name) else None,
-        source=source,
-        **{key: value for key, value in given.items() if value},
-    )
+    try:
+        spec = CampaignSpec(
+            vast=vast,
+            document=document.path.name if re.fullmatch(_FILE_NAME, document.path.name) else None,
+            source=source,
+            **{key: value for key, value in given.items() if value},
+        )
+    except ValidationError as error:
+        wrong = (f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+        raise InputError(f"no Campaign can be made of it: {'; '.join(wrong)}.") from None
     return spec.model_dump(by_alias=True, exclude_defaults=True, mode="json")

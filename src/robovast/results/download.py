@@ -47,6 +47,19 @@ class DownloadObserver(Protocol):
         """One file more is here."""
 
 
+class Silent:
+    """Tells nobody."""
+
+    def planned(self, files: int, size: int) -> None:
+        """Say nothing."""
+
+    def received(self, size: int) -> None:
+        """Say nothing."""
+
+    def file_finished(self) -> None:
+        """Say nothing."""
+
+
 @dataclass(frozen=True)
 class RunObjects:
     """The objects of one run that is stored."""

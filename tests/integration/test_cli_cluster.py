@@ -1,0 +1,487 @@
+"""`vast exec cluster` against a real API server and real object stores.
+
+There is no operator here: the tests write the status that it would.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import pytest
+import yaml
+from robovast_testbed.kubernetes import Cluster
+from robovast_testbed.s3 import Server
+
+from robovast.cluster.endpoint import Credentials, Endpoint
+from robovast.cluster.storage import ObjectStore
+from robovast.errors import InputError
+from robovast_cli import cluster_run
+from robovast_cli.kubernetes import connect
+from robovast_cli.main import command
+
+ROOT = Path(__file__).parents[2]
+GROWTH = ROOT / "configs/examples/growth_sim/growth_sim.vast"
+VAST = Path(sys.executable).with_name("vast")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    code: int
+    out: str
+    err: str
+
+
+Vast = Callable[..., Outcome]
+
+
+@pytest.fixture(scope="module")
+def known_cluster(control_plane: Cluster) -> Cluster:
+    """A cluster that knows Campaigns."""
+    control_plane.kubectl("apply", "--server-side", f"--filename={ROOT / 'crds'}")
+    control_plane.kubectl(
+        "wait", "--for=condition=Established", "crd/campaigns.robovast.io", "--timeout=20s"
+    )
+    return control_plane
+
+
+@pytest.fixture
+def namespace(known_cluster: Cluster) -> str:
+    name = f"test-{uuid4().hex[:8]}"
+    known_cluster.kubectl("create", "namespace", name)
+    return name
+
+
+@pytest.fixture
+def vast(
+    known_cluster: Cluster,
+    namespace: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> Vast:
+    """Call `vast exec cluster` in a namespace of the test's own."""
+    monkeypatch.setenv("KUBECONFIG", str(known_cluster.kubeconfig))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cluster_run, "INTERVAL", 0.1)
+
+    def call(*arguments: object, group: tuple[str, ...] = ("exec", "cluster")) -> Outcome:
+        words = ["-V", GROWTH, *group, *arguments, "--namespace", namespace]
+        with pytest.raises(SystemExit) as caught:
+            command().main(args=list(map(str, words)), prog_name="vast")
+        captured = capsys.readouterr()
+        return Outcome(int(caught.value.code or 0), captured.out, captured.err)
+
+    return call
+
+
+class Operator:
+    """Writes what the operator would."""
+
+    def __init__(self, cluster: Cluster, namespace: str) -> None:
+        self._cluster = cluster
+        self._in = f"--namespace={namespace}"
+
+    def names(self) -> list[str]:
+        items: Any = self._cluster.get("campaigns", self._in)["items"]
+        return [item["metadata"]["name"] for item in items]
+
+    def spec(self, name: str) -> dict[str, Any]:
+        found: Any = self._cluster.get("campaign", name, self._in)
+        return dict(found["spec"])
+
+    def report(self, name: str, **status: Any) -> None:
+        runs = {"total": 26, "active": 0, "passed": 0, "failed": 0, "errored": 0, "stored": 0}
+        patch = {"observedGeneration": 99, "state": "Running", **status}
+        patch["runs"] = runs | status.get("runs", {})
+        self._cluster.kubectl(
+            *("patch", "campaign", name, self._in, "--subresource=status", "--type=merge"),
+            f"--patch={json.dumps({'status': patch})}",
+        )
+
+    def soon(self, *reports: dict[str, Any]) -> threading.Thread:
+        """Report on the first campaign that appears, one report after the other."""
+
+        def run() -> None:
+            while not (names := self.names()):
+                time.sleep(0.1)
+            for report in reports:
+                self.report(names[0], **report)
+                time.sleep(0.4)
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        return thread
+
+
+@pytest.fixture
+def operator(known_cluster: Cluster, namespace: str) -> Operator:
+    return Operator(known_cluster, namespace)
+
+
+def condition(kind: str, status: str, reason: str, message: str) -> dict[str, Any]:
+    return {
+        "type": kind,
+        "status": status,
+        "reason": reason,
+        "message": message,
+        "observedGeneration": 1,
+        "lastTransitionTime": "2026-01-01T00:00:00Z",
+    }
+
+
+def test_what_a_dry_run_prints_is_what_kubectl_applies(
+    vast: Vast, known_cluster: Cluster, namespace: str, operator: Operator
+) -> None:
+    printed = vast("run", "--dry-run", "-c", "sweep-*", "-r", 3, "-t", "-d", "--queue", "q")
+    assert (printed.code, printed.err) == (0, "")
+    known_cluster.kubectl("apply", "--filename=-", stdin=printed.out)
+    spec = operator.spec("growth-sim")
+    assert spec["vast"] == yaml.safe_load(GROWTH.read_text())
+    assert spec["source"]["inline"]["files"] == {
+        name: (GROWTH.parent / name).read_text() for name in ("scenario.osc", "files/growth_sim.py")
+    }
+    assert {key: spec[key] for key in ("select", "runs", "options", "queueName", "document")} == {
+        "select": ["sweep-*"],
+        "runs": 3,
+        "options": "-t -d",
+        "queueName": "q",
+        "document": "growth_sim.vast",
+    }
+    as_json = vast("run", "--dry-run", "-o", "json", "-c", "sweep-*")
+    assert json.loads(as_json.out)["spec"]["vast"] == spec["vast"]
+
+
+def test_a_detached_run_names_the_campaign_and_what_can_be_done_with_it(
+    vast: Vast, operator: Operator
+) -> None:
+    first, second = vast("run", "--detach"), vast("run", "--detach")
+    assert first.code == second.code == 0
+    names = operator.names()
+    assert len(names) == 2
+    assert {outcome.out.split()[1] for outcome in (first, second)} == set(names)
+    assert "vast results download -i growth-sim-" in first.out
+
+
+@pytest.mark.parametrize(
+    ("runs", "state", "conditions", "code", "said"),
+    [
+        ({"passed": 26}, "Finished", [], 0, "26 of 26 done: 26 passed."),
+        ({"passed": 24, "failed": 1, "errored": 1}, "Finished", [], 1, "not passed: sweep-1-1/0"),
+        ({"passed": 25, "errored": 1}, "Finished", [], 4, "1 errored"),
+        (
+            {"total": 0},
+            "Failed",
+            [condition("Succeeded", "False", "Incompatible", "image has version 1, not 2")],
+            3,
+            "image has version 1, not 2",
+        ),
+        (
+            {"total": 0},
+            "Failed",
+            [condition("Accepted", "False", "Invalid", "no configuration matches `x`")],
+            2,
+            "no configuration matches `x`",
+        ),
+    ],
+)
+def test_a_followed_run_ends_with_the_exit_code_of_a_local_one(
+    vast: Vast,
+    operator: Operator,
+    runs: dict[str, int],
+    state: str,
+    conditions: list[dict[str, Any]],
+    code: int,
+    said: str,
+) -> None:
+    bad = runs.get("failed", 0) + runs.get("errored", 0)
+    failing = ["sweep-1-1/0"] if bad else []
+    thread = operator.soon(
+        {"runs": {"passed": 3, "active": 4}},
+        {"runs": runs, "state": state, "conditions": conditions, "failing": failing},
+    )
+    outcome = vast("run")
+    thread.join()
+    assert (outcome.code, outcome.err) == (code, "")
+    assert said in outcome.out
+
+
+def test_ctrl_c_ends_only_the_following(
+    known_cluster: Cluster, namespace: str, operator: Operator, tmp_path: Path
+) -> None:
+    process = subprocess.Popen(
+        [VAST, "-V", GROWTH, "exec", "cluster", "run", "-n", namespace],
+        env={"KUBECONFIG": str(known_cluster.kubeconfig), "PATH": "/usr/bin:/bin"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert "is in the cluster" in process.stdout.readline()
+    process.stdout.readline()  # it follows
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=20)
+    assert (process.returncode, err) == (130, "")
+    (name,) = operator.names()
+    assert f"the campaign {name} goes on" in out
+    assert f"vast exec cluster stop -i {name}" in out
+
+
+def test_an_option_that_no_campaign_can_hold_creates_nothing(
+    vast: Vast, operator: Operator
+) -> None:
+    outcome = vast("run", "--detach", "--parallelism", 100_000)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert "parallelism: " in outcome.err
+    assert operator.names() == []
+
+
+def test_what_the_api_server_refuses_has_a_line_for_each_field(
+    known_cluster: Cluster, namespace: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("KUBECONFIG", str(known_cluster.kubeconfig))
+    document = yaml.safe_load(GROWTH.read_text())
+    document["execution"]["runs"] = "many"
+    campaign = {
+        "apiVersion": "robovast.io/v1alpha1",
+        "kind": "Campaign",
+        "metadata": {"name": "bad"},
+        "spec": {"vast": document, "parallelism": 0},
+    }
+    with connect(namespace=namespace) as kube, pytest.raises(InputError) as caught:
+        kube.create_campaign(campaign)
+    lines = str(caught.value).splitlines()
+    assert lines[0].endswith("refuses the Campaign `bad`:")
+    assert {line.strip().partition(":")[0] for line in lines[1:]} >= {
+        "execution.runs",
+        "spec.parallelism",
+    }
+
+
+def test_who_may_not_is_told_what_is_missing(
+    vast: Vast, known_cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    token = known_cluster.kubectl("create", "token", "default", "--namespace=default").strip()
+    config = json.loads(known_cluster.kubeconfig.read_text())
+    config["users"][0]["user"] = {"token": token}
+    (tmp_path / "poor.kubeconfig").write_text(json.dumps(config))
+    monkeypatch.setenv("KUBECONFIG", str(tmp_path / "poor.kubeconfig"))
+    outcome = vast("run", "--detach")
+    assert outcome.code == 3
+    assert "does not allow it" in outcome.err
+    assert 'cannot create resource "campaigns"' in outcome.err
+    assert token not in outcome.err
+
+
+def test_an_api_server_that_is_not_there_is_named(
+    vast: Vast, known_cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = json.loads(known_cluster.kubeconfig.read_text())
+    config["clusters"][0]["cluster"]["server"] = "https://127.0.0.1:1"
+    (tmp_path / "gone.kubeconfig").write_text(json.dumps(config))
+    monkeypatch.setenv("KUBECONFIG", str(tmp_path / "gone.kubeconfig"))
+    outcome = vast("monitor", "--once")
+    assert outcome.code == 3
+    assert "`robovast-testbed` (https://127.0.0.1:1)" in outcome.err
+    assert "cannot be reached" in outcome.err
+
+
+def test_a_cluster_without_robovast_says_how_to_install_it(
+    vast: Vast, known_cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from robovast_cli import kubernetes
+
+    monkeypatch.setattr(kubernetes, "API_VERSION", "elsewhere.robovast.io/v1alpha1")
+    outcome = vast("monitor", "--once")
+    assert outcome.code == 3
+    assert "vast exec cluster setup" in outcome.err
+
+
+def test_monitor_shows_all_campaigns_and_what_hinders_them(vast: Vast, operator: Operator) -> None:
+    vast("run", "--detach"), vast("run", "--detach")
+    first, second = operator.names()
+    waits = condition("QuotaReserved", "False", "Pending", "the queue `q` is full")
+    operator.report(first, runs={"passed": 5, "failed": 1, "active": 2})
+    operator.report(second, state="Queued", conditions=[waits])
+    table = vast("monitor", "--once").out
+    assert [line.split()[:3] for line in table.splitlines()[1:3]] == [
+        [first, "Running", "6/26"],
+        [second, "Queued", "0/26"],
+    ]
+    assert f"{second}: the queue `q` is full" in table
+    for name in (first, second):
+        operator.report(name, state="Finished", runs={"passed": 26})
+    lines = vast("monitor").out.splitlines()
+    assert [line.split()[0] for line in lines] == [first, second]
+
+
+def test_stop_resume_and_retry_change_what_the_operator_reads(
+    vast: Vast, operator: Operator
+) -> None:
+    vast("run", "--detach")
+    (name,) = operator.names()
+    assert vast("stop").code == 0
+    assert operator.spec(name)["suspend"] is True
+    assert vast("stop").code == 2
+    assert vast("resume", "-i", name).code == 0
+    assert operator.spec(name)["suspend"] is False
+    assert vast("retry", "-i", name).code == 2
+    operator.report(name, state="Finished", runs={"passed": 25, "failed": 1})
+    outcome = vast("retry", "-i", name)
+    assert outcome.out == f"{name}: 1 runs are executed once more.\n"
+    assert operator.spec(name)["attempt"] == 2
+
+
+def test_run_cleanup_removes_what_is_finished_or_named(vast: Vast, operator: Operator) -> None:
+    vast("run", "--detach"), vast("run", "--detach")
+    first, second = operator.names()
+    operator.report(first, state="Finished", runs={"passed": 26}, bucket="b")
+    outcome = vast("run-cleanup")
+    assert f"{first}: removed; its results stay in the bucket b." in outcome.out
+    assert f"run-cleanup -i {second}" in outcome.out
+    assert vast("run-cleanup", "-i", second).code == 0
+    wait_until(lambda: not operator.names())
+
+
+def test_a_run_with_cleanup_removes_finished_campaigns_before(
+    vast: Vast, operator: Operator
+) -> None:
+    vast("run", "--detach")
+    (old,) = operator.names()
+    operator.report(old, state="Finished", runs={"passed": 26})
+    assert vast("run", "--detach", "--cleanup").code == 0
+    wait_until(lambda: old not in operator.names() and len(operator.names()) == 1)
+
+
+def wait_until(holds: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 15
+    while not holds():
+        assert time.monotonic() < deadline
+        time.sleep(0.2)
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A finished campaign with results in a real store."""
+
+    name: str
+    bucket: str
+    store: ObjectStore
+
+
+@pytest.fixture
+def stored(
+    vast: Vast,
+    operator: Operator,
+    s3_server: Server,
+    known_cluster: Cluster,
+    namespace: str,
+) -> Iterator[Stored]:
+    credentials = Credentials(s3_server.access_key, s3_server.secret_key)
+    store = ObjectStore(Endpoint.parse(f"http://{s3_server.endpoint}"), credentials, patience=20)
+    known_cluster.apply(secret("robovast-storage", namespace, s3_server))
+    vast("run", "--detach")
+    (name,) = operator.names()
+    bucket = f"{name}-2026"
+    store.make_bucket(bucket)
+    store.put_bytes(bucket, "sweep-1-1/0/test.xml", b"<testsuite/>")
+    store.put_bytes(bucket, "sweep-1-1/0/run.json", b'{"job": "job-0"}')
+    operator.report(
+        name,
+        state="Finished",
+        bucket=bucket,
+        campaign=f"{name}-2026",
+        endpoint=f"http://{s3_server.endpoint}",
+        runs={"passed": 26},
+    )
+    yield Stored(name, bucket, store)
+    store.delete_bucket(bucket)
+
+
+def secret(name: str, namespace: str, server: Server, **more: str) -> dict[str, object]:
+    keys = {"accessKey": server.access_key, "secretKey": server.secret_key, **more}
+    return {
+        "apiVersion": "v1",
+        "kind": "Secret",
+        "metadata": {"name": name, "namespace": namespace},
+        "data": {key: base64.b64encode(value.encode()).decode() for key, value in keys.items()},
+    }
+
+
+def test_results_come_home_with_the_keys_of_the_clusters_secret(
+    vast: Vast, stored: Stored, tmp_path: Path
+) -> None:
+    outcome = vast("download", "-o", "home", group=("results",))
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.startswith(f"home/{stored.name}-2026: 1 runs, ")
+    assert (tmp_path / f"home/{stored.name}-2026/sweep-1-1/0/test.xml").is_file()
+    assert "(1 were here)" in vast("download", "-o", "home", group=("results",)).out
+
+
+def test_results_whose_campaign_was_removed_are_found_by_name(
+    vast: Vast, stored: Stored, s3_server: Server, known_cluster: Cluster, namespace: str
+) -> None:
+    endpoint = f"http://{s3_server.endpoint}"
+    known_cluster.apply(secret("robovast-storage", namespace, s3_server, endpoint=endpoint))
+    assert vast("run-cleanup").code == 0
+    outcome = vast("download", "-i", stored.bucket, "-o", "home", group=("results",))
+    assert outcome.code == 0, outcome.err
+    nothing = vast("download", "-i", "nothing", "-o", "home", group=("results",))
+    assert nothing.code == 2
+    assert "there is no campaign `nothing`" in nothing.err
+
+
+def test_without_keys_it_is_said_which_are_missing(
+    vast: Vast, stored: Stored, known_cluster: Cluster, namespace: str
+) -> None:
+    known_cluster.kubectl("delete", "secret", "robovast-storage", f"--namespace={namespace}")
+    outcome = vast("download", group=("results",))
+    assert outcome.code == 3
+    assert "ROBOVAST_S3_ACCESS_KEY" in outcome.err
+
+
+def test_download_cleanup_removes_buckets_of_finished_campaigns(vast: Vast, stored: Stored) -> None:
+    assert vast("download-cleanup", "--yes").code == 0
+    assert stored.bucket not in stored.store.buckets()
+
+
+def test_run_cleanup_with_data_removes_the_bucket_too(
+    vast: Vast, stored: Stored, operator: Operator
+) -> None:
+    outcome = vast("run-cleanup", "-i", stored.name, "--data")
+    assert outcome.out == f"{stored.name}: removed.\n"
+    assert stored.bucket not in stored.store.buckets()
+    assert operator.names() == []
+
+
+def test_many_files_go_into_an_archive_in_the_store(
+    vast: Vast,
+    s3_server: Server,
+    known_cluster: Cluster,
+    namespace: str,
+    operator: Operator,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from robovast.cluster import submission
+
+    monkeypatch.setattr(submission, "INLINE_LIMIT", 1000)
+    endpoint = f"http://{s3_server.endpoint}"
+    known_cluster.apply(secret("robovast-storage", namespace, s3_server, endpoint=endpoint))
+    outcome = vast("run", "--detach")
+    assert (outcome.code, outcome.err) == (0, "")
+    (name,) = operator.names()
+    bundle = operator.spec(name)["source"]["bundle"]
+    credentials = Credentials(s3_server.access_key, s3_server.secret_key)
+    store = ObjectStore(Endpoint.parse(endpoint), credentials, patience=20)
+    assert store.digest("robovast-bundles", bundle["key"]) == bundle["sha256"]
