@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import random
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
 from robovast.common.scenario import read_scenario
-from robovast.common.variation import Variation
+from robovast.common.variation import ProvContribution, Variation
 from robovast.errors import InputError
 from robovast.navigation.poses import Pose, read_pose
+from robovast.navigation.provenance import METADATA_KEY, counts
 
 if TYPE_CHECKING:
     from robovast.navigation.costmap import Costmap
@@ -130,6 +130,28 @@ class NavigationVariation(Variation):
 
         return [str(file) for path in sorted(self._maps) for file in (path, map_image(path))]
 
+    @classmethod
+    def collect_config_metadata(
+        cls, config_entry: dict[str, Any], config_dir: Path, campaign_dir: Path
+    ) -> dict[str, Any]:
+        """What the navigation variations have recorded of the configuration."""
+        del config_dir, campaign_dir
+        record = config_entry.get(RECORD)
+        return {METADATA_KEY: record} if record else {}
+
+    @classmethod
+    def collect_prov_metadata(
+        cls,
+        config_entry: dict[str, Any],
+        campaign_namespace: Any,
+        config_namespace: Any,
+        gen_activity_id: str,
+        vast_id: str,
+    ) -> ProvContribution | None:
+        """How many goals and obstacles there are."""
+        del campaign_namespace, config_namespace, gen_activity_id, vast_id
+        return counts(config_entry)
+
     def generator(self, seed: int | None, *identity: object) -> random.Random:
         """A random generator for one thing to draw: equal seeds and identities give equal draws."""
         if seed is None:
@@ -143,9 +165,3 @@ class NavigationVariation(Variation):
 def with_record(config: Config, **values: Any) -> dict[str, Any]:
     """`other_values` that add to what earlier variations have recorded."""
     return {RECORD: {**config.get(RECORD, {}), **values}}
-
-
-def record_of(config: Mapping[str, Any]) -> dict[str, Any]:
-    """What navigation variations have recorded of a configuration."""
-    record = config.get(RECORD)
-    return dict(record) if isinstance(record, Mapping) else {}

@@ -19,9 +19,9 @@ from robovast.plain import dump_yaml
 Mask = np.ndarray[tuple[int, int], np.dtype[np.bool_]]
 
 FREE, UNKNOWN, OCCUPIED = 254, 205, 0
-"""Grey values of map_server's own images."""
+"""Grey values in the images that map savers write."""
 
-_OCCUPIED_THRESH, _FREE_THRESH = 0.65, 0.25
+_OCCUPIED_THRESH, _FREE_THRESH = 0.65, 0.196
 
 
 @dataclass(frozen=True)
@@ -154,11 +154,17 @@ def _image_path(path: Path, data: dict[str, Any]) -> Path:
 
 
 def _read_image(path: Path, data: dict[str, Any]) -> tuple[npt.NDArray[np.float64], Mask]:
-    """Brightness from 0 to 1, and which cells are known: not transparent."""
+    """Brightness from 0 to 1, and which cells are known.
+
+    The grey of unknown cells is unknown whatever the thresholds: Nav2 saves maps with a
+    `free_thresh` of 0.25, by which all that is outside the building would be free.
+    """
     image = _image_path(path, data)
     try:
         with Image.open(image) as file:
-            bands = np.asarray(file.convert("LA"), np.float64) / 255.0
+            bands = np.asarray(file.convert("LA"))
     except (OSError, UnidentifiedImageError, ValueError) as error:
         raise InputError(f"the map {path}: its image {image} cannot be read: {error}") from error
-    return bands[..., 0], bands[..., 1] > 0.5
+    grey, opacity = bands[..., 0], bands[..., 1]
+    unknown = (grey == UNKNOWN) & (data.get("mode", "trinary") == "trinary")
+    return grey / 255.0, (opacity > 127) & ~unknown

@@ -1,0 +1,74 @@
+"""Parsing with textX, and places of what was parsed."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from textx import metamodel_from_file
+from textx.exceptions import TextXError
+
+from robovast.errors import DocumentError, InputError, Place, Problem
+
+UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "deg": 0.017453292519943295, "rad": 1.0}
+"""Factors to metres and radians."""
+
+ANGLES = frozenset({"deg", "rad"})
+
+
+class Source:
+    """A parsed file.
+
+    Args:
+        path: the file.
+        grammar: name of a grammar beside this module.
+
+    Raises:
+        InputError: the file cannot be read.
+        DocumentError: it is not in the language; with line and column.
+    """
+
+    def __init__(self, path: Path, grammar: str) -> None:
+        self.path = path
+        self.problems: list[Problem] = []
+        try:
+            self.text = path.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            raise InputError(f"there is no file {path}.") from None
+        except (OSError, UnicodeDecodeError) as error:
+            raise InputError(f"{path} cannot be read: {error}") from error
+        try:
+            self.model: Any = _metamodel(grammar).model_from_str(self.text)
+        except TextXError as error:
+            message = str(error.message).splitlines()[0]
+            place = Place(path, error.line, error.col)
+            raise DocumentError([Problem(place, "", message)]) from None
+
+    def place(self, node: Any) -> Place:
+        """Where a node begins."""
+        before = self.text[: node._tx_position]
+        return Place(self.path, before.count("\n") + 1, len(before) - before.rfind("\n"))
+
+    def problem(self, node: Any, message: str, remedy: str = "") -> None:
+        """Note what is wrong with a node; `finish` reports it."""
+        self.problems.append(Problem(self.place(node), "", message, remedy))
+
+    def finish(self) -> None:
+        """Report what was noted.
+
+        Raises:
+            DocumentError: something was.
+        """
+        if self.problems:
+            raise DocumentError(self.problems)
+
+
+def kind(node: Any) -> str:
+    """Name of the grammar's rule that made a node."""
+    return type(node).__name__
+
+
+@cache
+def _metamodel(grammar: str) -> Any:
+    return metamodel_from_file(str(Path(__file__).with_name(grammar)), autokwd=True)

@@ -1,0 +1,140 @@
+"""The floor-plan language: what can be written, and where an error is said to be."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from robovast.errors import DocumentError
+from robovast.navigation.floorplan.language import read_floorplan
+from robovast.navigation.floorplan.layout import lay_out
+from robovast.navigation.floorplan.model import Circle, FrameRef, Polygon, Rectangle
+from robovast.navigation.floorplan.text import write_floorplan
+
+TWO_ROOMS = """\
+// two rooms and a door
+Floor plan: two
+
+    Defaults:
+        walls:
+            thickness: 20 cm
+            height: 2.5 m
+
+    var wide = 4.0 m
+
+    Space left:
+        shape: Rectangle width=wide, length=5.0 m
+        location:
+            wrt: world
+            of: this
+            translation: x: 2.0 m, y: 2.5 m
+        features:
+            Column pillar:
+                shape: Circle radius=0.25 m
+                height: 2.0 m
+                location:
+                    wrt: this.walls[3]
+                    translation: x: 1.0 m, y: -0.5 m
+                    rotation: z: 90.0 deg
+
+    Space right:
+        shape: Polygon points:[(-1.5 m, 2.5 m), (1.5 m, 2.5 m), (1.5 m, -2.5 m), (-1.5 m, -2.5 m)]
+        location:
+            wrt: left.walls[1]
+            of: this.walls[3]
+            spaced
+        walls:
+            thickness: 0.1 m
+
+    Entryway door:
+        shape: Rectangle width=0.9 m, height=2.0 m
+        location:
+            in: left.walls[1] and right.walls[3]
+            translation: x: 1.0 m, z: 1.0 m
+
+    Window view:
+        shape: Rectangle width=1.0 m, height=1.0 m
+        location:
+            in: left.walls[0]
+            translation: z: 1.2 m
+"""
+
+
+@pytest.fixture
+def written(tmp_path: Path):
+    def write(text: str) -> Path:
+        path = tmp_path / "plan.fpm"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(DocumentError) as caught:
+        lay_out(read_floorplan(path))
+    return str(caught.value).removeprefix(str(path))
+
+
+def test_a_model_is_read_as_written(written) -> None:
+    plan = read_floorplan(written(TWO_ROOMS))
+    left, right = plan.spaces
+    assert left.shape == Rectangle(4.0, 5.0)
+    assert isinstance(right.shape, Polygon)
+    assert (plan.thickness(left), plan.thickness(right), plan.height(right)) == (0.2, 0.1, 2.5)
+    pillar = left.features[0]
+    assert (pillar.shape, pillar.height) == (Circle(0.25), 2.0)
+    assert pillar.location.rotation == pytest.approx(math.pi / 2)
+    assert right.location.spaced
+    assert plan.openings[0].walls == [FrameRef("left", 1), FrameRef("right", 3)]
+    assert plan.openings[1].location.z == 1.2
+
+
+def test_what_is_written_is_read_again(written) -> None:
+    text = write_floorplan(read_floorplan(written(TWO_ROOMS)))
+    assert write_floorplan(read_floorplan(written(text))) == text
+    assert "Space right:" in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        ("Space left:", "Spacex left:", ":11:5: Expected"),
+        ("width=0.9 m", "width=-0.9 m", ":36:32: the width must be above 0 m, not -0.9 m"),
+        ("radius=0.25 m", "radius=0 m", ":19:38: the radius must be above 0 m"),
+        ("thickness: 0.1 m", "thickness: -0.1 m", ":33:24: the thickness of a wall must be above"),
+        ("z: 90.0 deg", "z: 90.0 m", ":24:34: an angle in deg or rad is needed here"),
+        ("width=wide", "width=broad", ":12:32: there is no variable `broad`"),
+        ("Space right:", "Space left:", ":26:5: the name `left` is used twice"),
+        ("length=5.0 m", "height=5.0 m", ":12:16: this rectangle must have `width` and `length`"),
+        ("wrt: left.walls[1]", "wrt: lift.walls[1]", ":26:5: there is no space `lift` before"),
+        ("of: this.walls[3]", "of: this.walls[4]", ":26:5: there is no `this.walls[4]`"),
+        ("in: left.walls[0]", "in: left.walls[7]", ":41:5: there is no `left.walls[7]`"),
+        ("wrt: this.walls[3]", "wrt: right", ":18:13: `pillar` must be placed in its own space"),
+        ("width=1.0 m, height=1.0", "width=6.0 m, height=1.0", ":41:5: `view` reaches 1.00 m"),
+        ("translation: x: 1.0 m, z", "translation: x: 3.0 m, z", ":35:5: `door` reaches 0.95 m"),
+        ("(1.5 m, -2.5 m), (-1.5 m, -2.5 m)", "(-1.5 m, -2.5 m), (1.5 m, -2.5 m)", "cross one"),
+    ],
+)
+def test_an_error_names_line_and_column(written, old: str, new: str, reason: str) -> None:
+    assert TWO_ROOMS.count(old) == 1
+    assert reason in refusal(written(TWO_ROOMS.replace(old, new)))
+
+
+def test_all_errors_are_reported_together(written) -> None:
+    text = TWO_ROOMS.replace("width=0.9 m", "width=-0.9 m").replace("radius=0.25", "radius=-1")
+    assert len(refusal(written(text)).splitlines()) == 2
+
+
+def test_overlapping_rooms(written) -> None:
+    text = TWO_ROOMS.replace("            spaced\n", "            translation: y: -1.0 m\n")
+    assert ":26:5: the space `right` overlaps `left` by 5.00 m²" in refusal(written(text))
+    meant = text.replace("translation: y: -1.0 m", "translation: y: -1.0 m\n        not aligned")
+    assert len(lay_out(read_floorplan(written(meant))).rooms) == 2
+
+
+def test_a_file_without_a_plan(written) -> None:
+    assert ":1:1:" in refusal(written("nothing"))
+    assert "has no `Space`" in refusal(written("Floor plan: empty\n"))

@@ -1,0 +1,274 @@
+"""Floor plans in campaigns: files, distributions, provenance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rdflib import PROV, RDF, XSD, Graph, Literal, Namespace, URIRef
+
+from robovast.errors import InputError, RobovastError
+from robovast.navigation.occupancy import read_map
+
+ROOM = """\
+// creator: Ada Example <https://orcid.org/0000-0002-1825-0097>
+// contributor: Bo
+// license: CC-BY-4.0
+// modified: 2026-01-02
+Floor plan: room
+    Space hall:
+        shape: Rectangle width=6.0 m, length=5.0 m
+        location:
+            wrt: world
+        features:
+            Column pillar:
+                shape: Rectangle width=0.5 m, length=0.5 m
+                height: 2.0 m
+                location:
+                    wrt: this
+    Entryway door:
+        shape: Rectangle width=1.0 m, height=2.0 m
+        location:
+            in: hall.walls[1]
+"""
+
+VARIED = """\
+import "room.fpm"
+hall: {
+    shape.width: uniform([5.0, 6.0, 7.0])
+    walls.thickness: discrete([(0.5, 0.1), (0.5, 0.3)])
+}
+hall.pillar: {
+    location.transformation.translation.x: normal(mean=0.0, std=0.5)
+}
+"""
+
+PATH = {
+    "PathVariationRandom": {
+        "start_pose": "@start_pose",
+        "goal_poses": "@goal_poses",
+        "path_length": 3.0,
+        "seed": 1,
+    }
+}
+
+
+@pytest.fixture
+def plans(folder: Path) -> Path:
+    (folder / "plans").mkdir()
+    (folder / "plans/room.fpm").write_text(ROOM)
+    (folder / "plans/wide.fpm").write_text(ROOM.replace("width=6.0", "width=9.0"))
+    (folder / "plans/room.variation").write_text(VARIED)
+    return folder / "plans"
+
+
+def generation(*files: str) -> dict[str, Any]:
+    return {"FloorplanGeneration": {"name": ["map_file", "mesh_file"], "floorplans": [*files]}}
+
+
+def variation(**changes: Any) -> dict[str, Any]:
+    parameters = {
+        "name": ["map_file", "mesh_file"],
+        "variation_files": ["plans/room.variation"],
+        "num_variations": 3,
+        "seed": 4,
+    }
+    return {"FloorplanVariation": {**parameters, **changes}}
+
+
+def test_each_plan_brings_a_map_and_a_mesh(expanded, plans: Path) -> None:
+    composition = expanded(generation("plans/room.fpm", "plans/wide.fpm"), PATH)
+    assert [v.name for v in composition.variants] == ["hall-1-1", "hall-2-1"]
+    for variant, width in zip(composition.variants, (6.0, 9.0), strict=True):
+        files = {file.name: file.source for file in variant.files}
+        assert variant.parameters["mesh_file"] in files
+        occupancy = read_map(files[variant.parameters["map_file"]])
+        assert occupancy.free.sum() * 0.05**2 == pytest.approx(width * 5 + 0.2 - 0.25, abs=0.3)
+        assert variant.extra["_navigation"]["path"]
+    assert Path("plans/room.fpm") in composition.input_files
+
+
+def test_variants_of_one_plan_can_share_a_job(expanded, plans: Path) -> None:
+    composition = expanded(generation("plans/room.fpm", "plans/wide.fpm"))
+    first, second = ({file.name for file in v.files} for v in composition.variants)
+    assert not first & second
+
+
+def test_plans_are_drawn_by_the_distributions(expanded, plans: Path) -> None:
+    composition = expanded(variation(num_variations=6))
+    texts = [file.source.read_text() for file in composition.transient_files]
+    assert len(set(texts)) == 6
+    assert {
+        line for text in texts for line in text.splitlines() if "width" in line and "5 m" in line
+    }
+    again = expanded(variation(num_variations=6))
+    assert [v.parameters for v in again.variants] == [v.parameters for v in composition.variants]
+    other = expanded(variation(num_variations=6, seed=5))
+    assert [v.parameters for v in other.variants] != [v.parameters for v in composition.variants]
+
+
+def test_a_plan_that_is_not_sound_is_drawn_again(expanded, plans: Path) -> None:
+    text = VARIED.replace("uniform([5.0, 6.0, 7.0])", "uniform([-5.0, 6.0])")
+    (plans / "room.variation").write_text(text)
+    assert len(expanded(variation(num_variations=5)).variants) == 5
+    (plans / "room.variation").write_text(text.replace("-5.0, 6.0", "-5.0"))
+    with pytest.raises(InputError, match=r"`hall` would have a width of -5 m(.|\n)*Narrow"):
+        expanded(variation())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        ('"room.fpm"', '"none.fpm"', "there is no file"),
+        ("hall: {", "hell: {", ":2:1: the floor plan `room` has no `hell`"),
+        ("shape.width", "shape.radius", ":3:5: `shape.radius` of `hall` cannot be varied"),
+        ("(0.5, 0.1)", "(0.7, 0.1)", "the weights must sum to 1, not 1.2"),
+        ("std=0.5", "std=-0.5", "`std` must not be below 0"),
+        ("normal(", "gauss(", ":7:44: Expected"),
+    ],
+)
+def test_errors_in_variation_files(expanded, plans: Path, old, new, reason: str) -> None:
+    (plans / "room.variation").write_text(VARIED.replace(old, new))
+    with pytest.raises(RobovastError) as caught:
+        expanded(variation())
+    assert reason in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("files", "reason"),
+    [
+        (["plans/none.fpm"], "there is no file"),
+        (["plans/room.fpm", "plans/../plans/room.fpm"], "have one name"),
+    ],
+)
+def test_wrong_files(expanded, plans: Path, files, reason: str) -> None:
+    with pytest.raises(InputError, match=reason):
+        expanded(generation(*files))
+
+
+CAMPAIGN = Namespace("https://example.org/campaign/")
+ROBOVAST = Namespace("https://purl.org/robovast/metamodels/")
+SMM = Namespace("https://purl.org/secorolab/metamodels/scenarios/osc/")
+ENV = Namespace("https://purl.org/secorolab/metamodels/environment#")
+VAST = CAMPAIGN["_config/drive.vast"]
+
+
+def values(value: Any) -> Iterable[Any]:
+    for item in value if isinstance(value, list) else [value]:
+        yield item if isinstance(item, URIRef | Literal) else Literal(item)
+
+
+def add_node(graph: Graph, node: dict[Any, Any]) -> None:
+    subject = URIRef(node["@id"])
+    for key, value in node.items():
+        if key != "@id":
+            for item in values(value):
+                graph.add((subject, RDF.type if key == "@type" else URIRef(key), item))
+
+
+def graph_of(variants) -> Graph:
+    """What the hooks contribute, with a passed and a failed run of each scenario."""
+    from robovast.common.variation.loader import load_variation
+
+    graph = Graph()
+    for variant in variants:
+        namespace = Namespace(CAMPAIGN[f"{variant.name}/"])
+        scenario = CAMPAIGN[f"{variant.name}/"]
+        for name in {record.name for record in variant.variations}:
+            hook = load_variation(name, ".")
+            entry = {"name": variant.name, "config": dict(variant.parameters), **variant.extra}
+            entry |= hook.collect_config_metadata(entry, Path("x"), Path("x"))
+            added = hook.collect_prov_metadata(entry, CAMPAIGN, namespace, "generation", str(VAST))
+            for node in added.graph_nodes:
+                add_node(graph, node)
+            add_node(graph, {"@id": scenario, "@type": SMM["ConcreteScenario"],
+                             **added.scenario_properties})  # fmt: skip
+        for number, success in enumerate((True, False)):
+            run = {"@id": CAMPAIGN[f"{variant.name}/{number}"], "@type": ROBOVAST["TestExecution"],
+                   PROV["used"]: scenario,
+                   ROBOVAST["success"]: Literal(success, datatype=XSD.boolean)}  # fmt: skip
+            add_node(graph, run)
+    for prefix, namespace in {"robovast": ROBOVAST, "env": ENV, "smm": SMM}.items():
+        graph.bind(prefix, namespace)
+    return graph
+
+
+MODELS = """
+SELECT ?floorplan ?creator ?date WHERE {
+    ?floorplan rdf:type env:FloorPlanModel .
+    OPTIONAL {?floorplan prov:wasAttributedTo ?creator .}
+    OPTIONAL {?floorplan dcterms:modified ?date .}
+}"""
+TRANSFORMATIONS = """
+SELECT ?floorplan ?activity ?jsonld_file ?agent WHERE {
+    ?floorplan rdf:type env:FloorPlanModel .
+    ?activity rdf:type robovast:FloorPlanTransformation .
+    ?activity prov:used ?floorplan .
+    ?jsonld_file prov:wasGeneratedBy ?activity .
+    OPTIONAL {?activity prov:wasAssociatedWith ?agent .}
+}"""
+GENERATIONS = """
+SELECT ?source_files ?activity ?gen_file ?agent WHERE {
+    ?activity rdf:type robovast:FloorPlanGeneration .
+    ?activity prov:used ?source_files .
+    ?gen_file prov:wasGeneratedBy ?activity .
+    OPTIONAL {?activity prov:wasAssociatedWith ?agent .}
+}"""
+FAILURES = """
+SELECT ?env_model (SUM(?failures)/COUNT (?activity) * 100 AS ?result) (COUNT (?activity) AS ?total)
+WHERE {
+    ?conf rdf:type smm:ConcreteScenario .
+    ?activity prov:used ?conf .
+    ?activity rdf:type robovast:TestExecution .
+    ?activity robovast:success ?success .
+    BIND(IF(?success=true, 0, 1) AS ?failures) .
+    ?conf dcterms:references ?env_model .
+    ?env_model rdf:type env:FloorPlanModel .
+} GROUP BY ?env_model"""
+
+
+def test_every_floor_plan_query_returns_rows(expanded, plans: Path) -> None:
+    files = generation("plans/room.fpm", "plans/wide.fpm")
+    graph = graph_of(
+        expanded(
+            files,
+            {**PATH},
+        ).variants
+    )
+    models = {(str(m), str(who), str(when)) for m, who, when in graph.query(MODELS)}
+    room = str(CAMPAIGN["_config/plans/room.fpm"])
+    assert (room, "https://orcid.org/0000-0002-1825-0097", "2026-01-02") in models
+    assert (room, str(CAMPAIGN["agents/Bo"]), "2026-01-02") in models
+    transformed = list(graph.query(TRANSFORMATIONS))
+    assert len(transformed) == 2 * 3  # plans × files of the graph
+    assert all(row.agent for row in transformed)
+    generated = {str(row.gen_file) for row in graph.query(GENERATIONS)}
+    assert str(CAMPAIGN["hall-1-1/_config/floorplans/room/room.pgm"]) in generated
+    assert len(generated) == 2 * 3  # plans × (map, image, mesh)
+
+
+def test_failures_are_counted_by_environment(expanded, plans: Path) -> None:
+    paths = {"PathVariationRandom": {**PATH["PathVariationRandom"], "num_paths": 2}}
+    graph = graph_of(expanded(generation("plans/room.fpm", "plans/wide.fpm"), paths).variants)
+    rows = {
+        str(row.env_model): (float(row.result), int(row.total)) for row in graph.query(FAILURES)
+    }
+    assert rows == {
+        str(CAMPAIGN["_config/plans/room.fpm"]): (50.0, 4),
+        str(CAMPAIGN["_config/plans/wide.fpm"]): (50.0, 4),
+    }
+    goals = set(graph.objects(CAMPAIGN["hall-1-1/"], ROBOVAST["n_goals"]))
+    assert goals == {Literal(1)}
+
+
+def test_a_drawn_plan_is_an_environment_of_its_own(expanded, plans: Path) -> None:
+    composition = expanded(variation(), PATH)
+    graph = graph_of(composition.variants)
+    rows = [str(row.env_model) for row in graph.query(FAILURES)]
+    stored = {str(CAMPAIGN[f"_transient/{file.name}"]) for file in composition.transient_files}
+    assert set(rows) == stored
+    assert len(rows) == 3
+    base = CAMPAIGN["_config/plans/room.fpm"]
+    assert all((URIRef(row), PROV["wasDerivedFrom"], base) in graph for row in rows)
