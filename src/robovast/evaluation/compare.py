@@ -54,7 +54,8 @@ class VariantDifference:
     adjusted_p: float
     """Holm's correction for the number of variants."""
     change: str
-    """`worse`, `better` or `same`; at the level of `LEVEL`, by the adjusted p-value."""
+    """`worse` or `better` when the adjusted p-value is below `LEVEL`; else `unclear`, or `same`
+    when the rates are equal."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +157,7 @@ def state(found: Difference) -> str:
 
 def _change(found: Difference, p: float) -> str:
     if p >= LEVEL:
-        return "same"
+        return "same" if found.a.rate == found.b.rate else "unclear"
     return "worse" if found.b.rate > found.a.rate else "better"
 
 

@@ -17,8 +17,8 @@ from robovast.evaluation.campaign_index import (
 )
 from robovast.evaluation.inside import MissingError, resolved
 
-LOOK_AGAIN = 15.0
-"""How often a campaign that nothing executes is looked through all the same [s]."""
+CALM = 100
+"""A campaign that nothing executes is looked through after this many times what that takes."""
 
 
 @dataclass
@@ -26,6 +26,9 @@ class _Shelf:
     index: CampaignIndex
     changed: int = -1
     looked: float = 0.0
+    """When it was last looked through, on the monotonic clock [s]."""
+    cost: float = 0.0
+    """How long that took [s]."""
     summary: CampaignSummary | None = None
     lock: Lock = field(default_factory=Lock)
 
@@ -62,7 +65,7 @@ class Library:
         if known_only:
             return shelf.summary
         with shelf.lock:
-            if self._may_have_changed(shelf) and shelf.index.refresh():
+            if self._may_have_changed(shelf) and _refresh(shelf):
                 shelf.summary = None
             if shelf.summary is None or shelf.index.running:
                 shelf.summary = shelf.index.summary()
@@ -91,9 +94,16 @@ class Library:
             changed = os.stat(shelf.index.root).st_mtime_ns
         except OSError as error:
             raise InputError(f"{shelf.index.root}: {error.strerror}.") from None
-        now = time.monotonic()
-        recent = now - shelf.looked < LOOK_AGAIN
+        recent = time.monotonic() - shelf.looked < CALM * shelf.cost
         if recent and changed == shelf.changed and not shelf.index.running:
             return False
-        shelf.changed, shelf.looked = changed, now
+        shelf.changed = changed
         return True
+
+
+def _refresh(shelf: _Shelf) -> bool:
+    begin = time.monotonic()
+    changed = shelf.index.refresh()
+    shelf.looked = time.monotonic()
+    shelf.cost = shelf.looked - begin
+    return changed

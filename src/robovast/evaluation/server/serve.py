@@ -38,7 +38,7 @@ def serve(results: Path, port: int | None, ready: Callable[[str], None]) -> None
     closing = asyncio.Event()
     config = uvicorn.Config(
         make_app(library, token, closing),
-        log_level="warning",
+        log_level="error",
         access_log=False,
         server_header=False,
         lifespan="off",

@@ -1,0 +1,216 @@
+"""The page's server answers its user alone, and shows the results folder and nothing else."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import socket
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import quote
+
+import pytest
+from shown_page import VAST, ShownPage, shown
+from stored_campaigns import NAME, write, write_campaign, write_run
+
+EVIL = "<img src=x onerror=alert(1)>"
+
+
+def judge(parameters, number) -> str:
+    return "failed" if parameters["speed"] > 1 else "passed"
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("shown") / "results"
+    root = write_campaign(folder, judge=judge)
+    write(folder.parent / "secret", "outside")
+    run = root / "hall-1" / "0"
+    (run / "secret").symlink_to(folder.parent / "secret")
+    (run / "outside").symlink_to(folder.parent)
+    write(run / "page.html", "<script>alert(1)</script>")
+    write(run / "picture.svg", "<svg xmlns='http://www.w3.org/2000/svg' onload='alert(1)'/>")
+    (run / "film.webm").write_bytes(bytes(range(256)))
+    write_run(root, EVIL, 0, 4, {EVIL: 1, "speed": EVIL}, lambda *_: "passed")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(results: Path) -> Iterator[ShownPage]:
+    with shown(results) as page:
+        yield page
+
+
+def test_the_page_shows_campaigns_runs_and_logs(page: ShownPage) -> None:
+    assert b"<title>RoboVAST</title>" in page.get("").body
+    assert page.get("page.js").headers["content-type"].startswith("text/javascript")
+    campaign = page.get(f"api/campaigns/{NAME}").data
+    assert campaign["summary"]["counts"]["failed"] == 2
+    run = page.get(f"api/campaigns/{NAME}/hall-2/0").data
+    log = page.get(f"api/log?path={quote(run['logs'][0])}&levels=error").data
+    assert "goal not reached" in log["lines"][0][2]
+    assert page.get(f"api/compare?a={NAME}&b={NAME}").data["overall"]["p"] == 1
+    usage = page.get(f"api/usage?path={quote(run['usage'][0])}").data
+    assert len(usage["time"]) == len(usage["cpu"]) > 4
+    table = page.get(f"api/table?path={NAME}/hall-2/0/poses.csv&column=timestamp").data
+    assert (table["rows"], list(table["columns"])) == (200, ["timestamp"])
+
+
+def test_lists_are_compressed(page: ShownPage) -> None:
+    answer = page.get(f"api/campaigns/{NAME}", **{"Accept-Encoding": "gzip"})
+    assert answer.headers["content-encoding"] == "gzip"
+    assert json.loads(gzip.decompress(answer.body))["summary"]["name"] == NAME
+
+
+@pytest.mark.parametrize("path", ["/", "/wrong/", "/wrong/api/campaigns", "//", "/api/campaigns"])
+def test_without_the_token_there_is_nothing(page: ShownPage, path: str) -> None:
+    answer = page.ask(path)
+    assert answer.status == 403
+    assert NAME.encode() not in answer.body
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "", None, "[", "10.0.0.1"]
+)
+def test_another_host_name_is_refused(page: ShownPage, host: str | None) -> None:
+    """A site that lets its name point to this machine gets nothing."""
+    assert page.get("api/campaigns", Host=host).status in {400, 421}
+
+
+@pytest.mark.parametrize("host", ["localhost:9999", "127.0.0.1:1", "[::1]:8080", "localhost"])
+def test_a_forwarded_port_is_welcome(page: ShownPage, host: str) -> None:
+    assert page.get("api/campaigns", Host=host).status == 200
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", "x"])
+def test_another_origin_is_refused(page: ShownPage, origin: str) -> None:
+    assert page.get("api/campaigns", Origin=origin).status == 403
+
+
+def test_a_request_that_another_site_makes_is_refused(page: ShownPage) -> None:
+    headers = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors"}
+    assert page.get("api/campaigns", **headers).status == 403
+    assert page.get("page.js", **headers).status == 403
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS"])
+def test_nothing_can_be_changed(page: ShownPage, method: str) -> None:
+    assert page.ask(page.base + "api/campaigns", method=method).status == 405
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "../secret",
+        "%2e%2e/secret",
+        "..%2fsecret",
+        f"{NAME}/../../secret",
+        f"{NAME}/%2e%2e/%2e%2e/secret",
+        f"{NAME}/hall-1/0/secret",
+        f"{NAME}/hall-1/0/outside/secret",
+        "/etc/passwd",
+        "%2fetc%2fpasswd",
+        f"{NAME}/hall-1/0/film.webm%00.png",
+    ],
+)
+def test_no_path_leaves_the_results_folder(page: ShownPage, path: str) -> None:
+    for address in (f"files/{path}", f"api/log?path={path}", f"api/table?path={path}"):
+        answer = page.get(address)
+        assert answer.status in {403, 404}, address
+        assert b"outside" not in answer.body.replace(b"out of", b"").replace(path.encode(), b"")
+
+
+@pytest.mark.parametrize("path", ["..", "%2e%2e", "..%2f..", f"{NAME}/..%2f..", f"../{NAME}"])
+def test_no_name_of_a_campaign_leaves_it_either(page: ShownPage, path: str) -> None:
+    assert page.get(f"api/campaigns/{path}/0").status in {403, 404}
+    assert page.get(f"api/campaigns/{path}").status in {403, 404}
+
+
+def test_every_answer_forbids_what_the_page_does_not_need(page: ShownPage) -> None:
+    for path in ("", "page.js", "api/campaigns", "nothing", f"files/{NAME}/hall-1/0/page.html"):
+        headers = page.get(path).headers
+        policy = headers["content-security-policy"]
+        assert policy.startswith("default-src 'none'")
+        assert "unsafe" not in policy
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["referrer-policy"] == "no-referrer"
+        assert headers["cross-origin-resource-policy"] == "same-origin"
+        assert headers["cache-control"] == "no-store"
+        assert headers.get("access-control-allow-origin") is None
+
+
+@pytest.mark.parametrize("name", ["page.html", "picture.svg", "run.json", "test.xml"])
+def test_a_file_that_a_browser_could_execute_is_only_saved(page: ShownPage, name: str) -> None:
+    headers = page.get(f"files/{NAME}/hall-1/0/{name}").headers
+    assert headers["content-type"] == "application/octet-stream"
+    assert headers["content-disposition"].startswith("attachment;")
+    assert "sandbox" in headers["content-security-policy"]
+
+
+def test_a_player_gets_the_part_it_asks_for(page: ShownPage) -> None:
+    path = f"files/{NAME}/hall-1/0/film.webm"
+    assert page.get(path).body == bytes(range(256))
+    for asked, body in (
+        ("bytes=10-19", bytes(range(10, 20))),
+        ("bytes=250-", bytes(range(250, 256))),
+        ("bytes=-3", bytes(range(253, 256))),
+        ("bytes=200-999", bytes(range(200, 256))),
+    ):
+        answer = page.get(path, Range=asked)
+        assert (answer.status, answer.body) == (206, body)
+    assert page.get(path, Range="bytes=256-").status == 416
+
+
+def test_names_with_markup_are_data(page: ShownPage) -> None:
+    answer = page.get(f"api/campaigns/{NAME}")
+    assert answer.headers["content-type"] == "application/json"
+    assert EVIL in answer.data["variants"]["name"]
+    assert page.get(f"api/campaigns/{NAME}/{quote(EVIL)}/0").data["record"]["variant"] == EVIL
+
+
+def test_a_fault_of_the_request_is_an_error_with_words(page: ShownPage) -> None:
+    for path in ("api/log", "api/nothing", "api/campaigns/none", "api/log?path=a&since=x"):
+        answer = page.get(path)
+        assert answer.status == 404
+        assert answer.data["error"]
+
+
+def test_a_run_is_announced_as_soon_as_it_is_stored(tmp_path: Path) -> None:
+    root = write_campaign(tmp_path, outputs=False)
+    with shown(tmp_path) as page, socket.create_connection(_place(page), 10) as connection:
+        request = f"GET {page.base}api/events HTTP/1.1\r\nHost: localhost\r\n\r\n"
+        connection.sendall(request.encode())
+        stream = connection.makefile("r")
+        assert _next_event(stream) == {NAME: 1}
+        write_run(root, "hall-1", 2, 4, {"speed": 1.0}, lambda *_: "passed", outputs=False)
+        assert _next_event(stream) == {NAME: 2}
+
+
+def test_it_listens_on_this_machine_only(page: ShownPage) -> None:
+    _, port = _place(page)
+    with socket.socket() as other, pytest.raises(OSError, match="refused"):
+        other.connect(("127.0.0.2", port))
+
+
+def test_a_folder_that_is_not_there_is_an_error_in_words(tmp_path: Path) -> None:
+    command = [VAST, "eval", "gui", "-r", tmp_path / "none", "--no-browser"]
+    result = subprocess.run(command, capture_output=True, text=True)
+    assert result.returncode == 2
+    assert "none: cannot be read: No such file or directory" in result.stderr
+
+
+def test_a_campaign_folder_is_shown_among_its_neighbours(results: Path) -> None:
+    with shown(results / NAME) as page:
+        assert list(page.get("api/campaigns").data["campaigns"]) == [NAME]
+
+
+def _place(page: ShownPage) -> tuple[str, int]:
+    host, _, port = page.address.split("/")[2].partition(":")
+    return host, int(port)
+
+
+def _next_event(stream) -> dict[str, int]:
+    while not (line := stream.readline()).startswith("data: "):
+        assert line
+    return json.loads(line.removeprefix("data: "))

@@ -1,0 +1,163 @@
+"""The list of a campaign's runs is right at any time, and reads again only what changed."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+from stored_campaigns import NAME, write, write_campaign, write_run
+
+from robovast.errors import InputError
+from robovast.evaluation import campaign_index
+from robovast.evaluation.campaign_index import CampaignIndex, find_campaigns
+from robovast.evaluation.columns import columns
+from robovast.evaluation.library import Library
+from robovast.results.verdict import Verdict
+
+
+def judge(parameters, number) -> str:
+    return "failed" if parameters["speed"] > 1 and number == 0 else "passed"
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    return write_campaign(tmp_path, judge=judge, outputs=False)
+
+
+@pytest.fixture
+def index(root: Path) -> CampaignIndex:
+    index = CampaignIndex(root.parent, NAME)
+    index.refresh()
+    return index
+
+
+def test_a_summary_counts_the_runs(index: CampaignIndex) -> None:
+    summary = index.summary()
+    assert (summary.state, summary.planned, summary.variants) == ("finished", 4, 2)
+    assert summary.counts[Verdict.PASSED] == 3
+    assert summary.counts[Verdict.FAILED] == 1
+    assert summary.duration == pytest.approx(60 + 5 + 10 * (3 * 0.618 % 1))
+
+
+def test_nothing_new_is_no_change(index: CampaignIndex) -> None:
+    assert not index.refresh()
+    assert index.version == 1
+
+
+def test_a_run_that_is_stored_appears(root: Path, index: CampaignIndex) -> None:
+    write_run(root, "hall-1", 2, 4, {"speed": 1.0}, judge, outputs=False)
+    assert index.refresh()
+    assert [run.number for run in index.variants[0].runs] == [0, 1, 2]
+
+
+def test_only_variants_that_changed_are_read_again(
+    root: Path, index: CampaignIndex, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for variant in ("hall-1", "hall-2"):
+        os.utime(root / variant, (1, 1))  # long ago
+    index.refresh()
+    read = []
+    original = campaign_index._read_record
+    monkeypatch.setattr(
+        campaign_index, "_read_record", lambda *args: read.append(args) or original(*args)
+    )
+    write_run(root, "hall-2", 2, 4, {"speed": 2.0}, judge, outputs=False)
+    assert index.refresh()
+    assert len(read) == 3
+
+
+def test_a_campaign_runs_as_long_as_its_lock_is_held(root: Path, index: CampaignIndex) -> None:
+    shutil.rmtree(root / "hall-2" / "1")
+    write(root / ".running" / "lock", "")
+    with (root / ".running" / "lock").open() as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        assert index.refresh()
+        assert index.summary().state == "running"
+    assert index.refresh()
+    assert index.summary().state == "incomplete"
+
+
+def test_an_interrupted_run_leaves_a_campaign_incomplete(tmp_path: Path) -> None:
+    write_campaign(tmp_path, judge=lambda *_: "interrupted", outputs=False)
+    index = CampaignIndex(tmp_path, NAME)
+    index.refresh()
+    assert index.summary().state == "incomplete"
+
+
+def test_results_without_records_are_read_from_their_test_results(tmp_path: Path) -> None:
+    root = write_campaign(tmp_path)
+    for record in root.rglob("run.json"):
+        record.unlink()
+    write(root / "hall-1" / "_config" / "scenario.config", "drive:\n  speed: 1.5\n")
+    index = CampaignIndex(tmp_path, NAME)
+    index.refresh()
+    first = index.variants[0]
+    assert first.parameters == {"speed": 1.5}
+    assert first.runs[0].verdict is Verdict.FAILED
+    assert "no goal after 20 s" in first.runs[0].reason
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"verdict": ["passed"]}', "[" * 9999])
+def test_a_record_that_cannot_be_read_is_an_errored_run(root: Path, content: str) -> None:
+    write(root / "hall-1" / "0" / "run.json", content)
+    index = CampaignIndex(root.parent, NAME)
+    index.refresh()
+    assert index.variants[0].runs[0].verdict is Verdict.ERRORED
+
+
+def test_links_and_pipes_are_not_read(root: Path, tmp_path: Path) -> None:
+    elsewhere = write_campaign(tmp_path / "elsewhere", outputs=False)
+    (root / "linked").symlink_to(elsewhere / "hall-1")
+    (root / "hall-1" / "7").symlink_to(elsewhere / "hall-1" / "0")
+    (root / "hall-2" / "7").mkdir()
+    (root / "hall-2" / "7" / "run.json").symlink_to(elsewhere / "hall-1" / "0" / "run.json")
+    (root / "hall-2" / "8").mkdir()
+    os.mkfifo(root / "hall-2" / "8" / "run.json")
+    os.mkfifo(root / "hall-2" / "8" / "test.xml")
+    index = CampaignIndex(root.parent, NAME)
+    index.refresh()
+    assert [variant.name for variant in index.variants] == ["hall-1", "hall-2"]
+    assert [run.number for run in index.variants[0].runs] == [0, 1]
+    assert [run.verdict for run in index.variants[1].runs[2:]] == [Verdict.ERRORED] * 2
+
+
+def test_campaigns_are_found_newest_first(tmp_path: Path) -> None:
+    for name in ("b-2026-01-01-000000", "a-2026-01-02-000000"):
+        write_campaign(tmp_path, name, outputs=False)
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "linked").symlink_to(tmp_path / "b-2026-01-01-000000")
+    assert find_campaigns(tmp_path) == ["a-2026-01-02-000000", "b-2026-01-01-000000"]
+
+
+def test_variants_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    write_campaign(tmp_path, variants=[{"speed": i} for i in range(11)], runs=1, outputs=False)
+    index = CampaignIndex(tmp_path, NAME)
+    index.refresh()
+    assert [variant.name for variant in index.variants][8:] == ["hall-9", "hall-10", "hall-11"]
+
+
+def test_columns_say_the_same_as_the_runs(index: CampaignIndex) -> None:
+    found = columns(index.variants)
+    assert found["variants"]["values"] == {"speed": [1.0, 2.0]}
+    assert found["runs"]["variant"] == [0, 0, 1, 1]
+    verdicts = [found["verdicts"][code] for code in found["runs"]["verdict"]]
+    assert verdicts == ["passed", "passed", "failed", "passed"]
+    assert found["reasons"][found["runs"]["reason"][2]] == "goal not reached: no goal after 20 s"
+
+
+def test_a_library_forgets_campaigns_that_are_gone(root: Path) -> None:
+    library = Library(root.parent)
+    assert library.summary(NAME) is not None
+    shutil.rmtree(root)
+    assert library.names() == []
+    with pytest.raises(InputError):
+        library.summary(NAME)
+
+
+@pytest.mark.parametrize("name", ["..", ".", "", f"{NAME}/hall-1", f"../results/{NAME}"])
+def test_only_a_folder_of_the_results_is_a_campaign(root: Path, name: str) -> None:
+    with pytest.raises(InputError):
+        Library(root.parent).summary(name)

@@ -1,0 +1,89 @@
+"""A difference is only called one when chance hardly explains it."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robovast.evaluation.campaign_index import RunSummary, VariantRuns
+from robovast.evaluation.compare import Sample, compare, fisher_exact, holm, newcombe
+from robovast.results.verdict import Verdict
+
+COUNT = st.integers(0, 60)
+
+
+@pytest.mark.parametrize(
+    ("table", "p"),
+    [  # computed exactly, with rational numbers
+        ((3, 1, 1, 3), 0.4857142857142857),
+        ((8, 2, 1, 5), 0.03496503496503495),
+        ((0, 10, 10, 0), 1.082508822446903e-05),
+        ((10, 90, 30, 70), 0.000650410707603421),
+        ((0, 5, 0, 7), 1.0),
+        ((0, 0, 0, 0), 1.0),
+    ],
+)
+def test_fisher_agrees_with_known_values(table: tuple[int, int, int, int], p: float) -> None:
+    assert fisher_exact(*table) == pytest.approx(p, rel=1e-4)
+
+
+@given(COUNT, COUNT, COUNT, COUNT)
+def test_fisher_does_not_depend_on_what_is_called_what(a: int, b: int, c: int, d: int) -> None:
+    p = fisher_exact(a, b, c, d)
+    assert 0 < p <= 1
+    assert p == pytest.approx(fisher_exact(c, d, a, b))
+    assert p == pytest.approx(fisher_exact(b, a, d, c))
+
+
+def test_newcombe_agrees_with_the_example_of_its_paper() -> None:
+    low, high = newcombe(Sample(80, 48, None), Sample(70, 56, None))
+    assert (round(low, 4), round(high, 4)) == (0.0524, 0.3339)
+
+
+def test_holm() -> None:
+    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert holm([]) == []
+
+
+def variant(name: str, passed: int, bad: int, **parameters) -> VariantRuns:
+    verdicts = [Verdict.PASSED] * passed + [Verdict.FAILED] * bad + [Verdict.INTERRUPTED]
+    runs = [RunSummary(i, verdict, "", None, 2.0, "") for i, verdict in enumerate(verdicts)]
+    return VariantRuns(name, "hall", parameters, tuple(runs))
+
+
+def test_variants_of_equal_parameters_are_compared_whatever_their_names() -> None:
+    found = compare(
+        [variant("a-1", 20, 0, x=1), variant("a-2", 20, 0, x=2), variant("a-3", 1, 0, x=3)],
+        [variant("b-1", 19, 1, x=2), variant("b-2", 2, 18, x=1), variant("b-4", 1, 0, x=4)],
+    )
+    assert [(v.name_a, v.name_b, v.change) for v in found.variants] == [
+        ("a-1", "b-2", "worse"),
+        ("a-2", "b-1", "unclear"),
+    ]
+    assert (found.only_a, found.only_b) == (["a-3"], ["b-4"])
+    assert found.overall.b == Sample(40, 19, 2.0)
+
+
+def test_better_and_same() -> None:
+    found = compare(
+        [variant("a", 0, 20, x=1), variant("b", 5, 5, x=2)],
+        [variant("a", 20, 0, x=1), variant("b", 5, 5, x=2)],
+    )
+    assert [v.change for v in found.variants] == ["better", "same"]
+
+
+def test_the_statement_has_numbers_and_a_judgement() -> None:
+    worse = compare([variant("a", 90, 10)], [variant("a", 70, 30)])
+    assert worse.statement == (
+        "The share of runs that did not pass rose, from 10.0% (10 of 100) to 30.0% (30 of 100); "
+        "chance alone hardly explains that (Fisher's exact test, p = 0.00065; 95 % interval "
+        "+9.0 to +30.6 points)."
+    )
+    assert (
+        "chance can explain that" in compare([variant("a", 9, 1)], [variant("a", 7, 3)]).statement
+    )
+
+
+def test_campaigns_with_nothing_in_common() -> None:
+    assert "share no variant" in compare([variant("a", 1, 0)], [variant("b", 1, 0)]).statement

@@ -1,0 +1,74 @@
+"""A log is read a page at a time, and every line has the level it was said at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robovast.evaluation.logs import LONGEST_LINE, PAGE, LogQuestion, parse_lines, read_log
+
+
+@pytest.mark.parametrize(
+    ("line", "level"),
+    [
+        ("[INFO] [1795246823.364775] [node]: fine", "info"),
+        ("[node-1] [WARN] [1795246823.3] slow", "warn"),
+        ("WARNING: deprecated", "warn"),
+        ("2026-03-04 13:24:44 ERROR: broken", "error"),
+        ("[FATAL] [1.2] [node]: gone", "fatal"),
+        ("CRITICAL | gone", "fatal"),
+        ("\x1b[31m[ERROR] [1.2] red\x1b[0m", "error"),
+        ("no error here", ""),
+    ],
+)
+def test_levels(line: str, level: str) -> None:
+    (found,) = parse_lines([line])
+    assert found.level == level
+
+
+def test_a_traceback_is_an_error_to_its_last_line() -> None:
+    lines = ["Traceback (most recent call last):", "  File", "ValueError: no", "[robovast] on"]
+    assert [line.level for line in parse_lines(lines)] == ["error", "error", "error", ""]
+
+
+def test_control_characters_are_taken_out() -> None:
+    (line,) = parse_lines(["a\x1b[1;31mb\x1b]0;title\x07c\x00\x08d\te"])
+    assert line.text == "abcd\te"
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    lines = [f"[INFO] [{1000000000 + i}.000] [n]: line {i}" for i in range(3 * PAGE)]
+    lines[4] = "[ERROR] [1000000004.000] [n]: Goal missed"
+    (tmp_path / "log").write_text("\n".join(lines))
+    return tmp_path
+
+
+def test_the_end_comes_first_then_the_page_before(log: Path) -> None:
+    last = read_log(log, "log", LogQuestion())
+    assert (last.total, last.lines[-1].text[-9:]) == (3 * PAGE, f"line {3 * PAGE - 1}")
+    before = read_log(log, "log", LogQuestion(before=last.lines[0].number))
+    assert before.lines[-1].number == last.lines[0].number - 1
+
+
+def test_a_search_goes_through_the_whole_file(log: Path) -> None:
+    found = read_log(log, "log", LogQuestion(text="goal MISSED"))
+    assert (found.matches, [line.number for line in found.lines]) == (1, [5])
+
+
+def test_only_the_lines_of_a_level(log: Path) -> None:
+    found = read_log(log, "log", LogQuestion(levels=frozenset({"error", "fatal"})))
+    assert [line.number for line in found.lines] == [5]
+    assert (found.counts["error"], found.counts["info"]) == (1, 3 * PAGE - 1)
+
+
+def test_only_the_lines_of_a_period(log: Path) -> None:
+    found = read_log(log, "log", LogQuestion(since=1000000003.5, until=1000000006.5))
+    assert [line.number for line in found.lines] == [5, 6, 7]
+
+
+def test_a_line_without_an_end_is_cut(tmp_path: Path) -> None:
+    (tmp_path / "log").write_bytes(b"x" * 1_000_000 + b"\n\xff\xfe broken\n")
+    found = read_log(tmp_path, "log", LogQuestion())
+    assert [len(line.text) for line in found.lines] == [LONGEST_LINE, 9]

@@ -1,0 +1,96 @@
+"""The page of a run shows all that it left, and nothing from elsewhere."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import pytest
+from stored_campaigns import NAME, write, write_campaign
+
+from robovast.errors import InputError
+from robovast.evaluation.files import list_files
+from robovast.evaluation.run import read_run, repeat_command
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    return write_campaign(tmp_path, judge=lambda *_: "failed", runs=1)
+
+
+def test_a_run_with_everything(root: Path) -> None:
+    run = read_run(root.parent, NAME, "hall-1", 0)
+    job = f"{NAME}/_jobs/job-0"
+    assert run.record["reason"] == "goal not reached: no goal after 20 s"
+    assert run.failure == "goal not reached\nno goal after 20 s"
+    assert run.logs == [f"{job}/logs/system.log"]
+    assert run.usage == [f"{job}/resource_usage_main.csv"]
+    assert run.sysinfo["cpu_name"] == "fast"
+    assert [file.name for file in run.files] == ["poses.csv", "run.json", "test.xml"]
+
+
+def test_the_command_names_the_variant_and_its_image(root: Path) -> None:
+    words = shlex.split(read_run(root.parent, NAME, "hall-1", 0).command)
+    vast_file = str(root / "_config" / "hall.vast")
+    assert words[:6] == ["vast", "-V", vast_file, "exec", "local", "run"]
+    assert words[6:] == ["--config=hall-1", "--runs=1", "--image=robots/hall:7"]
+
+
+def test_the_command_of_a_malicious_campaign_is_one_command(root: Path) -> None:
+    record = {"image": "x; rm -rf ~ $(id)\n`id`"}
+    words = shlex.split(repeat_command(root.parent, NAME, "--help; id", record))
+    assert words[6:] == ["--config=--help; id", "--runs=1", f"--image={record['image']}"]
+
+
+def test_a_run_without_its_job(root: Path) -> None:
+    (root / "hall-1" / "0" / "job").unlink()
+    write(root / "hall-1" / "0" / "run.json", '{"verdict": "errored"}')
+    run = read_run(root.parent, NAME, "hall-1", 0)
+    assert (run.job_files, run.logs) == ([], [])
+
+
+@pytest.mark.parametrize("job", ["../../secrets", "../hall-1/../../secrets", "job-1"])
+def test_a_job_outside_the_campaign_is_none(root: Path, job: str) -> None:
+    write(root.parent / "secrets" / "logs" / "secret.log", "secret")
+    (root / "_jobs" / "job-1").rename(root.parent / "job-1")
+    (root / "_jobs" / "job-1").symlink_to(root.parent / "job-1")
+    (root / "hall-1" / "0" / "job").unlink()
+    (root / "hall-1" / "0" / "job").symlink_to(root.parent / "secrets")
+    write(root / "hall-1" / "0" / "run.json", f'{{"verdict": "passed", "job": "{job}"}}')
+    assert read_run(root.parent, NAME, "hall-1", 0).job_files == []
+
+
+def test_links_are_not_listed(root: Path) -> None:
+    (root / "hall-1" / "0" / "passwd").symlink_to("/etc/passwd")
+    (root / "hall-1" / "0" / "etc").symlink_to("/etc")
+    names = [file.name for file in list_files(root.parent, f"{NAME}/hall-1/0")]
+    assert names == ["poses.csv", "run.json", "test.xml"]
+
+
+def test_entities_in_a_test_result_are_not_resolved(root: Path) -> None:
+    write(
+        root / "hall-1" / "0" / "test.xml",
+        '<!DOCTYPE t [<!ENTITY x SYSTEM "file:///etc/passwd">]><t><failure>&x;</failure></t>',
+    )
+    assert read_run(root.parent, NAME, "hall-1", 0).failure == ""
+
+
+def test_the_topics_of_a_bag(root: Path) -> None:
+    write(
+        root / "hall-1" / "0" / "rosbag2" / "metadata.yaml",
+        "rosbag2_bagfile_information:\n"
+        "  duration: {nanoseconds: 9500000000}\n"
+        "  starting_time: {nanoseconds_since_epoch: 1772630684000000000}\n"
+        "  topics_with_message_count:\n"
+        "  - topic_metadata: {name: /scan, type: sensor_msgs/msg/LaserScan}\n"
+        "    message_count: 95\n"
+        "  - nonsense\n",
+    )
+    (bag,) = read_run(root.parent, NAME, "hall-1", 0).bags
+    assert (bag.start, bag.duration) == (1772630684, 9.5)
+    assert bag.topics == [("/scan", "sensor_msgs/msg/LaserScan", 95)]
+
+
+def test_no_such_run(root: Path) -> None:
+    with pytest.raises(InputError, match="There is no"):
+        read_run(root.parent, NAME, "hall-1", 9)
