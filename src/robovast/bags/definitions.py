@@ -1,0 +1,130 @@
+"""What a message type consists of: from the bag, from files beside the .vast file, from ROS.
+
+Bags of ROS 2 Iron and later carry the definitions of their types. Older ones do not, and none
+before Kilted carries those of action feedback.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rosbags.typesys import (
+    Stores,
+    TypesysError,
+    get_types_from_idl,
+    get_types_from_msg,
+    get_typestore,
+)
+
+if TYPE_CHECKING:
+    from rosbags.interfaces.typing import Typesdict
+    from rosbags.typesys.store import Typestore
+
+ACTIONS = Path(__file__).with_name("actions")
+"""Actions of Nav2, whose feedback bags usually leave undefined."""
+
+_SEPARATOR = "=" * 80
+_FEEDBACK = "_FeedbackMessage"
+
+
+class DefinitionError(ValueError):
+    """A message type is not defined, or in a way that cannot be read."""
+
+
+@dataclass(frozen=True)
+class Definition:
+    """A message type as a bag defines it."""
+
+    type: str
+    """Full name, as `nav_msgs/msg/Odometry`."""
+    encoding: str = ""
+    """`ros2msg`, `ros2idl`, or empty when the bag leaves it undefined."""
+    text: str = ""
+
+    @property
+    def given(self) -> bool:
+        """True when the bag defines the type."""
+        return self.encoding in {"ros2msg", "ros2idl", "omgidl"} and bool(self.text)
+
+
+@lru_cache(maxsize=512)
+def types_of(definition: Definition, folder: Path | None, distribution: str) -> Typesdict:
+    """Fields of a message type and of every type in it, by type.
+
+    Args:
+        definition: what the bag says.
+        folder: searched for `<package>/action/<Name>.action` and `<package>/msg/<Name>.msg` when
+            the bag says nothing.
+        distribution: ROS distribution, as `jazzy`, whose own types fill what is missing.
+
+    Raises:
+        DefinitionError: the type, or one that it uses, is defined nowhere.
+    """
+    known = dict(_distribution_types(distribution))
+    try:
+        known.update(_own_types(definition, folder))
+    except (TypesysError, ValueError, KeyError, IndexError) as error:
+        raise DefinitionError(f"the definition of {definition.type} is wrong: {error}") from error
+    if definition.type not in known:
+        raise DefinitionError(
+            f"neither the bag nor ROS {distribution} defines {definition.type}; add its file "
+            f"`{_file_of(definition.type)}` to the run files"
+        )
+    return known
+
+
+def typestore_of(definition: Definition, folder: Path | None, distribution: str) -> Typestore:
+    """What deserializes messages of a type; see `types_of`."""
+    return _typestore(definition, folder, distribution)
+
+
+@lru_cache(maxsize=64)
+def _typestore(definition: Definition, folder: Path | None, distribution: str) -> Typestore:
+    store = get_typestore(Stores.EMPTY)
+    store.register(types_of(definition, folder, distribution))
+    return store
+
+
+@lru_cache(maxsize=4)
+def _distribution_types(distribution: str) -> Typesdict:
+    try:
+        return get_typestore(Stores(f"ros2_{distribution}")).fielddefs
+    except ValueError:
+        return get_typestore(Stores.LATEST).fielddefs
+
+
+def _own_types(definition: Definition, folder: Path | None) -> Typesdict:
+    if not definition.given:
+        return _types_from_files(definition.type, folder)
+    if definition.encoding != "ros2msg":
+        return get_types_from_idl(definition.text)
+    return get_types_from_msg(definition.text, definition.type)
+
+
+def _types_from_files(type_: str, folder: Path | None) -> Typesdict:
+    path = _find(_file_of(type_), [folder, ACTIONS])
+    if path is None:
+        return {}
+    text = path.read_text(encoding="utf-8")
+    if not type_.endswith(_FEEDBACK):
+        return get_types_from_msg(text, type_)
+    package, action = type_.removesuffix(_FEEDBACK).split("/")[::2]
+    feedback = text.split("\n---\n")[-1].removeprefix("---\n")
+    message = (
+        f"unique_identifier_msgs/UUID goal_id\n{package}/{action}_Feedback feedback\n{_SEPARATOR}\n"
+        f"MSG: {package}/{action}_Feedback\n{feedback}\n"
+    )
+    return get_types_from_msg(message, type_)
+
+
+def _file_of(type_: str) -> str:
+    name = type_.removesuffix(_FEEDBACK)
+    return name + (".action" if name != type_ else ".msg")
+
+
+def _find(file: str, folders: list[Path | None]) -> Path | None:
+    found = (path for folder in folders if folder for path in sorted(folder.rglob(file)))
+    return next(found, None)

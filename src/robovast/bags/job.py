@@ -1,0 +1,116 @@
+"""What one command makes of a bag: its parameters, and what works on the messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, ClassVar, Protocol
+
+from pydantic import AfterValidator, BaseModel, ConfigDict
+
+from robovast.bags.definitions import Definition, types_of, typestore_of
+from robovast.bags.flatten import Flatten, Shape, Style, compile_flatten, names_of
+from robovast.bags.source import Consumer, Topic, Warn
+
+if TYPE_CHECKING:
+    from rosbags.interfaces.typing import Typesdict
+
+_LITTLE, _BIG = b"\x00\x01", b"\x00\x00"
+
+
+@dataclass(frozen=True)
+class Context:
+    """The bag that is read, and where results go."""
+
+    bag: Path
+    folder: Path
+    """Where files are written."""
+    warn: Warn
+    definitions: Path | None
+    """Folder with message definitions that the bag may lack."""
+    distribution: str
+    """ROS distribution of the recorder, as `jazzy`; empty when unknown."""
+    topics: dict[str, str]
+    """Type of each topic that the bag's metadata name."""
+    window: tuple[int, int] | None = None
+    """From when to when the run took place [ns], where the bag is of several runs."""
+
+    def types(self, definition: Definition) -> Typesdict:
+        """Fields of a message type and of all in it."""
+        return types_of(definition, self.definitions, self.distribution)
+
+    def reader(self, topic: Topic) -> Callable[[bytes], object]:
+        """What makes an object of a message."""
+        store = typestore_of(topic.definition, self.definitions, self.distribution)
+        type_ = topic.type
+        return lambda data: store.deserialize_cdr(data, type_)
+
+    def flattener(self, topic: Topic) -> Flatten:
+        """What appends the cells of a message as it is in the bag, and returns its shape."""
+        return _flattener(topic.definition, self.definitions, self.distribution)
+
+    def names(self, topic: Topic, shape: Shape, style: Style) -> list[str]:
+        """Names of the cells of a message that has a shape."""
+        return names_of(topic.type, self.types(topic.definition), shape, style)
+
+
+class Worker(Protocol):
+    """A job at work on one bag."""
+
+    def subscribe(self, topic: Topic) -> Consumer | None:
+        """Who takes the messages of a topic; it may be asked again for each file of the bag.
+
+        Raises:
+            DefinitionError: the topic is wanted, but its messages cannot be understood.
+        """
+
+    def finish(self) -> list[Path]:
+        """Complete the files; they are returned."""
+
+    def discard(self) -> None:
+        """Leave nothing behind."""
+
+
+class Job(BaseModel):
+    """A command with its parameters."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    command: ClassVar[str]
+
+    def start(self, context: Context) -> Worker:
+        """Begin to work on a bag."""
+        raise NotImplementedError
+
+
+def _plain_name(name: str) -> str:
+    if not name or "/" in name or name in {".", ".."}:
+        raise ValueError("a file name without a folder is wanted: files go into the run's folder")
+    return name
+
+
+FileName = Annotated[str, AfterValidator(_plain_name)]
+
+
+def nothing_on(context: Context, what: str) -> str:
+    """The warning that there are no messages on a topic, or of a type."""
+    known = f"; it has {', '.join(sorted(context.topics))}" if context.topics else ""
+    return f"{context.bag.name} has no message on {what}{'' if what in context.topics else known}"
+
+
+@lru_cache(maxsize=512)
+def _flattener(definition: Definition, folder: Path | None, distribution: str) -> Flatten:
+    types = types_of(definition, folder, distribution)
+    little = compile_flatten(definition.type, types)
+    big = compile_flatten(definition.type, types, big_endian=True)
+
+    def flatten(data: bytes, cells: list[bytes]) -> Shape:
+        order = data[:2]
+        if order == _LITTLE:
+            return little(data[4:], cells)
+        if order == _BIG:
+            return big(data[4:], cells)
+        raise ValueError("unknown encapsulation")
+
+    return flatten

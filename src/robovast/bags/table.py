@@ -1,0 +1,125 @@
+"""Rows of cells as a CSV file whose columns may differ from row to row."""
+
+from __future__ import annotations
+
+import csv
+import os
+import sys
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from functools import lru_cache
+from itertools import islice
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+Key = Hashable
+"""What decides which cells a row has, as the shape of a message."""
+
+_BUFFER = 1 << 20
+
+
+def _no_names(_key: Key) -> list[str]:
+    return []
+
+
+class Table:
+    """A CSV file: leading columns, then the rest sorted by name.
+
+    Every row has a key that decides which cells it has. Rows are written as they come; when keys
+    differed, the file is written once more at the end, with the columns of all.
+    """
+
+    def __init__(
+        self, path: Path, leading: Sequence[str], names: Callable[[Any], list[str]] = _no_names
+    ) -> None:
+        """Open a file beside the path, which takes its name in `close`.
+
+        Args:
+            path: the CSV file.
+            leading: names of the cells that every row begins with.
+            names: names of a row's further cells, by its key; none when left out.
+        """
+        self.path = path
+        self._leading = list(leading)
+        self._names = names
+        self._part = path.with_name(f".{path.name}.part")
+        self._file = self._part.open("wb", buffering=_BUFFER)
+        self._runs: list[tuple[Key, int]] = []
+        self._key: Key | None = None
+        self._count = 0
+        self._order: Any = None
+        self._orders = lru_cache(maxsize=256)(self._order_of)
+
+    def add(self, key: Key, cells: list[bytes]) -> None:
+        """Write a row: its leading cells, then those of its key."""
+        if key != self._key:
+            self._switch(key)
+        self._count += 1
+        self._file.write(b",".join(self._order(cells)) + b"\n")
+
+    def close(self) -> None:
+        """Finish the file and give it its name."""
+        self._end_run()
+        keys = list(dict.fromkeys(key for key, _ in self._runs))
+        self._file.close()
+        if len(keys) == 1:
+            os.replace(self._part, self.path)
+        else:
+            self._rewrite(keys)
+
+    def discard(self) -> None:
+        """Leave nothing behind."""
+        self._file.close()
+        self._part.unlink(missing_ok=True)
+
+    def _switch(self, key: Key) -> None:
+        self._end_run()
+        if not self._runs:
+            self._file.write(_line(self._leading + sorted(self._names(key))))
+        self._order = self._orders(key)
+        self._key, self._count = key, 0
+
+    def _end_run(self) -> None:
+        if self._key is not None:
+            self._runs.append((self._key, self._count))
+
+    def _order_of(self, key: Key) -> Any:
+        lead = len(self._leading)
+        names = self._names(key)
+        rest = sorted(range(len(names)), key=names.__getitem__)
+        return _getter([*range(lead), *(lead + index for index in rest)])
+
+    def _rewrite(self, keys: list[Key]) -> None:
+        columns = sorted({name for key in keys for name in self._names(key)})
+        final = self._part.with_suffix(".all")
+        csv.field_size_limit(sys.maxsize)  # a cell holds a whole string, however long
+        with (
+            self._part.open(newline="", encoding="utf-8") as source,
+            final.open("w", newline="", encoding="utf-8") as target,
+        ):
+            rows = csv.reader(source)
+            next(rows, None)
+            writer = csv.writer(target, lineterminator="\n")
+            writer.writerow(self._leading + columns)
+            spread = {key: self._spread(key, columns) for key in keys}
+            for key, count in self._runs:
+                order = spread[key]
+                writer.writerows(order([*row, ""]) for row in islice(rows, count))
+        self._part.unlink()
+        os.replace(final, self.path)
+
+    def _spread(self, key: Key, columns: list[str]) -> Any:
+        """What takes a row of a key, with an empty cell at its end, to the columns of all."""
+        lead = len(self._leading)
+        place = {name: lead + index for index, name in enumerate(sorted(self._names(key)))}
+        return _getter([*range(lead), *(place.get(name, -1) for name in columns)])
+
+
+def _getter(places: list[int]) -> Any:
+    if len(places) > 1:
+        return itemgetter(*places)
+    return lambda cells: [cells[place] for place in places]
+
+
+def _line(cells: Iterable[str]) -> bytes:
+    return (",".join(cells) + "\n").encode()

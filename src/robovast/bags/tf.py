@@ -1,0 +1,103 @@
+"""Poses of frames in `map`, as one CSV file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from robovast.bags.flatten import number_cells, seconds_cell, text_cell
+from robovast.bags.job import Context, FileName, Job, nothing_on
+from robovast.bags.source import Consumer, Topic
+from robovast.bags.table import Table
+from robovast.bags.transforms import TransformTree, euler
+
+REFERENCE = "map"
+_TYPE = "tf2_msgs/msg/TFMessage"
+_STATIC = {"/tf": False, "/tf_static": True}
+_COLUMNS = (
+    "frame",
+    "timestamp",
+    "position.x",
+    "position.y",
+    "position.z",
+    "orientation.roll",
+    "orientation.pitch",
+    "orientation.yaw",
+)
+
+
+class TfToCsv(Job):
+    """Pose [m, rad] of each frame in `map` at each of its stamps [s]."""
+
+    command = "rosbags_tf_to_csv"
+    frames: tuple[str, ...] = Field(default=("base_link",), min_length=1)
+    csv_filename: FileName = "poses.csv"
+
+    def start(self, context: Context) -> _TfWorker:
+        """Begin to work on a bag."""
+        return _TfWorker(context, self.frames, self.csv_filename)
+
+
+class _TfWorker:
+    def __init__(self, context: Context, frames: tuple[str, ...], file: str) -> None:
+        self._context = context
+        self._frames = tuple(dict.fromkeys(frame.lstrip("/") for frame in frames))
+        self._table = Table(context.folder / file, _COLUMNS)
+        self._tree = TransformTree()
+
+    def subscribe(self, topic: Topic) -> Consumer | None:
+        static = _STATIC.get(topic.name)
+        if static is None or topic.type != _TYPE:
+            return None
+        add = self._tree.add
+        return lambda _time, data: add(data, static)
+
+    def finish(self) -> list[Path]:
+        if self._tree.frames:
+            self._write()
+        else:
+            self._context.warn(nothing_on(self._context, "/tf"))
+        if self._tree.rejected:
+            self._context.warn(
+                f"{self._tree.rejected} transforms are left out: not finite, not normalized, "
+                "without a frame, or of a frame in itself"
+            )
+        self._table.close()
+        return [self._table.path]
+
+    def discard(self) -> None:
+        self._table.discard()
+
+    def _write(self) -> None:
+        rows: list[tuple[int, int, list[bytes]]] = []
+        for number, frame in enumerate(self._frames):
+            rows += ((time, number, cells) for time, cells in self._rows(frame))
+        rows.sort(key=lambda row: row[:2])
+        for _, _, cells in rows:
+            self._table.add((), cells)
+
+    def _rows(self, frame: str) -> list[tuple[int, list[bytes]]]:
+        times = self._tree.stamps(frame)
+        poses = self._tree.poses(frame, REFERENCE, times)
+        self._say_what_is_missing(frame, len(times), int(poses.valid.sum()))
+        values = np.column_stack((poses.position, euler(poses.orientation)))
+        name = text_cell(frame.encode())
+        return [
+            (time, [name, seconds_cell(time), *number_cells(row)])
+            for time, row in zip(
+                times[poses.valid].tolist(), values[poses.valid].tolist(), strict=True
+            )
+        ]
+
+    def _say_what_is_missing(self, frame: str, stamps: int, known: int) -> None:
+        name, frames = self._context.bag.name, self._tree.frames
+        if frame not in frames or REFERENCE not in frames:
+            unknown = frame if frame not in frames else REFERENCE
+            self._context.warn(f"{name} has no frame {unknown}; it has {', '.join(frames)}")
+        elif known < stamps:
+            self._context.warn(
+                f"{stamps - known} of {stamps} poses of {frame} in {REFERENCE} are left out: "
+                "the transforms between them do not cover these times"
+            )

@@ -1,0 +1,101 @@
+"""Topics as CSV: every message a row, every field a column."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from pydantic import Field
+
+from robovast.bags.flatten import DOTTED, Shape, Style, seconds_cell, text_cell
+from robovast.bags.job import Context, Job, nothing_on
+from robovast.bags.source import Consumer, Topic
+from robovast.bags.table import Table
+
+
+class MessageTable:
+    """A CSV file of the messages of one topic."""
+
+    def __init__(self, context: Context, path: Path, leading: list[str], style: Style) -> None:
+        self.empty = True
+        self._context = context
+        self._style = style
+        self._topics: list[Topic] = []
+        self._table = Table(path, leading, self._names)
+
+    def consumer(self, topic: Topic) -> Consumer:
+        """What writes a row with time [ns] and type for each message."""
+        add = self._adder(topic)
+        kind = text_cell(topic.type.encode())
+        return lambda time, data: add(data, [b"%d" % time, kind])
+
+    def timed_consumer(self, topic: Topic) -> Consumer:
+        """What writes a row with the time [s] for each message."""
+        add = self._adder(topic)
+        return lambda time, data: add(data, [seconds_cell(time)])
+
+    def close(self) -> Path:
+        """Complete the file."""
+        self._table.close()
+        return self._table.path
+
+    def discard(self) -> None:
+        """Leave nothing behind."""
+        self._table.discard()
+
+    def _adder(self, topic: Topic) -> Callable[[bytes, list[bytes]], None]:
+        flatten = self._context.flattener(topic)
+        if topic not in self._topics:
+            self._topics.append(topic)
+        variant = self._topics.index(topic)
+
+        def add(data: bytes, cells: list[bytes]) -> None:
+            shape = flatten(data, cells)
+            self._table.add((variant, shape), cells)
+            self.empty = False
+
+        return add
+
+    def _names(self, key: tuple[int, Shape]) -> list[str]:
+        variant, shape = key
+        return self._context.names(self._topics[variant], shape, self._style)
+
+
+class TopicsToCsv(Job):
+    """Each topic as `<bag>_<topic>.csv`, its slashes as underscores."""
+
+    command = "rosbags_to_csv"
+    topics: tuple[str, ...] = Field(min_length=1)
+
+    def start(self, context: Context) -> _TopicsWorker:
+        """Begin to work on a bag."""
+        return _TopicsWorker(context, self.topics)
+
+
+class _TopicsWorker:
+    def __init__(self, context: Context, topics: tuple[str, ...]) -> None:
+        self._context = context
+        self._tables = {topic: self._open(topic) for topic in dict.fromkeys(topics)}
+
+    def _open(self, topic: str) -> MessageTable:
+        path = self._context.folder / f"{topic_file(self._context, topic)}.csv"
+        return MessageTable(self._context, path, ["timestamp", "type"], DOTTED)
+
+    def subscribe(self, topic: Topic) -> Consumer | None:
+        table = self._tables.get(topic.name)
+        return table.consumer(topic) if table else None
+
+    def finish(self) -> list[Path]:
+        for topic, table in self._tables.items():
+            if table.empty:
+                self._context.warn(nothing_on(self._context, topic))
+        return [table.close() for table in self._tables.values()]
+
+    def discard(self) -> None:
+        for table in self._tables.values():
+            table.discard()
+
+
+def topic_file(context: Context, topic: str) -> str:
+    """Name of the file of a topic, without its ending."""
+    return f"{context.bag.name}_{topic.replace('/', '_')}"

@@ -1,0 +1,304 @@
+"""The transform tree over the whole time of a bag.
+
+Poses between two stamps are interpolated, as tf2 does: linearly in position, spherically in
+orientation. Nothing is extrapolated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from struct import Struct
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Times = NDArray[np.int64]
+Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+_NORM_TOLERANCE = 1e-2
+_SIZE = 56
+"""Bytes of seven numbers: position x, y, z [m] and orientation x, y, z, w."""
+
+
+class _Order(NamedTuple):
+    """Readers for one byte order."""
+
+    head: Callable[..., tuple[int, ...]]
+    """Seconds, nanoseconds, length of the parent's name."""
+    length: Callable[..., tuple[int, ...]]
+    swapped: bool
+
+
+_ORDERS = {
+    b"\x00\x01": _Order(Struct("<iII").unpack_from, Struct("<I").unpack_from, False),
+    b"\x00\x00": _Order(Struct(">iII").unpack_from, Struct(">I").unpack_from, True),
+}
+
+
+class Poses(NamedTuple):
+    """Poses of a frame at n times."""
+
+    position: Floats
+    """(n, 3) [m]"""
+    orientation: Floats
+    """(n, 4) unit quaternions x, y, z, w."""
+    valid: Mask
+    """(n,) False where the tree does not say it."""
+
+
+class _Samples:
+    """What was said of one frame, as it came."""
+
+    def __init__(self) -> None:
+        self.times: list[int] = []
+        self.parents: list[bytes] = []
+        self.values: list[bytes] = []
+
+
+class _Link:
+    """Pose of a frame in its parent, which may change, over time."""
+
+    def __init__(self, child: str, samples: _Samples, static: bool) -> None:
+        times: Times = np.array(samples.times, dtype=np.int64)
+        values = np.frombuffer(b"".join(samples.values), "<f8").reshape(-1, 7)
+        names = [_frame(parent) for parent in samples.parents]
+        self.names = sorted(set(names))
+        number = {name: index for index, name in enumerate(self.names)}
+        parents = np.array([number[name] for name in names])
+        norms = np.sum(values[:, 3:] ** 2, axis=1)
+        sound = np.isfinite(values).all(axis=1) & (np.abs(norms - 1) < _NORM_TOLERANCE)
+        sound &= np.array([bool(name) and name != child for name in names])
+        self.rejected = int((~sound).sum())
+        self.static = static
+        keep = _order(times, np.flatnonzero(sound), static)
+        self.times = times[keep]
+        self.parents: Indices = parents[keep]
+        self.position: Floats = values[keep, :3]
+        self.orientation: Floats = values[keep, 3:]
+
+    def at(self, times: Times) -> tuple[Indices, Poses]:
+        """Number of the parent, and pose in it, at each of n times."""
+        last = len(self.times) - 1
+        if self.static:
+            before = after = np.zeros(len(times), dtype=np.int64)
+            valid = np.ones(len(times), dtype=bool)
+        else:
+            before = np.searchsorted(self.times, times, side="right") - 1
+            valid = (before >= 0) & (times <= self.times[last])
+            before = np.clip(before, 0, last)
+            after = np.minimum(before + 1, last)
+        after = np.where(self.parents[after] == self.parents[before], after, before)
+        span = self.times[after] - self.times[before]
+        share = np.where(span > 0, (times - self.times[before]) / np.maximum(span, 1), 0.0)
+        start, end = self.position[before], self.position[after]
+        position = start + share[:, None] * (end - start)
+        orientation = slerp(self.orientation[before], self.orientation[after], share)
+        return self.parents[before], Poses(position, orientation, valid)
+
+
+def _frame(name: bytes) -> str:
+    return name.decode("utf-8", "backslashreplace").lstrip("/")
+
+
+def _order(times: Times, sound: Indices, static: bool) -> Indices:
+    """Which samples count, by time: of static ones the last, of two with one stamp the first."""
+    if static:
+        return sound[-1:]
+    _, first = np.unique(times[sound], return_index=True)
+    kept: Indices = sound[first]
+    return kept
+
+
+class TransformTree:
+    """Transforms of a whole recording."""
+
+    def __init__(self) -> None:
+        self._moving: dict[bytes, _Samples] = {}
+        self._fixed: dict[bytes, _Samples] = {}
+
+    def add(self, data: bytes, static: bool) -> None:
+        """Take a tf2_msgs/msg/TFMessage as it is in a bag; a static transform holds at all times.
+
+        Raises:
+            ValueError: it is no such message (also struct.error).
+        """
+        order = _ORDERS.get(data[:2])
+        if order is None:
+            raise ValueError("unknown encapsulation")
+        head, length, swapped = order
+        links = self._fixed if static else self._moving
+        message = data[4:]
+        (count,) = length(message, 0)
+        offset = 4
+        for _ in range(count):
+            seconds, nanoseconds, size = head(message, offset)
+            start = offset + 12
+            parent = message[start : start + size - 1]
+            start = (start + size + 3) & -4
+            (size,) = length(message, start)
+            child = message[start + 4 : start + 3 + size].lstrip(b"/")
+            start = (start + size + 11) & -8
+            offset = start + _SIZE
+            values = message[start:offset]
+            if len(values) < _SIZE:
+                raise ValueError("it is too short")
+            samples = links.get(child) or links.setdefault(child, _Samples())
+            samples.times.append(seconds * 1_000_000_000 + nanoseconds)
+            samples.parents.append(parent)
+            samples.values.append(_swapped(values) if swapped else values)
+
+    @cached_property
+    def _links(self) -> dict[str, _Link]:
+        """By frame; to be asked for only when all transforms have been added."""
+        links: dict[str, _Link] = {}
+        for found, static in ((self._fixed, True), (self._moving, False)):
+            for name, samples in found.items():
+                child = _frame(name)
+                links[child] = _Link(child, samples, static)
+        return links
+
+    @property
+    def rejected(self) -> int:
+        """How many are not finite, not normalized, without a parent or of a frame in itself."""
+        return sum(link.rejected for link in self._links.values())
+
+    @cached_property
+    def _sound(self) -> dict[str, _Link]:
+        return {child: link for child, link in self._links.items() if child and len(link.times)}
+
+    @property
+    def frames(self) -> list[str]:
+        """All frames, sorted."""
+        parents = {name for link in self._sound.values() for name in link.names}
+        return sorted(parents | set(self._sound))
+
+    def stamps(self, frame: str) -> Times:
+        """When something was said of a frame [ns]: of itself, or of what it is fixed to."""
+        seen: set[str] = set()
+        while frame in self._sound and frame not in seen:
+            seen.add(frame)
+            link = self._sound[frame]
+            parent = link.names[link.parents[-1]]
+            if not link.static or parent not in self._sound:
+                return link.times
+            frame = parent
+        return np.zeros(0, dtype=np.int64)
+
+    def poses(self, frame: str, reference: str, times: Times) -> Poses:
+        """Pose of a frame in another at each of n times [ns].
+
+        Args:
+            frame: the frame.
+            reference: the frame in which positions and orientations are given.
+            times: (n,) [ns].
+        """
+        roots, poses = self._climb(frame, reference, times, frozenset())
+        elsewhere = roots != reference
+        if not elsewhere.any():
+            return poses
+        common, origin = self._climb(reference, "", times, frozenset())
+        relative = _compose(_inverse(origin), poses)
+        valid = relative.valid & (common == roots)
+        return Poses(
+            np.where(elsewhere[:, None], relative.position, poses.position),
+            np.where(elsewhere[:, None], relative.orientation, poses.orientation),
+            np.where(elsewhere, valid, poses.valid),
+        )
+
+    def _climb(
+        self, frame: str, stop: str, times: Times, seen: frozenset[str]
+    ) -> tuple[NDArray[np.object_], Poses]:
+        """Name of the frame where the way up ends, at `stop` or a root, and the pose in it."""
+        count = len(times)
+        ends = np.full(count, frame, dtype=object)
+        if frame == stop or frame not in self._sound:
+            identity = np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
+            return ends, Poses(np.zeros((count, 3)), identity, np.ones(count, dtype=bool))
+        link = self._sound[frame]
+        parents, poses = link.at(times)
+        if frame in seen:  # a loop leads nowhere
+            return ends, poses._replace(valid=np.zeros(count, dtype=bool))
+        position, orientation = poses.position.copy(), poses.orientation.copy()
+        valid = poses.valid.copy()
+        for parent in np.unique(parents):
+            here = parents == parent
+            above, way = self._climb(link.names[parent], stop, times[here], seen | {frame})
+            inner = Poses(poses.position[here], poses.orientation[here], poses.valid[here])
+            ends[here] = above
+            position[here], orientation[here], valid[here] = _compose(way, inner)
+        return ends, Poses(position, orientation, valid)
+
+
+def slerp(start: Floats, end: Floats, share: Floats) -> Floats:
+    """Orientations between two, on the shorter way.
+
+    Args:
+        start: (n, 4) quaternions x, y, z, w.
+        end: (n, 4), likewise.
+        share: (n,) of the way, 0 to 1.
+
+    Returns:
+        (n, 4) unit quaternions.
+    """
+    cosine = np.sum(start * end, axis=1)
+    end = np.where(cosine[:, None] < 0, -end, end)
+    angle = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))
+    sine = np.sin(angle)
+    near = sine < 1e-6
+    divisor = np.where(near, 1.0, sine)
+    first = np.where(near, 1 - share, np.sin((1 - share) * angle) / divisor)
+    second = np.where(near, share, np.sin(share * angle) / divisor)
+    mixed: Floats = first[:, None] * start + second[:, None] * end
+    mixed /= np.linalg.norm(mixed, axis=1, keepdims=True)
+    return mixed
+
+
+def euler(orientation: Floats) -> Floats:
+    """Roll, pitch and yaw [rad] of (n, 4) quaternions x, y, z, w about fixed axes: (n, 3)."""
+    x, y, z, w = orientation.T
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    sine = np.clip(2 * (w * y - z * x), -1.0, 1.0)
+    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    upright = np.abs(sine) > 1 - 1e-12  # roll and yaw turn about one axis: all is yaw
+    yaw = np.where(upright, -np.sign(sine) * 2 * np.arctan2(x, w), yaw)
+    angles: Floats = np.column_stack((np.where(upright, 0.0, roll), np.arcsin(sine), yaw))
+    return angles
+
+
+def _compose(outer: Poses, inner: Poses) -> Poses:
+    return Poses(
+        outer.position + _rotate(outer.orientation, inner.position),
+        _multiply(outer.orientation, inner.orientation),
+        outer.valid & inner.valid,
+    )
+
+
+def _inverse(poses: Poses) -> Poses:
+    back = poses.orientation * [-1.0, -1.0, -1.0, 1.0]
+    return Poses(-_rotate(back, poses.position), back, poses.valid)
+
+
+def _swapped(values: bytes) -> bytes:
+    return np.frombuffer(values, ">f8").astype("<f8").tobytes()
+
+
+def _multiply(left: Floats, right: Floats) -> Floats:
+    vector = (
+        left[:, 3:] * right[:, :3]
+        + right[:, 3:] * left[:, :3]
+        + np.cross(left[:, :3], right[:, :3])
+    )
+    scalar = left[:, 3] * right[:, 3] - np.sum(left[:, :3] * right[:, :3], axis=1)
+    product: Floats = np.column_stack((vector, scalar))
+    return product
+
+
+def _rotate(orientation: Floats, vectors: Floats) -> Floats:
+    axis = orientation[:, :3]
+    turned = 2 * np.cross(axis, vectors)
+    rotated: Floats = vectors + orientation[:, 3:] * turned + np.cross(axis, turned)
+    return rotated
