@@ -40,6 +40,8 @@ def appearing_folder(target: Path, *, replace: bool = False) -> Iterator[Path]:
 def appearing_file(target: Path) -> Iterator[Path]:
     """Path of a new file to write; it takes the target's place when the context ends well.
 
+    Who removes it leaves the target as it was.
+
     Raises:
         StorageError: it cannot be written.
     """
@@ -48,7 +50,8 @@ def appearing_file(target: Path) -> Iterator[Path]:
         target.parent.mkdir(parents=True, exist_ok=True)
         try:
             yield part
-            os.replace(part, target)
+            if part.exists():
+                os.replace(part, target)
         finally:
             with suppress(OSError):
                 part.unlink()

@@ -14,18 +14,12 @@ from itertools import count
 from pathlib import Path, PurePath
 from typing import Any
 
-import yaml
-
 from robovast.errors import InputError
 from robovast.plain import dump_yaml
 from robovast.results.appearing import appearing_folder
 from robovast.results.layout import RUN_RECORD, Layout
+from robovast.results.mappings import read_mapping
 from robovast.results.run_record import read_run_record
-
-try:
-    from yaml import CSafeLoader as _Loader
-except ImportError:  # PyYAML built without libyaml: slower, same result
-    from yaml import SafeLoader as _Loader  # type: ignore[assignment]
 
 JOB = "job"
 """Link in a run's folder to its job's own output."""
@@ -105,16 +99,8 @@ def _check(campaigns: Sequence[Path]) -> None:
 def _parts(layout: Layout) -> Iterator[_Part]:
     for folder in sorted(layout.root.iterdir()):
         if (folder / "_config").is_dir() and not folder.name.startswith(("_", ".")):
-            identity = _mapping(folder / "_config" / "config.yaml")
+            identity = read_mapping(folder / "_config" / "config.yaml")
             yield _Part(layout, folder.name, identity.get("config_identifier"))
-
-
-def _mapping(path: Path) -> dict[str, Any]:
-    try:
-        data = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)  # safe
-    except (OSError, ValueError, yaml.YAMLError):
-        return {}
-    return data if isinstance(data, dict) else {}
 
 
 def _grouped(parts: Sequence[_Part]) -> list[list[_Part]]:
@@ -195,7 +181,7 @@ class _Runs:
 def _write_records(
     layout: Layout, campaigns: Sequence[Layout], merged: dict[str, list[_Part]], runs: _Runs
 ) -> None:
-    execution = _mapping(campaigns[-1].execution / "execution.yaml")
+    execution = read_mapping(campaigns[-1].execution / "execution.yaml")
     names = [campaign.root.name for campaign in campaigns]
     layout.execution.mkdir()
     (layout.execution / "execution.yaml").write_text(
@@ -211,7 +197,7 @@ def _write_records(
 def _configurations(campaigns: Sequence[Layout], merged: dict[str, list[_Part]]) -> dict[str, Any]:
     """`configurations.yaml` of the merged campaign."""
     read = {
-        campaign.root: _mapping(campaign.transient / "configurations.yaml")
+        campaign.root: read_mapping(campaign.transient / "configurations.yaml")
         for campaign in campaigns
     }
     entries = {

@@ -1,0 +1,106 @@
+"""Publishing campaigns as their .vast files say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from robovast.errors import InputError
+from robovast.plain import fingerprint
+from robovast.publication.context import (
+    Campaign,
+    PublicationContext,
+    Settings,
+    read_settings,
+    snapshot,
+)
+from robovast.publication.plugin import UPLOAD, PublicationPlugin, ordered
+
+
+@dataclass(frozen=True)
+class PublishOptions:
+    """How to publish."""
+
+    force: bool = False
+    """Replace what exists."""
+    skip_upload: bool = False
+    """Only pack."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Campaigns that are published in one go."""
+
+    settings: Settings
+    campaigns: tuple[Campaign, ...]
+
+
+def plan_publication(campaigns: Sequence[Path], override: Path | None) -> list[Batch]:
+    """What is to be published with what: campaigns that ask for the same come together.
+
+    Args:
+        campaigns: their folders.
+        override: a .vast file that counts in place of those in the campaigns.
+
+    Raises:
+        InputError: a .vast file is missing or wrong, or nothing is to be published.
+    """
+    batches: dict[str, Batch] = {}
+    for path in campaigns:
+        settings = read_settings(override or snapshot(path))
+        key = fingerprint([call.model_dump() for call in settings.calls])
+        before = batches[key].campaigns if key in batches else ()
+        batches[key] = Batch(settings, (*before, Campaign(path, settings.metadata)))
+    found = [batch for batch in batches.values() if batch.settings.calls]
+    if not found:
+        names = ", ".join(str(batch.settings.vast_file) for batch in batches.values())
+        raise InputError(
+            f"nothing is to be published: there is no `results_processing.publication` in {names}."
+        )
+    return found
+
+
+def publish(
+    results_dir: Path,
+    batches: Iterable[Batch],
+    known: int,
+    options: PublishOptions,
+    context: PublicationContext,
+    report: Callable[[str], None],
+) -> None:
+    """Call every plugin; the first that fails ends it.
+
+    Args:
+        results_dir: folder of the campaigns.
+        batches: what to publish.
+        known: number of campaigns that are in `results_dir`.
+        options: how to publish.
+        context: how plugins ask and tell; its campaigns and files are set here.
+        report: is given the message of each plugin.
+
+    Raises:
+        RobovastError: a plugin is missing or wrong (nothing was published then), or it failed.
+    """
+    loaded = [(batch, _plugins(batch, known, options)) for batch in batches]
+    for batch, plugins in loaded:
+        config_dir = batch.settings.vast_file.parent
+        context = replace(context, campaigns=batch.campaigns, files=())
+        for plugin in plugins:
+            message, files = plugin.publish(results_dir, config_dir, context, force=options.force)
+            context = replace(context, files=(*context.files, *files))
+            report(f"{plugin.name}: {message}")
+
+
+def _plugins(batch: Batch, known: int, options: PublishOptions) -> list[PublicationPlugin]:
+    folder = batch.settings.vast_file.absolute().parent
+    plugins = [PublicationPlugin.load(call, folder) for call in batch.settings.calls]
+    chosen = [item for item in plugins if not (options.skip_upload and item.kind == UPLOAD)]
+    for plugin in chosen:
+        if not plugin.takes_context and len(batch.campaigns) < known:
+            raise InputError(
+                f"the publication plugin `{plugin.name}` publishes the whole results folder, with "
+                f"{known} campaigns, not only {', '.join(item.name for item in batch.campaigns)}. "
+                "Move the others elsewhere, or publish all by one file with `--override FILE`."
+            )
+    return ordered(chosen)

@@ -1,0 +1,84 @@
+"""Which files of a campaign an archive gets, and where in it they are."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from fnmatch import translate
+from pathlib import Path, PurePosixPath
+
+
+class Filter:
+    """Glob patterns on paths relative to the campaign; `*` also matches `/`.
+
+    A pattern that begins with `/` is matched against the whole path, one without any `/` against
+    the file's name alone, others against the whole path.
+    """
+
+    def __init__(self, include: Sequence[str] | None, exclude: Sequence[str]) -> None:
+        self._include = None if include is None else _Patterns(include)
+        self._exclude = _Patterns(exclude)
+
+    def takes(self, path: str) -> bool:
+        """True when a file is included and not excluded."""
+        included = self._include is None or self._include.match(path)
+        return included and not self._exclude.match(path)
+
+
+class _Patterns:
+    def __init__(self, patterns: Iterable[str]) -> None:
+        paths = [pattern.removeprefix("/") for pattern in patterns if "/" in pattern]
+        names = [pattern for pattern in patterns if "/" not in pattern]
+        self._path = re.compile("|".join(map(translate, paths)) or r"(?!)")
+        self._name = re.compile("|".join(map(translate, names)) or r"(?!)")
+
+    def match(self, path: str) -> bool:
+        name = path.rpartition("/")[2]
+        return bool(self._name.match(name) or self._path.match(path))
+
+
+def files_of(campaign: Path) -> Iterator[tuple[str, Path]]:
+    """Files and links of a campaign with their relative paths; its work folders are no results."""
+    for root, folders, files in os.walk(campaign):
+        here = Path(root)
+        if here == campaign:
+            folders[:] = [name for name in folders if not name.startswith(".")]
+        links = (name for name in folders if (here / name).is_symlink())
+        for name in (*links, *files):
+            path = here / name
+            if path.is_symlink() or path.is_file():
+                yield path.relative_to(campaign).as_posix(), path
+
+
+def archive_path(path: str, *, omit_hidden: bool) -> str:
+    """A file's path below the campaign's folder in the archive, always proper text.
+
+    Args:
+        path: relative to the campaign.
+        omit_hidden: leave out folders whose names begin with `_`.
+    """
+    *folders, name = PurePosixPath(path).parts
+    kept = [folder for folder in folders if not (omit_hidden and folder.startswith("_"))]
+    return os.fsencode("/".join((*kept, name))).decode("utf-8", "backslashreplace")
+
+
+def link_target(campaign: Path, path: str, link: Path, *, omit_hidden: bool) -> str | None:
+    """Target of a link in the archive; None when it leads out of the campaign.
+
+    Args:
+        campaign: the campaign's folder.
+        path: of the link, relative to the campaign.
+        link: the link.
+        omit_hidden: as in `archive_path`.
+    """
+    root = campaign.resolve()
+    end = link.resolve()
+    if link.readlink().is_absolute() or not end.is_relative_to(root):
+        return None
+    inside = end.relative_to(root).as_posix()
+    if omit_hidden:
+        kept = [part for part in PurePosixPath(inside).parts if not part.startswith("_")]
+        inside = "/".join(kept) or "."
+    folder = PurePosixPath(archive_path(path, omit_hidden=omit_hidden)).parent
+    return os.path.relpath(inside, folder)
