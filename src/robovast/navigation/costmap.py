@@ -84,9 +84,11 @@ class Costmap:
         return bool(self.passable[rows, columns].all())
 
     def shortest_path(self, start: Point, goal: Point) -> list[Point] | None:
-        """The shortest way between two points, start and goal included; None when there is none."""
+        """The shortest way between two passable points, both included; None when there is none."""
         if self.sees(start, goal):
             return [start, goal]
+        if self._part_at(start) != self._part_at(goal):
+            return None
         for lattice in (self.lattice, self.finest):
             first, last = lattice.node_near(start), lattice.node_near(goal)
             if first is not None and last is not None:
@@ -109,6 +111,15 @@ class Costmap:
                 anchor = index - 1
                 yield points[anchor]
         yield points[-1]
+
+    @cached_property
+    def parts(self) -> tuple[npt.NDArray[np.int32], int]:
+        """By cell, the number of the connected part that it belongs to, from 1; and how many."""
+        return ndimage.label(self.passable, _EIGHT)  # type: ignore[no-any-return]
+
+    def _part_at(self, point: Point) -> int:
+        row, column = (round(value) for value in self.map.cell(point))
+        return int(self.parts[0][row, column])
 
     @cached_property
     def finest(self) -> Lattice:
@@ -181,7 +192,7 @@ class Lattice:
     @cached_property
     def is_faithful(self) -> bool:
         """False when a part of the map is cut in two, or missed."""
-        labels, count = ndimage.label(self._costmap.passable, _EIGHT)
+        labels, count = self._costmap.parts
         least = 16 * self._stride**2
         owner = labels[self._rows, self._columns]
         for label, cells in enumerate(np.bincount(labels.ravel(), minlength=count + 1)[1:], 1):

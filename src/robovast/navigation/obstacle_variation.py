@@ -1,0 +1,241 @@
+"""Obstacles near the robot's path, there from the beginning or as soon as it comes near."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+from pydantic import BaseModel, Field, model_validator
+
+from robovast.common.config import VariationConfig
+from robovast.navigation.base import (
+    RECORD,
+    Config,
+    NavigationVariation,
+    RobotDiameter,
+    as_list,
+    with_record,
+)
+from robovast.navigation.extra import nav_extra
+from robovast.navigation.poses import Pose, length_of, position, read_pose
+
+if TYPE_CHECKING:
+    from robovast.navigation.costmap import Costmap
+    from robovast.navigation.placing import Course, Kind, Placed
+
+NotNegative = Annotated[float, Field(ge=0)]
+Several = NotNegative | Annotated[list[NotNegative], Field(min_length=1)]
+Pointer = str | dict[str, Any]
+
+
+class ObstacleKindConfig(VariationConfig):
+    """Obstacles of one kind."""
+
+    amount: Annotated[int, Field(ge=0)] | None = None
+    """Number of obstacles; this or the next."""
+    amount_per_m: Several | None = None
+    """Number of obstacles by the length of the path [1/m]; a list multiplies."""
+    max_distance: Several | None = None
+    """Largest distance from the path [m]; without, anywhere on the map. A list multiplies."""
+    model: str
+    """Model of the obstacle, as the scenario hands it to the simulator."""
+    xacro_arguments: str = ""
+    """Arguments of the model, as `width:=0.5, length:=0.5`, which also say how large it is."""
+
+    @model_validator(mode="after")
+    def _check_amount(self) -> ObstacleKindConfig:
+        if (self.amount is None) == (self.amount_per_m is None):
+            raise ValueError("give `amount` or `amount_per_m`, one of both")
+        return self
+
+
+class ObstacleVariationConfig(VariationConfig):
+    """Parameters of ObstacleVariation."""
+
+    name: str
+    """Scenario parameter that gets the list of obstacles."""
+    obstacle_configs: Annotated[list[ObstacleKindConfig], Field(min_length=1)]
+    """Kinds of obstacles."""
+    seed: int | None = None
+    """Seed; without one it follows from the configuration's name."""
+    robot_diameter: RobotDiameter = 0.35
+    """There is still a way for a robot of this width [m]."""
+    map_file: str | None = None
+    """Map, or `@parameter` with it; without, the map of the variation before."""
+    count: Annotated[int, Field(ge=1)] = 1
+    """Number of placements for each combination of the lists."""
+
+
+class ObstacleVariationWithDistanceTriggerConfig(ObstacleVariationConfig):
+    """Parameters of ObstacleVariationWithDistanceTrigger."""
+
+    spawn_trigger_point: str
+    """`@parameter` that gets the point of the path that is next to the first obstacle."""
+    spawn_trigger_threshold: str
+    """`@parameter` that gets the distance from there at which obstacles appear [m]."""
+    trigger_distance: Several
+    """That distance [m]; a list multiplies."""
+    start_pose: Pointer | None = None
+    """Start of the path, or `@parameter` with it; without, that of the path variation before."""
+    goal_pose: Pointer | None = None
+    """Its goal, or `@parameter` with it."""
+
+
+class ObstacleVariation(NavigationVariation):
+    """Obstacles at random places near the path."""
+
+    CONFIG_CLASS: ClassVar[type[BaseModel] | None] = ObstacleVariationConfig
+
+    def variation(self, in_configs: list[Config]) -> list[Config]:
+        """Each configuration with each placement of obstacles."""
+        self.reference(f"@{self.parameters.name}")
+        made = []
+        with nav_extra(type(self).__name__):
+            from robovast.navigation.paths import NoPathError
+            from robovast.navigation.placing import PlacingError
+
+            for config in in_configs:
+                self.progress_update(config["name"])
+                try:
+                    made += list(self._made(config))
+                except (NoPathError, PlacingError) as error:
+                    raise self.error(config, error) from None
+        return made
+
+    def _made(self, config: Config) -> Iterator[Config]:
+        from robovast.navigation.placing import place
+
+        costmap = self.costmap(config, self.parameters.map_file, self.parameters.robot_diameter)
+        for skip in self._skips():
+            course = self._course(config, costmap, skip)
+            for choice in itertools.product(*map(_choices, self.parameters.obstacle_configs)):
+                kinds = [self._kind(config, course, *one) for one in choice]
+                for number in range(self.parameters.count):
+                    rng = self.generator(self.parameters.seed, skip, _identity(choice), number)
+                    placed = place(costmap, rng, course, kinds)
+                    yield self._with_obstacles(config, course, kinds, placed)
+
+    def _skips(self) -> list[float]:
+        """How much of the path's beginning stays without obstacles [m]; one by one."""
+        return [0.0]
+
+    def _course(self, config: Config, costmap: Costmap, skip: float) -> Course:
+        """The path that an earlier variation made; none when there was none."""
+        from robovast.navigation.placing import Course
+
+        del costmap
+        record = config.get(RECORD, {})
+        if "path" not in record:
+            return Course((), (), skip)
+        stops = [read_pose(pose).point for pose in (record["start"], *record["goals"])]
+        return Course(tuple(map(tuple, record["path"])), tuple(stops), skip)
+
+    def _kind(
+        self,
+        config: Config,
+        course: Course,
+        settings: ObstacleKindConfig,
+        amount_per_m: float | None,
+        max_distance: float | None,
+    ) -> Kind:
+        from robovast.navigation.placing import Kind, radius_of
+
+        if not course.points and (amount_per_m is not None or max_distance is not None):
+            raise self.error(
+                config,
+                "`amount_per_m` and `max_distance` need a path: put a path variation before.",
+            )
+        length = length_of(list(course.points))
+        amount = settings.amount if amount_per_m is None else round(amount_per_m * length)
+        return Kind(amount or 0, radius_of(settings.xacro_arguments), max_distance)
+
+    def _with_obstacles(
+        self, config: Config, course: Course, kinds: list[Kind], placed: list[Placed]
+    ) -> Config:
+        owners = [index for index, kind in enumerate(kinds) for _ in range(kind.amount)]
+        settings = [self.parameters.obstacle_configs[index] for index in owners]
+        obstacles = [
+            {
+                "entity_name": f"obstacle_{number}",
+                "model": kind.model,
+                "spawn_pose": one.pose.parameter(),
+                "xacro_arguments": kind.xacro_arguments,
+            }
+            for number, (kind, one) in enumerate(zip(settings, placed, strict=True), start=1)
+        ]
+        shapes = [
+            {"x": round(one.pose.x, 4), "y": round(one.pose.y, 4), "radius": one.kind.radius}
+            for one in placed
+        ]
+        record = {
+            "robot_diameter": self.parameters.robot_diameter,
+            "map_file": self.map_name(config, self.parameters.map_file),
+            "obstacles": shapes,
+        }
+        values = {self.parameters.name: obstacles, **self._trigger(course, placed)}
+        return self.update_config(config, values, other_values=with_record(config, **record))
+
+    def _trigger(self, course: Course, placed: list[Placed]) -> dict[str, Any]:
+        del course, placed
+        return {}
+
+
+class ObstacleVariationWithDistanceTrigger(ObstacleVariation):
+    """Obstacles that appear when the robot comes near them."""
+
+    CONFIG_CLASS = ObstacleVariationWithDistanceTriggerConfig
+
+    def _skips(self) -> list[float]:
+        # An obstacle nearer to the start would be there from the beginning.
+        return as_list(self.parameters.trigger_distance)
+
+    def _course(self, config: Config, costmap: Costmap, skip: float) -> Course:
+        """The path between the given poses, else that of an earlier variation."""
+        from robovast.navigation.paths import Wish, measured_path, require_passable
+        from robovast.navigation.placing import Course
+
+        start = self._pose(config, self.parameters.start_pose)
+        goal = self._pose(config, self.parameters.goal_pose)
+        if start is None or goal is None:
+            course = super()._course(config, costmap, skip)
+            if not course.points:
+                raise self.error(
+                    config,
+                    "there is no path: give `start_pose` and `goal_pose`, or put a path variation "
+                    "before.",
+                )
+            return course
+        require_passable(costmap, Wish(0.0, 0.0, start=start, fixed_goals=(goal,)))
+        path = measured_path(costmap, start, (goal,))
+        return Course(path.points, (start.point, goal.point), skip)
+
+    def _pose(self, config: Config, pointer: Pointer | None) -> Pose | None:
+        return None if pointer is None else self.given_pose(config, pointer)
+
+    def _trigger(self, course: Course, placed: list[Placed]) -> dict[str, Any]:
+        from robovast.navigation.placing import nearest_on
+
+        point_name = self.reference(self.parameters.spawn_trigger_point) or ""
+        threshold_name = self.reference(self.parameters.spawn_trigger_threshold) or ""
+        if not placed:
+            return {threshold_name: course.skip}
+        point = nearest_on(course.points, placed[0].pose.point)
+        is_pose = self.type_of(point_name).startswith("pose")
+        value = Pose(*point).parameter() if is_pose else position(point)
+        return {point_name: value, threshold_name: course.skip}
+
+
+Choice = tuple[ObstacleKindConfig, float | None, float | None]
+
+
+def _choices(settings: ObstacleKindConfig) -> list[Choice]:
+    """Every combination of the lists of one kind."""
+    amounts = [None] if settings.amount_per_m is None else as_list(settings.amount_per_m)
+    distances = [None] if settings.max_distance is None else as_list(settings.max_distance)
+    return [(settings, *pair) for pair in itertools.product(amounts, distances)]
+
+
+def _identity(choice: tuple[Choice, ...]) -> list[tuple[Any, ...]]:
+    """What tells a combination from the others, for its seed."""
+    return [(kind.model, kind.amount, *lists) for kind, *lists in choice]
