@@ -5,6 +5,14 @@ from collections.abc import Mapping
 from robovast_cli.lazy import Lazy, new_group
 
 COMMANDS: Mapping[str, Lazy] = {
+    "postprocess": Lazy(
+        "robovast_cli.results_postprocess:app",
+        "Turn raw results into tables, metadata and a provenance graph.",
+    ),
+    "postprocess-commands": Lazy(
+        "robovast_cli.results_postprocess:commands_app",
+        "List the installed postprocessing commands and their parameters.",
+    ),
     "download": Lazy(
         "robovast_cli.results_download:app", "Bring results home from the cluster's storage."
     ),
@@ -14,6 +22,14 @@ COMMANDS: Mapping[str, Lazy] = {
     ),
     "import-results": Lazy(
         "robovast_cli.import_results:app", "Take over a campaign that comes as an archive."
+    ),
+    "metadata": Lazy(
+        "robovast_cli.results_metadata:app",
+        "Write metadata.yaml and the provenance graph of campaigns.",
+        aliases=("generate-metadata",),
+    ),
+    "sparql": Lazy(
+        "robovast_cli.results_sparql:app", "Ask the provenance graphs of campaigns with SPARQL."
     ),
 }
 

@@ -1,0 +1,94 @@
+"""Built-in commands that work on a campaign as a whole."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import tarfile
+from collections.abc import Sequence
+from pathlib import Path
+
+TOOLS = Path(__file__).parent / "tools"
+"""Programs that commands find on their PATH, as `docker_exec.sh`."""
+
+_LINES_SHOWN = 5
+
+
+def command(
+    results_dir: str,
+    config_dir: str,
+    script: str,
+    args: Sequence[str] = (),
+    provenance_file: str | None = None,
+) -> tuple[bool, str]:
+    """Execute a program: `SCRIPT RESULTS_DIR ARGS…`, in the folder of the .vast file.
+
+    Args:
+        results_dir: the campaign's folder.
+        config_dir: folder of the .vast file.
+        script: path relative to it, or the name of a program.
+        args: further arguments.
+        provenance_file: given on as $PROVENANCE_FILE.
+    """
+    path = Path(config_dir) / script
+    program = str(path) if path.is_file() else script
+    environment = {**os.environ, "PATH": f"{TOOLS}{os.pathsep}{os.environ.get('PATH', '')}"}
+    if provenance_file:
+        environment["PROVENANCE_FILE"] = provenance_file
+    try:
+        done = subprocess.run(
+            [program, results_dir, *map(str, args)],
+            cwd=config_dir,
+            env=environment,
+            capture_output=True,
+            check=False,
+        )
+    except FileNotFoundError:
+        return False, f"there is no program `{script}`, neither in {config_dir} nor on PATH"
+    except PermissionError:
+        return False, f"{program} is not executable: chmod +x {script}"
+    except OSError as error:
+        return False, f"{program} cannot be executed: {error.strerror}"
+    output = (done.stdout + done.stderr).decode(errors="replace")
+    print(output, end="")  # noqa: T201  # what a plugin prints goes to the log
+    if done.returncode == 0:
+        return True, ""
+    last = "\n".join(output.strip().splitlines()[-_LINES_SHOWN:])
+    return False, f"`{script}` ended with exit code {done.returncode}: {last}"
+
+
+def compress(
+    results_dir: str,
+    config_dir: str,
+    output_dir: str | None = None,
+    exclude_dirs: Sequence[str] = (".cache",),
+    overwrite: bool = False,
+) -> tuple[bool, str]:
+    """Pack the campaign into `<campaign>.tar.gz`.
+
+    Args:
+        results_dir: the campaign's folder.
+        config_dir: folder of the .vast file; `output_dir` is relative to it.
+        output_dir: where the archive goes; the results folder when left out.
+        exclude_dirs: names of folders to leave out.
+        overwrite: replace an archive that is there; otherwise it is kept as it is.
+    """
+    campaign = Path(results_dir)
+    folder = Path(config_dir, output_dir) if output_dir else campaign.parent
+    archive = folder / f"{campaign.name}.tar.gz"
+    if archive.exists() and not overwrite:
+        return True, f"{archive} is kept as it is; `overwrite: true` replaces it"
+    excluded = set(exclude_dirs)
+
+    def wanted(member: tarfile.TarInfo) -> tarfile.TarInfo | None:
+        return None if excluded & set(Path(member.name).parts[1:]) else member
+
+    folder.mkdir(parents=True, exist_ok=True)
+    temporary = archive.with_name(f".{archive.name}.{os.getpid()}.tmp")
+    try:
+        with tarfile.open(temporary, "w:gz") as file:
+            file.add(campaign, campaign.name, filter=wanted)
+        os.replace(temporary, archive)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return True, f"Wrote {archive}"

@@ -1,0 +1,222 @@
+"""A process that calls plugins, so that one which hangs, crashes or exits ends nothing else.
+
+    python -m robovast.postprocessing.child DESCRIPTOR
+
+reads requests from stdin and writes replies to the descriptor, both as lines of JSON. What a plugin
+prints goes to stderr.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import os
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, TextIO
+
+from robovast.errors import InputError, RobovastError
+from robovast.plugins import load_plugin
+from robovast.postprocessing.guard import Guard
+from robovast.postprocessing.outcome import NonsenseError, Outcome, read_entries, read_returned
+
+GROUP = "robovast.postprocessing_commands"
+
+Plugin = Callable[..., Any]
+
+
+def main() -> None:
+    """Answer requests until there are no more."""
+    replies = os.fdopen(int(sys.argv[1]), "w", encoding="utf-8")
+    requests = os.fdopen(os.dup(0), encoding="utf-8")
+    os.dup2(2, 1)  # nothing that a plugin prints may stand between replies
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    guard = Guard()
+    guard.install()
+    _answer(requests, replies, guard)
+
+
+def _answer(requests: TextIO, replies: TextIO, guard: Guard) -> None:
+    for line in requests:
+        replies.write(json.dumps(_reply(json.loads(line), guard), default=str) + "\n")
+        replies.flush()
+
+
+def _reply(request: Mapping[str, Any], guard: Guard) -> Any:
+    if request["ask"] == "per_run":
+        return is_per_run(request)
+    if request["ask"] == "bags":
+        return [outcome.plain() for outcome in convert_bags(request["calls"])]
+    return call(request, guard).plain()
+
+
+def is_per_run(request: Mapping[str, Any]) -> bool:
+    """Whether a plugin asks to be called for one run at a time; False when it cannot be loaded."""
+    try:
+        return bool(getattr(_load(request), "per_run", False))
+    except InputError:
+        return False
+
+
+def call(request: Mapping[str, Any], guard: Guard) -> Outcome:
+    """Call a plugin; whatever goes wrong in it is an outcome.
+
+    Args:
+        request: `name`, `parameters`, `folder` (of the .vast file), `results_dir` and `campaign`.
+        guard: watches its writes.
+    """
+    try:
+        return _guarded(request, guard)
+    except (InputError, NonsenseError) as error:
+        return Outcome(False, str(error))
+    except SystemExit as error:
+        return Outcome(False, f"called `sys.exit({error.code!r})` instead of returning")
+    except Exception as error:
+        traceback.print_exc()
+        if guard.refused:
+            return Outcome(False, f"was refused to write {guard.refused}: {_OUTSIDE}")
+        return Outcome(False, f"raised {type(error).__name__}: {error}{_place(error)}")
+    finally:
+        guard.allow_all()
+
+
+def convert_bags(calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
+    """Do several of the commands for bags in one pass over each bag of a run.
+
+    Args:
+        calls: requests that differ in `name` and `parameters` alone.
+    """
+    try:
+        return _convert_bags(calls)
+    except RobovastError as error:
+        return [Outcome(False, str(error)) for _ in calls]
+    except Exception as error:
+        traceback.print_exc()
+        text = f"raised {type(error).__name__}: {error}{_place(error)}"
+        return [Outcome(False, text) for _ in calls]
+
+
+def _convert_bags(calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
+    from robovast.bags.commands import ros_extra
+
+    with ros_extra():
+        from robovast.bags.convert import convert_run
+        from robovast.bags.jobs import job_of
+    run, campaign = Path(calls[0]["results_dir"]), Path(calls[0]["campaign"])
+    outcomes, jobs = [], []
+    for request in calls:
+        try:
+            jobs.append(job_of(request["name"], request["parameters"]))
+            outcomes.append(Outcome(True, ""))
+        except InputError as error:
+            outcomes.append(Outcome(False, str(error)))
+    done = convert_run(run, jobs, Path(calls[0]["folder"])) if jobs else None
+    if done is None:
+        return outcomes
+    entries = read_entries(done.provenance(run), "", run, campaign)
+    first = next(index for index, outcome in enumerate(outcomes) if outcome.success)
+    outcomes[first] = Outcome(True, "\n".join(done.warnings), entries)
+    return outcomes
+
+
+_OUTSIDE = "it is outside of the campaign; results belong below `results_dir`"
+
+
+def _place(error: Exception) -> str:
+    """Where in the plugin's own code an exception came from."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [f for f in frames if "/robovast/postprocessing/" not in f.filename]
+    return f" ({own[-1].filename}:{own[-1].lineno})" if own else ""
+
+
+def _guarded(request: Mapping[str, Any], guard: Guard) -> Outcome:
+    campaign, results = Path(request["campaign"]), Path(request["results_dir"])
+    plugin = _load(request)
+    with TemporaryDirectory(prefix="robovast-provenance-") as folder:
+        provenance = Path(folder) / "provenance.json"
+        prepared = prepare(plugin, request, provenance)
+        guard.allow(campaign, [Path(folder), *_named_folders(request)])
+        returned = prepared()
+        guard.allow_all()
+        outcome = read_returned(returned, request["name"], results, campaign)
+        entries = _file_entries(provenance, request["name"], results, campaign)
+    if guard.refused:
+        return Outcome(False, f"was refused to write {guard.refused}: {_OUTSIDE}")
+    return Outcome(outcome.success, outcome.message, outcome.entries + entries)
+
+
+def _load(request: Mapping[str, Any]) -> Any:
+    return load_plugin(request["name"], GROUP, request["folder"])
+
+
+def prepare(plugin: Any, request: Mapping[str, Any], provenance: Path) -> Callable[[], Any]:
+    """The call of a plugin, after its signature was compared with the parameters.
+
+    A class is instantiated, with the parameters when its constructor takes any.
+
+    Raises:
+        InputError: it cannot be called so; with what it takes.
+    """
+    parameters = dict(request["parameters"])
+    if inspect.isclass(plugin):
+        own = _signature(plugin)
+        given = parameters if own.parameters else {}
+        parameters = {} if given else parameters
+        plugin = _bound(plugin, own, (), given)()
+    if not callable(plugin):
+        raise InputError(f"is a {type(plugin).__name__}, which cannot be called")
+    signature = _signature(plugin)
+    if _takes(signature, "provenance_file"):
+        parameters.setdefault("provenance_file", str(provenance))
+    return _bound(plugin, signature, (request["results_dir"], request["folder"]), parameters)
+
+
+def _signature(plugin: Plugin) -> inspect.Signature:
+    try:
+        return inspect.signature(plugin)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"cannot be called: {error}") from error
+
+
+def _takes(signature: inspect.Signature, name: str) -> bool:
+    kinds = (parameter.kind for parameter in signature.parameters.values())
+    return name in signature.parameters or inspect.Parameter.VAR_KEYWORD in kinds
+
+
+def _bound(
+    plugin: Plugin, signature: inspect.Signature, folders: tuple[str, ...], parameters: Any
+) -> Callable[[], Any]:
+    try:
+        signature.bind(*folders, **parameters)
+    except TypeError as error:
+        names = [name for name in signature.parameters if name != "provenance_file"]
+        own = ", ".join(f"`{name}`" for name in names[len(folders) :]) or "none"
+        raise InputError(f"{error}; its parameters are: {own}") from error
+    return lambda: plugin(*folders, **parameters)
+
+
+def _named_folders(request: Mapping[str, Any]) -> Iterator[Path]:
+    """Folders that the user's parameters name: to write there is what was asked for."""
+    for value in request["parameters"].values():
+        if isinstance(value, str) and ("/" in value or (Path(request["folder"]) / value).is_dir()):
+            yield Path(request["folder"], value)
+
+
+def _file_entries(path: Path, plugin: str, base: Path, campaign: Path) -> list[dict[str, Any]]:
+    """Entries that a script in a container left."""
+    if not path.exists():
+        return []
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise NonsenseError(f"its provenance file is no JSON: {error}") from error
+    if not isinstance(data, dict):
+        raise NonsenseError("its provenance file holds no `entries`")
+    return read_entries(data.get("entries"), plugin, base, campaign)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,171 @@
+"""The commands of a campaign's .vast file, each with a key that changes when its result may."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, Field, ValidationError
+
+from robovast.document.model import Plugin, PluginCall
+from robovast.document.problems import problems_of
+from robovast.document.source import Source
+from robovast.errors import DocumentError, InputError
+from robovast.plain import fingerprint
+from robovast.plugins import plugins_of, split_file_reference
+from robovast.postprocessing.child import GROUP
+from robovast.postprocessing.content import digests, file_digest, scan
+
+BAG_COMMANDS = frozenset(
+    {
+        "rosbags_to_csv",
+        "rosbags_tf_to_csv",
+        "rosbags_bt_to_csv",
+        "rosbags_action_to_csv",
+        "rosbags_rosout_to_csv",
+        "rosbags_to_webm",
+    }
+)
+"""Built-in commands that read nothing but what a run recorded; one pass over a bag does all."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """A plugin with its parameters, as one .vast file calls it."""
+
+    name: str
+    parameters: dict[str, Any]
+    folder: Path
+    """Of the .vast file: paths are relative to it."""
+    key: str
+    """Equal for equal names, parameters, code and, where they matter, commands before."""
+
+    @property
+    def reads_bags(self) -> bool:
+        """It belongs to those that share one pass over a run's bags."""
+        return self.name in BAG_COMMANDS
+
+    @property
+    def title(self) -> str:
+        """How messages call it."""
+        parts = split_file_reference(self.name)
+        return parts[1] if parts else self.name
+
+
+class _Section(BaseModel):
+    postprocessing: list[Plugin] = Field(default_factory=list)
+
+
+class _Processing(BaseModel):
+    """The part of a .vast file that matters here: a file of another tool may hold more."""
+
+    results_processing: _Section = Field(default_factory=_Section)
+    analysis: _Section = Field(default_factory=_Section)
+
+
+def read_calls(path: Path) -> list[PluginCall]:
+    """The postprocessing commands in a .vast file, under either spelling; all else is not checked.
+
+    Raises:
+        InputError: the file cannot be read.
+        DocumentError: what is wrong with the commands.
+    """
+    source = Source.read(path)
+    sections = source.data if isinstance(source.data, dict) else {}
+    named = ("results_processing", "analysis")
+    data = {name: sections[name] for name in named if sections.get(name) is not None}
+    try:
+        model = _Processing.model_validate(data)
+    except ValidationError as error:
+        raise DocumentError(problems_of(error, source, _Processing)) from error
+    return [*model.results_processing.postprocessing, *model.analysis.postprocessing]
+
+
+def resolve(calls: Iterable[PluginCall], folder: Path) -> list[Command]:
+    """Commands in the order in which they are worked off.
+
+    Those that read bags come first, since they need nothing of others. Every other command may
+    read what those before it made, so its key covers theirs.
+
+    Args:
+        calls: as the document has them.
+        folder: of the document.
+    """
+    ordered = sorted(calls, key=lambda call: call.name not in BAG_COMMANDS)
+    commands: list[Command] = []
+    for call in ordered:
+        alone = call.name in BAG_COMMANDS
+        key = _key(call, folder, [] if alone else [command.key for command in commands])
+        if key not in {command.key for command in commands}:
+            commands.append(Command(call.name, dict(call.parameters), folder, key))
+    return commands
+
+
+def skipped(calls: Iterable[PluginCall], names: Sequence[str]) -> list[PluginCall]:
+    """The calls without those that are skipped by name, or by the name in a file reference.
+
+    Raises:
+        InputError: a name is none of the document's.
+    """
+    kept = list(calls)
+    for name in names:
+        rest = [call for call in kept if name not in (call.name, _short(call.name))]
+        if len(rest) == len(kept):
+            known = ", ".join(f"`{call.name}`" for call in kept) or "none"
+            raise InputError(f"--skip {name}: there is no such command; there are {known}.")
+        kept = rest
+    return kept
+
+
+def _short(name: str) -> str:
+    parts = split_file_reference(name)
+    return parts[1] if parts else name
+
+
+def _key(call: PluginCall, folder: Path, before: list[str]) -> str:
+    files = {name: file_digest(folder / name) for name in _named_files(call.parameters, folder)}
+    parts = [call.name, call.parameters, _code_version(call.name, folder), files, before]
+    return fingerprint(parts)[:32]
+
+
+def _named_files(value: Any, folder: Path) -> Iterator[str]:
+    """Files that parameters name, as a script: what is in them decides the result."""
+    if isinstance(value, str):
+        try:
+            if value and (folder / value).is_file():
+                yield value
+        except (OSError, ValueError):  # no path at all
+            return
+    elif isinstance(value, dict):
+        for item in value.values():
+            yield from _named_files(item, folder)
+    elif isinstance(value, list):
+        for item in value:
+            yield from _named_files(item, folder)
+
+
+def _code_version(name: str, folder: Path) -> str:
+    """A digest of a plugin's source; its name alone when that cannot be found."""
+    parts = split_file_reference(name)
+    try:
+        if parts is not None:
+            return file_digest((folder / parts[0]).resolve())
+        return _package_version(plugins_of(GROUP)[name])
+    except (KeyError, OSError, ImportError, ValueError):
+        return ""
+
+
+def _package_version(entry: EntryPoint) -> str:
+    """A digest of the distribution's version and of the modules beside the plugin's."""
+    version = entry.dist.version if entry.dist else ""
+    spec = find_spec(entry.module)
+    if spec is None or not spec.origin:
+        return version
+    origin = Path(spec.origin)
+    in_package = "." in entry.module or origin.name == "__init__.py"
+    names = scan(origin.parent) if in_package else [origin.name]
+    return fingerprint([version, digests(origin.parent, (n for n in names if n.endswith(".py")))])

@@ -1,0 +1,139 @@
+"""Postprocessing of the campaigns in a results folder, one after the other."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import IO
+
+from robovast.document.model import PluginCall
+from robovast.errors import InputError, RobovastError
+from robovast.execution.resources import machine_cpus
+from robovast.postprocessing import records
+from robovast.postprocessing.campaign import CampaignWork, look
+from robovast.postprocessing.commands import Command, read_calls, resolve, skipped
+from robovast.postprocessing.content import RECORD
+from robovast.postprocessing.events import ROSOUT, CampaignSummary, Failure, Observer, Options
+from robovast.postprocessing.finish import finish
+from robovast.postprocessing.plan import all_done
+from robovast.postprocessing.state import opened
+from robovast.postprocessing.survey import Survey
+from robovast.postprocessing.worker import StoppedError
+from robovast.postprocessing.workers import started
+from robovast.results.campaigns import find_campaigns
+from robovast.results.configurations import read_configurations
+from robovast.results.layout import Layout
+
+LOG = "postprocessing.log"
+
+
+def postprocess(results: Path, options: Options, observer: Observer) -> list[CampaignSummary]:
+    """Work off the postprocessing commands of every campaign, where they are stale.
+
+    What goes wrong in one campaign is in its summary and does not stop the others.
+
+    Args:
+        results: folder of campaigns, or of one.
+        options: what the user chose.
+        observer: is told what happens.
+
+    Raises:
+        InputError: there is no campaign, or the overriding .vast file cannot be read.
+    """
+    campaigns = find_campaigns(results)
+    if options.override is not None:
+        read_calls(options.override)
+    summaries = []
+    for campaign in campaigns:
+        summary = CampaignSummary(campaign)
+        summaries.append(summary)
+        try:
+            _postprocess(campaign, options, observer, summary)
+        except StoppedError:
+            summary.interrupted = True
+            break
+        except RobovastError as error:
+            failure = Failure(campaign.name, "postprocess", "", str(error))
+            summary.failures.append(failure)
+            observer.failed(failure)
+        observer.campaign_finished(summary)
+    return summaries
+
+
+def _postprocess(
+    campaign: Path, options: Options, observer: Observer, summary: CampaignSummary
+) -> None:
+    layout = Layout(campaign)
+    document = options.override or _document(layout, observer)
+    calls = chosen(read_calls(document), options) if document else []
+    commands = resolve(calls, document.absolute().parent if document else layout.config)
+    survey = Survey(campaign, document)
+    runs = survey.runs()
+    summary.runs, summary.commands = len(runs), len(commands)
+    observer.campaign_started(campaign, len(runs))
+    with opened(campaign) as state:
+        units = look(survey, state, runs, force=options.force)
+        if not all_done(commands, units):
+            started_at, count = _now(), options.jobs or machine_cpus()
+            with (
+                _log(layout, options) as log,
+                started(count, log, options.time_limit) as workers,
+            ):
+                work = CampaignWork(survey, state, workers, observer, summary, units)
+                work.work_off(commands)
+            _record(layout, commands, started_at)
+        finish(campaign, state, units, options, observer, summary)
+
+
+def _document(layout: Layout, observer: Observer) -> Path | None:
+    """The campaign's .vast file; None when it has none, as one that was aborted early."""
+    found = sorted(layout.config.glob("*.vast"))
+    if not found:
+        observer.message(f"{layout.root.name} holds no .vast file, so it has no commands.")
+        return None
+    if len(found) == 1:
+        return found[0]
+    named = layout.config / str(read_configurations(layout).get("vast"))
+    if named in found:
+        return named
+    raise InputError(
+        f"{layout.config} holds {len(found)} .vast files; name the one to use with "
+        "`--override FILE`."
+    )
+
+
+def chosen(calls: Sequence[PluginCall], options: Options) -> list[PluginCall]:
+    """The calls without those that the user skips.
+
+    Raises:
+        InputError: a name is none of the document's.
+    """
+    kept = [call for call in calls if not (options.skip_rosout and call.name == ROSOUT)]
+    return skipped(kept, options.skip)
+
+
+@contextmanager
+def _log(layout: Layout, options: Options) -> Iterator[IO[bytes]]:
+    """Where what plugins print goes."""
+    if options.debug:
+        yield sys.stderr.buffer
+        return
+    layout.execution.mkdir(exist_ok=True)
+    with (layout.execution / LOG).open("ab") as file:
+        yield file
+
+
+def _record(layout: Layout, commands: Sequence[Command], started_at: str) -> None:
+    """What was done when, for the campaign's provenance."""
+    layout.transient.mkdir(exist_ok=True)
+    listed = [{"plugin": command.name, "params": command.parameters} for command in commands]
+    records.update(
+        layout.transient / RECORD, [], started_at=started_at, ended_at=_now(), commands=listed
+    )
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
