@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 from robovast.cluster.names import CREDENTIALS_SECRET
 from robovast.errors import CannotRunError, StorageError
 from robovast_cli.cluster_status import CampaignState
-from robovast_cli.kubernetes import Kubernetes, cluster_extra
+from robovast_cli.kubernetes import Json, Kubernetes, cluster_extra
 
 if TYPE_CHECKING:
     from robovast.cluster.storage import ObjectStore
@@ -125,34 +125,26 @@ def _reachable(kube: Kubernetes, endpoint: str) -> Iterator[str]:
         yield endpoint
         return
     name, namespace, port = service
-    with kube.forward(name, namespace, _pod_port(kube, name, namespace, port)) as local:
-        yield f"{urlsplit(endpoint).scheme}://127.0.0.1:{local}"
-
-
-def _pod_port(kube: Kubernetes, name: str, namespace: str, port: int) -> int:
-    """The port of the pods behind a Service's port."""
-    service = kube.service(name, namespace)
-    if service is None:
+    found = kube.service(name, namespace)
+    if found is None:
         raise CannotRunError(
             f"there is no Service `{name}` in the namespace {namespace}: is RoboVAST's embedded "
             "storage installed? `vast exec cluster setup` installs it."
         )
-    ports = {item["port"]: item.get("targetPort") for item in service["spec"]["ports"]}
-    target = ports.get(port) or port
-    if isinstance(target, int):
-        return target
-    pods = kube.pods(service["spec"].get("selector") or {}, namespace)
-    named = (
-        item["containerPort"]
-        for pod in pods
-        for container in pod["spec"]["containers"]
-        for item in container.get("ports") or ()
-        if item.get("name") == target
-    )
-    found: int | None = next(named, None)
-    if found is None:
-        raise CannotRunError(
-            f"no pod of the Service `{name}` in the namespace {namespace} is there: look at "
-            f"`kubectl --namespace {namespace} get pods`."
-        )
-    return found
+    targets = {item["port"]: item.get("targetPort") for item in found["spec"]["ports"]}
+    with _forward(kube, found, targets.get(port) or port) as local:
+        yield f"{urlsplit(endpoint).scheme}://127.0.0.1:{local}"
+
+
+@contextmanager
+def _forward(kube: Kubernetes, service: Json, target: int | str) -> Iterator[int]:
+    with ExitStack() as stack:
+        try:
+            port = stack.enter_context(kube.forward(service, target))
+        except CannotRunError as error:
+            name, namespace = (service["metadata"][key] for key in ("name", "namespace"))
+            raise CannotRunError(
+                f"the S3 server cannot be reached through the Service `{name}` in the namespace "
+                f"{namespace}: {error}. Look at `kubectl --namespace {namespace} get pods`."
+            ) from error
+        yield port

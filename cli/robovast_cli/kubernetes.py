@@ -6,16 +6,17 @@ import json
 import tempfile
 from collections.abc import Callable, Coroutine, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from robovast.cluster.resources import API_VERSION
 from robovast.errors import CannotRunError, RobovastError
+from robovast_cli.port_forward import PortForward
 from robovast_cli.refusals import NotFoundError, refusal, unreachable
 
 if TYPE_CHECKING:
     from anyio.from_thread import BlockingPortal
-    from kr8s.asyncio.portforward import PortForward
 
 PATIENCE = 20.0
 """How long an API server may take to answer [s]."""
@@ -92,37 +93,34 @@ class Kubernetes:
         """A Service; None when there is none of this name."""
         return self._find("services", name, namespace=namespace)
 
-    def pods(self, labels: Mapping[str, str], namespace: str | None = None) -> list[Json]:
-        """Pods that have all these labels."""
-        selector = ",".join(f"{key}={value}" for key, value in labels.items())
-        answer = self._call("GET", "pods", namespace=namespace, params={"labelSelector": selector})
-        items: list[Json] = answer["items"]
+    def pods(self, labels: Mapping[str, str]) -> list[Json]:
+        """Pods of the namespace that have all these labels."""
+        items: list[Json] = self._call("GET", "pods", params=_with(labels))["items"]
         return items
 
     @contextmanager
-    def forward(self, service: str, namespace: str, port: int) -> Iterator[int]:
+    def forward(self, service: Json, target: int | str) -> Iterator[int]:
         """Forward a port of this machine to the pods of a Service, while the context lasts.
 
         Args:
-            service: its name.
-            namespace: its namespace.
-            port: of its pods.
+            service: the Service.
+            target: port of its pods, by number or by name.
 
         Yields:
             The port on this machine's loopback.
         """
-        from kr8s.asyncio.objects import Service
-        from kr8s.asyncio.portforward import PortForward
+        labels = service["spec"].get("selector") or {}
+        namespace = service["metadata"]["namespace"]
 
-        async def start() -> PortForward:
-            found = await Service.get(service, namespace=namespace, api=self._api)
-            made = PortForward(found, port, local_port="auto")
-            await made.start()
-            return made
+        async def pods() -> list[Json]:
+            answer = await self._request("GET", "pods", namespace=namespace, params=_with(labels))
+            items: list[Json] = answer["items"]
+            return items
 
-        forward = self._run(start)
+        forward = PortForward(self._api, pods, target)
+        port = self._run(forward.start)
         try:
-            yield int(forward.local_port)
+            yield port
         finally:
             self._run(forward.stop)
 
@@ -134,7 +132,11 @@ class Kubernetes:
         except NotFoundError:
             return None
 
-    def _call(
+    def _call(self, method: str, url: str, version: str = "v1", **details: Any) -> Json:
+        answer: Json = self._run(partial(self._request, method, url, version, **details))
+        return answer
+
+    async def _request(
         self,
         method: str,
         url: str,
@@ -144,26 +146,24 @@ class Kubernetes:
         body: Any = None,
         params: Mapping[str, str] | None = None,
     ) -> Json:
-        async def call() -> Json:
-            async with self._api.call_api(
-                "PATCH" if method == "APPLY" else method,
-                version=version,
-                base="" if version else "/apis",
-                namespace=self.namespace if namespace is None else namespace,
-                url=url,
-                content=None if body is None else json.dumps(body),
-                headers={"content-type": f"application/{_CONTENT.get(method, 'json')}"},
-                params=params,
-            ) as response:
-                answer: Json = response.json()
-                return answer
-
-        answer: Json = self._run(call)
-        return answer
+        async with self._api.call_api(
+            "PATCH" if method == "APPLY" else method,
+            version=version,
+            base="" if version else "/apis",
+            namespace=self.namespace if namespace is None else namespace,
+            url=url,
+            content=None if body is None else json.dumps(body),
+            headers={"content-type": f"application/{_CONTENT.get(method, 'json')}"},
+            params=params,
+        ) as response:
+            answer: Json = response.json()
+            return answer
 
     def _run(self, action: Callable[[], Coroutine[Any, Any, Any]]) -> Any:
         try:
             return self._portal.call(action)
+        except RobovastError:
+            raise
         except Exception as error:
             raise _explained(error, self.where) from error
 
@@ -231,6 +231,10 @@ def _no_keys_left_behind() -> Iterator[None]:
             yield
         finally:
             tempfile.tempdir = before
+
+
+def _with(labels: Mapping[str, str]) -> dict[str, str]:
+    return {"labelSelector": ",".join(f"{key}={value}" for key, value in labels.items())}
 
 
 def _namespace(auth: Any) -> str:
