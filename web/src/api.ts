@@ -22,8 +22,14 @@ export interface Campaigns {
   campaigns: Record<string, Summary | null>;
 }
 
+export interface ActiveJob {
+  name: string;
+  log: string | null;
+}
+
 export interface Columns {
   summary: Summary;
+  active: ActiveJob[];
   verdicts: Verdict[];
   reasons: string[];
   variants: { name: string[]; entry: string[]; values: Record<string, unknown[]> };
@@ -59,6 +65,7 @@ export interface RunDetails {
   usage: string[];
   sysinfo: Record<string, unknown>;
   bags: Bag[];
+  origins: { path: string; command: string; sources: string[] }[];
   command: string;
   failure: string;
 }
@@ -105,7 +112,7 @@ export interface Comparison {
     name_b: string;
     difference: Difference;
     adjusted_p: number;
-    change: "worse" | "better" | "same";
+    change: "worse" | "better" | "unclear" | "same";
   }[];
   only_a: string[];
   only_b: string[];

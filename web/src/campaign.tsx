@@ -12,7 +12,7 @@ import { choose, link } from "./route";
 
 const MOST_COLUMNS = 8;
 
-function isStale(data: Columns, versions: Versions): boolean {
+export function isStale(data: Columns, versions: Versions): boolean {
   const version = versions[data.summary.name];
   return version !== undefined && version !== data.summary.version;
 }
@@ -45,6 +45,16 @@ function Head({ data }: { data: Columns }) {
         {summary.name} <State state={summary.state} />
       </h1>
       <VerdictBar summary={summary} />
+      {data.active.length > 0 && (
+        <p class="active">
+          Running now:{" "}
+          {data.active.map((job) => (
+            <a key={job.name} class="button" href={link(["job", summary.name, job.name])}>
+              {job.name}
+            </a>
+          ))}
+        </p>
+      )}
       <dl class="facts">
         {facts.map(([key, value]) => (
           <div key={key}>

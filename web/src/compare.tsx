@@ -8,7 +8,7 @@ import { useAnswer } from "./live";
 import { Export, Select, Waiting } from "./parts";
 import { choose, link } from "./route";
 
-const CHANGES = { worse: "▲ worse", better: "▼ better", same: "= same" };
+const CHANGES = { worse: "▲ worse", better: "▼ better", unclear: "? unclear", same: "= same" };
 
 export function ComparePage({ a, b, query }: { a: string; b: string; query: URLSearchParams }) {
   const { data, error } = useAnswer<Comparison>(address(["compare"], { a, b }));
@@ -134,7 +134,10 @@ function columnsOf(data: Comparison, a: string, b: string): Column[] {
       {sample.runs ? percent(rate(sample)) : "–"} <small>{`${sample.bad}/${sample.runs}`}</small>
     </>
   );
-  const points = (row: number) => (100 * (valueOf(data, row, "difference") as number)).toFixed(1);
+  const points = (row: number) => {
+    const difference = 100 * (valueOf(data, row, "difference") as number);
+    return (difference > 0 ? "+" : "") + difference.toFixed(1);
+  };
   return [
     { id: "change", label: "Change", cell: (row) => <span class={`change ${of(row).change}`}>{CHANGES[of(row).change]}</span> },
     {

@@ -7,6 +7,7 @@ function campaign(values: Record<string, unknown[]>, verdicts: string[]): Column
   const variants = Object.values(values)[0]!.length;
   return {
     summary: {} as Columns["summary"],
+    active: [],
     verdicts: names as Columns["verdicts"],
     reasons: ["", "goal not reached"],
     variants: { name: Array.from({ length: variants }, (_, i) => `hall-${i + 1}`), entry: [], values },

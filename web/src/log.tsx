@@ -1,5 +1,5 @@
 // A log: searched on the server, coloured by level, a page at a time.
-import { useEffect, useState } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 import { address, ask, fileAddress, type LogPage } from "./api";
 import { count, plural } from "./format";
 import { Select, Waiting } from "./parts";
@@ -12,9 +12,14 @@ interface LogProps {
   query: URLSearchParams;
   /** When the run took place [s since the epoch]; its job's log may tell of other runs too. */
   period: [number, number] | null;
+  /** Whether it grows: read again and again, and kept at its end. */
+  live?: boolean;
 }
 
-export function Log({ paths, query, period }: LogProps) {
+/** How often a growing log is read [ms]. */
+const PERIOD = 1500;
+
+export function Log({ paths, query, period, live = false }: LogProps) {
   const path = query.get("log") ?? paths[0] ?? "";
   const text = query.get("find") ?? "";
   const levels = query.get("levels") ?? "";
@@ -22,6 +27,7 @@ export function Log({ paths, query, period }: LogProps) {
   const [before, setBefore] = useState(0);
   const [page, setPage] = useState<LogPage | null>(null);
   const [error, setError] = useState<string | null>(null);
+  const [round, setRound] = useState(0);
   const question = {
     path,
     text,
@@ -31,6 +37,11 @@ export function Log({ paths, query, period }: LogProps) {
   };
   const url = address(["log"], question);
   useEffect(() => setBefore(0), [url]);
+  useEffect(() => {
+    if (!live) return;
+    const timer = setInterval(() => !document.hidden && setRound((one) => one + 1), PERIOD);
+    return () => clearInterval(timer);
+  }, [live]);
   useEffect(() => {
     if (!path) return;
     const controller = new AbortController();
@@ -50,7 +61,7 @@ export function Log({ paths, query, period }: LogProps) {
       clearTimeout(wait);
       controller.abort();
     };
-  }, [url, before]);
+  }, [url, before, round]);
   if (!path) return <p class="hint">The run left no log.</p>;
   const chosen = new Set(levels.split(",").filter(Boolean));
   const toggle = (level: string) => {
@@ -96,7 +107,7 @@ export function Log({ paths, query, period }: LogProps) {
       {error !== null || !page ? (
         <Waiting error={error} />
       ) : (
-        <Lines page={page} text={text} before={before} onPage={setBefore} />
+        <Lines page={page} text={text} before={before} onPage={setBefore} live={live} />
       )}
     </>
   );
@@ -111,13 +122,29 @@ interface LinesProps {
   text: string;
   before: number;
   onPage: (before: number) => void;
+  live: boolean;
 }
 
-function Lines({ page, text, before, onPage }: LinesProps) {
+function Lines({ page, text, before, onPage, live }: LinesProps) {
+  const frame = useRef<HTMLDivElement>(null);
+  const atEnd = useRef(true);
+  useLayoutEffect(() => {
+    if (live && atEnd.current && frame.current) frame.current.scrollTop = frame.current.scrollHeight;
+  }, [page, live]);
+  const look = ({ scrollTop, clientHeight, scrollHeight }: HTMLDivElement) => {
+    atEnd.current = scrollTop + clientHeight > scrollHeight - 30;
+  };
   const first = page.lines[0]?.[0] ?? 0;
   if (!page.lines.length) return <p class="hint">No line is like that.</p>;
   return (
-    <div class="log" tabIndex={0} role="region" aria-label="Lines of the log">
+    <div
+      class="log"
+      ref={frame}
+      tabIndex={0}
+      role="region"
+      aria-label="Lines of the log"
+      onScroll={(event) => look(event.currentTarget)}
+    >
       {page.lines.length < page.matches && (
         <p class="pager">
           <button type="button" onClick={() => onPage(first)}>

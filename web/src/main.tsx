@@ -3,6 +3,7 @@ import { useEffect } from "preact/hooks";
 import { CampaignPage } from "./campaign";
 import { CampaignsPage } from "./campaigns";
 import { ComparePage } from "./compare";
+import { JobPage } from "./job";
 import { startListening, useConnected } from "./live";
 import { link, useRoute } from "./route";
 import { RunPage } from "./run";
@@ -21,7 +22,7 @@ function Page() {
         <a class="brand" href={link([])}>
           RoboVAST
         </a>
-        {view === "campaign" && names[0] && (
+        {(view === "campaign" || view === "job") && names[0] && (
           <nav aria-label="Place">
             <ol class="place">
               <li>
@@ -29,7 +30,7 @@ function Page() {
               </li>
               {names[1] && (
                 <li aria-current="page">
-                  {names[1]}/{names[2]}
+                  {names.slice(1).join("/")}
                 </li>
               )}
             </ol>
@@ -50,6 +51,9 @@ function pageOf(view: string | undefined, names: string[], query: URLSearchParam
   const [campaign, variant, run] = names;
   if (view === "compare") {
     return <ComparePage a={query.get("a") ?? ""} b={query.get("b") ?? ""} query={query} />;
+  }
+  if (view === "job" && campaign && variant) {
+    return <JobPage campaign={campaign} job={variant} query={query} />;
   }
   if (view === "campaign" && campaign && variant && run) {
     return <RunPage campaign={campaign} variant={variant} run={run} query={query} />;

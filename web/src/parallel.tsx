@@ -121,10 +121,13 @@ function draw(canvas: HTMLCanvasElement, scales: Scale[], variants: Map<number, 
   const x = (index: number) => MARGIN.side + (index * (width - 2 * MARGIN.side)) / (scales.length - 1);
   const y = (share: number) => HEIGHT - MARGIN.bottom - share * (HEIGHT - MARGIN.top - MARGIN.bottom);
   pen.lineWidth = 1.2;
-  pen.globalAlpha = Math.max(0.06, Math.min(0.8, 60 / variants.size));
+  const worst = Math.max(...[...variants.values()].map((variant) => variant.rate), 0.01);
+  const [good, bad] = [colour("--passed"), colour("--failed")];
+  pen.globalAlpha = Math.max(0.08, Math.min(0.8, 60 / variants.size));
   // Bad ones last, so that they lie on top.
   for (const [variant, result] of [...variants].sort((a, b) => a[1].rate - b[1].rate)) {
-    pen.strokeStyle = result.rate > 0 ? colour("--failed") : colour("--passed");
+    const share = Math.round((100 * result.rate) / worst);
+    pen.strokeStyle = `color-mix(in oklab, ${bad} ${share}%, ${good})`;
     pen.beginPath();
     scales.forEach((scale, index) => pen.lineTo(x(index), y(scale.place(variant))));
     pen.stroke();
@@ -139,7 +142,7 @@ function draw(canvas: HTMLCanvasElement, scales: Scale[], variants: Map<number, 
     pen.lineTo(x(index), y(1));
     pen.stroke();
     pen.fillStyle = colour("--text");
-    pen.fillText(scale.label, x(index), 14 + (index % 2) * 0);
+    pen.fillText(scale.label, x(index), 14);
     pen.fillStyle = colour("--quiet");
     pen.fillText(scale.high, x(index), MARGIN.top - 8);
     pen.fillText(scale.low, x(index), HEIGHT - 2);

@@ -15,12 +15,14 @@ interface PlotProps {
   time?: boolean;
   curves: Curve[];
   format?: (value: number) => string;
+  /** Let the axis begin at 0. */
+  fromZero?: boolean;
   height?: number;
 }
 
 const DASHES = [[], [8, 4], [2, 3], [10, 3, 2, 3]];
 
-export function Plot({ label, x, time = false, curves, format, height = 260 }: PlotProps) {
+export function Plot({ label, x, time = false, curves, format, fromZero = false, height = 260 }: PlotProps) {
   const frame = useRef<HTMLDivElement>(null);
   useEffect(() => {
     const element = frame.current!;
@@ -30,7 +32,7 @@ export function Plot({ label, x, time = false, curves, format, height = 260 }: P
     const build = () => {
       plot?.destroy();
       plot = new uPlot(
-        { ...options(element, x.label, curves, time, format), width: width(), height },
+        { ...options(element, x.label, curves, time, fromZero, format), width: width(), height },
         [x.values as number[], ...curves.map((curve) => curve.values)],
         element,
       );
@@ -53,6 +55,7 @@ function options(
   xLabel: string,
   curves: Curve[],
   time: boolean,
+  fromZero: boolean,
   format?: (value: number) => string,
 ): Omit<uPlot.Options, "width" | "height"> {
   const style = getComputedStyle(element);
@@ -64,7 +67,7 @@ function options(
     font: `12px ${style.fontFamily}`,
   };
   return {
-    scales: { x: { time } },
+    scales: { x: { time }, y: fromZero ? { range: (_, __, most) => [0, 1.1 * most || 1] } : {} },
     axes: [
       { ...axis, label: time ? undefined : xLabel, labelFont: `12px ${style.fontFamily}`, labelSize: 18 },
       { ...axis, size: 70, values: format && ((_, splits) => splits.map((value) => format(value))) },

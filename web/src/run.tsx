@@ -180,8 +180,8 @@ function UsageOf({ path }: { path: string }) {
           Save CSV
         </a>
       </h2>
-      <Plot label="CPU" {...curves} curves={curves.cpu} format={(v) => `${count(Math.round(v))} %`} height={180} />
-      <Plot label="Memory" {...curves} curves={curves.memory} format={bytes} height={180} />
+      <Plot label="CPU" {...curves} curves={curves.cpu} format={(v) => `${count(Math.round(v))} %`} fromZero height={180} />
+      <Plot label="Memory" {...curves} curves={curves.memory} format={bytes} fromZero height={180} />
     </section>
   );
 }
@@ -245,13 +245,20 @@ function Bags({ data }: { data: RunDetails }) {
 function Files({ data }: { data: RunDetails }) {
   return (
     <>
-      <FileList title="Run" files={data.files} />
-      {data.job_files.length > 0 && <FileList title="Job" files={data.job_files} />}
+      <FileList title="Run" files={data.files} origins={data.origins} />
+      {data.job_files.length > 0 && <FileList title="Job" files={data.job_files} origins={[]} />}
     </>
   );
 }
 
-function FileList({ title, files }: { title: string; files: FileEntry[] }) {
+interface FileListProps {
+  title: string;
+  files: FileEntry[];
+  origins: RunDetails["origins"];
+}
+
+function FileList({ title, files, origins }: FileListProps) {
+  const made = new Map(origins.map((origin) => [origin.path, origin]));
   return (
     <section>
       <h2>{title}</h2>
@@ -261,6 +268,7 @@ function FileList({ title, files }: { title: string; files: FileEntry[] }) {
             <tr>
               <th>File</th>
               <th class="number">Size</th>
+              {made.size > 0 && <th>Made by</th>}
               <th>
                 <span class="hidden">Open</span>
               </th>
@@ -275,6 +283,7 @@ function FileList({ title, files }: { title: string; files: FileEntry[] }) {
                   </a>
                 </td>
                 <td class="number">{bytes(file.size)}</td>
+                {made.size > 0 && <Made origin={made.get(file.path)} />}
                 <td>
                   <Opener file={file} />
                 </td>
@@ -284,6 +293,16 @@ function FileList({ title, files }: { title: string; files: FileEntry[] }) {
         </table>
       </div>
     </section>
+  );
+}
+
+function Made({ origin }: { origin: RunDetails["origins"][number] | undefined }) {
+  if (!origin) return <td class="quiet">the run</td>;
+  return (
+    <td>
+      {origin.command}
+      {origin.sources.length > 0 && <span class="quiet"> from {origin.sources.join(", ")}</span>}
+    </td>
   );
 }
 

@@ -56,6 +56,15 @@ class VariantRuns:
     runs: tuple[RunSummary, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class ActiveJob:
+    """A job that is being executed."""
+
+    name: str
+    log: str | None
+    """Path of its log relative to the results folder; None before it has one."""
+
+
 @dataclass(frozen=True)
 class CampaignSummary:
     """What a list of campaigns shows of one campaign."""
@@ -112,7 +121,10 @@ class CampaignIndex:
         with self._lock:
             resolved(self.results, self.name)
             changed = self._refresh_variants()
-            state = (is_running(self.root), _mtime(self.root / "_execution" / "execution.yaml"))
+            state = (
+                self._active_jobs() if is_running(self.root) else None,
+                _mtime(self.root / "_execution" / "execution.yaml"),
+            )
             changed |= state != self._state
             self._state = state
             self.version += changed
@@ -121,7 +133,12 @@ class CampaignIndex:
     @property
     def running(self) -> bool:
         """Whether it was being executed when it was last read."""
-        return bool(self._state and self._state[0])
+        return bool(self._state) and self._state[0] is not None
+
+    @property
+    def active(self) -> list[ActiveJob]:
+        """Jobs that were being executed when it was last read, in order."""
+        return list(self._state[0]) if self.running else []
 
     @property
     def variants(self) -> list[VariantRuns]:
@@ -155,6 +172,21 @@ class CampaignIndex:
             execution=execution,
             version=self.version,
         )
+
+    def _active_jobs(self) -> tuple[ActiveJob, ...]:
+        try:
+            names = [e.name for e in os.scandir(self.root / ".running") if _JOB.fullmatch(e.name)]
+        except OSError:  # it has just ended
+            return ()
+        return tuple(
+            ActiveJob(name, self._log(name)) for name in sorted(names, key=lambda n: int(n[4:]))
+        )
+
+    def _log(self, job: str) -> str | None:
+        """The job's own log, else what its process prints."""
+        candidates = (f"_jobs/{job}/logs/system.log", f".running/{job}/console.log")
+        found = (path for path in candidates if (self.root / path).is_file())
+        return next((f"{self.name}/{path}" for path in found), None)
 
     def _refresh_variants(self) -> bool:
         changed = False
@@ -269,6 +301,7 @@ def _is_variant(entry: os.DirEntry[str]) -> bool:
     return entry.name[0] not in "._" and entry.is_dir(follow_symlinks=False)
 
 
+_JOB = re.compile(r"job-[0-9]{1,9}")
 _RUN = re.compile(r"0|[1-9][0-9]{0,8}")
 
 

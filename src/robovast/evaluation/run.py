@@ -31,6 +31,18 @@ class Bag:
     """Name, type and number of messages of each topic."""
 
 
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where a file comes from."""
+
+    path: str
+    """The file, relative to the results folder."""
+    command: str
+    """Postprocessing command that made it."""
+    sources: list[str]
+    """Files that it was made from, relative to the campaign."""
+
+
 @dataclass(frozen=True)
 class RunDetails:
     """Everything that the page of a run shows at once."""
@@ -49,6 +61,8 @@ class RunDetails:
     bags: list[Bag] = field(default_factory=list)
     command: str = ""
     """Shell command that executes this variant again on this machine."""
+    origins: list[Origin] = field(default_factory=list)
+    """Of the files that postprocessing made."""
     failure: str = ""
     """What test.xml says in full, when the run did not pass."""
 
@@ -72,6 +86,7 @@ def read_run(results: Path, campaign: str, variant: str, number: int) -> RunDeta
         usage=[e.path for e in (*job_files, *files) if _is_usage(e.name)],
         sysinfo=_sysinfo(results, place, job),
         bags=list(_bags(results, files)),
+        origins=list(_origins(results, campaign, place)),
         command=repeat_command(results, campaign, variant, record),
         failure=_failure(results, place),
     )
@@ -142,6 +157,18 @@ def _failure(results: Path, place: str) -> str:
     found = [item for tag in ("failure", "error") for item in suite.iter(tag)]
     texts = [filter(None, (item.get("message"), item.text)) for item in found]
     return "\n\n".join("\n".join(text) for text in texts)[:LONGEST]
+
+
+def _origins(results: Path, campaign: str, place: str) -> Iterator[Origin]:
+    entries = read_yaml(results, f"{place}/postprocessing.yaml").get("entries")
+    for entry in entries if isinstance(entries, list) else ():
+        if isinstance(entry, dict) and "output" in entry:
+            sources = entry.get("sources")
+            yield Origin(
+                path=f"{campaign}/{entry['output']}",
+                command=str(entry.get("plugin") or ""),
+                sources=list(map(str, sources)) if isinstance(sources, list) else [],
+            )
 
 
 def _bags(results: Path, files: list[FileEntry]) -> Iterator[Bag]:

@@ -76,6 +76,14 @@ def test_a_campaign_runs_as_long_as_its_lock_is_held(root: Path, index: Campaign
         fcntl.flock(lock, fcntl.LOCK_EX)
         assert index.refresh()
         assert index.summary().state == "running"
+        write(root / ".running" / "job-10" / "console.log", "")
+        write(root / ".running" / "job-9" / "console.log", "")
+        write(root / "_jobs" / "job-9" / "logs" / "system.log", "")
+        assert index.refresh()
+        assert [(job.name, job.log) for job in index.active] == [
+            ("job-9", f"{NAME}/_jobs/job-9/logs/system.log"),
+            ("job-10", f"{NAME}/.running/job-10/console.log"),
+        ]
     assert index.refresh()
     assert index.summary().state == "incomplete"
 

@@ -91,6 +91,17 @@ def test_the_topics_of_a_bag(root: Path) -> None:
     assert bag.topics == [("/scan", "sensor_msgs/msg/LaserScan", 95)]
 
 
+def test_what_postprocessing_made_says_how(root: Path) -> None:
+    write(
+        root / "hall-1" / "0" / "postprocessing.yaml",
+        "entries:\n- output: hall-1/0/poses.csv\n  sources: [hall-1/0/rosbag2]\n"
+        "  plugin: rosbags_tf_to_csv\n- nonsense\n",
+    )
+    (origin,) = read_run(root.parent, NAME, "hall-1", 0).origins
+    assert (origin.path, origin.command) == (f"{NAME}/hall-1/0/poses.csv", "rosbags_tf_to_csv")
+    assert origin.sources == ["hall-1/0/rosbag2"]
+
+
 def test_no_such_run(root: Path) -> None:
     with pytest.raises(InputError, match="There is no"):
         read_run(root.parent, NAME, "hall-1", 9)

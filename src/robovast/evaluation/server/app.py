@@ -84,7 +84,13 @@ class Pages:
         """One campaign with all its runs, as columns."""
         name = request.path_params["campaign"]
         index = self._library.campaign(name)
-        return Data({"summary": self._library.summary(name), **columns(index.variants)})
+        return Data(
+            {
+                "summary": self._library.summary(name),
+                "active": index.active,
+                **columns(index.variants),
+            }
+        )
 
     def run(self, request: Request) -> Response:
         """One run."""
