@@ -6,6 +6,7 @@ before Kilted carries those of action feedback.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -19,12 +20,11 @@ from rosbags.typesys import (
     get_typestore,
 )
 
+from robovast.bags.nav2_feedback import FEEDBACK
+
 if TYPE_CHECKING:
     from rosbags.interfaces.typing import Typesdict
     from rosbags.typesys.store import Typestore
-
-ACTIONS = Path(__file__).with_name("actions")
-"""Actions of Nav2, whose feedback bags usually leave undefined."""
 
 _SEPARATOR = "=" * 80
 _FEEDBACK = "_FeedbackMessage"
@@ -105,19 +105,24 @@ def _own_types(definition: Definition, folder: Path | None) -> Typesdict:
 
 
 def _types_from_files(type_: str, folder: Path | None) -> Typesdict:
-    path = _find(_file_of(type_), [folder, ACTIONS])
-    if path is None:
-        return {}
-    text = path.read_text(encoding="utf-8")
+    path = _find(type_, folder)
     if not type_.endswith(_FEEDBACK):
-        return get_types_from_msg(text, type_)
-    package, action = type_.removesuffix(_FEEDBACK).split("/")[::2]
-    feedback = text.split("\n---\n")[-1].removeprefix("---\n")
+        return get_types_from_msg(path.read_text(encoding="utf-8"), type_) if path else {}
+    action = type_.removesuffix(_FEEDBACK)
+    feedback = _feedback(path) if path else FEEDBACK.get(action)
+    if feedback is None:
+        return {}
+    package, name = action.split("/")[::2]
     message = (
-        f"unique_identifier_msgs/UUID goal_id\n{package}/{action}_Feedback feedback\n{_SEPARATOR}\n"
-        f"MSG: {package}/{action}_Feedback\n{feedback}\n"
+        f"unique_identifier_msgs/UUID goal_id\n{package}/{name}_Feedback feedback\n{_SEPARATOR}\n"
+        f"MSG: {package}/{name}_Feedback\n{feedback}\n"
     )
     return get_types_from_msg(message, type_)
+
+
+def _feedback(action: Path) -> str:
+    """The last of the three parts of an action's definition."""
+    return re.split(r"^---\s*$", action.read_text(encoding="utf-8"), flags=re.MULTILINE)[-1]
 
 
 def _file_of(type_: str) -> str:
@@ -125,6 +130,6 @@ def _file_of(type_: str) -> str:
     return name + (".action" if name != type_ else ".msg")
 
 
-def _find(file: str, folders: list[Path | None]) -> Path | None:
-    found = (path for folder in folders if folder for path in sorted(folder.rglob(file)))
-    return next(found, None)
+def _find(type_: str, folder: Path | None) -> Path | None:
+    found = sorted(folder.rglob(_file_of(type_))) if folder else []
+    return found[0] if found else None

@@ -65,12 +65,11 @@ class _VideoWorker:
         self._context = context
         self._topic = topic
         self._video = _Video(context.folder / f"{topic_file(context, topic)}.webm", fps)
-        self._decoders: dict[str, VideoCodecContext] = {}
 
     def subscribe(self, topic: Topic) -> Consumer | None:
         if topic.name != self._topic:
             return None
-        frames: dict[str, Callable[[Any], VideoFrame]] = {COMPRESSED: self._decoded, RAW: _raw}
+        frames: dict[str, Callable[[Any], VideoFrame]] = {COMPRESSED: _decoded, RAW: _raw}
         if topic.type not in frames:
             self._context.warn(f"{topic.name} is no topic of images but of {topic.type}")
             return None
@@ -92,22 +91,23 @@ class _VideoWorker:
     def discard(self) -> None:
         self._video.discard()
 
-    def _decoded(self, image: Any) -> VideoFrame:
-        import av
 
-        data = image.data.tobytes()
-        name = _MAGIC.get(data[:2])
-        if name is None:
-            raise ValueError(f"images in the format {image.format!r} are not supported")
-        if name not in self._decoders:
-            self._decoders[name] = cast("VideoCodecContext", av.CodecContext.create(name, "r"))
-        try:
-            frames = self._decoders[name].decode(av.Packet(data))
-        except av.error.FFmpegError as error:
-            raise ValueError(f"a damaged image: {error}") from error
-        if not frames:
-            raise ValueError("an incomplete image")
-        return frames[0]
+def _decoded(image: Any) -> VideoFrame:
+    import av
+
+    data = image.data.tobytes()
+    name = _MAGIC.get(data[:2])
+    if name is None:
+        raise ValueError(f"images in the format {image.format!r} are not supported")
+    # A fresh one each time: a decoder takes the images before for references.
+    decoder = cast("VideoCodecContext", av.CodecContext.create(name, "r"))
+    try:
+        frames = decoder.decode(av.Packet(data))
+    except av.error.FFmpegError as error:
+        raise ValueError(f"a damaged image: {error}") from error
+    if not frames:
+        raise ValueError("an incomplete image")
+    return frames[0]
 
 
 def _raw(image: Any) -> VideoFrame:
