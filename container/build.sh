@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
 # Build RoboVAST's run images, and push them when asked to.
 #
-#   container/build.sh [--push] [--slim|--full] [--base IMAGE] [--tag TAG] [-- BUILD-OPTION...]
+#   container/build.sh [--push] [--slim|--full|--agent] [--base IMAGE] [--tag TAG] [-- BUILD-OPTION...]
 #
 #   --push        push every image that was built
 #   --slim        only the image without ROS (container/slim)
 #   --full        only the image with ROS 2 Jazzy (container/robovast)
+#   --agent       only the image of the operator and of our containers beside runs (container/agent)
 #   --base IMAGE  build on this image instead of the Dockerfile's own base
-#   --tag TAG     default: latest; the slim image gets TAG-slim
+#   --tag TAG     default: latest; the slim image gets TAG-slim, the agent's TAG-agent
 #   --            what follows goes to `docker build`
 #
 # Environment: DOCKER (default docker; any client with its commands, such as podman) and
@@ -23,7 +24,7 @@ docker=${DOCKER:-docker}
 repository=${ROBOVAST_REGISTRY:-localhost:5000}/robovast
 push=false
 tag=latest
-kinds=(robovast slim)
+kinds=(robovast slim agent)
 options=()
 
 while [ $# -gt 0 ]; do
@@ -31,6 +32,7 @@ while [ $# -gt 0 ]; do
         --push) push=true ;;
         --slim) kinds=(slim) ;;
         --full) kinds=(robovast) ;;
+        --agent) kinds=(agent) ;;
         --base | --tag)
             [ $# -ge 2 ] || { echo "build.sh: $1 needs a value" >&2; exit 2; }
             if [ "$1" = --tag ]; then tag=$2; else options+=(--build-arg "BASE_IMAGE=$2"); fi
@@ -43,9 +45,17 @@ while [ $# -gt 0 ]; do
     shift
 done
 
+# The agent's image has this RoboVAST inside.
+add_wheel() {
+    cp ../requirements/agent.txt agent/requirements.txt
+    rm -f agent/robovast-*.whl
+    "${PYTHON:-python3}" -m pip wheel --quiet --no-deps --wheel-dir agent ..
+}
+
 for kind in "${kinds[@]}"; do
     image=$repository:$tag
     [ "$kind" = robovast ] || image=$image-$kind
+    [ "$kind" != agent ] || add_wheel
     "$docker" build "${options[@]}" --tag "$image" "$kind"
     if [ "$push" = true ]; then
         "$docker" push "$image"

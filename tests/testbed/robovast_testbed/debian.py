@@ -10,6 +10,7 @@ from .errors import Unavailable
 
 PACKAGES = {
     "bridge": "iproute2",
+    "chromium": "chromium",
     "conntrack": "conntrack",
     "debootstrap": "debootstrap",
     "docker": "docker.io",
@@ -25,8 +26,8 @@ PACKAGES = {
 }
 SUITE = "bookworm"
 PYTHON = "3.11"  # of that suite
-IN_ROOTFS = ("ca-certificates", "procps", "python3", "python3-venv")
-ROOTFS_VERSION = "1"
+IN_ROOTFS = ("ca-certificates", "git", "procps", "python3", "python3-venv")
+ROOTFS_VERSION = "2"
 
 
 def require(*programs: str) -> None:
