@@ -58,8 +58,10 @@ class Helm:
         with NamedTemporaryFile("w", suffix=".yaml", encoding="utf-8") as file:
             file.write(dump_yaml(values))
             file.flush()
+            # Resource definitions stay when a release goes, and no other could have them then.
             self._run(
                 *("upgrade", RELEASE, str(chart_folder()), "--install", "--create-namespace"),
+                "--take-ownership",
                 *("--values", file.name, "--wait", "--timeout", TIMEOUT),
                 *("--description", description),
             )

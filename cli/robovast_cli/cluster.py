@@ -21,7 +21,8 @@ ConfigOption = Annotated[
         "-o",
         "--option",
         metavar="KEY=VALUE",
-        help="Option of the cluster configuration; may be repeated.",
+        help="Option of the cluster configuration, or value of the chart as "
+        "`operator.replicas=2`; may be repeated.",
         show_default=False,
     ),
 ]
@@ -60,7 +61,7 @@ def run(
         typer.Option(
             "--queue",
             metavar="NAME",
-            help="Kueue LocalQueue that admits the campaign.",
+            help="Kueue LocalQueue that admits the campaign; `robovast`, if there, when omitted.",
             show_default=False,
         ),
     ] = None,

@@ -31,6 +31,8 @@ from robovast_cli.refusals import ConflictError, UnreachableError
 
 INTERVAL = 1.0
 """Time between two looks at a campaign [s]."""
+QUEUE = "robovast"
+"""Kueue LocalQueue that `setup` makes where Kueue is installed."""
 ATTEMPTS = 3
 """How many names are tried."""
 
@@ -71,7 +73,9 @@ def run(
     with connect(context, namespace) as kube:
         if clean_before:
             remove_finished(kube)
-        campaign = submit(kube, document, replace(options, context=kube.context))
+        queue = options.queue or (QUEUE if kube.has_queue(QUEUE) else None)
+        chosen = replace(options, context=kube.context, queue=queue)
+        campaign = submit(kube, document, chosen)
         say(f"Campaign {campaign.name} is in the cluster (namespace {kube.namespace}).")
         if detach:
             say_how_to_go_on(campaign.name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,12 @@ from robovast.plain import dump_yaml
 from robovast.plugins import load_plugin, plugins_of
 from robovast_cli.chart import RELEASE, Helm, chart_folder
 from robovast_cli.cluster_status import CampaignState
-from robovast_cli.kubernetes import Kubernetes, connect
+from robovast_cli.kubernetes import KUEUE, Kubernetes, connect
 from robovast_cli.listing import format_table
 from robovast_cli.output import say
 from robovast_cli.refusals import NotInstalledError
 
 GROUP = "robovast.cluster_configs"
-KUEUE = "kueue.x-k8s.io"
 _BY = "vast exec cluster setup "
 """Begins the description of a release that `setup` installed; the cluster configuration follows."""
 
@@ -48,20 +48,18 @@ def setup(
 
     Args:
         name: the cluster configuration.
-        options: of it, as `key=value`.
+        options: of it, as `key=value`; a key with dots is a value of the chart.
         context: of the kubeconfig; the current one when None.
         namespace: the context's when None.
         force: also when another cluster configuration was used before.
     """
-    config, given = _config(name, options)
+    config, given, changes = _config(name, options)
     with connect(context, namespace) as kube:
         helm = Helm(kube.namespace, kube.context)
         _refuse_other(helm.installed(), name, force=force)
         config.setup_cluster(namespace=kube.namespace, kube_context=kube.context, **given)
-        for path in sorted((chart_folder() / "crds").glob("*.yaml")):
-            kube.apply_crd(yaml.safe_load(path.read_text(encoding="utf-8")))
         say(f"Installing RoboVAST in the namespace {kube.namespace} …")
-        helm.install(_values(config, kube), _BY + name)
+        helm.install(_merge(_values(config, kube), changes), _BY + name)
         config.verify_cluster_ready(namespace=kube.namespace, kube_context=kube.context)
     say("RoboVAST is ready. Run a campaign: vast exec cluster run")
 
@@ -82,7 +80,7 @@ def cleanup(context: str | None, namespace: str | None, *, force: bool) -> None:
         _refuse_running(kube, force=force)
         helm.uninstall()
         if description.startswith(_BY):
-            config, _ = _config(description.removeprefix(_BY), [])
+            config, _, _ = _config(description.removeprefix(_BY), [])
             config.cleanup_cluster(namespace=kube.namespace, kube_context=kube.context)
     say(
         "RoboVAST is removed. Campaigns and their resource definitions stay; `kubectl delete crd "
@@ -95,14 +93,14 @@ def prepare_setup(name: str, options: Sequence[str], output: Path, namespace: st
 
     Args:
         name: the cluster configuration.
-        options: of it, as `key=value`.
+        options: of it, as `key=value`; a key with dots is a value of the chart.
         output: new or empty folder, or one that was written before.
         namespace: where it will be installed.
 
     Raises:
         StorageError: the folder cannot be written, or holds something else.
     """
-    config, given = _config(name, options)
+    config, given, changes = _config(name, options)
     values = _external_secret(config) | _kueue(config, is_there=False, context=None)
     try:
         if output.is_dir() and any(output.iterdir()) and not (output / "values.yaml").is_file():
@@ -110,7 +108,7 @@ def prepare_setup(name: str, options: Sequence[str], output: Path, namespace: st
         output.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(output / RELEASE, ignore_errors=True)
         shutil.copytree(chart_folder(), output / RELEASE)
-        (output / "values.yaml").write_text(dump_yaml(values), encoding="utf-8")
+        (output / "values.yaml").write_text(dump_yaml(_merge(values, changes)), encoding="utf-8")
         config.prepare_setup_cluster(str(output), namespace=namespace, **given)
         (output / "README.md").write_text(_readme(name, config, namespace), encoding="utf-8")
     except OSError as error:
@@ -118,11 +116,15 @@ def prepare_setup(name: str, options: Sequence[str], output: Path, namespace: st
     say(f"Go on with {output / 'README.md'}.")
 
 
-def _config(name: str, options: Sequence[str]) -> tuple[BaseConfig, dict[str, str]]:
-    given = dict(_pair(option) for option in options)
+def _config(
+    name: str, options: Sequence[str]
+) -> tuple[BaseConfig, dict[str, str], list[tuple[str, str]]]:
+    """The cluster configuration, its options, and values of the chart."""
+    pairs = [_pair(option) for option in options]
+    given = {key: value for key, value in pairs if "." not in key}
     config: BaseConfig = load_plugin(name, GROUP, ".")()
     config.restore_from_setup_kwargs(given)
-    return config, given
+    return config, given, [(key, value) for key, value in pairs if "." in key]
 
 
 def _pair(option: str) -> tuple[str, str]:
@@ -130,6 +132,18 @@ def _pair(option: str) -> tuple[str, str]:
     if not separator or not key:
         raise InputError(f"`--option {option}`: write it as KEY=VALUE.")
     return key, value
+
+
+def _merge(values: dict[str, Any], changes: Sequence[tuple[str, str]]) -> dict[str, Any]:
+    """Values of a chart, some of them changed: `("operator.replicas", "2")`."""
+    changed = deepcopy(values)
+    for key, value in changes:
+        *path, last = key.split(".")
+        section = changed
+        for name in path:
+            section = section.setdefault(name, {})
+        section[last] = yaml.safe_load(value)
+    return changed
 
 
 def _refuse_other(description: str | None, name: str, *, force: bool) -> None:
@@ -165,10 +179,12 @@ def _values(config: BaseConfig, kube: Kubernetes) -> dict[str, Any]:
     if not config.uses_embedded_s3() and "credentials" not in storage:
         raise InputError(
             f"the S3 server {config.get_s3_endpoint()} needs credentials: set "
-            "$ROBOVAST_S3_ACCESS_KEY and $ROBOVAST_S3_CREDENTIALS_KEY, or name a Secret with "
+            "$ROBOVAST_S3_ACCESS_KEY and $ROBOVAST_S3_SECRET_KEY, or name a Secret with "
             "`-o s3_secret=NAME`."
         )
-    return values | _kueue(config, is_there=kube.has_group(KUEUE), context=kube.context)
+    return values | _kueue(
+        config, is_there=kube.version_of(KUEUE) is not None, context=kube.context
+    )
 
 
 def _external_secret(config: BaseConfig) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from urllib.parse import quote
 from robovast.cluster.resources import API_VERSION
 from robovast.errors import CannotRunError, RobovastError
 from robovast_cli.port_forward import PortForward
-from robovast_cli.refusals import NotFoundError, refusal, unreachable
+from robovast_cli.refusals import NotFoundError, NotInstalledError, refusal, unreachable
 
 if TYPE_CHECKING:
     from anyio.from_thread import BlockingPortal
@@ -23,8 +23,8 @@ PATIENCE = 20.0
 
 Json = dict[str, Any]
 
-_CONTENT = {"PATCH": "merge-patch+json", "APPLY": "apply-patch+yaml"}
-"""What a request's body is, where it is no plain object."""
+KUEUE = "kueue.x-k8s.io"
+"""API group of Kueue, which admits Jobs when there is room for them."""
 
 
 class Kubernetes:
@@ -68,22 +68,21 @@ class Kubernetes:
         options = {"propagationPolicy": "Foreground"}
         self._call("DELETE", f"campaigns/{quote(name)}", API_VERSION, body=options)
 
-    def has_group(self, group: str) -> bool:
-        """True when the server knows resources of an API group."""
-        groups = self._call("GET", "", "", namespace="")["groups"]
-        return any(item["name"] == group for item in groups)
+    def version_of(self, group: str) -> str | None:
+        """API version of a group's resources, as `kueue.x-k8s.io/v1beta1`; None without them."""
+        try:
+            found = self._call("GET", group, "", namespace="")
+        except NotInstalledError:
+            return None
+        return str(found["preferredVersion"]["groupVersion"])
 
-    def apply_crd(self, crd: Json) -> None:
-        """Create or renew a CustomResourceDefinition."""
-        name = quote(crd["metadata"]["name"])
-        self._call(
-            "APPLY",
-            f"customresourcedefinitions/{name}",
-            "apiextensions.k8s.io/v1",
-            namespace="",
-            body=crd,
-            params={"fieldManager": "vast", "force": "true"},
-        )
+    def has_queue(self, name: str) -> bool:
+        """True when the namespace has a Kueue LocalQueue, and the user may see it."""
+        version = self.version_of(KUEUE)
+        try:
+            return bool(version and self._find("localqueues", name, version))
+        except CannotRunError:
+            return False
 
     def secret(self, name: str) -> Json | None:
         """A Secret; None when there is none of this name."""
@@ -146,14 +145,15 @@ class Kubernetes:
         body: Any = None,
         params: Mapping[str, str] | None = None,
     ) -> Json:
+        kind = "merge-patch+json" if method == "PATCH" else "json"
         async with self._api.call_api(
-            "PATCH" if method == "APPLY" else method,
+            method,
             version=version,
             base="" if version else "/apis",
             namespace=self.namespace if namespace is None else namespace,
             url=url,
             content=None if body is None else json.dumps(body),
-            headers={"content-type": f"application/{_CONTENT.get(method, 'json')}"},
+            headers={"content-type": f"application/{kind}"},
             params=params,
         ) as response:
             answer: Json = response.json()

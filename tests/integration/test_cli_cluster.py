@@ -48,7 +48,9 @@ Vast = Callable[..., Outcome]
 @pytest.fixture(scope="module")
 def known_cluster(control_plane: Cluster) -> Cluster:
     """A cluster that knows Campaigns."""
-    control_plane.kubectl("apply", "--server-side", f"--filename={ROOT / 'crds'}")
+    control_plane.kubectl(
+        "apply", "--server-side", "--force-conflicts", f"--filename={ROOT / 'crds'}"
+    )
     control_plane.kubectl(
         "wait", "--for=condition=Established", "crd/campaigns.robovast.io", "--timeout=20s"
     )
