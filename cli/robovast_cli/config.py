@@ -65,6 +65,29 @@ def generate(
 
 
 @app.command()
+def view(
+    ctx: typer.Context,
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for the pictures.")],
+    config: Annotated[
+        str | None,
+        typer.Option(
+            "--config",
+            metavar="NAME|GLOB",
+            help="Only these configurations: a name, the name of an entry, or a glob.",
+            show_default=False,
+        ),
+    ] = None,
+    format_: Annotated[
+        Literal["svg", "png"], typer.Option("--format", help="Format of the pictures.")
+    ] = "svg",
+) -> None:
+    """Draw each configuration: map, start, goals, path, obstacles."""
+    from robovast_cli.config_view import write_pictures
+
+    write_pictures(ctx.obj.document(), config, out, format_)
+
+
+@app.command()
 def info(ctx: typer.Context) -> None:
     """Summarize what the .vast file runs, and how."""
     from robovast_cli.description import print_summary

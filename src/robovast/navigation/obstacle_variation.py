@@ -96,7 +96,6 @@ class ObstacleVariation(NavigationVariation):
             from robovast.navigation.placing import PlacingError
 
             for config in in_configs:
-                self.progress_update(config["name"])
                 try:
                     made += list(self._made(config))
                 except (NoPathError, PlacingError) as error:

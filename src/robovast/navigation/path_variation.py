@@ -90,7 +90,6 @@ class _PathVariation(NavigationVariation):
             from robovast.navigation.paths import NoPathError
         made = []
         for config in in_configs:
-            self.progress_update(config["name"])
             costmap = self.costmap(config, self.parameters.map_file, self.parameters.robot_diameter)
             try:
                 for path in self._paths(config, costmap):
