@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import random
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
@@ -12,15 +10,9 @@ from minio.error import InvalidResponseError, MinioException, S3Error, ServerErr
 from urllib3.exceptions import HTTPError, MaxRetryError, SSLError
 
 from robovast.errors import StorageError
+from robovast.pauses import BUSY, Pauses
 
 T = TypeVar("T")
-
-FIRST_PAUSE = 0.25
-"""Longest pause before the second attempt [s]; it doubles with each further one."""
-LONGEST_PAUSE = 15.0
-"""[s]"""
-BUSY = frozenset({429, 500, 502, 503, 504})
-"""HTTP statuses of a server that may answer later."""
 
 _PASSING = frozenset(
     {
@@ -40,28 +32,6 @@ _PASSING = frozenset(
         "XMinioServerNotInitialized",
     }
 )
-
-
-class Pauses:
-    """Pauses of random length that grow exponentially, until `patience` is used up."""
-
-    def __init__(self, patience: float) -> None:
-        self._patience = patience
-        self.reset()
-
-    def reset(self) -> None:
-        """Something went well: be patient anew."""
-        self._deadline = time.monotonic() + self._patience
-        self._longest = FIRST_PAUSE
-
-    def wait(self) -> bool:
-        """Wait before the next attempt; False, at once, when none is left."""
-        left = self._deadline - time.monotonic()
-        if left <= 0:
-            return False
-        time.sleep(min(left, random.uniform(self._longest / 2, self._longest)))  # noqa: S311
-        self._longest = min(2 * self._longest, LONGEST_PAUSE)
-        return True
 
 
 def persist(action: Callable[[], T], patience: float) -> T:

@@ -10,7 +10,7 @@ import urllib3
 from minio import Minio
 
 from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.faults import BUSY, FIRST_PAUSE, LONGEST_PAUSE
+from robovast.pauses import BUSY, FIRST_PAUSE, LONGEST_PAUSE
 
 MOST_RETRIES = 6
 """How often one request is repeated as it is: its signature holds for some minutes only."""

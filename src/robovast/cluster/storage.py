@@ -21,9 +21,10 @@ from minio.error import MinioException, S3Error
 from urllib3.exceptions import HTTPError, ProtocolError
 
 from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.faults import Pauses, explained, passes, persist
+from robovast.cluster.faults import explained, passes, persist
 from robovast.cluster.s3_client import CreateOnly, connect
 from robovast.errors import StorageError
+from robovast.pauses import Pauses
 
 T = TypeVar("T")
 

@@ -39,15 +39,20 @@ class _Patterns:
 
 
 def files_of(campaign: Path) -> Iterator[tuple[str, Path]]:
-    """Files and links of a campaign with their relative paths; its work folders are no results."""
+    """Files and links of a campaign, each with its relative path.
+
+    What begins with `.` at its top is no result but work in progress, and a `.env` file holds
+    credentials.
+    """
     for root, folders, files in os.walk(campaign):
         here = Path(root)
         if here == campaign:
             folders[:] = [name for name in folders if not name.startswith(".")]
+            files = [name for name in files if not name.startswith(".")]
         links = (name for name in folders if (here / name).is_symlink())
         for name in (*links, *files):
             path = here / name
-            if path.is_symlink() or path.is_file():
+            if name != ".env" and (path.is_symlink() or path.is_file()):
                 yield path.relative_to(campaign).as_posix(), path
 
 

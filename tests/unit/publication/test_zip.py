@@ -38,6 +38,8 @@ def campaign(tmp_path: Path) -> Campaign:
         "one-1/0/out.csv": "a,b\n1,2\n",
         "one-1/0/rosbag2/bag.mcap": "x" * 5000,
         ".running/job-2/half": "",
+        ".state.db": "",
+        "_config/.env": "PASSWORD=x",
         "metadata.yaml": "metadata:\n  name: x\nconfigurations: []\n",
     }
     for name, content in files.items():

@@ -1,0 +1,1 @@
+"""What happens to the results of campaigns on a cluster."""
