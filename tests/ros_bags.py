@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,7 @@ TREE_TYPE = "py_trees_ros_interfaces/msg/BehaviourTree"
 FEEDBACK_TYPE = "nav2_msgs/action/NavigateToPose_FeedbackMessage"
 
 
+@lru_cache
 def typestore(**custom: str) -> Typestore:
     """The types of ROS Jazzy, and custom ones: definition by name, `__` for `/`."""
     store = get_typestore(Stores.ROS2_JAZZY)

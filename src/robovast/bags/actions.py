@@ -31,7 +31,7 @@ class _ActionWorker:
         self._context = context
         self._tables = {
             f"/{action}/_action/{part}": MessageTable(
-                context, context.folder / f"{prefix}_{part}.csv", ["timestamp"], JOINED
+                context, f"{prefix}_{part}.csv", ["timestamp"], JOINED
             )
             for part in ("feedback", "status")
         }

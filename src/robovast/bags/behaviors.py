@@ -9,7 +9,6 @@ from uuid import UUID
 from robovast.bags.flatten import seconds_cell, text_cell
 from robovast.bags.job import Context, Job, nothing_on
 from robovast.bags.source import Consumer, Topic
-from robovast.bags.table import Table
 
 TREE_TYPE = "py_trees_ros_interfaces/msg/BehaviourTree"
 _COLUMNS = ("timestamp", "behavior_name", "behavior_id", "status", "status_name", "class_name")
@@ -29,7 +28,7 @@ class BehaviorsToCsv(Job):
 class _BehaviorsWorker:
     def __init__(self, context: Context) -> None:
         self._context = context
-        self._table = Table(context.folder / "behaviors.csv", _COLUMNS)
+        self._table = context.table("behaviors.csv", _COLUMNS)
         self._last: dict[UUID, int] = {}
         self._seen = False
 

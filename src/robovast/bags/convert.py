@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -109,8 +109,8 @@ def convert_bag(
     workers: list[Worker] = []
     feeds = _Feeds(context, workers)
     try:
-        for job in jobs:
-            workers.append(job.start(context))
+        for number, job in enumerate(jobs):
+            workers.append(job.start(replace(context, number=number)))
         read_bag(bag_dir, info, feeds.subscribe, context.warn)
         feeds.report()
         outputs = [

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
 
 from pydantic import AfterValidator, BaseModel, ConfigDict
 
 from robovast.bags.definitions import Definition, types_of, typestore_of
 from robovast.bags.flatten import Flatten, Shape, Style, compile_flatten, names_of
 from robovast.bags.source import Consumer, Topic, Warn
+from robovast.bags.table import Table, no_names
 
 if TYPE_CHECKING:
     from rosbags.interfaces.typing import Typesdict
@@ -35,7 +36,20 @@ class Context:
     topics: dict[str, str]
     """Type of each topic that the bag's metadata name."""
     window: tuple[int, int] | None = None
+    number: int = 0
+    """Of the job: several may write a file of one name."""
     """From when to when the run took place [ns], where the bag is of several runs."""
+
+    def table(
+        self, name: str, leading: Sequence[str], names: Callable[[Any], list[str]] = no_names
+    ) -> Table:
+        """A CSV file; see `Table`."""
+        path = self.folder / name
+        return Table(path, self.part(path), leading, names)
+
+    def part(self, path: Path) -> Path:
+        """What a file is called before it is complete."""
+        return path.with_name(f".{path.name}.{self.number}.part")
 
     def types(self, definition: Definition) -> Typesdict:
         """Fields of a message type and of all in it."""

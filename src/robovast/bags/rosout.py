@@ -11,7 +11,6 @@ from pydantic import BeforeValidator, Field
 from robovast.bags.flatten import seconds_cell, text_cell
 from robovast.bags.job import Context, Job, nothing_on
 from robovast.bags.source import Consumer, Topic
-from robovast.bags.table import Table
 
 ROSOUT = "/rosout"
 LEVELS = {"DEBUG": 10, "INFO": 20, "WARN": 30, "ERROR": 40, "FATAL": 50}
@@ -51,7 +50,7 @@ class _RosoutWorker:
         self._context = context
         self._least = least
         self._skipped = skipped
-        self._table = Table(context.folder / "rosout.csv", _COLUMNS)
+        self._table = context.table("rosout.csv", _COLUMNS)
         self._seen = False
 
     def subscribe(self, topic: Topic) -> Consumer | None:

@@ -18,7 +18,8 @@ Key = Hashable
 _BUFFER = 1 << 20
 
 
-def _no_names(_key: Key) -> list[str]:
+def no_names(_key: Key) -> list[str]:
+    """Names of the further cells of rows that have none."""
     return []
 
 
@@ -30,19 +31,24 @@ class Table:
     """
 
     def __init__(
-        self, path: Path, leading: Sequence[str], names: Callable[[Any], list[str]] = _no_names
+        self,
+        path: Path,
+        part: Path,
+        leading: Sequence[str],
+        names: Callable[[Any], list[str]] = no_names,
     ) -> None:
-        """Open a file beside the path, which takes its name in `close`.
+        """Open a file that takes its name when it is closed.
 
         Args:
             path: the CSV file.
+            part: what it is called before it is complete.
             leading: names of the cells that every row begins with.
             names: names of a row's further cells, by its key; none when left out.
         """
         self.path = path
         self._leading = list(leading)
         self._names = names
-        self._part = path.with_name(f".{path.name}.part")
+        self._part = part
         self._file = self._part.open("wb", buffering=_BUFFER)
         self._runs: list[tuple[Key, int]] = []
         self._key: Key | None = None

@@ -10,7 +10,6 @@ from pydantic import Field
 from robovast.bags.flatten import number_cells, seconds_cell, text_cell
 from robovast.bags.job import Context, FileName, Job, nothing_on
 from robovast.bags.source import Consumer, Topic
-from robovast.bags.table import Table
 from robovast.bags.transforms import TransformTree, euler
 
 REFERENCE = "map"
@@ -44,7 +43,7 @@ class _TfWorker:
     def __init__(self, context: Context, frames: tuple[str, ...], file: str) -> None:
         self._context = context
         self._frames = tuple(dict.fromkeys(frame.lstrip("/") for frame in frames))
-        self._table = Table(context.folder / file, _COLUMNS)
+        self._table = context.table(file, _COLUMNS)
         self._tree = TransformTree()
 
     def subscribe(self, topic: Topic) -> Consumer | None:

@@ -5,23 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from robovast.bags.flatten import DOTTED, Shape, Style, seconds_cell, text_cell
 from robovast.bags.job import Context, Job, nothing_on
 from robovast.bags.source import Consumer, Topic
-from robovast.bags.table import Table
 
 
 class MessageTable:
     """A CSV file of the messages of one topic."""
 
-    def __init__(self, context: Context, path: Path, leading: list[str], style: Style) -> None:
+    def __init__(self, context: Context, name: str, leading: list[str], style: Style) -> None:
         self.empty = True
         self._context = context
         self._style = style
         self._topics: list[Topic] = []
-        self._table = Table(path, leading, self._names)
+        self._table = context.table(name, leading, self._names)
 
     def consumer(self, topic: Topic) -> Consumer:
         """What writes a row with time [ns] and type for each message."""
@@ -67,6 +66,16 @@ class TopicsToCsv(Job):
     command = "rosbags_to_csv"
     topics: tuple[str, ...] = Field(min_length=1)
 
+    @field_validator("topics")
+    @classmethod
+    def _one_file_each(cls, topics: tuple[str, ...]) -> tuple[str, ...]:
+        files: dict[str, str] = {}
+        for topic in topics:
+            other = files.setdefault(_flat(topic), topic)
+            if other != topic:
+                raise ValueError(f"{other} and {topic} would be written to one file")
+        return topics
+
     def start(self, context: Context) -> _TopicsWorker:
         """Begin to work on a bag."""
         return _TopicsWorker(context, self.topics)
@@ -78,8 +87,8 @@ class _TopicsWorker:
         self._tables = {topic: self._open(topic) for topic in dict.fromkeys(topics)}
 
     def _open(self, topic: str) -> MessageTable:
-        path = self._context.folder / f"{topic_file(self._context, topic)}.csv"
-        return MessageTable(self._context, path, ["timestamp", "type"], DOTTED)
+        name = f"{topic_file(self._context, topic)}.csv"
+        return MessageTable(self._context, name, ["timestamp", "type"], DOTTED)
 
     def subscribe(self, topic: Topic) -> Consumer | None:
         table = self._tables.get(topic.name)
@@ -98,4 +107,8 @@ class _TopicsWorker:
 
 def topic_file(context: Context, topic: str) -> str:
     """Name of the file of a topic, without its ending."""
-    return f"{context.bag.name}_{topic.replace('/', '_')}"
+    return f"{context.bag.name}_{_flat(topic)}"
+
+
+def _flat(topic: str) -> str:
+    return topic.replace("/", "_")

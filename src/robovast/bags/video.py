@@ -64,7 +64,8 @@ class _VideoWorker:
     def __init__(self, context: Context, topic: str, fps: float) -> None:
         self._context = context
         self._topic = topic
-        self._video = _Video(context.folder / f"{topic_file(context, topic)}.webm", fps)
+        path = context.folder / f"{topic_file(context, topic)}.webm"
+        self._video = _Video(path, context.part(path), fps)
 
     def subscribe(self, topic: Topic) -> Consumer | None:
         if topic.name != self._topic:
@@ -124,9 +125,9 @@ def _raw(image: Any) -> VideoFrame:
 class _Video:
     """A WebM file; the first frame decides its size."""
 
-    def __init__(self, path: Path, fps: float) -> None:
+    def __init__(self, path: Path, part: Path, fps: float) -> None:
         self.path = path
-        self._part = path.with_name(f".{path.name}.part")
+        self._part = part
         self._fps = fps
         self._container: Any = None
         self._stream: Any = None

@@ -355,6 +355,7 @@ def test_damaged_images_are_left_out_and_without_any_there_is_no_video(tmp_path:
     [
         ("rosbags_to_csv", {}, "topics"),
         ("rosbags_to_csv", {"topics": "/odom"}, "topics"),
+        ("rosbags_to_csv", {"topics": ["/a/b", "/a_b"]}, "topics"),
         ("rosbags_to_csv", {"topics": ["/odom"], "topic": "/x"}, "topic"),
         ("rosbags_tf_to_csv", {"csv_filename": "../poses.csv"}, "csv_filename"),
         ("rosbags_action_to_csv", {"action": "a", "filename_prefix": "x/y"}, "filename_prefix"),

@@ -1,0 +1,232 @@
+"""The commands of a .vast file work over all runs of a campaign, and in one pass over a run."""
+
+import inspect
+import json
+import os
+import resource
+import subprocess
+import sys
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import pytest
+from ros_bags import START, Bag, rows
+
+from robovast.bags import commands
+from robovast.bags.convert import convert_bag, convert_run
+from robovast.bags.jobs import JOBS, job_of
+from robovast.errors import CannotRunError, StorageError
+from robovast.results.run_record import RunRecord
+from robovast.results.verdict import Verdict
+
+GROUP = "robovast.postprocessing_commands"
+
+
+def record(run: Path, *texts: str) -> None:
+    with Bag(run / "rosbag2") as bag:
+        for at, text in enumerate(texts):
+            bag.write("/text", bag.make("std_msgs/msg/String", text), at)
+        bag.transforms([bag.transform("map", "base_link", 1)])
+
+
+def record_log(folder: Path, *texts: str) -> None:
+    with Bag(folder) as bag:
+        for at, text in enumerate(texts):
+            stamp = bag.header(at, "").stamp
+            log = bag.make("rcl_interfaces/msg/Log", stamp, 20, "node", text, "", "", 1)
+            bag.write("/rosout", log, at)
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    folder = tmp_path / "my campaign-2026-03-04-152130"
+    record(folder / "one" / "0", "a")
+    record(folder / "one" / "10", "b", "c")
+    (folder / "two" / "0").mkdir(parents=True)
+    (folder / "_config").mkdir()
+    return folder
+
+
+def test_every_command_is_a_plugin_with_the_parameters_of_its_job() -> None:
+    found = {point.name: point.load() for point in entry_points(group=GROUP)}
+    for name, job in JOBS.items():
+        names = list(inspect.signature(found[name]).parameters)
+        assert names == ["results_dir", "config_dir", *job.model_fields, "provenance_file"]
+
+
+def test_all_runs_of_a_campaign_are_worked_on(campaign: Path) -> None:
+    success, message, entries = commands.rosbags_to_csv(
+        str(campaign), str(campaign / "_config"), topics=["/text"]
+    )
+    assert success
+    assert message.splitlines() == [
+        "2 files of 3 runs",
+        "two/0: there is no bag: no folder `rosbag2` in it",
+    ]
+    assert entries == [
+        {
+            "output": f"one/{run}/rosbag2__text.csv",
+            "sources": [f"one/{run}/rosbag2"],
+            "plugin": "rosbags_to_csv",
+            "params": {"topics": ["/text"]},
+        }
+        for run in (0, 10)
+    ]
+    assert [row["data"] for row in rows(campaign / "one/10/rosbag2__text.csv")] == ["b", "c"]
+
+
+@pytest.mark.parametrize(
+    ("below", "outputs"),
+    [("one/0", ["poses.csv"]), ("one", ["0/poses.csv", "10/poses.csv"]), ("two/0", [])],
+)
+def test_a_configuration_or_a_run_can_be_worked_on(
+    campaign: Path, below: str, outputs: list[str]
+) -> None:
+    _, _, entries = commands.rosbags_tf_to_csv(str(campaign / below), str(campaign))
+    assert [entry["output"] for entry in entries] == outputs
+    assert all((campaign / below / output).is_file() for output in outputs)
+
+
+def test_a_wrong_parameter_is_a_failure_that_says_so(campaign: Path) -> None:
+    success, message, entries = commands.rosbags_to_csv(str(campaign), str(campaign), topics=[])
+    assert (success, entries) == (False, [])
+    assert "topics" in message
+
+
+def test_large_campaigns_are_shared_among_processes(
+    campaign: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    alone = commands.rosbags_tf_to_csv(str(campaign), str(campaign))
+    content = (campaign / "one/0/poses.csv").read_bytes()
+    monkeypatch.setattr(commands, "_WORTH_PROCESSES", 0)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _pid: {0, 1})
+    assert commands.rosbags_tf_to_csv(str(campaign), str(campaign)) == alone
+    assert (campaign / "one/0/poses.csv").read_bytes() == content
+
+
+def test_all_jobs_share_one_pass_over_a_bag(
+    campaign: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    plain_open = Path.open
+
+    def counting(path: Path, mode: str = "r", *rest: object, **more: object) -> object:
+        if path.suffix == ".mcap":
+            opened.append(path.name)
+        return plain_open(path, mode, *rest, **more)
+
+    monkeypatch.setattr(Path, "open", counting)
+    jobs = [
+        job_of("rosbags_to_csv", {"topics": ["/text"]}),
+        job_of("rosbags_to_csv", {"topics": ["/tf", "/text"]}),
+        job_of("rosbags_tf_to_csv", {}),
+        job_of("rosbags_bt_to_csv", {}),
+    ]
+    done = convert_run(campaign / "one" / "0", jobs)
+    assert opened == ["rosbag2.mcap"]
+    assert {output.path.name for output in done.outputs} == {
+        "rosbag2__text.csv",
+        "rosbag2__tf.csv",
+        "poses.csv",
+        "behaviors.csv",
+    }
+
+
+def test_nothing_but_complete_files_is_left(campaign: Path) -> None:
+    run = campaign / "one" / "0"
+    before = {path.name for path in run.iterdir()}
+    with pytest.raises(KeyboardInterrupt):
+        convert_bag(run / "rosbag2", run, [job_of("rosbags_tf_to_csv", {}), Interrupting()])
+    assert {path.name for path in run.iterdir()} == before
+
+
+class Interrupting(JOBS["rosbags_bt_to_csv"]):
+    """A job during which the user presses Ctrl-C."""
+
+    def start(self, context: object) -> object:
+        worker = super().start(context)
+        worker.subscribe = self.interrupt
+        return worker
+
+    def interrupt(self, topic: object) -> None:
+        raise KeyboardInterrupt
+
+
+def test_a_disk_without_space_is_an_error_about_storage(tmp_path: Path) -> None:
+    record(tmp_path, *(["x" * 5000] * 50))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, limits[1]))
+    try:
+        with pytest.raises(StorageError, match="rosbag2 cannot be converted"):
+            convert_run(tmp_path, [job_of("rosbags_to_csv", {"topics": ["/text"]})])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["rosbag2"]
+
+
+def test_logs_come_from_the_job_where_the_run_has_none(campaign: Path) -> None:
+    run = campaign / "one" / "0"
+    job = campaign / "_jobs" / "job-0"
+    (run / "job").symlink_to("../../_jobs/job-0")
+    record_log(job / "logs" / "rosout_bag", "before", "during", "after")
+    RunRecord(
+        campaign="c",
+        variant="one",
+        entry="one",
+        run=0,
+        id=0,
+        verdict=Verdict.PASSED,
+        reason="",
+        started_at="2023-11-14T22:13:20.500000+00:00",
+        finished_at="2023-11-14T22:13:21.500000+00:00",
+        duration=1.0,
+        exit_code=0,
+        attempt=1,
+        job="job-0",
+        runtime="process",
+        image="",
+        image_digest="",
+        host="",
+    ).write(run)
+    assert START == 1_700_000_000_000_000_000  # 22:13:20 of that day
+    _, _, (entry,) = commands.rosbags_rosout_to_csv(str(run), str(campaign))
+    assert entry["sources"] == ["job/logs/rosout_bag"]
+    assert [row["msg"] for row in rows(run / "rosout.csv")] == ["during"]
+
+
+def test_a_runs_own_logs_come_first(tmp_path: Path) -> None:
+    record_log(tmp_path / "0" / "rosbag2", "own")
+    record_log(tmp_path / "0" / "job" / "logs" / "rosout_bag", "of the job")
+    commands.rosbags_rosout_to_csv(str(tmp_path), str(tmp_path))
+    assert [row["msg"] for row in rows(tmp_path / "0" / "rosout.csv")] == ["own"]
+
+
+def test_without_the_extra_the_command_says_how_to_get_it(
+    campaign: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(CannotRunError, match=r"robovast\[ros\]"), commands.ros_extra():
+        raise ModuleNotFoundError("No module named 'rosbags'", name="rosbags.typesys")
+    monkeypatch.setitem(sys.modules, "av", None)
+    success, message, _ = commands.rosbags_to_webm(str(campaign), str(campaign))
+    assert not success
+    assert "robovast[video]" in message
+
+
+def test_loading_the_plugins_needs_no_extra() -> None:
+    script = (
+        "import sys\n"
+        "for name in ('rosbags', 'mcap', 'numpy', 'orjson', 'av'): sys.modules[name] = None\n"
+        "import robovast.bags.commands as c\n"
+        "print(c.rosbags_bt_to_csv('.', '.')[:2])\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert "robovast[ros]" in result.stdout
+
+
+def test_parameters_are_plain_in_provenance() -> None:
+    job = job_of("rosbags_rosout_to_csv", {"skip_levels": ["warn"], "min_level": 10})
+    assert json.dumps(job.model_dump(mode="json", exclude_defaults=True)) == (
+        '{"skip_levels": ["WARN"]}'
+    )
