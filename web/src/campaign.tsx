@@ -19,7 +19,7 @@ export function isStale(data: Columns, versions: Versions): boolean {
 
 export function CampaignPage({ name, query }: { name: string; query: URLSearchParams }) {
   const { data, error } = useAnswer<Columns>(address(["campaigns", name]), isStale);
-  if (!data) return <Waiting error={error} />;
+  if (!data) return <Waiting error={error} title={name} />;
   return (
     <>
       <Head data={data} />

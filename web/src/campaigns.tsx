@@ -15,7 +15,7 @@ export function CampaignsPage({ query }: { query: URLSearchParams }) {
   const { data, error } = useAnswer<Campaigns>(address(["campaigns"]), isStale);
   const [chosen, setChosen] = useState<string[]>([]);
   const filter = query.get("q") ?? "";
-  if (!data) return <Waiting error={error} />;
+  if (!data) return <Waiting error={error} title="Campaigns" />;
   const all = Object.entries(data.campaigns);
   const shown = all.filter(([name]) => name.toLowerCase().includes(filter.toLowerCase()));
   const toggle = (name: string) =>

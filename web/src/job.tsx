@@ -14,7 +14,7 @@ interface JobProps {
 
 export function JobPage({ campaign, job, query }: JobProps) {
   const { data, error } = useAnswer<Columns>(address(["campaigns", campaign]), isStale);
-  if (!data) return <Waiting error={error} />;
+  if (!data) return <Waiting error={error} title={job} />;
   const active = data.active.find((one) => one.name === job);
   const log = active?.log ?? `${campaign}/_jobs/${job}/logs/system.log`;
   return (

@@ -110,7 +110,8 @@ interface CellProps {
 function CellOf({ cell, id, place, measure, share, chosen, tabbable }: CellProps) {
   const value = measure ? mean(cell) : cell.runs ? cell.bad / cell.runs : null;
   const text = value === null ? "" : measure ? show(Number(value.toPrecision(3))) : percent(value);
-  const title = `${place.filter(Boolean).join(", ")}: ${plural(cell.runs, "run")}, ${cell.bad} not passed`;
+  const where = place.filter(Boolean).join(", ");
+  const title = `${where}: ${plural(cell.runs, "run")}, ${cell.bad} not passed`;
   return (
     <td class={chosen ? "chosen" : undefined}>
       <button
@@ -118,13 +119,13 @@ function CellOf({ cell, id, place, measure, share, chosen, tabbable }: CellProps
         data-cell={id}
         tabIndex={tabbable ? 0 : -1}
         aria-pressed={chosen}
-        aria-label={`${title}${measure && text ? `, mean ${text}` : ""}`}
         title={title}
         class={cell.runs ? undefined : "empty"}
         style={share === null ? undefined : { "--share": `${(100 * share).toFixed(1)}%` }}
         onClick={() => choose({ cell: chosen ? "" : id })}
       >
-        {text}
+        <span class="hidden">{where}: </span>
+        {text || <span class="hidden">no runs</span>}
         {!measure && cell.runs > 0 && (
           <small>
             {cell.bad}/{cell.runs}

@@ -64,12 +64,18 @@ export function passRate(summary: Summary): string {
 }
 
 /** What is shown while an answer is waited for, or instead of it. */
-export function Waiting({ error }: { error: string | null }) {
-  if (error === null) return <p class="loading">Loading …</p>;
+export function Waiting({ error, title }: { error: string | null; title?: string }) {
   return (
-    <p class="error" role="alert">
-      {error}
-    </p>
+    <>
+      {title && <h1>{title}</h1>}
+      {error === null ? (
+        <p class="loading">Loading …</p>
+      ) : (
+        <p class="error" role="alert">
+          {error}
+        </p>
+      )}
+    </>
   );
 }
 

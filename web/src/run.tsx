@@ -19,7 +19,7 @@ interface RunProps {
 
 export function RunPage({ campaign, variant, run, query }: RunProps) {
   const { data, error } = useAnswer<RunDetails>(address(["campaigns", campaign, variant, run]));
-  if (!data) return <Waiting error={error} />;
+  if (!data) return <Waiting error={error} title={`${variant}/${run}`} />;
   return (
     <>
       <Head data={data} title={`${variant}/${run}`} />
@@ -216,6 +216,7 @@ function Bags({ data }: { data: RunDetails }) {
           <p class="quiet">
             {moment(bag.start)}, {duration(bag.duration)}
           </p>
+          <div class="scroll" tabIndex={0} role="region" aria-label={`Topics of ${bag.path}`}>
           <table class="plain">
             <thead>
               <tr>
@@ -236,6 +237,7 @@ function Bags({ data }: { data: RunDetails }) {
               ))}
             </tbody>
           </table>
+          </div>
         </section>
       ))}
     </>

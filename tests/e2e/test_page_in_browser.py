@@ -1,0 +1,299 @@
+"""The page in a real browser: with keys or mouse, on any screen, of a good or a bad folder."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import random
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+from robovast_testbed import debian
+from shown_page import ShownPage, shown
+from stored_campaigns import NAME, SYSTEM_LOG, write, write_campaign, write_run
+
+WEB = Path(__file__).parents[2] / "web"
+LATER = "hall-2026-03-05-090000"
+EVIL = "<img src=x onerror=stolen=1>"
+
+VARIANTS = [
+    {"speed": speed, "width": width, "map": place}
+    for speed in (0.5, 1.0, 2.0)
+    for width in (0.8, 1.2)
+    for place in ("hall", "office")
+]
+SCREENS = {
+    "campaigns": "#/",
+    "matrix": f"#/campaign/{NAME}",
+    "measure": f"#/campaign/{NAME}?x=map&y=speed&colour=duration&cell=1,1",
+    "parallel": f"#/campaign/{NAME}?view=parallel&q=speed>0.5",
+    "log": f"#/campaign/{NAME}/hall-9/0",
+    "plots": f"#/campaign/{NAME}/hall-9/0?tab=plots",
+    "resources": f"#/campaign/{NAME}/hall-9/0?tab=resources",
+    "parameters": f"#/campaign/{NAME}/hall-9/0?tab=parameters",
+    "pictures": f"#/campaign/{NAME}/hall-9/0?tab=video",
+    "bag": f"#/campaign/{NAME}/hall-9/0?tab=bag",
+    "files": f"#/campaign/{NAME}/hall-9/0?tab=files",
+    "compare": f"#/compare?a={NAME}&b={LATER}",
+    "nothing": "#/campaign/none",
+}
+PIXEL = bytes.fromhex(
+    "89504e470d0a1a0a0000000d4948445200000001000000010802000000907753de"
+    "0000000c49444154789c63606060000000040001f61738550000000049454e44ae426082"
+)
+BAG = """\
+rosbag2_bagfile_information:
+  duration: {nanoseconds: 9500000000}
+  starting_time: {nanoseconds_since_epoch: 1772630684000000000}
+  topics_with_message_count:
+  - topic_metadata: {name: /scan, type: sensor_msgs/msg/LaserScan}
+    message_count: 95
+"""
+
+
+def judge(seed: int, share: float):
+    chance = random.Random(seed)  # noqa: S311  # no secret
+
+    def verdict(parameters, number) -> str:
+        if parameters["speed"] == 2 and number == 0:
+            return "failed"
+        return "errored" if chance.random() < share else "passed"
+
+    return verdict
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("browsed") / "results"
+    root = write_campaign(folder, variants=VARIANTS, runs=4, judge=judge(1, 0.1))
+    write_campaign(folder, LATER, variants=VARIANTS, runs=4, judge=judge(2, 0.5), outputs=False)
+    run = root / "hall-9" / "0"
+    write(run / "rosbag2" / "metadata.yaml", BAG)
+    (run / "camera.png").write_bytes(PIXEL)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def server(results: Path) -> Iterator[ShownPage]:
+    with shown(results) as page:
+        yield page
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    debian.require("chromium")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path="/usr/bin/chromium", args=["--no-sandbox"]
+        )
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def page(browser: Browser) -> Iterator[Page]:
+    """A tab of 1280 × 800; no complaint may appear in its console."""
+    context = browser.new_context(viewport={"width": 1280, "height": 800})
+    page = context.new_page()
+    page.set_default_timeout(10_000)
+    complaints: list[str] = []
+    page.on("console", lambda message: complaints.append(f"{message.type}: {message.text}"))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("dialog", lambda dialog: complaints.append(dialog.message))
+    yield page
+    context.close()
+    assert [one for one in complaints if "404 (Not Found)" not in one] == []
+
+
+@pytest.fixture(scope="module")
+def axe() -> str:
+    """The accessibility checks, as the front end's lock file pins them."""
+    script = WEB / "node_modules" / "axe-core" / "axe.min.js"
+    if not script.exists():
+        subprocess.run(["npm", "ci", "--silent", "--ignore-scripts"], cwd=WEB, check=True)
+    return script.read_text(encoding="utf-8")
+
+
+def settled(page: Page) -> None:
+    expect(page.locator(".loading")).to_have_count(0)
+    page.wait_for_timeout(100)  # what answers brought is drawn
+
+
+@contextmanager
+def browsing(page: Page, results: Path) -> Iterator[str]:
+    """Address of the page of a folder; the tab leaves before the server does."""
+    with shown(results) as server:
+        yield server.address
+        page.goto("about:blank")
+
+
+def test_three_clicks_from_the_page_to_the_log_of_a_failing_run(
+    page: Page, server: ShownPage
+) -> None:
+    page.goto(server.address)
+    page.get_by_role("link", name=NAME).click()
+    page.locator("tr[data-row]").first.get_by_role("link").click()
+    expect(page.get_by_role("heading", level=1)).to_contain_text("failed")
+    expect(page.locator(".reason")).to_have_text("goal not reached: no goal after 20 s")
+    expect(page.get_by_role("region", name="Lines of the log")).to_contain_text("goal not reached")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_screen_is_accessible_and_fits(
+    page: Page, server: ShownPage, axe: str, scheme: str, tmp_path: Path
+) -> None:
+    page.emulate_media(color_scheme=scheme)
+    for name, place in SCREENS.items():
+        page.goto(server.address + place)
+        settled(page)
+        page.screenshot(path=tmp_path / f"{name}.png")
+        page.evaluate(axe)
+        found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
+        assert [(v["id"], v["nodes"][0]["html"]) for v in found["violations"]] == [], name
+
+
+def test_nothing_is_wider_than_a_telephone(page: Page, server: ShownPage, tmp_path: Path) -> None:
+    page.set_viewport_size({"width": 360, "height": 740})
+    for name, place in SCREENS.items():
+        page.goto(server.address + place)
+        settled(page)
+        page.screenshot(path=tmp_path / f"{name}.png")
+        assert page.evaluate("document.documentElement.scrollWidth") <= 360, name
+
+
+def test_a_cell_and_a_filter_choose_runs_and_the_address_says_so(
+    page: Page, server: ShownPage, browser: Browser
+) -> None:
+    page.goto(f"{server.address}#/campaign/{NAME}")
+    page.get_by_role("button", name=re.compile("^2, 1.2:")).click()
+    expect(page.get_by_role("status")).to_have_text("8 of 48 runs")
+    page.get_by_label("Find").fill("map=hall")
+    expect(page.get_by_role("status")).to_have_text("4 of 48 runs")
+    page.get_by_role("button", name=re.compile("Duration")).click()
+    shared = browser.new_page()
+    shared.goto(page.url)
+    expect(shared.get_by_role("status")).to_have_text("4 of 48 runs")
+    expect(shared.get_by_role("columnheader", name="Duration")).to_have_attribute(
+        "aria-sort", "ascending"
+    )
+    texts = shared.locator("tr[data-row]").all_inner_texts()
+    assert texts == page.locator("tr[data-row]").all_inner_texts()
+    shared.close()
+
+
+def test_what_is_shown_can_be_saved(page: Page, server: ShownPage) -> None:
+    page.goto(f"{server.address}#/campaign/{NAME}?q=speed%3D2&verdict=failed")
+    expect(page.get_by_role("status")).to_have_text("4 of 48 runs")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save CSV").last.click()
+    assert download.value.suggested_filename == f"{NAME}-runs.csv"
+    lines = Path(download.value.path()).read_text(encoding="utf-8").splitlines()
+    assert lines[0].split(",")[:6] == ["variant", "run", "verdict", "speed", "width", "map"]
+    assert lines[1].startswith("hall-9,0,failed,2,0.8,hall,")
+    assert len(lines) == 5
+
+
+def test_everything_can_be_reached_with_keys(page: Page, server: ShownPage) -> None:
+    page.goto(f"{server.address}#/campaign/{NAME}")
+    page.get_by_role("tab", name="Matrix").focus()
+    page.keyboard.press("ArrowRight")
+    expect(page.get_by_role("tab", name="Parallel coordinates")).to_be_focused()
+    page.keyboard.press("ArrowLeft")
+    page.locator('[data-cell="0,0"]').focus()
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("Enter")
+    expect(page.locator('[data-cell="1,1"]')).to_have_attribute("aria-pressed", "true")
+    page.get_by_role("region", name="Runs", exact=True).focus()
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("ArrowDown")
+    row = page.locator("tr[data-row]").nth(1).get_by_role("link")
+    expect(row).to_be_focused()
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("tab", name="Log")).to_be_visible()
+
+
+def test_a_log_is_searched_and_filtered(page: Page, server: ShownPage) -> None:
+    page.goto(f"{server.address}#/campaign/{NAME}/hall-9/0")
+    lines = page.get_by_role("region", name="Lines of the log").get_by_role("listitem")
+    expect(lines).to_have_count(len(SYSTEM_LOG.splitlines()))
+    page.get_by_role("button", name="error 4").click()
+    expect(lines).to_have_count(4)
+    page.get_by_label("Search").fill("GOAL NOT")
+    expect(lines).to_have_count(1)
+    expect(lines.locator("mark")).to_have_text("goal not")
+
+
+def test_a_campaign_that_runs_needs_no_reload(page: Page, tmp_path: Path) -> None:
+    root = write_campaign(tmp_path, outputs=False)
+    shutil.rmtree(root / "hall-1" / "1")
+    write(root / ".running" / "lock", "")
+    write(root / ".running" / "job-7" / "console.log", "[INFO] [1772630684.0] [n]: begins\n")
+    log = root / ".running" / "job-7" / "console.log"
+    with (root / ".running" / "lock").open() as lock, browsing(page, root) as address:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        page.goto(f"{address}#/campaign/{NAME}")
+        expect(page.get_by_role("heading", level=1)).to_contain_text("running")
+        expect(page.get_by_role("status")).to_have_text("3 runs")
+        write_run(root, "hall-1", 1, 2, {"speed": 1.0}, lambda *_: "errored", outputs=False)
+        expect(page.get_by_role("status")).to_have_text("4 runs")
+        page.get_by_role("link", name="job-7").click()
+        expect(page.get_by_text("begins")).to_be_visible()
+        log.write_text(log.read_text() + "[INFO] [1772630685.0] [n]: goes on\n")
+        expect(page.get_by_text("goes on")).to_be_visible()
+        page.go_back()
+        fcntl.flock(lock, fcntl.LOCK_UN)
+        expect(page.get_by_role("heading", level=1)).to_contain_text("finished")
+
+
+def test_a_comparison_says_what_got_worse(page: Page, server: ShownPage) -> None:
+    page.goto(server.address)
+    page.get_by_label(f"Compare {NAME}").check()
+    page.get_by_label(f"Compare {LATER}").check()
+    page.get_by_role("link", name="Compare").click()
+    expect(page.locator(".statement")).to_contain_text("did not pass rose, from ")
+    expect(page.locator(".statement")).to_contain_text("chance alone hardly explains that")
+    expect(page.locator("tr[data-row]")).to_have_count(len(VARIANTS))
+
+
+def test_a_malicious_folder_does_nothing(page: Page, tmp_path: Path) -> None:
+    root = write_campaign(tmp_path, outputs=False)
+    run = write_run(root, EVIL, 0, 4, {EVIL: EVIL, "speed": 1}, lambda *_: "failed")
+    record = json.loads((run / "run.json").read_text())
+    write(run / "run.json", json.dumps({**record, "reason": EVIL, "image": EVIL, "host": EVIL}))
+    write(run / f"{EVIL.replace('/', '')}.csv", f"{EVIL},b\n{EVIL},1\n{EVIL},2\n")
+    write(run / "picture.svg", "<svg xmlns='http://www.w3.org/2000/svg' onload='stolen=1'/>")
+    write(run / "page.html", "<script>stolen=1</script>")
+    write(run / "rosbag2" / "metadata.yaml", BAG.replace("/scan", f"'{EVIL}'"))
+    write(root / "_jobs" / "job-4" / "logs" / "system.log", f"[ERROR] {EVIL}\n<script>stolen=1\n")
+    name = page.evaluate("encodeURIComponent", EVIL)
+    tabs = ("log", "plots", "resources", "parameters", "bag", "files")
+    places = [f"#/campaign/{NAME}", f"#/campaign/{NAME}?view=parallel&x={name}", "#/"]
+    places += [f"#/campaign/{NAME}/{name}/0?tab={tab}&find=%3Cscript" for tab in tabs]
+    places += [f"#/campaign/{name}", f"#/{name}?q={name}", f"#/compare?a={NAME}&b={name}"]
+    with browsing(page, tmp_path) as address:
+        for place in places:
+            page.goto(address + place)
+            settled(page)
+            assert page.evaluate("typeof stolen") == "undefined", place
+            assert page.locator("[onerror], main script").count() == 0, place
+        page.goto(f"{address}#/campaign/{NAME}/{name}/0?tab=files")
+        with page.expect_download() as download:
+            page.get_by_role("link", name="page.html").click()
+        assert download.value.suggested_filename == "page.html"
+
+
+def test_a_table_of_any_length_holds_the_rows_in_sight(page: Page, tmp_path: Path) -> None:
+    write_campaign(tmp_path, runs=300, outputs=False)
+    with browsing(page, tmp_path) as address:
+        page.goto(f"{address}#/campaign/{NAME}?sort=variant")
+        expect(page.get_by_role("status")).to_have_text("600 runs")
+        assert page.locator("tr[data-row]").count() < 60
+        page.locator(".grid").evaluate("grid => grid.scrollTop = grid.scrollHeight")
+        expect(page.get_by_role("link", name="hall-2/299")).to_be_visible()
