@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import inspect
 import os
 import sys
-from collections.abc import Iterator
-from importlib.metadata import EntryPoint
 from pathlib import Path
-from typing import Any
 
 import typer
 
 from robovast.errors import ExitCode
-from robovast.plugins import plugins_of
 from robovast.postprocessing.child import GROUP
 from robovast.postprocessing.events import CampaignSummary, Failure, Options
 from robovast.postprocessing.session import postprocess
 from robovast_cli.output import say
-from robovast_cli.plugins import origin
+from robovast_cli.plugin_list import described_plugins
 
 MOST_LISTED = 20
 """Failures that the summary names at most."""
@@ -98,30 +93,5 @@ def _outcome(summary: CampaignSummary) -> str:
 
 def print_commands() -> None:
     """Print every installed command; one that cannot be loaded says why."""
-    points = sorted(plugins_of(GROUP).values(), key=lambda point: point.name)
-    typer.echo("\n\n".join("\n".join(_described(point)) for point in points))
+    typer.echo(described_plugins(GROUP, _GIVEN))
     typer.echo("\nA command in a file is written `<path>.py:<name>`; docs/postprocessing.md.")
-
-
-def _described(point: EntryPoint) -> Iterator[str]:
-    try:
-        plugin = point.load()
-    except Exception as error:
-        yield f"{point.name}  (cannot be loaded: {type(error).__name__}: {error})"
-        return
-    yield f"{point.name}  ({origin(point)})"
-    about = inspect.getdoc(plugin) or ""
-    yield f"    {about.partition(chr(10) * 2)[0].replace(chr(10), ' ')}".rstrip()
-    for name, parameter in _parameters(plugin).items():
-        required = parameter.default is inspect.Parameter.empty
-        yield f"    {name}: " + ("required" if required else f"{parameter.default!r} when omitted")
-
-
-def _parameters(plugin: Any) -> dict[str, inspect.Parameter]:
-    call = plugin.__call__ if inspect.isclass(plugin) else plugin
-    kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
-    return {
-        name: parameter
-        for name, parameter in inspect.signature(call).parameters.items()
-        if name not in (*_GIVEN, "self") and parameter.kind in kinds
-    }

@@ -16,6 +16,14 @@ COMMANDS: Mapping[str, Lazy] = {
     "download": Lazy(
         "robovast_cli.results_download:app", "Bring results home from the cluster's storage."
     ),
+    "publish": Lazy(
+        "robovast_cli.results_publish:app",
+        "Pack results and bring them to others, as the .vast file says.",
+    ),
+    "publish-commands": Lazy(
+        "robovast_cli.results_publish:commands_app",
+        "List the installed publication plugins and their parameters.",
+    ),
     "merge-campaigns": Lazy(
         "robovast_cli.results_merge:app",
         "Merge campaigns: runs of equal configurations come together.",

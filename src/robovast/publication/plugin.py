@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -138,11 +138,6 @@ class PublicationPlugin:
     @property
     def _signature(self) -> Mapping[str, inspect.Parameter]:
         return inspect.signature(self.function).parameters
-
-
-def ordered(plugins: Iterable[PublicationPlugin]) -> list[PublicationPlugin]:
-    """Those that pack before those that upload, else in the document's order."""
-    return sorted(plugins, key=lambda plugin: plugin.kind == UPLOAD)
 
 
 def _made(name: str, plugin_class: type) -> Any:

@@ -15,7 +15,7 @@ from robovast.publication.context import (
     read_settings,
     snapshot,
 )
-from robovast.publication.plugin import UPLOAD, PublicationPlugin, ordered
+from robovast.publication.plugin import UPLOAD, PublicationPlugin
 
 
 @dataclass(frozen=True)
@@ -34,17 +34,24 @@ class Batch:
 
     settings: Settings
     campaigns: tuple[Campaign, ...]
+    plugins: tuple[PublicationPlugin, ...] = ()
+    """In the order in which they are called."""
 
 
-def plan_publication(campaigns: Sequence[Path], override: Path | None) -> list[Batch]:
+def plan_publication(
+    campaigns: Sequence[Path], override: Path | None, known: int, options: PublishOptions
+) -> list[Batch]:
     """What is to be published with what: campaigns that ask for the same come together.
 
     Args:
-        campaigns: their folders.
+        campaigns: their folders, in one folder.
         override: a .vast file that counts in place of those in the campaigns.
+        known: number of campaigns in that folder.
+        options: how to publish.
 
     Raises:
-        InputError: a .vast file is missing or wrong, or nothing is to be published.
+        InputError: a .vast file, a plugin or its call is missing or wrong, or nothing is to be
+            published.
     """
     batches: dict[str, Batch] = {}
     for path in campaigns:
@@ -58,13 +65,11 @@ def plan_publication(campaigns: Sequence[Path], override: Path | None) -> list[B
         raise InputError(
             f"nothing is to be published: there is no `results_processing.publication` in {names}."
         )
-    return found
+    return [replace(batch, plugins=_plugins(batch, known, options)) for batch in found]
 
 
 def publish(
-    results_dir: Path,
     batches: Iterable[Batch],
-    known: int,
     options: PublishOptions,
     context: PublicationContext,
     report: Callable[[str], None],
@@ -72,27 +77,25 @@ def publish(
     """Call every plugin; the first that fails ends it.
 
     Args:
-        results_dir: folder of the campaigns.
         batches: what to publish.
-        known: number of campaigns that are in `results_dir`.
         options: how to publish.
         context: how plugins ask and tell; its campaigns and files are set here.
         report: is given the message of each plugin.
 
     Raises:
-        RobovastError: a plugin is missing or wrong (nothing was published then), or it failed.
+        RobovastError: a plugin failed.
     """
-    loaded = [(batch, _plugins(batch, known, options)) for batch in batches]
-    for batch, plugins in loaded:
+    for batch in batches:
+        results_dir = batch.campaigns[0].path.parent
         config_dir = batch.settings.vast_file.parent
         context = replace(context, campaigns=batch.campaigns, files=())
-        for plugin in plugins:
+        for plugin in batch.plugins:
             message, files = plugin.publish(results_dir, config_dir, context, force=options.force)
             context = replace(context, files=(*context.files, *files))
             report(f"{plugin.name}: {message}")
 
 
-def _plugins(batch: Batch, known: int, options: PublishOptions) -> list[PublicationPlugin]:
+def _plugins(batch: Batch, known: int, options: PublishOptions) -> tuple[PublicationPlugin, ...]:
     folder = batch.settings.vast_file.absolute().parent
     plugins = [PublicationPlugin.load(call, folder) for call in batch.settings.calls]
     chosen = [item for item in plugins if not (options.skip_upload and item.kind == UPLOAD)]
@@ -103,4 +106,4 @@ def _plugins(batch: Batch, known: int, options: PublishOptions) -> list[Publicat
                 f"{known} campaigns, not only {', '.join(item.name for item in batch.campaigns)}. "
                 "Move the others elsewhere, or publish all by one file with `--override FILE`."
             )
-    return ordered(chosen)
+    return tuple(sorted(chosen, key=lambda plugin: plugin.kind == UPLOAD))

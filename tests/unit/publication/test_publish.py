@@ -64,14 +64,9 @@ def make(results: Path, name: str, calls: str, plugins: str = PLUGINS) -> Path:
 def run(campaigns: list[Path], known: int = 0, **options: Any) -> list[str]:
     said: list[str] = []
     override = options.pop("override", None)
-    publish(
-        campaigns[0].parent,
-        plan_publication(campaigns, override),
-        known or len(campaigns),
-        PublishOptions(**options),
-        PublicationContext(()),
-        said.append,
-    )
+    chosen = PublishOptions(**options)
+    batches = plan_publication(campaigns, override, known or len(campaigns), chosen)
+    publish(batches, chosen, PublicationContext(()), said.append)
     return said
 
 
