@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 from robovast.errors import InputError
 
 _MOST_NAMED = 3
+_ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
+"""In the text of an object: it would make equal faults differ."""
 
 ResultT = TypeVar("ResultT")
 
@@ -25,7 +28,7 @@ class Findings:
 
     def fault(self, what: str, where: str = "") -> None:
         """Note that a plugin did wrong."""
-        self._faults.setdefault(what, []).append(where)
+        self._faults.setdefault(_ADDRESS.sub("", what), []).append(where)
 
     def call(
         self, who: str, where: str, function: Callable[..., ResultT], *args: Any

@@ -12,7 +12,7 @@ from robovast.provenance import agents
 from robovast.provenance.contributions import Node, plain_iri, plain_node, with_properties
 from robovast.provenance.findings import Findings
 from robovast.provenance.hooks import VariationHooks
-from robovast.provenance.metadata import applied_variations, read_configurations, variation_times
+from robovast.provenance.metadata import applied_variations, variation_times
 from robovast.provenance.postprocessing import Derivation, derivations_by_run
 from robovast.provenance.run_nodes import (
     EXECUTION,
@@ -22,12 +22,13 @@ from robovast.provenance.run_nodes import (
     run_nodes,
     sysinfo_node,
 )
-from robovast.provenance.times import as_utc
+from robovast.provenance.times import as_utc, from_epoch
 from robovast.provenance.vocabulary import DEFAULT_DATASET, SCENARIOS, SOFTWARE, is_iri, path_iri
-from robovast.results.layout import Layout
 
 GENERATION = "config_generation"
 POSTPROCESSING = "postprocessing/"
+_RECORDS = ("_execution/execution.yaml", "_transient/configurations.yaml")
+"""What metadata.yaml is made of, beside the folders of the runs."""
 
 
 def campaign_iri(root: Path, metadata: dict[str, Any]) -> str:
@@ -54,20 +55,29 @@ class Graph:
     Args:
         root: the campaign's folder.
         metadata: content of its metadata.yaml.
+        configurations: content of its configurations.yaml; hooks also see what variations left
+            for themselves there.
         findings: is told what hooks did wrong.
     """
 
-    def __init__(self, root: Path, metadata: dict[str, Any], findings: Findings) -> None:
+    def __init__(
+        self,
+        root: Path,
+        metadata: dict[str, Any],
+        configurations: dict[str, Any],
+        findings: Findings,
+    ) -> None:
         self.iri = campaign_iri(root, metadata)
         self._root = root
         self._metadata = metadata
         self._findings = findings
         self._hooks = VariationHooks(root, findings)
-        self._extras = self._hidden_values()
+        listed = configurations.get("configs") or ()
+        self._extras = {i["name"]: i for i in listed if isinstance(i, dict) and "name" in i}
         self._dataset = dataset_iri(metadata)
         self._description = _section(metadata, "metadata")
         self._systems = agents.systems(self._description.get("agents"), self._dataset)
-        self._agents = [SOFTWARE, *(node["@id"] for node in self._systems)]
+        self._agents = [node["@id"] for node in self._systems] or [SOFTWARE]
         self._people = agents.people(self._description.get("creator"), self._dataset)
         self._vast = _optional_iri(metadata.get("vast_file"))
         scenario = metadata.get("scenario_file")
@@ -107,14 +117,6 @@ class Graph:
             "wasGeneratedBy": f"{POSTPROCESSING}graph/",
         }
 
-    def _hidden_values(self) -> dict[str, dict[str, Any]]:
-        """What variations left for themselves in configurations.yaml, for their hooks."""
-        names = {n for e in self._metadata["configurations"] for n in applied_variations(e)}
-        if not self._hooks.any_contributes(sorted(names)):
-            return {}
-        configs = read_configurations(Layout(self._root), Findings()).get("configs") or ()
-        return {item["name"]: item for item in configs if isinstance(item, dict) and "name" in item}
-
     def _results(self) -> Iterator[dict[str, Any]]:
         for entry in self._metadata["configurations"]:
             yield from entry.get("test_results") or ()
@@ -131,8 +133,8 @@ class Graph:
                 "@type": ["Activity", "robovast:CampaignExecution", f"robovast:{kind}"],
                 "startedAtTime": started,
                 "endedAtTime": ended if ended and started and ended >= started else None,
-                "used": [iri for iri in (self._vast, self._scenario, *self._run_files()) if iri],
-                "wasAssociatedWith": self._agents,
+                "used": self._run_files(),
+                "wasAssociatedWith": list(dict.fromkeys([SOFTWARE, *self._agents])),
                 "runs": execution.get("runs"),
                 "image": execution.get("image"),
                 "image_revision": execution.get("image_revision"),
@@ -184,8 +186,6 @@ class Graph:
         The time of the file itself, unless it was copied since: then the time of the execution,
         which is when the campaign took it.
         """
-        from robovast.provenance.times import from_epoch
-
         executed = as_utc(_section(self._metadata, "execution").get("execution_time"))
         try:
             changed = from_epoch((self._root / name).stat().st_mtime)
@@ -289,8 +289,12 @@ class Graph:
             used,
             self._agents,
             self._derivations.get(result["dir"], []),
-            alone=self._runs_of_job[result.get("job")] == 1,
+            alone=self._is_alone(result),
         )
+
+    def _is_alone(self, result: dict[str, Any]) -> bool:
+        """True when no other run shares a run's job."""
+        return self._runs_of_job[result.get("job")] == 1
 
     def _once(self, node: Node | None) -> Iterator[Node]:
         """A node, unless the very same was written already."""
@@ -306,7 +310,8 @@ class Graph:
         nodes: list[Node] = []
         properties: list[Node] = []
         used: list[str] = []
-        if not self._extras:
+        applied = applied_variations(entry)
+        if not self._hooks.any_contributes(applied):
             return nodes, properties, used
         from rdflib import Namespace
 
@@ -314,7 +319,7 @@ class Graph:
         variant = Namespace(f"{self.iri}{path_iri(entry['name'])}/")
         context = (campaign, variant, self.iri + GENERATION, self.iri + (self._vast or ""))
         whole = {**self._extras.get(entry["name"], {}), **entry}
-        for who, found in self._hooks.contributions(applied_variations(entry), whole, *context):
+        for who, found in self._hooks.contributions(applied, whole, *context):
             plain = self._findings.call(who, entry["name"], _plain_contribution, found)
             if plain is not None:
                 nodes += plain[0]
@@ -329,7 +334,7 @@ class Graph:
         described = set()
         for result in self._results():
             job = result.get("job")
-            if not job or job in described or self._runs_of_job[job] == 1:
+            if not job or job in described or self._is_alone(result):
                 continue
             described.add(job)
             iri = path_iri(f"{job}/")
@@ -350,7 +355,8 @@ class Graph:
 
     def _metadata_file(self) -> Iterator[Node]:
         generated = _section(self._metadata, "generated")
-        used = [iri for iri in (self._vast, self._scenario) if iri]
+        used = [name for name in _RECORDS if (self._root / name).is_file()]
+        yield from ({"@id": name, "@type": ["Entity"]} for name in used)
         times = (as_utc(generated.get("started_at")), as_utc(generated.get("ended_at")))
         yield _file_activity("metadata/", "robovast:PostprocessingMetadata", used, *times)
         yield {

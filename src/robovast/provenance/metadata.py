@@ -14,16 +14,18 @@ from robovast.provenance.times import as_utc, later
 from robovast.results.layout import Layout
 
 
-def collect_metadata(root: Path, findings: Findings) -> dict[str, Any]:
+def collect_metadata(
+    root: Path, configurations: dict[str, Any], findings: Findings
+) -> dict[str, Any]:
     """Content of metadata.yaml, with what hooks and processors add.
 
     Args:
         root: the campaign's folder.
+        configurations: content of its configurations.yaml.
         findings: is told what is missing and what plugins did wrong.
     """
     layout = Layout(root)
     document_name, document = _read_document(layout, findings)
-    configurations = read_configurations(layout, findings)
     execution = read_mapping(layout.execution / "execution.yaml", findings, root.name)
     hooks = VariationHooks(root, findings)
     metadata = {
@@ -43,9 +45,9 @@ def collect_metadata(root: Path, findings: Findings) -> dict[str, Any]:
     return process(metadata, processors_of(document, findings), root, findings)
 
 
-def read_configurations(layout: Layout, findings: Findings) -> dict[str, Any]:
-    """Content of configurations.yaml."""
-    return read_mapping(layout.transient / "configurations.yaml", findings, layout.root.name)
+def read_configurations(root: Path, findings: Findings) -> dict[str, Any]:
+    """Content of a campaign's configurations.yaml."""
+    return read_mapping(Layout(root).transient / "configurations.yaml", findings, root.name)
 
 
 def applied_variations(entry: dict[str, Any]) -> list[str]:

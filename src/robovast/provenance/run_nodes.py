@@ -46,7 +46,8 @@ def run_nodes(
         alone: no other run shares its job, so that the job's files are the run's own.
     """
     iri = path_iri(result["dir"])
-    yield _run(result, iri, used, agents)
+    run = _run(result, iri, used, agents)
+    yield run if alone or not result.get("job") else {**run, "job": path_iri(f"{result['job']}/")}
     bags = {f"{result['dir']}/{name}": bag for name, bag in bags_of(result).items()}
     made = {derivation.output for derivation in derivations}
     parts = {f"{folder}/{name}" for folder, bag in bags.items() for name in bag["files"]}
@@ -76,8 +77,6 @@ def _run(result: dict[str, Any], iri: str, used: Iterable[str], agents: Iterable
     }
     if result.get("verdict") != Verdict.INTERRUPTED:  # such a run counts as not executed
         node["success"] = str(result.get("success")).lower() == "true"
-    if result.get("job"):
-        node["job"] = path_iri(f"{result['job']}/")
     if result.get("sysinfo_file"):
         node["sysinfo"] = path_iri(result["sysinfo_file"])
     return compact(node)

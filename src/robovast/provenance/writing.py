@@ -12,10 +12,10 @@ from typing import IO, Any
 
 from robovast import __version__
 from robovast.errors import InputError, StorageError
-from robovast.plain import dump_yaml, to_plain, write_atomically
+from robovast.plain import dump_yaml, write_atomically
 from robovast.provenance.findings import Findings
 from robovast.provenance.graph import Graph
-from robovast.provenance.metadata import collect_metadata
+from robovast.provenance.metadata import collect_metadata, read_configurations
 from robovast.provenance.reading import read_mapping
 from robovast.provenance.times import now
 from robovast.provenance.vocabulary import context
@@ -46,8 +46,9 @@ def describe(campaign_dir: Path) -> None:
         StorageError: a file cannot be written.
     """
     findings = Findings()
-    metadata = _write_metadata(campaign_dir, findings)
-    _write_graph(campaign_dir, metadata, findings)
+    configurations = read_configurations(campaign_dir, findings)
+    metadata = _write_metadata(campaign_dir, configurations, findings)
+    _write_graph(campaign_dir, metadata, configurations, findings)
     _tell(campaign_dir, f"{METADATA} and {GRAPH}", findings)
 
 
@@ -59,7 +60,7 @@ def write_metadata(campaign_dir: Path) -> Path:
         StorageError: the file cannot be written.
     """
     findings = Findings()
-    _write_metadata(campaign_dir, findings)
+    _write_metadata(campaign_dir, read_configurations(campaign_dir, findings), findings)
     _tell(campaign_dir, METADATA, findings)
     return campaign_dir / METADATA
 
@@ -78,24 +79,29 @@ def write_graph(campaign_dir: Path) -> Path:
         raise InputError(
             f"{campaign_dir / METADATA} is missing or damaged; `vast results metadata` writes it."
         )
-    _write_graph(campaign_dir, metadata, findings)
+    configurations = read_configurations(campaign_dir, Findings())
+    _write_graph(campaign_dir, metadata, configurations, findings)
     _tell(campaign_dir, GRAPH, findings)
     return campaign_dir / GRAPH
 
 
-def _write_metadata(root: Path, findings: Findings) -> dict[str, Any]:
+def _write_metadata(
+    root: Path, configurations: dict[str, Any], findings: Findings
+) -> dict[str, Any]:
     started = now()
-    metadata = to_plain(collect_metadata(root, findings))
+    metadata = collect_metadata(root, configurations, findings)
     times = {"started_at": started, "ended_at": now(), "robovast_version": __version__}
     metadata["generated"] = times
     with _explained(root):
         write_atomically(root / METADATA, dump_yaml(metadata))
-    return metadata  # type: ignore[no-any-return]
+    return metadata
 
 
-def _write_graph(root: Path, metadata: dict[str, Any], findings: Findings) -> None:
+def _write_graph(
+    root: Path, metadata: dict[str, Any], configurations: dict[str, Any], findings: Findings
+) -> None:
     started = now()
-    graph = Graph(root, metadata, findings)
+    graph = Graph(root, metadata, configurations, findings)
     temporary = root / f".{GRAPH}.{os.getpid()}.tmp"
     with _explained(root):
         try:

@@ -1,0 +1,28 @@
+"""Describing campaigns in front of a user."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+from robovast.errors import ExitCode, RobovastError
+from robovast.provenance import describe
+from robovast.results.campaigns import find_campaigns
+from robovast_cli.output import say
+from robovast_cli.workspace import shown
+
+_log = logging.getLogger(__name__)
+
+
+def describe_campaigns(results: Path) -> ExitCode:
+    """Write metadata and graph of every campaign in a folder; a fault in one stops no other."""
+    code = ExitCode.OK
+    for campaign in find_campaigns(results):
+        try:
+            describe(campaign)
+        except RobovastError as error:
+            _log.error("%s", error)
+            code = error.exit_code
+        else:
+            say(f"{shown(campaign)}: metadata.yaml, metadata.prov.json")
+    return code

@@ -1,0 +1,35 @@
+"""`vast results metadata`: metadata.yaml and the provenance graph of campaigns."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robovast.errors import ExitCode
+from robovast_cli.lazy import new_app
+
+app = new_app("Write metadata.yaml and the provenance graph of campaigns.")
+
+
+@app.command()
+def metadata(
+    ctx: typer.Context,
+    results_dir: Annotated[
+        Path | None,
+        typer.Option(
+            "-r",
+            "--results-dir",
+            metavar="PATH",
+            help="Folder of campaigns, or one campaign; the project's results folder when omitted.",
+            show_default=False,
+        ),
+    ] = None,
+) -> ExitCode:
+    """Write metadata.yaml and metadata.prov.json (PROV-O) of campaigns.
+
+    What is missing in a campaign, as the verdict of an aborted run, is stated on stderr; all else
+    is written.
+    """
+    from robovast_cli.descriptions import describe_campaigns
+
+    return describe_campaigns(results_dir or ctx.obj.results)
