@@ -13,6 +13,7 @@ COMMANDS: Mapping[str, Lazy] = {
         "robovast_cli.results_postprocess:commands_app",
         "List the installed postprocessing commands and their parameters.",
     ),
+    "query": Lazy("robovast_cli.results_query:app", "Ask the tables of campaigns with SQL."),
     "download": Lazy(
         "robovast_cli.results_download:app", "Bring results home from the cluster's storage."
     ),

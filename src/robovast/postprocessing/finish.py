@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 from robovast import __version__
@@ -10,11 +12,21 @@ from robovast.errors import RobovastError
 from robovast.postprocessing.content import combined
 from robovast.postprocessing.events import CampaignSummary, Failure, Observer, Options
 from robovast.postprocessing.state import State, Unit
-from robovast.postprocessing.survey import WHOLE
+from robovast.postprocessing.survey import OWN, WHOLE, Survey
+from robovast.results.layout import Layout
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Something that is made of a whole campaign."""
+
+    name: str
+    files: tuple[Path, ...]
+    write: Callable[[], None]
 
 
 def finish(
-    campaign: Path,
+    survey: Survey,
     state: State,
     units: Mapping[str, Unit],
     options: Options,
@@ -24,31 +36,68 @@ def finish(
     """Write what is made of a whole campaign, where it is not up to date.
 
     Args:
-        campaign: its folder.
-        state: remembers of which files each was made.
+        survey: of the campaign.
+        state: remembers of which files each part was made.
         units: of the campaign, after all commands.
         options: say what to leave out.
         observer: is told.
         summary: takes failures.
     """
-    now = combined({path: unit.signature for path, unit in units.items() if path != WHOLE})
-    now = f"{__version__} {now}"
-    if not options.skip_metadata and (
-        options.force or state.note("metadata") != now or not (campaign / "metadata.yaml").exists()
-    ):
-        observer.step_started("metadata and provenance graph", 1)
-        if _succeeded(lambda: _describe(campaign), "metadata", observer, summary):
-            state.set_note("metadata", now)
+    versions = {path: _version(unit) for path, unit in units.items() if path != WHOLE}
+    now = f"{__version__} {combined(versions)}"
+    for part in _parts(survey, versions, options):
+        there = all(path.exists() for path in part.files)
+        if there and not options.force and state.note(part.name) == now:
+            continue
+        observer.step_started(part.name, 1)
+        state.set_note(part.name, "")
+        if _succeeded(part, observer, summary):
+            state.set_note(part.name, now)
         observer.step_advanced()
 
 
-def _succeeded(
-    work: Callable[[], None], name: str, observer: Observer, summary: CampaignSummary
-) -> bool:
+def _version(unit: Unit) -> str:
+    """Changes with the content of any file of a unit."""
+    return combined({"inputs": unit.inputs, **unit.made})
+
+
+def _parts(survey: Survey, versions: Mapping[str, str], options: Options) -> Iterator[_Part]:
+    layout = Layout(survey.campaign)
+    runs = {path: version for path, version in versions.items() if path != OWN}
+    if not options.skip_tables:
+        yield from _tables(layout, survey.document, runs)
+    if not options.skip_metadata:
+        files = (layout.root / "metadata.yaml", layout.root / "metadata.prov.json")
+        yield _Part("metadata", files, lambda: _describe(layout.root))
+
+
+def _tables(layout: Layout, document: Path | None, runs: Mapping[str, str]) -> Iterator[_Part]:
+    from robovast.tables.campaign_store import write_campaign_store
+    from robovast.tables.sqlite_tables import update_sqlite
+
+    if find_spec("duckdb") is not None:
+        yield _Part(
+            "tables", (layout.execution / "tables.duckdb",), lambda: _update_columnar(layout, runs)
+        )
+    yield _Part("data.db", (layout.execution / "data.db",), lambda: update_sqlite(layout, runs))
+    yield _Part(
+        "campaign.db",
+        (layout.root / "campaign.db",),
+        lambda: write_campaign_store(layout, document, runs),
+    )
+
+
+def _update_columnar(layout: Layout, runs: Mapping[str, str]) -> None:
+    from robovast.tables.columnar import update_columnar
+
+    update_columnar(layout, runs)
+
+
+def _succeeded(part: _Part, observer: Observer, summary: CampaignSummary) -> bool:
     try:
-        work()
+        part.write()
     except RobovastError as error:
-        failure = Failure(summary.campaign.name, name, "", str(error))
+        failure = Failure(summary.campaign.name, part.name, "", str(error))
         summary.failures.append(failure)
         observer.failed(failure)
         return False

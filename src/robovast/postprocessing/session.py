@@ -43,7 +43,7 @@ def postprocess(results: Path, options: Options, observer: Observer) -> list[Cam
     Raises:
         InputError: there is no campaign, or the overriding .vast file cannot be read.
     """
-    campaigns = find_campaigns(results)
+    campaigns = [folder.absolute() for folder in find_campaigns(results)]
     if options.override is not None:
         read_calls(options.override)
     summaries = []
@@ -85,7 +85,7 @@ def _postprocess(
                 work = CampaignWork(survey, state, workers, observer, summary, units)
                 work.work_off(commands)
             _record(layout, commands, started_at)
-        finish(campaign, state, units, options, observer, summary)
+        finish(survey, state, units, options, observer, summary)
 
 
 def _document(layout: Layout, observer: Observer) -> Path | None:

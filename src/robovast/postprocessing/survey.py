@@ -37,7 +37,7 @@ class Survey:
 
     def __init__(self, campaign: Path, document: Path | None) -> None:
         self.campaign = campaign
-        self._document = document.name if document else ""
+        self.document = document
         self._job_stamps = lru_cache(maxsize=None)(_job_stamps)
         self._variant_stamp = lru_cache(maxsize=None)(stamp_of)
         self._tree_digest = lru_cache(maxsize=None)(_tree_digest)
@@ -133,7 +133,7 @@ class Survey:
                 status = entry.stat()
                 found[entry.name] = (status.st_size, status.st_mtime_ns, status.st_ctime_ns)
         for name in _OWN_FOLDERS:
-            ignored = (RECORD, self._document)
+            ignored = [RECORD, *([self.document.name] if self.document else [])]
             files = scan(self.campaign / name, ignored)
             found.update((f"{name}/{path}", stamp) for path, stamp in files.items())
         return found

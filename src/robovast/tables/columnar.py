@@ -1,0 +1,222 @@
+"""`_execution/tables.duckdb`: the tables of a campaign, by column.
+
+Measured against Parquet: as small and as fast to ask, and one run of many is replaced without
+writing all others again.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from robovast.errors import CannotRunError, StorageError
+from robovast.results.layout import Layout
+from robovast.tables.csv_files import KEYS, column_names, csv_files, read_header
+from robovast.tables.runs import COLUMNS, run_rows
+from robovast.tables.staging import append, quoted, stage, stage_small, tables_of
+
+if TYPE_CHECKING:
+    from duckdb import DuckDBPyConnection
+
+FILE = "tables.duckdb"
+RECORDS = "run_records"
+"""Table of what is known of the runs alone; the view `runs` adds their metrics."""
+VIEW = "runs"
+KEY_TYPES = {"config": "VARCHAR", "run": "INTEGER"}
+_UNFINISHED = ""
+"""Version of a run whose rows are being written: after a crash they are removed."""
+_BATCH = 2000
+"""CSV files read at once."""
+_SMALL = 16 << 10
+"""Size of a CSV file from which DuckDB is faster at it than Python [bytes]."""
+
+
+def import_duckdb() -> ModuleType:
+    """The package `duckdb`.
+
+    Raises:
+        CannotRunError: it is not installed.
+    """
+    try:
+        import duckdb
+    except ModuleNotFoundError:
+        raise CannotRunError(
+            "tables by column and `vast results query` need the extra `query`: "
+            "pip install 'robovast[query]'."
+        ) from None
+    return duckdb
+
+
+def update_columnar(layout: Layout, versions: Mapping[str, str]) -> None:
+    """Bring the tables of a campaign up to date.
+
+    Args:
+        layout: of the campaign.
+        versions: of every run, by `<variant>/<number>`: a run is read when its version is not the
+            one of the last time.
+
+    Raises:
+        CannotRunError: the extra `query` is not installed.
+        StorageError: the file cannot be written, or another program has it open.
+    """
+    with _connected(layout) as connection:
+        connection.execute("CREATE TABLE IF NOT EXISTS loaded (path VARCHAR, version VARCHAR)")
+        rows = connection.execute("SELECT path, version FROM loaded").fetchall()
+        loaded: dict[str, str] = dict(rows)
+        stale = [run for run, version in versions.items() if loaded.get(run) != version]
+        gone = [run for run in loaded if versions.get(run) != loaded[run]]
+        if not stale and not gone:
+            return
+        _remove(connection, gone)
+        _claim(connection, stale, dict.fromkeys(stale, _UNFINISHED))
+        with TemporaryDirectory(prefix="robovast-tables-") as scratch:
+            _load_records(connection, layout, stale, Path(scratch))
+            _load_csv_files(connection, layout, stale, Path(scratch))
+        _join_metrics(connection)
+        _claim(connection, stale, versions)
+
+
+def _claim(connection: DuckDBPyConnection, runs: list[str], versions: Mapping[str, str]) -> None:
+    """Note which version of runs the tables hold."""
+    named = {"p": runs, "v": [versions[run] for run in runs]}
+    connection.execute("BEGIN")
+    connection.execute("DELETE FROM loaded WHERE path IN (SELECT unnest($p))", {"p": runs})
+    connection.execute("INSERT INTO loaded SELECT unnest($p), unnest($v)", named)
+    connection.execute("COMMIT")
+
+
+@contextmanager
+def _connected(layout: Layout) -> Iterator[DuckDBPyConnection]:
+    duckdb = import_duckdb()
+    path = layout.execution / FILE
+    try:
+        layout.execution.mkdir(exist_ok=True)
+        with closing(_connect(duckdb, path)) as connection:
+            yield connection
+    except (OSError, duckdb.Error) as error:
+        raise StorageError(f"{path}: cannot be written: {first_line(error)}") from error
+
+
+def _connect(duckdb: ModuleType, path: Path) -> DuckDBPyConnection:
+    """The file; one that is damaged is made anew, as all of it is derived."""
+    try:
+        connection: DuckDBPyConnection = duckdb.connect(str(path))
+    except duckdb.Error as error:
+        if "lock" in str(error):
+            raise
+        path.unlink()
+        connection = duckdb.connect(str(path))
+    return connection
+
+
+def first_line(error: Exception) -> str:
+    """What an error says, without the query that follows."""
+    return str(error).strip().partition("\n")[0]
+
+
+def _remove(connection: DuckDBPyConnection, runs: Sequence[str]) -> None:
+    if not runs:
+        return
+    keys = [run.rpartition("/") for run in runs]
+    named = {"c": [key[0] for key in keys], "r": [int(key[2]) for key in keys]}
+    for table in tables_of(connection):
+        connection.execute(
+            f"DELETE FROM {quoted(table)} WHERE (config, run) IN "  # noqa: S608
+            "(SELECT (unnest($c), unnest($r)))",
+            named,
+        )
+    connection.execute("DELETE FROM loaded WHERE path IN (SELECT unnest($p))", {"p": list(runs)})
+
+
+def _load_records(
+    connection: DuckDBPyConnection, layout: Layout, runs: Sequence[str], scratch: Path
+) -> None:
+    rows = list(run_rows(layout, runs))
+    columns = list(dict.fromkeys([*COLUMNS, *(name for row in rows for name in row)]))
+    path = scratch / "records.csv"
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows([_text(row.get(name)) for name in columns] for row in rows)
+    stage(connection, [path], columns)
+    append(connection, RECORDS, columns, COLUMNS)
+
+
+def _text(value: object) -> object:
+    return str(value).lower() if isinstance(value, bool) else value
+
+
+def _load_csv_files(
+    connection: DuckDBPyConnection, layout: Layout, runs: Iterable[str], scratch: Path
+) -> None:
+    for (table, header), files in _grouped(layout, runs).items():
+        columns = column_names(header)
+        for part in _parts(files):
+            if part[0].stat().st_size < _SMALL:
+                stage_small(connection, layout.root, part, columns, scratch)
+            else:
+                _stage_large(connection, layout.root, part, columns, scratch)
+            append(connection, table, [*KEYS, *columns], KEY_TYPES)
+
+
+def _parts(files: Sequence[Path]) -> Iterator[Sequence[Path]]:
+    """Files to read at once: small ones, and large ones, of these not too many."""
+    small = [path for path in files if path.stat().st_size < _SMALL]
+    large = sorted(set(files).difference(small))
+    for listed in (small, large):
+        yield from (listed[start : start + _BATCH] for start in range(0, len(listed), _BATCH))
+
+
+def _stage_large(
+    connection: DuckDBPyConnection,
+    root: Path,
+    files: Sequence[Path],
+    columns: Sequence[str],
+    scratch: Path,
+) -> None:
+    import duckdb
+
+    try:
+        stage(connection, files, columns, root)
+    except duckdb.Error:  # a damaged file is read as far as it can be
+        stage_small(connection, root, files, columns, scratch)
+
+
+def _grouped(layout: Layout, runs: Iterable[str]) -> dict[tuple[str, tuple[str, ...]], list[Path]]:
+    """Files with the same table and header, which are read at once."""
+    groups: dict[tuple[str, tuple[str, ...]], list[Path]] = {}
+    for run in runs:
+        for table, path in csv_files(layout.run(run)).items():
+            header = tuple(read_header(path))
+            if header:
+                groups.setdefault((table, header), []).append(path)
+    return groups
+
+
+def _join_metrics(connection: DuckDBPyConnection) -> None:
+    """The view `runs`: run records, and what is in CSV files with one row for each run."""
+    tables = tables_of(connection)
+    columns, joins = [f"{quoted(RECORDS)}.*"], [quoted(RECORDS)]
+    for table, types in tables.items():
+        if table != RECORDS and _has_one_row_a_run(connection, table):
+            columns += [
+                f"{quoted(table)}.{quoted(name)} AS {quoted(f'{table}_{name}')}"
+                for name in types
+                if name not in KEYS
+            ]
+            joins.append(f"LEFT JOIN {quoted(table)} USING (config, run)")
+    connection.execute(
+        f"CREATE OR REPLACE VIEW {VIEW} AS SELECT {', '.join(columns)} FROM {' '.join(joins)}"  # noqa: S608
+    )
+
+
+def _has_one_row_a_run(connection: DuckDBPyConnection, table: str) -> bool:
+    found = connection.execute(
+        f"SELECT 1 FROM {quoted(table)} GROUP BY config, run HAVING count(*) > 1 LIMIT 1"  # noqa: S608
+    )
+    return found.fetchone() is None
