@@ -151,7 +151,8 @@ def test_what_a_dry_run_prints_is_what_kubectl_applies(
     spec = operator.spec("growth-sim")
     assert spec["vast"] == yaml.safe_load(GROWTH.read_text())
     assert spec["source"]["inline"]["files"] == {
-        name: (GROWTH.parent / name).read_text() for name in ("scenario.osc", "files/growth_sim.py")
+        name: (GROWTH.parent / name).read_text()
+        for name in ("growth_sim.vast", "scenario.osc", "files/growth_sim.py")
     }
     assert {key: spec[key] for key in ("select", "runs", "options", "queueName", "document")} == {
         "select": ["sweep-*"],

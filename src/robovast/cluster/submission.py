@@ -10,8 +10,9 @@ import json
 import re
 import secrets
 import tarfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -30,15 +31,15 @@ from robovast.document import Document
 from robovast.document.model import Resources
 from robovast.errors import InputError
 from robovast.execution.inputs import campaign_files
-from robovast.expansion import Composition
-from robovast.expansion.expand import DEFAULT_ENTRY, make_variation
+from robovast.expansion import compose, select_any
 
 INLINE_LIMIT = 700_000
 """Most characters of a document with its files in one Campaign: etcd takes little more."""
 INLINE_FILES = 500
 """Most files in one Campaign."""
+LONGEST_STEM = 90
+"""Most characters of the document's file name, without its ending."""
 
-_FILE_NAME = r"[A-Za-z0-9][A-Za-z0-9._-]{0,94}\.vast"
 _MARK = "bcdfghjklmnpqrstvwxz2456789"
 """Characters of a mark: none that makes a word, none that looks like another."""
 
@@ -66,6 +67,32 @@ class SubmitOptions:
 
 
 @dataclass(frozen=True)
+class InputFile:
+    """A file that goes to the cluster."""
+
+    content: bytes
+    executable: bool = False
+
+    @cached_property
+    def text(self) -> str | None:
+        """Its text; None when it is no text in UTF-8."""
+        try:
+            return self.content.decode("utf-8")
+        except UnicodeDecodeError:
+            return None
+
+    @property
+    def inline_size(self) -> int:
+        """How much of a Campaign it takes, at least [byte]."""
+        return len(self.content) if self.text is not None else len(self.content) * 4 // 3
+
+    @property
+    def loses_its_mode(self) -> bool:
+        """True when nobody can tell in a Campaign that it is a program: it begins with no `#!`."""
+        return self.executable and not self.content.startswith(b"#!")
+
+
+@dataclass(frozen=True)
 class Archive:
     """A `.tar.gz` of a document's files; equal files make equal bytes."""
 
@@ -89,11 +116,6 @@ class Submission:
     campaign: dict[str, Any]
     archive: Archive | None = None
 
-    @property
-    def name(self) -> str:
-        """Name of the Campaign."""
-        return str(self.campaign["metadata"]["name"])
-
 
 def prepare_submission(
     document: Document, options: SubmitOptions, name: str, namespace: str | None = None
@@ -109,12 +131,12 @@ def prepare_submission(
         namespace: of the Campaign; left open when None.
 
     Raises:
-        InputError: a variation type cannot say which files it reads, a file cannot be read, or a
-            Campaign cannot hold an option's value.
+        InputError: the document cannot be expanded, nothing matches `options.select`, a file
+            cannot be read, or a Campaign cannot hold an option's value.
     """
-    files = _read(document.folder, input_files(document))
+    files = _input_files(document, options.select)
     vast = json.loads(json.dumps(document.source.data, default=str))
-    archive = None if _fits(vast, files) else pack(document.folder, files)
+    archive = None if _fits(vast, files) else pack(files)
     source = _bundle(archive) if archive else _inline(files)
     metadata = {"name": name} | ({"namespace": namespace} if namespace else {})
     campaign = {
@@ -141,48 +163,27 @@ def campaign_name(document: Document, *, unique: bool) -> str:
     return f"{name[: CAMPAIGN_NAME_LIMIT - 6].rstrip('-')}-{mark}"
 
 
-def input_files(document: Document) -> list[Path]:
-    """Files beside the document that its campaign needs, relative to its folder.
+def document_name(document: Document) -> str:
+    """File name of the document on the cluster.
 
-    Variation types are asked which files they read; none of them generates anything here.
+    Its text goes along: comments and the difference of `1` and `1.0` survive only there.
     """
-    root = document.folder.resolve()
-    paths = sorted({(root / name).resolve() for name in _files_of_variations(document)})
-    below = (path.relative_to(root) for path in paths if path.is_relative_to(root))
-    found = campaign_files(document, Composition((), tuple(below)))
-    return [path for path in found if path != Path(document.path.name)]
+    stem = re.sub(r"[^A-Za-z0-9._-]+", "-", document.path.stem).strip("-._") or "campaign"
+    return f"{stem[:LONGEST_STEM]}.vast"
 
 
-def _files_of_variations(document: Document) -> Iterator[str]:
-    with TemporaryDirectory(prefix="robovast-") as folder:
-        for entry in document.vast.configuration or [DEFAULT_ENTRY]:
-            for call in entry.variations or []:
-                try:
-                    made = make_variation(document, entry, call, Path(folder), _silent)
-                    yield from map(str, made.get_input_files())
-                except Exception as error:  # a plugin's code may raise anything
-                    raise InputError(
-                        f"{document.path}: configuration `{entry.name}`, variation `{call.name}` "
-                        f"cannot say which files it reads: {type(error).__name__}: {error}"
-                    ) from error
-
-
-def _silent(message: str) -> None:
-    del message
-
-
-def pack(folder: Path, files: Mapping[str, bytes]) -> Archive:
-    """An archive of files, which keep whether they can be executed."""
+def pack(files: Mapping[str, InputFile]) -> Archive:
+    """An archive of files by path, which keep whether they can be executed."""
     buffer = io.BytesIO()
     with (
         gzip.GzipFile(fileobj=buffer, mode="wb", mtime=0) as compressed,
         tarfile.open(fileobj=compressed, mode="w", format=tarfile.PAX_FORMAT) as archive,
     ):
-        for name, content in sorted(files.items()):
+        for name, file in sorted(files.items()):
             entry = tarfile.TarInfo(name)
-            entry.size = len(content)
-            entry.mode = 0o755 if (folder / name).stat().st_mode & 0o100 else 0o644
-            archive.addfile(entry, io.BytesIO(content))
+            entry.size = len(file.content)
+            entry.mode = 0o755 if file.executable else 0o644
+            archive.addfile(entry, io.BytesIO(file.content))
     return Archive(buffer.getvalue())
 
 
@@ -197,37 +198,42 @@ def _per_cluster(resources: Resources) -> bool:
     return any(isinstance(value, list) for value in resources.model_dump().values())
 
 
-def _read(folder: Path, paths: Iterable[Path]) -> dict[str, bytes]:
+def _input_files(document: Document, select: str | None) -> dict[str, InputFile]:
+    """The document, and what it needs beside it; which files variations read shows in their use."""
+    with TemporaryDirectory(prefix="robovast-") as scratch:
+        composition = compose(document, Path(scratch))
+    select_any(composition.variants, [select] if select else [])
+    own = Path(document.path.name)
+    named = [path for path in campaign_files(document, composition) if path != own]
+    paths = {path.as_posix(): document.folder / path for path in named}
+    return _read({**paths, document_name(document): document.path})
+
+
+def _read(paths: Mapping[str, Path]) -> dict[str, InputFile]:
     try:
-        return {path.as_posix(): (folder / path).read_bytes() for path in paths}
+        return {
+            name: InputFile(path.read_bytes(), bool(path.stat().st_mode & 0o100))
+            for name, path in paths.items()
+        }
     except OSError as error:
         raise InputError(f"{error.filename}: cannot be read: {error.strerror}.") from error
 
 
-def _fits(vast: Any, files: Mapping[str, bytes]) -> bool:
-    size = len(json.dumps(vast)) + sum(_size(content) for content in files.values())
-    return size <= INLINE_LIMIT and len(files) <= INLINE_FILES
+def _fits(vast: Any, files: Mapping[str, InputFile]) -> bool:
+    """True when a Campaign can hold the files as they are."""
+    size = len(json.dumps(vast)) + sum(file.inline_size for file in files.values())
+    modes_survive = not any(file.loses_its_mode for file in files.values())
+    return size <= INLINE_LIMIT and len(files) <= INLINE_FILES and modes_survive
 
 
-def _size(content: bytes) -> int:
-    return len(content) if _text(content) is not None else len(content) * 4 // 3
-
-
-def _text(content: bytes) -> str | None:
-    try:
-        return content.decode("utf-8")
-    except UnicodeDecodeError:
-        return None
-
-
-def _inline(files: Mapping[str, bytes]) -> Source:
-    texts = {name: text for name, content in files.items() if (text := _text(content)) is not None}
+def _inline(files: Mapping[str, InputFile]) -> Source:
+    texts = {name: file.text for name, file in files.items() if file.text is not None}
     binary = {
-        name: base64.b64encode(content).decode("ascii")
-        for name, content in files.items()
+        name: base64.b64encode(file.content).decode("ascii")
+        for name, file in files.items()
         if name not in texts
     }
-    return Source(inline=InlineFiles(files=texts, binary_files=binary)) if files else Source()
+    return Source(inline=InlineFiles(files=texts, binary_files=binary))
 
 
 def _bundle(archive: Archive) -> Source:
@@ -250,7 +256,7 @@ def _spec(
     try:
         spec = CampaignSpec(
             vast=vast,
-            document=document.path.name if re.fullmatch(_FILE_NAME, document.path.name) else None,
+            document=document_name(document),
             source=source,
             **{key: value for key, value in given.items() if value},
         )

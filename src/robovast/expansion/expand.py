@@ -110,7 +110,14 @@ def _apply(
     """The configurations that one variation type makes of those before it."""
     where = f"configuration `{entry.name}`, variation `{call.name}`"
     try:
-        variation = make_variation(document, entry, call, output_dir, progress)
+        variation = load_variation(call.name, document.folder)(
+            str(document.folder),
+            call.parameters,
+            entry.model_dump(exclude_none=True, exclude={"variations"}),
+            progress,
+            str(document.scenario),
+            str(output_dir),
+        )
         made = variation.variation(configs)
     except RobovastError:
         raise
@@ -126,24 +133,6 @@ def _apply(
     if not made:
         raise InputError(f"{document.path}: {where} made no configuration at all.")
     return variation, made
-
-
-def make_variation(
-    document: Document,
-    entry: ConfigurationEntry,
-    call: PluginCall,
-    output_dir: Path,
-    progress: Progress,
-) -> Variation:
-    """The variation type that an entry calls, with its parameters; raises what the type raises."""
-    return load_variation(call.name, document.folder)(
-        str(document.folder),
-        call.parameters,
-        entry.model_dump(exclude_none=True, exclude={"variations"}),
-        progress,
-        str(document.scenario),
-        str(output_dir),
-    )
 
 
 def _variant(

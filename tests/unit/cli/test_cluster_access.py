@@ -1,0 +1,87 @@
+"""How the cluster's API and storage are reached, and what is said when they are not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from robovast.errors import CannotRunError, InputError
+from robovast_cli.cluster_store import cluster_service
+from robovast_cli.port_forward import choose
+from robovast_cli.refusals import ConflictError, NotFoundError, NotInstalledError, refusal
+
+WHERE = "the API server"
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "service"),
+    [
+        ("http://robovast-s3.robovast.svc:9000", ("robovast-s3", "robovast", 9000)),
+        ("http://s3.ns.svc.cluster.local", ("s3", "ns", 80)),
+        ("https://s3.ns.svc", ("s3", "ns", 443)),
+        ("https://s3.example.org", None),
+        ("http://10.0.0.1:9000", None),
+        ("", None),
+    ],
+)
+def test_services_of_the_cluster_are_told_from_other_servers(
+    endpoint: str, service: tuple[str, str, int] | None
+) -> None:
+    assert cluster_service(endpoint) == service
+
+
+def pod(name: str, ready: str, **metadata: str) -> dict[str, Any]:
+    ports = [{"name": "s3", "containerPort": 9000}]
+    return {
+        "metadata": {"name": name, **metadata},
+        "spec": {"containers": [{}, {"ports": ports}]},
+        "status": {"conditions": [{"type": "Ready", "status": ready}]},
+    }
+
+
+def test_connections_go_to_a_pod_that_is_ready_and_stays() -> None:
+    going = pod("going", "True", deletionTimestamp="2026-01-01T00:00:00Z")
+    pods = [pod("slow", "False"), going, pod("good", "True")]
+    for target in ("s3", 9000):
+        chosen, port = choose(pods, target)
+        assert (chosen["metadata"]["name"], port) == ("good", 9000)
+    for left, target in ((pods[:2], 9000), (pods, "other")):
+        with pytest.raises(CannotRunError, match="ready"):
+            choose(left, target)
+
+
+@pytest.mark.parametrize(
+    ("code", "status", "kind", "said"),
+    [
+        (404, {}, NotInstalledError, "vast exec cluster setup"),
+        (404, {"details": {"name": "x"}, "message": "no x"}, NotFoundError, "no x"),
+        (409, {"message": "x exists"}, ConflictError, "x exists"),
+        (401, {"message": "Unauthorized"}, CannotRunError, "Log in again"),
+        (403, {"message": "u may not"}, CannotRunError, "u may not"),
+        (413, {"message": "too large"}, InputError, "too large"),
+        (503, {}, CannotRunError, "HTTP status 503"),
+    ],
+)
+def test_each_refusal_says_what_to_do(
+    code: int, status: dict[str, Any], kind: type[Exception], said: str
+) -> None:
+    error = refusal(code, status, WHERE)
+    assert type(error) is kind
+    assert said in str(error)
+
+
+def test_refused_fields_of_the_document_are_named_as_in_the_file() -> None:
+    causes = [
+        {"field": "spec.vast.execution.runs", "message": "must be a number"},
+        {"field": "spec.parallelism", "message": "too small"},
+        {"field": "<nil>", "message": "some rules were not checked"},
+    ]
+    details = {"kind": "Campaign", "name": "x", "causes": causes}
+    error = refusal(422, {"message": "invalid", "details": details}, WHERE)
+    assert str(error).splitlines() == [
+        "the API server refuses the Campaign `x`:",
+        "    execution.runs: must be a number",
+        "    spec.parallelism: too small",
+        "    some rules were not checked",
+    ]

@@ -1,0 +1,130 @@
+"""What a Campaign's status means: whether it is over, its exit code, what is told."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Any
+
+import pytest
+
+from robovast.errors import ExitCode, InputError
+from robovast_cli.cluster_status import CampaignState, find_campaign
+from robovast_cli.cluster_view import CampaignLines, LiveCampaigns, line, table
+
+
+def campaign(name: str = "drive-x", generation: int = 2, **status: Any) -> CampaignState:
+    runs = {"total": 10} | status.pop("runs", {})
+    return CampaignState(
+        {
+            "metadata": {"name": name, "generation": generation},
+            "spec": {"vast": {}},
+            "status": {"observedGeneration": 2, "state": "Running", "runs": runs, **status},
+        }
+    )
+
+
+def condition(kind: str, status: str, message: str) -> dict[str, Any]:
+    return {"type": kind, "status": status, "reason": "Because", "message": message}
+
+
+def test_a_campaign_that_nobody_has_seen_is_not_over() -> None:
+    new = CampaignState({"metadata": {"name": "x", "generation": 1}, "spec": {"vast": {}}})
+    assert not new.finished
+    assert new.counts() == "0 of 0 done"
+
+
+def test_a_status_about_an_older_spec_says_nothing_of_the_end() -> None:
+    assert campaign(state="Finished").finished
+    assert not campaign(state="Finished", generation=3).finished
+
+
+@pytest.mark.parametrize(
+    ("state", "runs", "conditions", "code"),
+    [
+        ("Finished", {"passed": 10}, [], ExitCode.OK),
+        ("Finished", {"passed": 8, "failed": 1, "errored": 1}, [], ExitCode.TEST_FAILED),
+        ("Finished", {"passed": 9, "errored": 1}, [], ExitCode.RUN_ERRORED),
+        ("Finished", {"passed": 9}, [], ExitCode.RUN_ERRORED),
+        ("Failed", {}, [], ExitCode.CANNOT_RUN),
+        ("Failed", {"passed": 3}, [], ExitCode.RUN_ERRORED),
+        ("Failed", {}, [condition("Accepted", "False", "no")], ExitCode.BAD_INPUT),
+    ],
+)
+def test_exit_codes_are_those_of_local_campaigns(
+    state: str, runs: dict[str, int], conditions: list[dict[str, Any]], code: ExitCode
+) -> None:
+    assert campaign(state=state, runs=runs, conditions=conditions).exit_code == code
+
+
+def test_what_hinders_a_campaign_is_told_once() -> None:
+    conditions = [
+        condition("Accepted", "False", "the document is wrong"),
+        condition("Stalled", "True", "the document is wrong"),
+        condition("QuotaReserved", "False", "the queue is full"),
+        condition("Succeeded", "Unknown", "it runs"),
+    ]
+    assert campaign(conditions=conditions[2:]).messages == ["the queue is full"]
+    assert campaign(conditions=conditions).messages == ["the document is wrong"]
+
+
+def test_the_time_left_follows_from_the_pace() -> None:
+    status = {"startTime": "2026-01-01T00:00:00Z", "runs": {"passed": 4}}
+    now = datetime(2026, 1, 1, 0, 1, tzinfo=UTC)
+    assert campaign(**status).left(now) == pytest.approx(90)
+    assert campaign().left(now) is None
+    over = campaign(**status | {"state": "Finished", "completionTime": "2026-01-01T00:00:30Z"})
+    assert (over.elapsed(now), over.left(now)) == (30, None)
+
+
+def test_the_summary_names_bad_runs() -> None:
+    lines = list(
+        campaign(
+            state="Finished",
+            runs={"passed": 7, "failed": 2, "errored": 1},
+            failing=["hall-1/0", "hall-2/3"],
+        ).summary()
+    )
+    assert lines == [
+        "not passed: hall-1/0",
+        "not passed: hall-2/3",
+        "… and 1 more that did not pass.",
+        "10 of 10 done: 7 passed, 2 failed, 1 errored.",
+    ]
+
+
+def test_lines_are_printed_for_news_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = CampaignLines()
+    for passed in (0, 0, 1, 1, 5):
+        lines.update([campaign(runs={"total": 1000, "passed": passed})])
+    assert len(capsys.readouterr().out.splitlines()) == 1
+    for passed in (10, 11, 20):
+        lines.update([campaign(runs={"total": 1000, "passed": passed})])
+    assert len(capsys.readouterr().out.splitlines()) == 2
+
+
+def test_table_and_bars_show_every_campaign() -> None:
+    from rich.console import Console
+
+    both = [
+        campaign("one", runs={"passed": 5, "active": 3}),
+        campaign("two", conditions=[condition("Stalled", "True", "no image")]),
+    ]
+    text = table(both)
+    assert text.splitlines()[1].split()[:6] == ["one", "Running", "5/10", "5", "0", "0"]
+    assert "two: no image" in text
+    view = LiveCampaigns()
+    view.update(both)
+    console = Console(width=120, force_terminal=False)
+    with console.capture() as capture:
+        console.print(view.render())
+    assert "5 passed  3 running" in capture.get()
+    assert "two: no image" in capture.get()
+    assert line(both[1]) == "two  Running  0 of 10 done\n    no image"
+
+
+def test_a_campaign_is_found_by_the_name_of_its_results() -> None:
+    known = [campaign("one", campaign="drive-2026-01-01-000000"), campaign("two")]
+    assert find_campaign(known, "two", "ns").name == "two"
+    assert find_campaign(known, "drive-2026-01-01-000000", "ns").name == "one"
+    with pytest.raises(InputError, match="one, two"):
+        find_campaign(known, "three", "ns")

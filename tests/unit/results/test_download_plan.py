@@ -1,0 +1,61 @@
+"""What is fetched of a bucket, and what is not."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from robovast.cluster.storage import StoredObject
+from robovast.errors import StorageError
+from robovast.results.download import plan_download
+
+TIME = 1_700_000_000.5
+
+
+def stored(*keys: str) -> list[StoredObject]:
+    return [StoredObject(key, 4, TIME, "etag") for key in keys]
+
+
+def put(folder: Path, key: str, size: int = 4, time: float = TIME) -> None:
+    path = folder / key
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(b"x" * size)
+    os.utime(path, (time, time))
+
+
+def test_a_run_is_what_has_a_record(tmp_path: Path) -> None:
+    plan = plan_download(
+        stored("hall-1/0/bag/a", "hall-1/0/run.json", "hall-1/1/bag/a", "hall-1/_config/c"),
+        tmp_path,
+    )
+    assert [run.path for run in plan.runs] == ["hall-1/0"]
+    assert plan.unfinished == ("hall-1/1",)
+    assert [item.key for item in plan.files] == ["hall-1/_config/c"]
+    assert (plan.count, plan.size) == (3, 12)
+
+
+def test_files_below_a_jobs_number_are_no_runs(tmp_path: Path) -> None:
+    plan = plan_download(stored("_jobs/0/log", ".x/0/log"), tmp_path)
+    assert len(plan.files) == 2
+    assert not plan.unfinished
+
+
+@pytest.mark.parametrize(
+    ("size", "time", "here"), [(4, TIME, True), (4, TIME - 5, False), (3, TIME, False)]
+)
+def test_a_run_is_here_when_its_record_is_that_of_the_bucket(
+    tmp_path: Path, size: int, time: float, here: bool
+) -> None:
+    put(tmp_path, "hall/0/run.json", size, time)
+    objects = stored("hall/0/bag", "hall/0/run.json")
+    plan = plan_download(objects, tmp_path)
+    assert (plan.present, len(plan.runs)) == ((1, 0) if here else (0, 1))
+    assert len(plan_download(objects, tmp_path, force=True).runs) == 1
+
+
+@pytest.mark.parametrize("key", ["../evil", "/etc/passwd", "hall/0/../../../evil", "a//b", "a/./b"])
+def test_an_object_that_would_leave_the_folder_is_refused(tmp_path: Path, key: str) -> None:
+    with pytest.raises(StorageError, match="no path in a folder"):
+        plan_download(stored(key), tmp_path)
