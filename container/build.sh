@@ -49,7 +49,11 @@ done
 add_wheel() {
     cp ../requirements/agent.txt agent/requirements.txt
     rm -f agent/robovast-*.whl
-    "${PYTHON:-python3}" -m pip wheel --quiet --no-deps --wheel-dir agent ..
+    if command -v uv >/dev/null; then
+        uv build --quiet --wheel --out-dir agent ..
+    else
+        python3 -m pip wheel --quiet --no-deps --wheel-dir agent ..
+    fi
 }
 
 for kind in "${kinds[@]}"; do

@@ -11,7 +11,7 @@ from typing import Any
 
 from robovast.cluster.plan import Entry
 from robovast.cluster.resources import API_VERSION, CampaignSpec
-from robovast.cluster.status import CampaignStatus
+from robovast.cluster.status import CampaignStatus, compact
 from robovast_operator import paths
 from robovast_operator.accept import (
     DOCUMENT_CHANGED,
@@ -375,7 +375,7 @@ class Reconciler:
             "apiVersion": API_VERSION,
             "kind": "Campaign",
             "metadata": {"name": identity.name, "uid": identity.uid},
-            "status": status.model_dump(by_alias=True, exclude_none=True),
+            "status": compact(status.model_dump(by_alias=True, exclude_none=True)),
         }
         written = await self._api.apply_status(path, body)
         memory.status_written = time.monotonic()
@@ -409,7 +409,7 @@ class Reconciler:
             await self._write_configuration_status(item, told)
 
     async def _write_configuration_status(self, item: Object, told: Any) -> None:
-        body = told.model_dump(by_alias=True, exclude_none=True)
+        body = compact(told.model_dump(by_alias=True, exclude_none=True))
         if body == (item.get("status") or {}):
             return
         meta = item["metadata"]

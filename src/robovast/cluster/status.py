@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.alias_generators import to_camel
@@ -142,3 +142,13 @@ class ConfigurationStatus(_Status):
     """Numbers of runs."""
     conditions: Annotated[list[Condition], Field(max_length=16)] = Field(default_factory=list)
     """Facts that programs wait for."""
+
+
+def compact(data: Any) -> Any:
+    """Plain data without what is empty: an object that is read and kept often stays small."""
+    if isinstance(data, list):
+        return [compact(item) for item in data]
+    if not isinstance(data, dict):
+        return data
+    kept = ((key, compact(value)) for key, value in data.items())
+    return {key: value for key, value in kept if value not in ("", [], {})}

@@ -1,0 +1,208 @@
+"""Campaigns on a real cluster: the same runs, files and verdicts as on a laptop."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+import yaml
+from cluster_lab import QUICK, VAST, Lab, buckets
+from local_campaigns import make_campaign
+from robovast_testbed import images
+
+GROWTH = Path(__file__).parents[2] / "configs/examples/growth_sim/growth_sim.vast"
+
+
+def files(campaign: Path) -> set[str]:
+    """Every file and link of a campaign that does not depend on when or how it was run."""
+    found = (path.relative_to(campaign).as_posix() for path in campaign.rglob("*"))
+    return {name for name in found if not name.startswith("_execution/")}
+
+
+def test_growth_sim_gives_the_same_results_by_client_by_kubectl_and_on_this_machine(
+    lab: Lab, tmp_path: Path
+) -> None:
+    """Two campaigns in parallel, one by `vast`, one by `kubectl apply` with inline files."""
+    printed = lab.vast(
+        *("-V", GROWTH, "exec", "cluster", "run", "-n", lab.namespace, "--dry-run"),
+        *("-r", 1, "-i", images.SLIM),
+    ).stdout
+    campaign = yaml.safe_load(printed)
+    campaign["metadata"]["name"] = "by-kubectl"
+    lab.kubectl("apply", "--filename=-", stdin=json.dumps(campaign))
+    run = subprocess.Popen(
+        [
+            *(VAST, "-V", GROWTH, "exec", "cluster", "run"),
+            *("-n", lab.namespace, "-r", "1", "-i", images.SLIM),
+        ],
+        env=os.environ | lab.env,
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    local = lab.vast(
+        *("-V", GROWTH, "exec", "local", "run", "--runtime", "process", "-r", 1),
+        tmp_path / "local",
+    )
+    assert "13" in local.stdout
+    (mine,) = (tmp_path / "local").glob("growth-sim-*")
+    followed, _ = run.communicate(timeout=300)
+    assert run.returncode == 0, followed
+    lab.wait("by-kubectl")
+    seen = lab.vast("exec", "cluster", "monitor", "--once", "-n", lab.namespace).stdout
+    names = [item["metadata"]["name"] for item in lab.get("campaigns")["items"]]
+    assert len(names) == 2
+    assert all(name in seen for name in names)
+    for name in names:
+        theirs = lab.download(name)
+        assert lab.verdicts(theirs) == lab.verdicts(mine)
+        assert len(lab.verdicts(mine)) == 13
+        assert files(theirs) == files(mine)
+        status = lab.campaign(name)["status"]
+        assert status["progress"] == "13/13"
+        assert lab.conditions(name)["Passed"]["status"] == "True"
+
+
+def test_failed_runs_are_told_from_broken_ones_and_repeated_alone(lab: Lab) -> None:
+    """Verdicts per run of a pack; `retry` repeats bad runs and no others; more runs append."""
+    script = 'echo run >>"$3/log"; [ "$1" != 2 ] || [ -f /tmp/never ]\n'
+    lab.quick("mixed", script, "  runs_per_job: 3\n  runs: 2\n")
+    lab.wait("mixed")
+    status = lab.campaign("mixed")["status"]
+    assert status["runs"]["passed"] == 4
+    assert (status["runs"]["failed"], status["runs"]["errored"]) == (2, 0)
+    assert status["failedRuns"] == "2-3"
+    assert status["failing"] == ["one-2/0", "one-2/1"]
+    assert lab.conditions("mixed")["Passed"]["status"] == "False"
+    assert lab.conditions("mixed")["Succeeded"]["status"] == "True"
+    before = lab.download("mixed")
+    times = {path: path.stat().st_mtime for path in before.glob("*/*/run.json")}
+    assert len(times) == 6
+    lab.vast("exec", "cluster", "retry", "mixed", "-n", lab.namespace, code=None)
+    lab.kubectl(*("wait", "campaign/mixed", "--for=jsonpath={.status.attempt}=2", "--timeout=60s"))
+    lab.wait("mixed")
+    after = lab.download("mixed")
+    records = {
+        path.parent.relative_to(after).as_posix(): json.loads(path.read_text())
+        for path in after.glob("*/*/run.json")
+    }
+    attempts = {name: record.get("attempt", 1) for name, record in records.items()}
+    assert attempts == {f"one-{v}/{r}": 2 if v == 2 else 1 for v in (1, 2, 3) for r in (0, 1)}
+    lab.kubectl("patch", "campaign", "mixed", "--type=merge", '--patch={"spec":{"runs":3}}')
+    lab.kubectl(
+        *("wait", "campaign/mixed", "--for=jsonpath={.status.runs.total}=9", "--timeout=60s")
+    )
+    lab.wait("mixed")
+    assert len(lab.verdicts(lab.download("mixed"))) == 9
+
+
+def test_a_campaign_with_a_users_plugin_is_composed_in_a_container_and_never_in_the_operator(
+    lab: Lab,
+) -> None:
+    """The plugin says where it was executed."""
+    plugin = (
+        "import os\n"
+        "from robovast.common.variation import Variation\n"
+        "class Twice(Variation):\n"
+        "    def variation(self, in_configs):\n"
+        "        where = os.environ.get('HOSTNAME', '')\n"
+        "        return [self.update_config(c, {'x': n, 'text': where})\n"
+        "                for c in in_configs for n in (4, 5)]\n"
+    )
+    document = QUICK.replace(
+        "  - ParameterVariationList: {name: x, values: [1, 2, 3]}\n",
+        "  - plugin.py:Twice: {}\n",
+    )
+    folder = lab.folder / "plugin"
+    path = make_campaign(folder, 'echo "$1 $2" >"$3/said"\n', "", document)
+    (folder / "plugin.py").write_text(plugin)
+    lab.apply(path, "plugged")
+    lab.wait("plugged")
+    home = lab.download("plugged")
+    said = {p.parent.parent.name: p.read_text().split() for p in home.glob("*/0/said")}
+    assert {name: words[0] for name, words in said.items()} == {"one-1": "4", "one-2": "5"}
+    assert all("-compose-" in words[1] for words in said.values())
+    lab.folder.joinpath("plugin/plugin.py").write_text(plugin.replace("update_config", "nothing"))
+    lab.apply(path, "broken")
+    lab.kubectl(*("wait", "campaign/broken", "--for=condition=Accepted=false", "--timeout=90s"))
+    assert "nothing" in lab.conditions("broken")["Accepted"]["message"]
+
+
+def test_configurations_show_entries_and_add_runs(lab: Lab) -> None:
+    """One object per entry; one applied by hand adds runs; deleting it removes its Jobs."""
+    lab.quick("more", "true\n")
+    lab.wait("more")
+    (own,) = lab.get("configurations")["items"]
+    assert own["spec"]["name"] == "one"
+    added = {
+        "apiVersion": "robovast.io/v1alpha1",
+        "kind": "Configuration",
+        "metadata": {"name": "extra", "namespace": lab.namespace},
+        "spec": {"campaign": "more", "parameters": [{"x": 7}], "runs": 2},
+    }
+    lab.kubectl("apply", "--filename=-", stdin=json.dumps(added))
+    lab.kubectl(
+        *("wait", "campaign/more", "--for=jsonpath={.status.runs.total}=5", "--timeout=60s")
+    )
+    lab.wait("more")
+    assert set(lab.verdicts(lab.download("more"))) == {
+        "one-1/0", "one-2/0", "one-3/0", "extra/0", "extra/1",
+    }  # fmt: skip
+    jobs = {item["metadata"]["name"] for item in lab.get("jobs")["items"]}
+    lab.kubectl("delete", "configuration", "extra")
+    lab.kubectl("wait", "job", "--all", "--for=create", "--timeout=5s")
+    left = {item["metadata"]["name"] for item in lab.get("jobs")["items"]}
+    assert len(jobs - left) == 1
+    wrong = {**added, "metadata": {**added["metadata"], "name": "wrong"}}
+    wrong["spec"] = {"campaign": "more", "parameters": [{"speed": 7}]}
+    lab.kubectl("apply", "--filename=-", stdin=json.dumps(wrong))
+    lab.kubectl(*("wait", "configuration/wrong", "--for=condition=Accepted=false", "--timeout=60s"))
+
+
+@pytest.mark.parametrize("retention", ["Retain", "Delete"])
+def test_a_deleted_campaign_leaves_nothing_behind_but_what_it_was_told_to(
+    lab: Lab, retention: str
+) -> None:
+    """Deleted while it runs and after its end; the bucket stays or goes."""
+    for phase in ("running", "finished"):
+        name = f"gone-{phase}"
+        script = "sleep 600\n" if phase == "running" else "true\n"
+        lab.quick(name, script, storage={"retention": retention})
+        if phase == "running":
+            lab.kubectl(
+                *("wait", f"campaign/{name}", "--for=jsonpath={.status.runs.active}=3"),
+                "--timeout=60s",
+            )
+        else:
+            lab.wait(name)
+        bucket = lab.campaign(name)["status"]["bucket"]
+        lab.kubectl("delete", "campaign", name, "--timeout=200s")
+        for kind in ("jobs", "configurations", "pods"):
+            lab.kubectl("wait", kind, "--all", "--for=delete", "--timeout=150s")
+        left = lab.kubectl("get", "configmaps", "--output=name")
+        assert name not in left
+        if phase == "finished":
+            there = bucket in buckets(lab)
+            assert there == (retention == "Retain")
+
+
+def test_a_suspended_campaign_stops_and_goes_on(lab: Lab) -> None:
+    """`spec.suspend` frees the cluster; what was stored is not executed again."""
+    lab.quick("paused", "sleep 1\n", "  runs: 4\n", parallelism=2)
+    lab.kubectl(
+        *("wait", "campaign/paused", "--for=jsonpath={.status.state}=Running", "--timeout=60s")
+    )
+    lab.kubectl("patch", "campaign", "paused", "--type=merge", '--patch={"spec":{"suspend":true}}')
+    lab.kubectl(
+        *("wait", "campaign/paused", "--for=jsonpath={.status.state}=Suspended", "--timeout=60s")
+    )
+    lab.kubectl(*("wait", "job", "--all", "--for=jsonpath={.spec.suspend}=true", "--timeout=60s"))
+    lab.kubectl(
+        *("patch", "campaign", "paused", "--type=merge", '--patch={"spec":{"suspend":false}}')
+    )
+    lab.wait("paused")
+    assert len(lab.verdicts(lab.download("paused"))) == 12

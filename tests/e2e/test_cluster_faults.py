@@ -1,0 +1,303 @@
+"""What goes wrong on a cluster: no run is lost, none is repeated, and everybody is told why."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cluster_lab import QUICK, SYSTEM, Lab, eventually
+from local_campaigns import make_campaign
+from robovast_testbed import images
+from robovast_testbed.errors import StartFailed
+
+from robovast.common.execution import COMPAT_VERSION
+
+
+def test_an_incompatible_image_starts_no_run_and_everybody_says_why(lab: Lab) -> None:
+    path = make_campaign(lab.folder / "old", "true\n", "", QUICK)
+    done = lab.vast(
+        *("-V", path, "exec", "cluster", "run", "-n", lab.namespace),
+        *("-i", images.WRONG_COMPAT),
+        code=3,
+    )
+    (campaign,) = lab.get("campaigns")["items"]
+    name = campaign["metadata"]["name"]
+    condition = lab.conditions(name)["Succeeded"]
+    assert (condition["status"], condition["reason"]) == ("False", "Incompatible")
+    (told,) = (
+        event["message"]
+        for event in lab.get("events")["items"]
+        if event["reason"] == "Incompatible" and event["involvedObject"]["kind"] == "Campaign"
+        and event["message"].startswith("the image")
+    )  # fmt: skip
+    for text in (condition["message"], told, done.stdout + done.stderr):
+        plain = " ".join(text.split())
+        assert f"version `{COMPAT_VERSION}`" in plain
+        assert "version `1`" in plain
+        assert images.WRONG_COMPAT in plain
+        assert "container/build.sh" in plain
+    statuses = [
+        container
+        for pod in lab.get("pods")["items"]
+        for container in pod["status"].get("containerStatuses", [])
+    ]
+    assert not any(container.get("started") for container in statuses)
+
+
+@contextlib.contextmanager
+def own_operator(lab: Lab) -> Iterator[Any]:
+    """An operator of the test's own in place of the installed one; call to kill and restart it."""
+    deployment = ("--namespace", SYSTEM, "scale", "deployment/robovast-operator")
+    lab.cluster.kubectl(*deployment, "--replicas=0")
+    lab.cluster.kubectl(
+        *("--namespace", SYSTEM, "wait", "pod", "--selector=app=robovast-operator"),
+        *("--for=delete", "--timeout=60s"),
+    )
+    environment = {
+        **os.environ,
+        **lab.env,
+        "ROBOVAST_AGENT_IMAGE": images.AGENT,
+        "ROBOVAST_S3_ENDPOINT": f"http://robovast-s3.{SYSTEM}.svc:9000",
+        "ROBOVAST_PORT": "0",
+        "ROBOVAST_LEASE_SECONDS": "2",
+        "ROBOVAST_STATUS_SECONDS": "1",
+        "POD_NAMESPACE": lab.namespace,
+        "POD_NAME": "same",
+    }
+    processes: list[subprocess.Popen[bytes]] = []
+    log = (lab.folder / "operator.log").open("ab")
+
+    def restart() -> None:
+        if processes:
+            processes[-1].kill()
+            processes[-1].wait()
+        command = [sys.executable, "-m", "robovast_operator"]
+        processes.append(subprocess.Popen(command, env=environment, stdout=log, stderr=log))
+
+    restart()
+    try:
+        yield restart
+    finally:
+        processes[-1].terminate()
+        processes[-1].wait(timeout=30)
+        log.close()
+        lab.cluster.kubectl(*deployment, "--replicas=1")
+
+
+def run_processes(lab: Lab) -> list[int]:
+    """The processes of the namespace's run containers."""
+    uids = {pod["metadata"]["uid"] for pod in lab.get("pods")["items"]}
+    marks = [uid.replace("-", "_") for uid in uids] + sorted(uids)
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cgroup"):
+        with contextlib.suppress(OSError):
+            mine = any(mark in path.read_text() for mark in marks)
+            if mine and b"start.sh" in (path.parent / "cmdline").read_bytes():
+                found.append(int(path.parent.name))
+    return found
+
+
+def test_killing_the_operator_and_a_pod_loses_no_run_and_repeats_none(lab: Lab) -> None:
+    """`kill -9` of the operator at ten random moments, and of one run's container."""
+    chance = random.Random(7)  # noqa: S311
+    with own_operator(lab) as restart:
+        lab.quick("hunted", "sleep 0.5\n", "  runs: 5\n  runs_per_job: 3\n", parallelism=3)
+        killed = 0
+        for _ in range(10):
+            deadline = chance.uniform(0.3, 4)
+            with contextlib.suppress(AssertionError):
+                eventually(lambda: False, deadline)
+            restart()
+            if not killed:
+                for process in run_processes(lab)[:1]:
+                    os.kill(process, signal.SIGKILL)
+                    killed += 1
+        lab.wait("hunted")
+    assert killed == 1
+    status = lab.campaign("hunted")["status"]
+    assert status["runs"] | {"active": 0} == {
+        "total": 15, "active": 0, "stored": 15,
+        "passed": status["runs"]["passed"], "failed": 0, "errored": 15 - status["runs"]["passed"],
+    }  # fmt: skip
+    assert status["runs"]["passed"] >= 14
+    home = lab.download("hunted")
+    assert len(lab.verdicts(home)) == 15
+    logs = "".join(p.read_text(errors="replace") for p in home.glob("_jobs/*/logs/system.log"))
+    assert logs.count("Executing scenario") <= 16
+    jobs = [job["metadata"]["name"] for job in lab.get("jobs")["items"]]
+    assert len(jobs) == 2, "one shard and one finish Job, whoever made them"
+
+
+def test_a_run_that_takes_all_memory_is_errored_and_the_others_of_its_pack_go_on(
+    lab: Lab,
+) -> None:
+    script = (
+        'echo begun >"$3/begun"\n'
+        '[ "$1" != 2 ] || exec python3 -c "import time; a = bytearray(2 ** 30); time.sleep(9)"\n'
+    )
+    lab.quick("greedy", script, "  runs_per_job: 3\n  resources: {memory: 300Mi}\n")
+    lab.wait("greedy")
+    home = lab.download("greedy")
+    verdicts = lab.verdicts(home)
+    assert verdicts == {"one-1/0": "passed", "one-2/0": "errored", "one-3/0": "passed"}
+    assert (home / "one-2/0/begun").read_text() == "begun\n"
+    assert (home / "one-2/0/job/logs/system.log").exists()
+    assert lab.campaign("greedy")["status"]["erroredRuns"] == "1"
+
+
+def test_a_run_sees_no_credentials_no_token_and_no_other_runs_results(lab: Lab) -> None:
+    script = (
+        'look() { ls -d "$@" 2>/dev/null; }\n'
+        "{ look /robovast/credentials /robovast/plan /work /var/run/secrets/kubernetes.io\n"
+        '  env | grep -iE "key|token|secret"; cat /proc/*/environ 2>/dev/null | tr "\\0" "\\n" |'
+        ' grep -iE "secret|accesskey"; } >"$3/seen"\n'
+        'touch /config/planted 2>/dev/null && echo config >>"$3/seen"\n'
+        'for folder in /out/one-*/0; do [ "$folder" -ef "$3" ] || touch "$folder/planted"; done\n'
+        "true\n"
+    )
+    lab.quick("curious", script, "  runs_per_job: 3\n")
+    lab.wait("curious")
+    home = lab.download("curious")
+    for number in (1, 2, 3):
+        assert (home / f"one-{number}/0/seen").read_text() == ""
+    assert not (home / "one-1/0/planted").exists(), "it was stored when the second run began"
+    pods = lab.get("pods", "--selector=robovast.io/role=shard")["items"]
+    for pod in pods:
+        assert pod["spec"]["automountServiceAccountToken"] is False
+        run = next(c for c in pod["spec"]["containers"] if c["name"] == "robovast")
+        assert {mount["mountPath"] for mount in run["volumeMounts"]} == {"/config", "/out"}
+        assert "env" not in run
+
+
+def malformed(good: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Campaigns with one fault each."""
+    vast = good["spec"]["vast"]
+
+    def spec(**changes: Any) -> dict[str, Any]:
+        return {**good, "spec": {**good["spec"], **changes}}
+
+    def document(**changes: Any) -> dict[str, Any]:
+        changed = {k: v for k, v in {**vast, **changes}.items() if v is not None}
+        return spec(vast=changed)
+
+    def execution(**changes: Any) -> dict[str, Any]:
+        return document(execution={**vast["execution"], **changes})
+
+    def entry(**changes: Any) -> dict[str, Any]:
+        return document(configuration=[{"name": "one", **changes}])
+
+    yield "no spec", {k: v for k, v in good.items() if k != "spec"}
+    yield "no document", {**good, "spec": {}}
+    yield "unknown key", spec(podSpecPatch={})
+    yield "version 2", document(version=2)
+    yield "no version", document(version=None)
+    yield "unknown section", document(excution={})
+    yield "unknown execution key", execution(runz=1)
+    yield "runs of no number", execution(runs="many")
+    yield "no runs", execution(runs=0)
+    yield "negative timeout", execution(timeout=-1)
+    yield "no scenario", execution(scenario_file=None)
+    yield "missing scenario", execution(scenario_file="nowhere.osc")
+    yield "missing run file", execution(run_files=["nothing/*.py"])
+    yield "reserved variable", execution(env=[{"OUTPUT_DIR": "x"}])
+    yield "impossible memory", execution(resources={"memory": "8 Gigs"})
+    yield "impossible cpu", execution(resources={"cpu": -1})
+    yield "other cluster's cpu", execution(resources={"cpu": [{"elsewhere": 2}]})
+    yield "names twice", document(configuration=[{"name": "a"}, {"name": "a"}])
+    yield "name of no folder", entry(name="../up")
+    yield "both", entry(parameters=[{"x": 1}], variations=[])
+    yield "unknown parameter", entry(parameters=[{"nothing": 1}])
+    yield "unknown variation", entry(variations=[{"NoSuchVariation": {}}])
+    yield "variation without values", entry(variations=[{"ParameterVariationList": {"name": "x"}}])
+    yield "search", document(configuration=None, search={"strategy": "random"})
+    yield "two sources", spec(source={"inline": {}, "configMap": {"name": "a"}})
+    yield "missing config map", spec(source={"configMap": {"name": "nowhere"}})
+    yield "file outside", spec(source={"inline": {"files": {"../x": "y"}}})
+    yield "no base64", spec(source={"inline": {"binaryFiles": {"x": "%"}}})
+    yield "nothing selected", spec(select=["no-such-*"])
+    yield "bad ratio", spec(acceptance={"minPassRatio": "1.5"})
+    yield "bad endpoint", spec(storage={"endpoint": "s3.example.org"})
+    yield "long name", {**good, "metadata": {**good["metadata"], "name": "a" * 41}}
+
+
+def refused(lab: Lab, obj: dict[str, Any]) -> str | None:
+    """What the API server says against an object; None when it takes it."""
+    try:
+        lab.kubectl("create", "--filename=-", stdin=json.dumps(obj))
+    except StartFailed as error:
+        return str(error)
+    return None
+
+
+def test_bad_input_is_refused_or_explained_and_harms_nobody_else(lab: Lab) -> None:
+    """Each is refused at once, or has a condition that says why; a good one goes on beside."""
+    lab.quick("good", "sleep 3\n", "  runs: 2\n", parallelism=1)
+    template = lab.campaign("good")
+    good = {
+        "apiVersion": template["apiVersion"],
+        "kind": "Campaign",
+        "metadata": {"namespace": lab.namespace},
+        "spec": template["spec"],
+    }
+    taken = {}
+    for number, (fault, obj) in enumerate(malformed(good)):
+        name = obj["metadata"].get("name", f"bad-{number}")
+        named = {**obj, "metadata": {**obj["metadata"], "name": name}}
+        refusal = refused(lab, named)
+        if refusal is None:
+            taken[name] = fault
+        else:
+            assert "invalid" in refusal.lower() or "unknown field" in refusal, refusal
+    assert len(taken) < 20
+    for name, fault in taken.items():
+        eventually(lambda name=name: lab.conditions(name), 30, fault)
+        condition = lab.conditions(name)["Accepted"]
+        assert condition["status"] == "False", (fault, condition)
+        assert len(condition["message"]) > 15, (fault, condition)
+        assert "Traceback" not in condition["message"]
+    lab.wait("good")
+    pods = json.loads(
+        lab.cluster.kubectl(
+            *("--namespace", SYSTEM, "get", "pods", "--selector=app=robovast-operator"),
+            "--output=json",
+        )
+    )["items"]
+    restarts = [s["restartCount"] for pod in pods for s in pod["status"]["containerStatuses"]]
+    assert restarts == [0]
+
+
+@pytest.mark.parametrize(
+    ("spec", "reason", "said"),
+    [
+        ({"image": "localhost:1/no/such:image"}, "ImagePull", "localhost:1/no/such:image"),
+        ({"storage": {"secretName": "nowhere"}}, "Configuration", "nowhere"),
+        ({"scheduling": {"nodeSelector": {"arm": "three"}}}, "Unschedulable", "node"),
+        ({"storage": {"endpoint": "http://127.0.0.1:9"}}, "Storage", "127.0.0.1:9"),
+    ],
+)
+def test_what_does_not_start_says_why(
+    lab: Lab, spec: dict[str, Any], reason: str, said: str
+) -> None:
+    lab.quick("stuck", "true\n", **spec)
+    eventually(
+        lambda: lab.conditions("stuck").get("Stalled", {}).get("reason") == reason,
+        150,
+        lab.describe("stuck"),
+    )
+    assert said in lab.conditions("stuck")["Stalled"]["message"]
+    told = [
+        event
+        for event in lab.get("events")["items"]
+        if event["reason"] == reason and event["involvedObject"]["kind"] == "Campaign"
+    ]
+    assert told
+    assert told[0]["type"] == "Warning"
