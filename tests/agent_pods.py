@@ -59,6 +59,7 @@ class Campaign:
     """Further values of the plan."""
 
     def __post_init__(self) -> None:
+        self.pods: list[Pod] = []
         self.name = f"test-{uuid4().hex[:8]}-2026-01-02-030405"
         self.bucket = bucket_name(self.name)
         document = load_document(self.vast)
@@ -105,13 +106,12 @@ class Campaign:
 
     def close(self) -> None:
         """Leave no process and no bucket."""
-        for work in self.root.glob("pod-*"):
-            for pid in pids_of(work):
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(pid, signal.SIGKILL)
+        for pod in self.pods:
+            pod.kill()
         self.store.delete_bucket(self.bucket)
 
     def objects(self, prefix: str = "") -> list[str]:
+        self.store.make_bucket(self.bucket)  # nothing is stored yet
         return [item.key for item in self.store.objects(self.bucket, prefix)]
 
     def read(self, key: str) -> str:
@@ -137,6 +137,7 @@ class Pod:
 
     def __init__(self, campaign: Campaign) -> None:
         self.campaign = campaign
+        campaign.pods.append(self)
         self.number = next(self._numbers)
         self.work = campaign.root / f"pod-{self.number}"
         self.work.mkdir()
@@ -148,17 +149,23 @@ class Pod:
     def out(self) -> Path:
         return self.work / "out"
 
-    def command(self, name: str, *arguments: object) -> subprocess.Popen[bytes]:
+    def command(self, name: str, *arguments: object, index: int = 0) -> subprocess.Popen[bytes]:
         """Start one of our own containers."""
         root = self.campaign.root
         return self._spawn(
             f"{name}.log",
-            [sys.executable, "-m", "robovast.agent", name, *map(str, arguments)]
-            + [f"--{folder}={root / folder}" for folder in ("plan", "files", "credentials")]
-            + [f"--work={self.work}", f"--message={self.message_file}"]
-            + [f"--config-seen={self.work / 'config'}", f"--out-seen={self.out}"],
-            {},
+            [
+                *(sys.executable, "-m", "robovast.agent", name, *map(str, arguments)),
+                *(f"--{folder}={root / folder}" for folder in ("plan", "files", "credentials")),
+                *(f"--work={self.work}", f"--message={self.message_file}"),
+                *(f"--config-seen={self.work / 'config'}", f"--out-seen={self.out}"),
+            ],
+            {"JOB_COMPLETION_INDEX": str(index)},
         )
+
+    def task(self, name: str) -> int:
+        """Do our own work on the whole campaign; returns the exit code."""
+        return self.command(name).wait(60)
 
     def start_run(self, secondary: str = "") -> subprocess.Popen[bytes]:
         """Start a container of the user's image."""
@@ -183,10 +190,7 @@ class Pod:
         return process
 
     def fetch(self, index: int = 0, *arguments: object) -> int:
-        code = self.command("fetch", "--index", index, *arguments).wait(60)
-        self.message_file.rename(self.work / "fetch-message")
-        self.message_file.touch()
-        return code
+        return self.command("fetch", *arguments, index=index).wait(60)
 
     def run(self, index: int = 0, *arguments: object, secondaries: tuple[str, ...] = ()) -> int:
         """A pod from its beginning to its end; returns the agent's exit code."""
@@ -196,16 +200,29 @@ class Pod:
         assert [container.wait(30) for container in containers] == [0] * len(containers)
         return code
 
+    def start(self, index: int = 0) -> tuple[subprocess.Popen[bytes], subprocess.Popen[bytes]]:
+        """Start the containers `robovast` and `agent`; both are at work then."""
+        assert self.fetch(index) == 0, self.log("fetch")
+        containers = self.start_run(), self.command("agent")
+        heartbeat = self.work / "config/heartbeat"
+        eventually(lambda: heartbeat.read_text().strip())
+        return containers
+
     def log(self, name: str) -> str:
         return (self.work / f"{name}.log").read_text()
 
     def message(self) -> Any:
+        """The termination message."""
         return json.loads(self.message_file.read_text())
 
-    def kill(self) -> None:
-        """End everything of the pod at once, as the loss of its node does."""
+    def kill(self, container: subprocess.Popen[bytes] | None = None) -> None:
+        """End a container at once, or all of them, as the loss of a node does."""
         for pid in pids_of(self.work):
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
+            if container is None or os.getsid(pid) == container.pid:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+        if container is not None:
+            container.wait()
+            return
         for process in self.processes:
             process.wait()

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import contextlib
+import random
+import subprocess
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import pytest
-from agent_pods import Campaign, Pod
+from agent_pods import Campaign, Pod, eventually
 from local_campaigns import make_campaign, run
 from robovast_testbed.s3 import Server
 
@@ -16,14 +19,22 @@ PACK = "  runs_per_job: 3\n"
 
 Make = Callable[..., Campaign]
 
+one_server = pytest.mark.parametrize("s3_server", ["minio"], indirect=True)
+"""For what does not depend on the make of the server."""
+
 
 @pytest.fixture
 def make(tmp_path: Path, s3_server: Server) -> Iterator[Make]:
     """Makes a campaign; its variants are one-1, one-2 and one-3."""
     made: list[Campaign] = []
 
-    def make(script: str, extra: str = "", **given: object) -> Campaign:
+    def make(
+        script: str, extra: str = "", files: Mapping[str, str] | None = None, **given: object
+    ) -> Campaign:
+        extra = extra.replace("MOUNTS", str(tmp_path / "mounts"))
         vast = make_campaign(tmp_path / "source", script, extra)
+        for name, text in (files or {}).items():
+            (vast.parent / "files" / name).write_text(text)
         made.append(Campaign(tmp_path / "mounts", vast, s3_server, dict(given)))
         return made[-1]
 
@@ -51,6 +62,7 @@ def test_pods_store_the_files_that_a_laptop_would_have(make: Make, tmp_path: Pat
     assert (record["attempt"], record["parameters"]) == (1, {"x": 2})
 
 
+@one_server
 def test_a_pack_is_one_pod(make: Make) -> None:
     campaign = make(FAIL_SECOND, PACK)
     pod = Pod(campaign)
@@ -61,6 +73,7 @@ def test_a_pack_is_one_pod(make: Make) -> None:
     assert campaign.read("_transient/job-0.params.yaml").count("_output_dir") == 3
 
 
+@one_server
 def test_a_run_that_kills_its_process_is_errored_and_the_others_go_on(make: Make) -> None:
     campaign = make(PASS + 'if [ "$1" = 2 ]; then kill -9 $PPID; fi\n', PACK)
     pod = Pod(campaign)
@@ -72,3 +85,199 @@ def test_a_run_that_kills_its_process_is_errored_and_the_others_go_on(make: Make
     assert jobs == ["job-0", "job-0", "job-0-2"]
     assert "_jobs/job-0/logs/system.log" in campaign.objects()
     assert "_jobs/job-0-2/logs/system.log" in campaign.objects()
+
+
+@one_server
+def test_a_timeout_costs_one_run(make: Make) -> None:
+    campaign = make(PASS + '[ "$1" != 2 ] || sleep 600\n', PACK + "  timeout: 6\n")
+    assert Pod(campaign).run() == 11
+    assert campaign.verdicts() == {"one-1/0": "passed", "one-2/0": "errored", "one-3/0": "passed"}
+    assert "execution.timeout" in campaign.record("one-2/0")["reason"]
+
+
+@one_server
+def test_runs_with_a_secondary_container(make: Make) -> None:
+    script = 'if [[ $CONTAINER_NAME ]]; then echo "$CONTAINER_NAME is up"; exec sleep 60; fi\n'
+    extra = "  secondary_containers: [nav]\n  pre_command: /config/files/pre.sh\n" + PACK
+    step = 'sleep 0.5; [ "$1" != 2 ] || kill -9 $PPID\n'
+    campaign = make(step, extra, files={"pre.sh": script})
+    assert Pod(campaign).run(secondaries=("nav",)) == 11
+    for job in ("job-0", "job-0-2"):
+        assert "nav is up" in campaign.read(f"_jobs/{job}/logs/system_nav.log")
+        assert "sleep" in campaign.read(f"_jobs/{job}/resource_usage_nav.csv")
+
+
+@one_server
+def test_a_container_that_is_killed_costs_one_run(make: Make) -> None:
+    """As the kernel does it when memory runs out."""
+    campaign = make(PASS + '[ "$1" != 2 ] || touch here; [ "$1" != 2 ] || sleep 600\n', PACK)
+    pod = Pod(campaign)
+    container, agent = pod.start()
+    eventually(lambda: (pod.out / "one-2/0/out.csv").exists())
+    pod.kill(container)
+    assert agent.wait(30) == 75
+    assert pod.message() == {"passed": "0", "failed": "", "errored": "1"}
+    assert "SIGKILL" in campaign.record("one-2/0")["reason"]
+    assert campaign.read("one-2/0/out.csv") == "2,a\n"
+    assert "Executing scenario" in campaign.read("_jobs/job-0/logs/system.log")
+    later = Pod(campaign)
+    assert later.run() == 11
+    assert later.message() == {"passed": "0,2", "failed": "", "errored": "1"}
+    assert campaign.record("one-3/0")["job"] == "job-0-2"
+
+
+@one_server
+def test_a_pod_that_is_told_to_end_keeps_what_is_over(make: Make) -> None:
+    campaign = make(PASS + '[ "$1" != 2 ] || sleep 600\n', PACK)
+    pod = Pod(campaign)
+    container, agent = pod.start()
+    eventually(lambda: (pod.out / "one-2/0/out.csv").exists())
+    container.terminate()  # first, as it may happen: its run then writes a verdict
+    agent.terminate()
+    assert (agent.wait(30), container.wait(30)) == (75, 0)
+    assert campaign.verdicts() == {"one-1/0": "passed"}
+    assert pod.message() == {"passed": "0", "failed": "", "errored": ""}
+
+
+@one_server
+def test_a_container_ends_with_its_agent(make: Make) -> None:
+    campaign = make("sleep 600\n")
+    pod = Pod(campaign)
+    pod.fetch()
+    script = pod.work / "config/start.sh"
+    script.write_text(script.read_text().replace("silence=120", "silence=2"))
+    container, agent = pod.start_run(), pod.command("agent")
+    eventually(lambda: "Executing scenario" in pod.log("start"))
+    pod.kill(agent)
+    assert container.wait(30) == 0
+
+
+@one_server
+def test_a_pod_with_nothing_left_ends_at_once(make: Make) -> None:
+    campaign = make(FAIL_SECOND, PACK)
+    Pod(campaign).run()
+    before = campaign.objects()
+    pod = Pod(campaign)
+    assert pod.run() == 10
+    assert pod.message() == {"passed": "0,2", "failed": "1", "errored": ""}
+    assert campaign.objects() == before
+
+
+def test_a_repetition_replaces_bad_runs_alone(make: Make) -> None:
+    campaign = make('echo "$1" >"$3/first-$1"; [ "$1" = 3 ]\n', PACK)
+    assert Pod(campaign).run() == 10
+    step = campaign.root / "files/files/step.sh"
+    step.write_text('echo "$1" >"$3/second-$1"; [ "$1" != 2 ]\n')
+    pod = Pod(campaign)
+    assert pod.run(0, "--attempt", 2, "--runs", "0-1") == 10
+    assert pod.message() == {"passed": "0", "failed": "1", "errored": ""}
+    assert set(campaign.objects("one-1/")) == {
+        "one-1/0/run.json", "one-1/0/second-1", "one-1/0/test.xml",
+    }  # fmt: skip
+    records = [campaign.record(f"one-{n}/0") for n in (1, 2, 3)]
+    assert [record["attempt"] for record in records] == [2, 2, 1]
+    assert [record["job"] for record in records] == ["job-0-2", "job-0-2", "job-0"]
+
+
+def test_of_two_pods_for_one_index_each_run_is_stored_once(make: Make) -> None:
+    campaign = make('echo $RANDOM$RANDOM >"$3/a"; cp "$3/a" "$3/b"; sleep 0.2\n', PACK)
+    pods = [Pod(campaign), Pod(campaign)]
+    agents = []
+    for pod in pods:
+        pod.fetch()
+    for pod in pods:
+        pod.start_run()
+        agents.append(pod.command("agent"))
+    assert [agent.wait(60) for agent in agents] == [0, 0]
+    for run_path in ("one-1/0", "one-2/0", "one-3/0"):
+        assert campaign.read(f"{run_path}/a") == campaign.read(f"{run_path}/b")
+    jobs = [campaign.record(f"one-{n}/0")["job"] for n in (1, 2, 3)]
+    assert set(jobs) <= {"job-0", "job-0-2"}
+
+
+def test_the_server_may_restart_in_the_middle(make: Make, s3_server: Server) -> None:
+    campaign = make(PASS + "sleep 0.5\n", PACK)
+    pod = Pod(campaign)
+    _, agent = pod.start()
+    eventually(lambda: "Executing scenario" in pod.log("start"))
+    s3_server.stop()
+    eventually(lambda: "ended with code" in pod.log("start"))
+    s3_server.start()
+    assert agent.wait(60) == 0, pod.log("agent")
+    assert set(campaign.verdicts().values()) == {"passed"}
+
+
+@one_server
+def test_killed_at_any_moment_a_campaign_completes(make: Make) -> None:
+    campaign = make(PASS + "sleep 0.2\n", PACK, runs=2)
+    chance, killed, stored = random.Random(7), 0, {}  # noqa: S311
+    for index in range(2):
+        while True:
+            pod = Pod(campaign)
+            pod.fetch(index)
+            pod.start_run()
+            agent = pod.command("agent")
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                if killed > 4 or agent.wait(chance.uniform(0.7, 2.5)) is not None:
+                    assert agent.wait(60) == 0
+                    break
+            pod.kill()
+            killed += 1
+            for run_path in campaign.verdicts():
+                text = campaign.read(f"{run_path}/run.json")
+                assert stored.setdefault(run_path, text) == text, "a stored run ran again"
+    assert killed > 2
+    assert set(campaign.verdicts().values()) == {"passed"}
+    assert len(campaign.verdicts()) == 6
+    assert {key.rsplit("/")[-1] for key in campaign.objects("one-1/")} == {
+        "out.csv", "run.json", "test.xml",
+    }  # fmt: skip
+
+
+@one_server
+def test_links_to_what_a_run_cannot_see_are_not_followed(make: Make) -> None:
+    script = 'ln -s "$KEYS" "$3/keys"; ln -s "$KEYS/secretKey" "$3/key"; mkfifo "$3/pipe"\n'
+    campaign = make(script + PASS, "  env: [{KEYS: MOUNTS/credentials}]\n")
+    assert Pod(campaign).run() == 0
+    names = {"one-1/0/out.csv", "one-1/0/run.json", "one-1/0/test.xml"}
+    assert set(campaign.objects("one-1/0")) == names
+
+
+@one_server
+def test_credentials_are_nowhere_but_in_their_files(make: Make) -> None:
+    campaign = make("env; cat /proc/$PPID/cmdline\n")
+    pod = Pod(campaign)
+    pod.run()
+    secret = campaign.server.secret_key.encode()
+    files = [path for path in pod.work.rglob("*") if path.is_file()]
+    assert not [path for path in files if secret in path.read_bytes()]
+    assert not [key for key in campaign.objects() if secret.decode() in campaign.read(key)]
+
+
+@one_server
+def test_refused_storage_is_told(make: Make) -> None:
+    campaign = make(PASS)
+    (campaign.root / "credentials/secretKey").write_text("wrong")
+    pod = Pod(campaign)
+    assert pod.fetch() == 74
+    told = pod.message_file.read_text()
+    assert campaign.plan.endpoint in told
+    assert "Access denied" in told
+
+
+@one_server
+@pytest.mark.parametrize(
+    ("file", "text", "code", "told"),
+    [
+        ("document.vast", "version: 1\nconfigurations: []\n", 65, "configuration"),
+        ("campaign.json", '{"campaign": "x"}', 64, "no plan of this version"),
+    ],
+)
+def test_a_wrong_plan_or_document_is_told(
+    make: Make, file: str, text: str, code: int, told: str
+) -> None:
+    campaign = make(PASS)
+    (campaign.root / "plan" / file).write_text(text)
+    pod = Pod(campaign)
+    assert pod.fetch() == code
+    assert told in pod.message_file.read_text()

@@ -10,20 +10,16 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from robovast.agent.exit_codes import PlanError
 from robovast.agent.folders import Folders
 from robovast.agent.sources import copy_inputs
 from robovast.cluster.endpoint import Credentials, Endpoint
 from robovast.cluster.plan import CampaignPlan, PlanSpec
 from robovast.cluster.storage import ObjectStore
 from robovast.document import Document, load_document
-from robovast.errors import RobovastError
 from robovast.expansion import Composition, Variant, compose, select_any
 from robovast.results.configurations import read_variants
 from robovast.results.layout import Layout
-
-
-class PlanError(RobovastError):
-    """The plan is not what this version understands, or does not hold what is asked for."""
 
 
 @dataclass(frozen=True)

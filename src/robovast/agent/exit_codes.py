@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from enum import IntEnum
 
+from robovast.errors import CannotRunError, InputError, RobovastError
 from robovast.results.verdict import Verdict
 
 
@@ -25,6 +26,19 @@ class AgentExit(IntEnum):
     """Storage, or the pod's own disk, gave up: try again."""
     RUNS_LEFT = 75
     """Some runs were not executed to their end: try again."""
+
+
+class PlanError(RobovastError):
+    """The plan is not what this version understands, or does not hold what is asked for."""
+
+
+def exit_code_of_error(error: Exception) -> AgentExit:
+    """The exit code for what a command raised."""
+    if isinstance(error, PlanError):
+        return AgentExit.BAD_PLAN
+    if isinstance(error, InputError | CannotRunError):
+        return AgentExit.BAD_DOCUMENT
+    return AgentExit.STORAGE
 
 
 def exit_code_of(verdicts: Iterable[Verdict]) -> AgentExit:

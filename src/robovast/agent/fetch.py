@@ -9,14 +9,13 @@ from pathlib import Path
 from robovast.agent.bucket import Bucket
 from robovast.agent.campaign import (
     Campaign,
-    PlanError,
     expand,
     fetch_variant_files,
     load_inputs,
     open_campaign,
     open_composed,
 )
-from robovast.agent.exit_codes import AgentExit
+from robovast.agent.exit_codes import AgentExit, PlanError
 from robovast.agent.folders import Folders
 from robovast.agent.job_files import prepare_output, write_environment
 from robovast.agent.orders import RunContainer
@@ -71,6 +70,8 @@ def fetch(folders: Folders, request: Request) -> AgentExit:
         _build_config(campaign, document, pack, left)
         prepare_output(folders, job)
         write_environment(folders, pack.environment)
+    else:
+        copy_file(START, folders.config / START.name)
     container = RunContainer(folders)
     container.prepare()
     pack.write(folders.pack)

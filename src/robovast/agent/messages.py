@@ -12,9 +12,10 @@ from robovast.results.verdict import Verdict
 
 LIMIT = 4096
 """Longest message that Kubernetes keeps [byte]."""
-RANGES_LIMIT = 1200
-"""Longest text of one kind of runs."""
+RANGES_LIMIT = 800
+"""Longest text of one kind of runs [byte]."""
 ERROR_LIMIT = 1500
+"""[byte]"""
 
 
 def verdict_ranges(verdicts: Mapping[int, Verdict]) -> dict[str, Any]:
@@ -30,19 +31,36 @@ def verdict_ranges(verdicts: Mapping[int, Verdict]) -> dict[str, Any]:
 
 
 def write_message(path: Path, message: Mapping[str, Any]) -> None:
-    """Add to the termination message, when the container has one.
+    """Leave a termination message, when the container has one.
 
     Args:
         path: of the message; Kubernetes makes the file.
-        message: keys to add.
+        message: what it says.
     """
     if path.exists():
-        text = path.read_text(encoding="utf-8")
-        merged = {**(json.loads(text) if text else {}), **message}
-        path.write_text(json.dumps(merged), encoding="utf-8")
+        path.write_text(json.dumps(message), encoding="utf-8")
 
 
-def error_message(error: BaseException) -> dict[str, str]:
-    """`{"error": …}`, shortened."""
-    text = str(error)
-    return {"error": text if len(text) <= ERROR_LIMIT else text[: ERROR_LIMIT - 1] + "…"}
+def write_error(path: Path, error: Exception, *, as_json: bool) -> None:
+    """Leave what went wrong as termination message.
+
+    Args:
+        path: of the message.
+        error: what went wrong.
+        as_json: as the key `error` beside what the message says already.
+    """
+    if not path.exists():
+        return
+    said = path.read_text(encoding="utf-8")
+    text = _shortened(str(error), ERROR_LIMIT)
+    if as_json:
+        write_message(path, {**json.loads(said or "{}"), "error": text})
+    else:
+        path.write_text(text, encoding="utf-8")
+
+
+def _shortened(text: str, limit: int) -> str:
+    """A text that takes no more than so many bytes in JSON."""
+    while len(json.dumps(text)) > limit:
+        text = text[: len(text) * 3 // 4] + "…"
+    return text

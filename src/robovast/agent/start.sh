@@ -55,6 +55,7 @@ enter_job() {
     # shellcheck source=/dev/null
     source "$here/environment.sh"
     cd "$ROBOVAST_OUT_DIR" || exit
+    unset CONTAINER_NAME # by it a pre command tells where it is
     [[ $name ]] || exec bash "$here/entrypoint.sh"
     export CONTAINER_NAME=$name ROS_LOG_DIR=$OUTPUT_DIR/logs/$name
     exec bash "$here/secondary_entrypoint.sh"

@@ -1,0 +1,67 @@
+"""`compose`: expand a document where the operator may not, and leave what its pods need."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections import Counter
+
+from robovast.agent.bucket import Bucket
+from robovast.agent.campaign import Campaign, expand, load_inputs, open_campaign
+from robovast.agent.exit_codes import AgentExit
+from robovast.agent.folders import Folders
+from robovast.agent.messages import LIMIT, write_message
+from robovast.agent.trees import SIDE_BY_SIDE, store_tree
+from robovast.cluster.plan import format_breaks
+from robovast.document import Document
+from robovast.errors import InputError
+from robovast.execution.generate import write_configurations
+from robovast.expansion import Composition
+from robovast.expansion.expand import DEFAULT_ENTRY
+from robovast.plan import breaks
+
+CONFIGURATIONS = "_transient/configurations.yaml"
+
+
+def compose(folders: Folders) -> AgentExit:
+    """Expand the document; its inputs and variants are in the bucket then.
+
+    The termination message is `{"counts": […], "breaks": "…"}`: the number of variants of each
+    configuration entry in the document's order, and `PlanSpec.breaks`.
+
+    Raises:
+        InputError: the document or its files are wrong, or a variation type fails.
+        StorageError: the bucket cannot be written.
+    """
+    campaign = open_campaign(folders, connections=SIDE_BY_SIDE)
+    document = load_inputs(campaign)
+    composition = expand(campaign, document, print)
+    found = Counter(variant.entry for variant in composition.variants)
+    entries = document.vast.configuration or [DEFAULT_ENTRY]
+    message = {
+        "counts": [found[entry.name] for entry in entries],
+        "breaks": format_breaks(breaks(composition.variants)),
+    }
+    if len(json.dumps(message)) > LIMIT:
+        raise InputError(
+            f"{campaign.plan.document}: has {len(entries)} configuration entries, more than a "
+            "campaign on a cluster can have when plugins expand it. Divide it into several."
+        )
+    store_inputs(campaign, document, composition)
+    write_message(folders.message, message)
+    return AgentExit.PASSED
+
+
+def store_inputs(campaign: Campaign, document: Document, composition: Composition) -> None:
+    """Store the folders `_config` and `_transient`, and each variant's `_config`.
+
+    The list of configurations comes last: who finds it finds everything.
+    """
+    bucket = Bucket(campaign.store, campaign.plan.bucket)
+    folder = campaign.folders.work / "campaign"
+    shutil.rmtree(folder, ignore_errors=True)
+    write_configurations(document, composition, folder, timings=True)
+    bucket.store.make_bucket(bucket.name)
+    there = {item.key for item in bucket.store.objects(bucket.name)}
+    store_tree(bucket, folder, "", there=there, skipped={CONFIGURATIONS})
+    bucket.store.put_file(bucket.name, CONFIGURATIONS, folder / CONFIGURATIONS)

@@ -1,0 +1,142 @@
+"""`finish`: complete a campaign's bucket when its last pod has ended, and sum it up."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime
+from typing import Any
+
+from robovast.agent.bucket import Bucket
+from robovast.agent.campaign import Campaign, expand, load_inputs, open_campaign, open_composed
+from robovast.agent.compose import store_inputs
+from robovast.agent.exit_codes import AgentExit
+from robovast.agent.folders import Folders
+from robovast.agent.messages import write_message
+from robovast.agent.trees import SIDE_BY_SIDE, store_tree
+from robovast.cluster.ranges import format_ranges, spans, truncate
+from robovast.common.execution import get_campaign_timestamp
+from robovast.document import Document
+from robovast.execution.generate import write_execution
+from robovast.expansion import Variant
+from robovast.plain import dump_yaml
+from robovast.plan import Run
+from robovast.results.layout import Layout
+from robovast.results.run_record import RunRecord
+from robovast.results.verdict import Verdict
+
+RANGES_LIMIT = 1500
+"""Longest text of failed runs, and of errored ones, in the termination message."""
+FAILING_LIMIT = 10
+
+NO_RESULT = "no pod of it has stored a result"
+
+
+def finish(folders: Folders) -> AgentExit:
+    """Store what a campaign has beside its runs, `_execution/index.json` among it.
+
+    The termination message has counts, ranges of failed and errored runs, and the first of them.
+
+    Raises:
+        InputError: the document, or a file that it needs, is wrong.
+        StorageError: the bucket cannot be read or written.
+    """
+    campaign = open_campaign(folders, connections=SIDE_BY_SIDE)
+    document, variants = _complete_inputs(campaign)
+    bucket = Bucket(campaign.store, campaign.plan.bucket)
+    runs = _runs(campaign, variants)
+    with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
+        records = dict(zip(runs, pool.map(lambda run: bucket.record(run.path), runs), strict=True))
+    index = [_entry(run, record) for run, record in records.items()]
+    _store_execution(campaign, document, bucket, index)
+    write_message(folders.message, summary(index))
+    return AgentExit.PASSED
+
+
+def _complete_inputs(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
+    if campaign.plan.expansion == "composed":
+        return open_composed(campaign)
+    document = load_inputs(campaign)
+    composition = expand(campaign, document, print)
+    store_inputs(campaign, document, composition)
+    return document, composition.variants
+
+
+def _runs(campaign: Campaign, variants: Sequence[Variant]) -> list[Run]:
+    places = ((id_, *campaign.packs.run(id_)) for id_ in range(campaign.packs.total))
+    return [Run(id_, variants[variant], number) for id_, variant, number in places]
+
+
+def _entry(run: Run, record: RunRecord | None) -> dict[str, Any]:
+    """A run as `index.json` has it; one without a record is errored."""
+    place = {"id": run.id, "variant": run.variant.name, "run": run.number}
+    if record is None:
+        return {**place, "verdict": Verdict.ERRORED, "reason": NO_RESULT, "attempt": 0}
+    return {
+        **place,
+        "verdict": record.verdict,
+        "reason": record.reason,
+        "attempt": record.attempt,
+        "started_at": record.started_at,
+        "finished_at": record.finished_at,
+        "duration": record.duration,
+        "job": record.job,
+    }
+
+
+def _store_execution(
+    campaign: Campaign, document: Document, bucket: Bucket, index: Iterable[Mapping[str, Any]]
+) -> None:
+    layout = Layout(campaign.folders.work / "executed")
+    for folder in (layout.execution, layout.transient):
+        folder.mkdir(parents=True, exist_ok=True)
+    write_execution(
+        layout,
+        document,
+        started=_started(campaign.plan.campaign),
+        runs=campaign.plan.runs,
+        kind="cluster",
+        image=campaign.plan.image,
+        image_revision="",
+    )
+    links = {f"{item['variant']}/{item['run']}": item["job"] for item in index if "job" in item}
+    (layout.transient / "job_links.yaml").write_text(dump_yaml(links), encoding="utf-8")
+    text = json.dumps({"campaign": campaign.plan.campaign, "runs": index}, indent=1)
+    (layout.execution / "index.json").write_text(text + "\n", encoding="utf-8")
+    bucket.store.make_bucket(bucket.name)
+    prefixes = ("_execution/", "_transient/")
+    there = {o.key for prefix in prefixes for o in bucket.store.objects(bucket.name, prefix)}
+    store_tree(bucket, layout.root, "", there=there)
+
+
+def _started(campaign: str) -> datetime:
+    """When a campaign was created: its name says it."""
+    timestamp = get_campaign_timestamp(campaign)
+    if timestamp is None:
+        return datetime.now(UTC)
+    return datetime.strptime(timestamp, "%Y-%m-%d-%H%M%S").replace(tzinfo=UTC)
+
+
+def summary(index: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Counts, ranges of bad runs and the first of them, from the entries of `index.json`."""
+    counts = {kind: sum(item["verdict"] is kind for item in index) for kind in Verdict}
+    failed, failed_cut = _ranges(index, Verdict.FAILED)
+    errored, errored_cut = _ranges(index, Verdict.ERRORED)
+    bad = [item for item in index if item["verdict"] is not Verdict.PASSED]
+    return {
+        "total": len(index),
+        "passed": counts[Verdict.PASSED],
+        "failed": counts[Verdict.FAILED],
+        "errored": counts[Verdict.ERRORED],
+        "stored": sum(item["attempt"] > 0 for item in index),
+        "failedRuns": failed,
+        "erroredRuns": errored,
+        "truncated": failed_cut or errored_cut,
+        "failing": [f"{item['variant']}/{item['run']}" for item in bad[:FAILING_LIMIT]],
+    }
+
+
+def _ranges(index: Iterable[Mapping[str, Any]], kind: Verdict) -> tuple[str, bool]:
+    ids = (item["id"] for item in index if item["verdict"] is kind)
+    return truncate(format_ranges(spans(ids)), RANGES_LIMIT)
