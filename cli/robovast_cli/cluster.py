@@ -108,11 +108,11 @@ def monitor(
     interval: Annotated[
         float, typer.Option("-i", "--interval", min=0.2, help="Time between two looks [s].")
     ] = 2.0,
-    once: Annotated[bool, typer.Option("--once", help="Look once, and print a table.")] = False,
+    once: Annotated[bool, typer.Option("--once", help="Print a table of all, and end.")] = False,
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
-    """Show the progress of all campaigns until none is left that runs; Ctrl-C ends it before."""
+    """Show the progress of campaigns until none runs any more; Ctrl-C ends only the showing."""
     from robovast_cli import cluster_monitor
 
     cluster_monitor.monitor(context, namespace, interval=interval, once=once)

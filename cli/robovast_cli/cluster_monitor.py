@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Iterator, Sequence
 
@@ -13,29 +14,28 @@ from robovast_cli.refusals import UnreachableError
 
 
 def monitor(context: str | None, namespace: str | None, *, interval: float, once: bool) -> None:
-    """Show all campaigns of a namespace.
+    """Show the campaigns of a namespace until none runs.
 
     Args:
         context: of the kubeconfig; the current one when None.
         namespace: the context's when None.
         interval: time between two looks [s].
-        once: print a table, and end.
+        once: print a table of all, and end.
     """
     with connect(context, namespace) as kube:
         if once:
-            say(_table(kube))
+            known = _campaigns(kube)
+            none = f"No campaigns in the namespace {kube.namespace}."
+            say(table(known).rstrip() if known else none)
             return
         try:
             with follow_view() as view:
-                for campaigns in _looks(kube, interval):
-                    view.update(campaigns)
+                for shown in _looks(kube, interval):
+                    view.update(shown)
         except KeyboardInterrupt:
             return
-
-
-def _table(kube: Kubernetes) -> str:
-    campaigns = _campaigns(kube)
-    return table(campaigns).rstrip() if campaigns else f"No campaigns in {kube.namespace}."
+        if not shown:
+            say(f"No campaign runs in the namespace {kube.namespace}; `--once` shows all.")
 
 
 def _campaigns(kube: Kubernetes) -> list[CampaignState]:
@@ -43,13 +43,18 @@ def _campaigns(kube: Kubernetes) -> list[CampaignState]:
 
 
 def _looks(kube: Kubernetes, interval: float) -> Iterator[Sequence[CampaignState]]:
-    """All campaigns, again and again while one runs; an API server may be gone for a while."""
+    """Campaigns that run, and those that did, again and again while one does.
+
+    An API server may be gone for a while.
+    """
+    watched: set[str] = set()
     campaigns = _campaigns(kube)
-    yield campaigns
-    while not all(campaign.finished or campaign.suspended for campaign in campaigns):
+    while True:
+        active = {c.name for c in campaigns if not (c.finished or c.suspended)}
+        watched |= active
+        yield [campaign for campaign in campaigns if campaign.name in watched]
+        if not active:
+            return
         time.sleep(interval)
-        try:
+        with contextlib.suppress(UnreachableError):
             campaigns = _campaigns(kube)
-        except UnreachableError:
-            continue
-        yield campaigns

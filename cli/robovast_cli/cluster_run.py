@@ -20,7 +20,7 @@ from robovast.cluster.submission import (
     prepare_submission,
 )
 from robovast.document import Document
-from robovast.errors import ExitCode
+from robovast.errors import CannotRunError, ExitCode
 from robovast_cli.cluster_remove import remove_finished
 from robovast_cli.cluster_status import CampaignState
 from robovast_cli.cluster_store import installed_place, open_store
@@ -129,7 +129,7 @@ def _states(kube: Kubernetes, campaign: CampaignState) -> Iterator[CampaignState
         with contextlib.suppress(UnreachableError):
             found = kube.campaign(campaign.name)
             if found is None:
-                return
+                raise CannotRunError(f"the campaign {campaign.name} was deleted meanwhile.")
             campaign = CampaignState(found)
             yield campaign
 

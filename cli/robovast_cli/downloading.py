@@ -11,7 +11,7 @@ from typing import Any
 
 from robovast.cluster.names import bucket_name
 from robovast.common.progress import fmt_size
-from robovast.errors import CannotRunError, InputError
+from robovast.errors import CannotRunError, InputError, StorageError
 from robovast.results.download import DownloadObserver, DownloadResult, Silent, download_campaign
 from robovast_cli.cluster_status import CampaignState, find_campaign, lookup
 from robovast_cli.cluster_store import StorePlace, installed_place, open_store, place_of
@@ -50,8 +50,11 @@ def download_campaigns(
     with connect(context, namespace) as kube:
         known = [CampaignState(item) for item in kube.campaigns()]
         chosen = [_results(kube, known, name) for name in names] if names else _all(kube, known)
-        for results in chosen:
-            _download(kube, results, output, force=force)
+        failed = [
+            results.name for results in chosen if not _try(kube, results, output, force=force)
+        ]
+    if failed:
+        raise StorageError(f"not all could be fetched of {', '.join(failed)}.")
 
 
 def _all(kube: Kubernetes, known: Sequence[CampaignState]) -> list[Results]:
@@ -83,6 +86,16 @@ def _results_of(campaign: CampaignState) -> Results:
             "it is."
         )
     return Results(status.campaign or campaign.name, status.bucket, place_of(campaign))
+
+
+def _try(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> bool:
+    """Fetch a campaign; a fault in one keeps none of the others."""
+    try:
+        _download(kube, results, output, force=force)
+    except StorageError as error:
+        print(f"error: {error}", file=sys.stderr)  # noqa: T201
+        return False
+    return True
 
 
 def _download(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> None:

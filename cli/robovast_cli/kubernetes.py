@@ -12,6 +12,7 @@ from urllib.parse import quote
 
 from robovast.cluster.resources import API_VERSION
 from robovast.errors import CannotRunError, RobovastError
+from robovast_cli.kubeconfig import choose
 from robovast_cli.port_forward import PortForward
 from robovast_cli.refusals import NotFoundError, NotInstalledError, refusal, unreachable
 
@@ -33,12 +34,12 @@ class Kubernetes:
     Methods raise `RobovastError` when the server refuses or cannot be reached.
     """
 
-    def __init__(self, api: Any, portal: BlockingPortal, namespace: str | None) -> None:
+    def __init__(self, api: Any, portal: BlockingPortal) -> None:
         self._api = api
         self._portal = portal
         self.context = str(api.auth.active_context)
         """Name of the kubeconfig's context; empty inside a pod."""
-        self.namespace = namespace or _namespace(api.auth)
+        self.namespace = str(api.auth.namespace)
 
     @property
     def where(self) -> str:
@@ -177,11 +178,13 @@ def connect(context: str | None = None, namespace: str | None = None) -> Iterato
         namespace: the context's when None.
 
     Raises:
-        CannotRunError: there is no such context, or the server cannot be reached.
+        CannotRunError: there is no such context, or nobody can log in to it.
+        InputError: the kubeconfig cannot be read.
     """
     with cluster_extra():
         from anyio.from_thread import start_blocking_portal
         from kr8s.asyncio import Api
+    context, namespace = choose(context, namespace)
     with _no_keys_left_behind(), start_blocking_portal() as portal:
 
         async def log_in() -> Api:
@@ -200,7 +203,7 @@ def connect(context: str | None = None, namespace: str | None = None) -> Iterato
                 "~/.kube/config)."
             ) from error
         try:
-            yield Kubernetes(api, portal, namespace)
+            yield Kubernetes(api, portal)
         finally:
             portal.call(_close, api)
 
@@ -235,13 +238,6 @@ def _no_keys_left_behind() -> Iterator[None]:
 
 def _with(labels: Mapping[str, str]) -> dict[str, str]:
     return {"labelSelector": ",".join(f"{key}={value}" for key, value in labels.items())}
-
-
-def _namespace(auth: Any) -> str:
-    """The namespace of the chosen context, which need not be the current one."""
-    if not auth.active_context:
-        return str(auth.namespace)
-    return str(auth.kubeconfig.get_context(auth.active_context).get("namespace") or "default")
 
 
 def _where(context: str | None, server: str) -> str:

@@ -21,7 +21,7 @@ class ConflictError(CannotRunError):
 
 
 class UnreachableError(CannotRunError):
-    """The API server does not answer."""
+    """The API server does not answer, or not yet."""
 
 
 def refusal(code: int, status: Mapping[str, Any], where: str) -> RobovastError:
@@ -51,6 +51,8 @@ def refusal(code: int, status: Mapping[str, Any], where: str) -> RobovastError:
             "it with `vast exec cluster setup CLUSTER_CONFIG`; `--list` shows the cluster "
             "configurations."
         )
+    if code == 429 or code >= 500:
+        return unreachable(message, where)
     kind = {404: NotFoundError, 409: ConflictError}.get(code, CannotRunError)
     return kind(f"{where}: {message}.")
 

@@ -34,6 +34,9 @@ ROOT = Path(__file__).parents[2]
 GROWTH = ROOT / "configs/examples/growth_sim/growth_sim.vast"
 VAST = Path(sys.executable).with_name("vast")
 
+one_make = pytest.mark.parametrize("s3_server", ["versitygw"], indirect=True)
+"""How makes differ is tested with the storage itself."""
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -322,10 +325,17 @@ def test_monitor_shows_all_campaigns_and_what_hinders_them(vast: Vast, operator:
         [second, "Queued", "0/26"],
     ]
     assert f"{second}: the queue `q` is full" in table
-    for name in (first, second):
-        operator.report(name, state="Finished", runs={"passed": 26})
-    lines = vast("monitor").out.splitlines()
-    assert [line.split()[0] for line in lines] == [first, second]
+    finish = threading.Timer(1, lambda: [end(operator, name) for name in (first, second)])
+    finish.start()
+    lines = vast("monitor", "-i", 0.2).out.splitlines()
+    finish.join()
+    assert f"{first}  Running  6 of 26 done: 5 passed, 1 failed; 2 running" in lines
+    assert {f"{name}  Finished  26 of 26 done: 26 passed" for name in (first, second)} <= set(lines)
+    assert "No campaign runs" in vast("monitor").out
+
+
+def end(operator: Operator, name: str) -> None:
+    operator.report(name, state="Finished", runs={"passed": 26}, conditions=[])
 
 
 def test_stop_resume_and_retry_change_what_the_operator_reads(
@@ -421,6 +431,7 @@ def secret(name: str, namespace: str, server: Server, **more: str) -> dict[str, 
     }
 
 
+@one_make
 def test_results_come_home_with_the_keys_of_the_clusters_secret(
     vast: Vast, stored: Stored, tmp_path: Path
 ) -> None:
@@ -431,6 +442,7 @@ def test_results_come_home_with_the_keys_of_the_clusters_secret(
     assert "(1 were here)" in vast("download", "-o", "home", group=("results",)).out
 
 
+@one_make
 def test_results_whose_campaign_was_removed_are_found_by_name(
     vast: Vast, stored: Stored, s3_server: Server, known_cluster: Cluster, namespace: str
 ) -> None:
@@ -444,6 +456,7 @@ def test_results_whose_campaign_was_removed_are_found_by_name(
     assert "there is no campaign `nothing`" in nothing.err
 
 
+@one_make
 def test_without_keys_it_is_said_which_are_missing(
     vast: Vast, stored: Stored, known_cluster: Cluster, namespace: str
 ) -> None:
@@ -453,11 +466,28 @@ def test_without_keys_it_is_said_which_are_missing(
     assert "ROBOVAST_S3_ACCESS_KEY" in outcome.err
 
 
+@one_make
+def test_results_that_were_removed_keep_no_others(
+    vast: Vast, stored: Stored, operator: Operator, s3_server: Server, tmp_path: Path
+) -> None:
+    vast("run", "--detach")
+    (name,) = set(operator.names()) - {stored.name}
+    endpoint = f"http://{s3_server.endpoint}"
+    operator.report(name, bucket=f"{name}-gone", campaign="gone", endpoint=endpoint)
+    outcome = vast("download", "-o", "home", group=("results",))
+    assert outcome.code == 5
+    assert "NoSuchBucket" in outcome.err
+    assert "not all could be fetched of gone." in outcome.err
+    assert (tmp_path / f"home/{stored.name}-2026/sweep-1-1/0/run.json").is_file()
+
+
+@one_make
 def test_download_cleanup_removes_buckets_of_finished_campaigns(vast: Vast, stored: Stored) -> None:
     assert vast("download-cleanup", "--yes").code == 0
     assert stored.bucket not in stored.store.buckets()
 
 
+@one_make
 def test_run_cleanup_with_data_removes_the_bucket_too(
     vast: Vast, stored: Stored, operator: Operator
 ) -> None:
@@ -467,6 +497,7 @@ def test_run_cleanup_with_data_removes_the_bucket_too(
     assert operator.names() == []
 
 
+@one_make
 def test_many_files_go_into_an_archive_in_the_store(
     vast: Vast,
     s3_server: Server,

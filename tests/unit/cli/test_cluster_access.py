@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import json
+import os
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from robovast.errors import CannotRunError, InputError
 from robovast_cli.cluster_store import cluster_service
+from robovast_cli.kubeconfig import choose as choose_context
 from robovast_cli.port_forward import choose
-from robovast_cli.refusals import ConflictError, NotFoundError, NotInstalledError, refusal
+from robovast_cli.refusals import (
+    ConflictError,
+    NotFoundError,
+    NotInstalledError,
+    UnreachableError,
+    refusal,
+)
 
 WHERE = "the API server"
 
@@ -60,7 +70,7 @@ def test_connections_go_to_a_pod_that_is_ready_and_stays() -> None:
         (401, {"message": "Unauthorized"}, CannotRunError, "Log in again"),
         (403, {"message": "u may not"}, CannotRunError, "u may not"),
         (413, {"message": "too large"}, InputError, "too large"),
-        (503, {}, CannotRunError, "HTTP status 503"),
+        (503, {}, UnreachableError, "HTTP status 503"),
     ],
 )
 def test_each_refusal_says_what_to_do(
@@ -85,3 +95,41 @@ def test_refused_fields_of_the_document_are_named_as_in_the_file() -> None:
         "    spec.parallelism: too small",
         "    some rules were not checked",
     ]
+
+
+def write_config(path: Path, current: str, **namespaces: str) -> None:
+    contexts = [
+        {"name": name, "context": {"cluster": "c", "user": "u", "namespace": namespace}}
+        for name, namespace in namespaces.items()
+    ]
+    path.write_text(json.dumps({"contexts": contexts, "current-context": current}))
+
+
+@pytest.mark.parametrize(
+    ("context", "namespace", "chosen"),
+    [
+        (None, None, ("lab", "tests")),
+        ("home", None, ("home", "default")),
+        ("home", "mine", ("home", "mine")),
+        ("other", None, ("other", None)),
+    ],
+)
+def test_several_kubeconfigs_count_together(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    context: str | None,
+    namespace: str | None,
+    chosen: tuple[str | None, str | None],
+) -> None:
+    write_config(tmp_path / "a", "", home="")
+    write_config(tmp_path / "b", "lab", lab="tests", home="shadowed")
+    paths = [tmp_path / name for name in ("a", "missing", "b")]
+    monkeypatch.setenv("KUBECONFIG", os.pathsep.join(map(str, paths)))
+    assert choose_context(context, namespace) == chosen
+
+
+def test_a_broken_kubeconfig_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "broken").write_text("a: [")
+    monkeypatch.setenv("KUBECONFIG", str(tmp_path / "broken"))
+    with pytest.raises(InputError, match="broken: cannot be read as a kubeconfig"):
+        choose_context(None, None)
