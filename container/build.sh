@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # Build RoboVAST's run images, and push them when asked to.
 #
-#   container/build.sh [--push] [--slim|--full|--agent] [--base IMAGE] [--tag TAG] [-- BUILD-OPTION...]
+#   container/build.sh [--push] [--slim|--full|--agent] [--core] [--base IMAGE] [--tag TAG] [-- BUILD-OPTION...]
 #
 #   --push        push every image that was built
 #   --slim        only the image without ROS (container/slim)
 #   --full        only the image with ROS 2 Jazzy (container/robovast)
 #   --agent       only the image of the operator and of our containers beside runs (container/agent)
+#   --core        the agent's image without what floor plans and robots' paths need: a third the size
 #   --base IMAGE  build on this image instead of the Dockerfile's own base
 #   --tag TAG     default: latest; the slim image gets TAG-slim, the agent's TAG-agent
 #   --            what follows goes to `docker build`
@@ -24,6 +25,7 @@ docker=${DOCKER:-docker}
 repository=${ROBOVAST_REGISTRY:-localhost:5000}/robovast
 push=false
 tag=latest
+lock=agent
 kinds=(robovast slim agent)
 options=()
 
@@ -33,6 +35,7 @@ while [ $# -gt 0 ]; do
         --slim) kinds=(slim) ;;
         --full) kinds=(robovast) ;;
         --agent) kinds=(agent) ;;
+        --core) lock=agent-core ;;
         --base | --tag)
             [ $# -ge 2 ] || { echo "build.sh: $1 needs a value" >&2; exit 2; }
             if [ "$1" = --tag ]; then tag=$2; else options+=(--build-arg "BASE_IMAGE=$2"); fi
@@ -47,7 +50,7 @@ done
 
 # The agent's image has this RoboVAST inside.
 add_wheel() {
-    cp ../requirements/agent.txt agent/requirements.txt
+    cp "../requirements/$lock.txt" agent/requirements.txt
     rm -f agent/robovast-*.whl
     if command -v uv >/dev/null; then
         uv build --quiet --wheel --out-dir agent ..

@@ -79,6 +79,22 @@ def rejected_conditions(
     return dated(found, generation, now, old)
 
 
+def composing_conditions(
+    trouble: Why | None, generation: int, now: str, old: Iterable[Condition]
+) -> list[Condition]:
+    """All conditions of a campaign whose document is just being expanded."""
+    reason, message = trouble or ("Composing", "the document is being expanded by a Job")
+    names = ("Accepted", "QuotaReserved", "Succeeded", "Passed")
+    unknown: list[Found] = [(name, "Unknown", "Composing", "") for name in names]
+    found: list[Found] = [
+        *unknown,
+        ("Reconciling", "True", reason, message),
+        ("Stalled", "True" if trouble else "False", reason, message if trouble else ""),
+        ("ResultsAvailable", "False", "Composing", ""),
+    ]
+    return dated(found, generation, now, old)
+
+
 def dated(
     found: Sequence[Found], generation: int, now: str, old: Iterable[Condition]
 ) -> list[Condition]:

@@ -8,8 +8,8 @@ from collections.abc import AsyncIterator, Mapping
 from robovast_operator import paths
 from robovast_operator.api import Api, ApiError
 from robovast_operator.campaign import Accepted, Object
-from robovast_operator.decide import Trouble
 from robovast_operator.memory import Memory
+from robovast_operator.picture import Trouble
 from robovast_operator.pod_facts import final_of, reports_of, trouble_of
 from robovast_operator.settings import Settings
 from robovast_operator.store import JobState

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from robovast_operator.campaign import Accepted, Rejected, Revision
-from robovast_operator.decide import Final, Trouble
+from robovast_operator.picture import Final, Trouble
 from robovast_operator.store import JobState
 from robovast_operator.verdicts import Report
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 
 from robovast.cluster.status import Runs
 from robovast_operator.campaign import Object
-from robovast_operator.decide import Final, Trouble
+from robovast_operator.picture import Final, Trouble
 from robovast_operator.verdicts import Report, parse_report
 
 INDEX_ANNOTATION = "batch.kubernetes.io/job-completion-index"

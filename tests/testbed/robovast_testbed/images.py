@@ -63,7 +63,7 @@ def agent_archive() -> Path:
     return cache.once(f"images/agent-{key}", make) / "images.tar"
 
 
-_LOCK = ROOT / "requirements/agent.txt"
+_LOCK = ROOT / "requirements/agent-core.txt"
 _DEPENDENCIES = f"{REPOSITORY}-testbed-agent-dependencies:{debian.SUITE}"
 _OFFLINE = (
     *("--network", "none"),
@@ -79,7 +79,7 @@ def _build_agent(engine: docker.Docker, context: Path, output: Path) -> None:
     build = context / "container/build.sh"
     options = ("--cache-from", _DEPENDENCIES, *_OFFLINE)  # which saves their installation
     run(
-        [build, "--agent", "--base", BASE, "--tag", "testbed", "--", *options],
+        [build, "--agent", "--core", "--base", BASE, "--tag", "testbed", "--", *options],
         env=os.environ | engine.env,
     )
     engine.run("save", "--output", output, AGENT, S3)
