@@ -77,7 +77,7 @@ def run(results: Path, options: Options) -> ExitCode:
     if any(summary.interrupted for summary in summaries):
         typer.echo("interrupted; what was finished is kept, the rest is done next time", err=True)
         return ExitCode.INTERRUPTED
-    return ExitCode.TEST_FAILED if failures else ExitCode.OK
+    return min((failure.code for failure in failures), default=ExitCode.OK)
 
 
 def _outcome(summary: CampaignSummary) -> str:

@@ -80,8 +80,8 @@ def postprocess(
 ) -> int:
     """Turn raw results into tables, metadata and a provenance graph.
 
-    Only what changed is worked again. Exit code 0: every command succeeded; 1: one did not;
-    130: interrupted.
+    Only what changed is worked again. Exit code 0: every command succeeded; 1: one did not; 2: a
+    .vast file is wrong; 5: results cannot be written; 130: interrupted.
     """
     from robovast.postprocessing.events import Options
     from robovast_cli.postprocessing import run

@@ -8,9 +8,6 @@ import tarfile
 from collections.abc import Sequence
 from pathlib import Path
 
-TOOLS = Path(__file__).parent / "tools"
-"""Programs that commands find on their PATH, as `docker_exec.sh`."""
-
 _LINES_SHOWN = 5
 
 
@@ -32,9 +29,7 @@ def command(
     """
     path = Path(config_dir) / script
     program = str(path) if path.is_file() else script
-    environment = {**os.environ, "PATH": f"{TOOLS}{os.pathsep}{os.environ.get('PATH', '')}"}
-    if provenance_file:
-        environment["PROVENANCE_FILE"] = provenance_file
+    environment = {**os.environ, "PROVENANCE_FILE": provenance_file or ""}
     try:
         done = subprocess.run(
             [program, results_dir, *map(str, args)],

@@ -40,9 +40,14 @@ def main() -> None:
 
 
 def _answer(requests: TextIO, replies: TextIO, guard: Guard) -> None:
+    _say(replies, "ready")
     for line in requests:
-        replies.write(json.dumps(_reply(json.loads(line), guard), default=str) + "\n")
-        replies.flush()
+        _say(replies, _reply(json.loads(line), guard))
+
+
+def _say(replies: TextIO, value: Any) -> None:
+    replies.write(json.dumps(value, default=str) + "\n")
+    replies.flush()
 
 
 def _reply(request: Mapping[str, Any], guard: Guard) -> Any:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
+from robovast.errors import ExitCode
+
 ROSOUT = "rosbags_rosout_to_csv"
 
 
@@ -42,6 +44,7 @@ class Failure:
     where: str
     """The run, as `<variant>/<number>`; empty when it was the campaign as a whole."""
     message: str
+    code: ExitCode = ExitCode.TEST_FAILED
 
     def __str__(self) -> str:
         where = f"{self.campaign}/{self.where}" if self.where else self.campaign

@@ -97,7 +97,7 @@ def _succeeded(part: _Part, observer: Observer, summary: CampaignSummary) -> boo
     try:
         part.write()
     except RobovastError as error:
-        failure = Failure(summary.campaign.name, part.name, "", str(error))
+        failure = Failure(summary.campaign.name, part.name, "", str(error), error.exit_code)
         summary.failures.append(failure)
         observer.failed(failure)
         return False

@@ -74,7 +74,7 @@ def _written(event: str, arguments: tuple[Any, ...]) -> Iterator[Any]:
         by_mode = isinstance(mode, str) and not set(mode).isdisjoint("wax+")
         if by_mode or (isinstance(flags, int) and flags & _WRITING):
             yield path
-    elif event in _PATHS:
+    elif event in _PATHS and not (event == "os.mkdir" and os.path.isdir(arguments[0])):
         yield from arguments[: _PATHS[event]]
 
 

@@ -56,7 +56,7 @@ def postprocess(results: Path, options: Options, observer: Observer) -> list[Cam
             summary.interrupted = True
             break
         except RobovastError as error:
-            failure = Failure(campaign.name, "postprocess", "", str(error))
+            failure = Failure(campaign.name, "postprocess", "", str(error), error.exit_code)
             summary.failures.append(failure)
             observer.failed(failure)
         observer.campaign_finished(summary)

@@ -12,12 +12,17 @@ import sys
 import threading
 import time
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
 
 from robovast.execution.local.process_tree import stop
 from robovast.postprocessing.outcome import Outcome
 
+TOOLS = Path(__file__).parent / "tools"
+"""Programs that plugins find on their PATH, as `docker_exec.sh`."""
+_START = 60.0
+"""Time that a process may take to start [s]."""
 _PIECE = 1 << 16
 
 
@@ -134,11 +139,13 @@ class Worker:
                     stdin=subprocess.PIPE,
                     stdout=self._log,
                     stderr=self._log,
+                    env={**os.environ, "PATH": f"{TOOLS}:{os.environ.get('PATH', '')}"},
                     pass_fds=(theirs,),
                     start_new_session=True,
                 )
             finally:
                 os.close(theirs)
+            self._line(time.monotonic() + _START)  # its start is not the plugin's time
         return self._process
 
     def _ended(self) -> str:

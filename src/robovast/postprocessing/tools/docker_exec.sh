@@ -1,0 +1,77 @@
+#!/usr/bin/env bash
+# Executes a script on results in a container of a run image.
+set -euo pipefail
+here=$(cd "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")" && pwd)
+package=$(dirname "$(dirname "$here")")
+
+image=${ROBOVAST_IMAGE:-}
+provenance=${PROVENANCE_FILE:-}
+input=
+script=
+
+usage() {
+  cat <<END
+usage: docker_exec.sh [--image IMAGE] [--provenance-file HOST_PATH] INPUT_DIR SCRIPT [ARG…]
+
+  --image IMAGE                 run image; \$ROBOVAST_IMAGE when omitted
+  --provenance-file HOST_PATH   where the script's provenance goes; \$PROVENANCE_FILE when omitted
+
+INPUT_DIR is /input in the container, SCRIPT's folder is /scripts, and the folder of HOST_PATH is
+/provenance. Executed is \`SCRIPT [--provenance-file /provenance/NAME] /input ARG…\`, by python3 when
+its name ends with .py; \`import rosbags_common\` works.
+END
+}
+
+fail() { # exit code, message
+  echo "error: $2" >&2
+  exit "$1"
+}
+
+while [ $# -gt 0 ] && [ -z "$script" ]; do
+  case $1 in
+    --image) image=${2:?--image needs the name of an image}; shift ;;
+    --provenance-file) provenance=${2:?--provenance-file needs a path}; shift ;;
+    -h | --help) usage; exit 0 ;;
+    -*) usage >&2; fail 2 "unknown option $1" ;;
+    *) if [ -z "$input" ]; then input=$1; else script=$1; fi ;;
+  esac
+  shift
+done
+[ -n "$script" ] || { usage >&2; fail 2 "INPUT_DIR and SCRIPT are needed."; }
+[ -d "$input" ] || fail 2 "$input: there is no such folder."
+[ -f "$script" ] || fail 2 "$script: there is no such script."
+[ -n "$image" ] || fail 3 "no container image is named: give --image, or set ROBOVAST_IMAGE."
+
+engine=docker
+command -v docker >/dev/null || engine=podman
+command -v $engine >/dev/null || fail 3 "neither docker nor podman is here."
+$engine info >/dev/null 2>&1 || fail 3 "$engine does not answer. Is its daemon running, and may you use it?"
+
+# The image must speak our version of the run contract, before the script starts.
+compat_version=$(sed -n 's/^COMPAT_VERSION = //p' "$package/common/execution.py")
+$engine image inspect "$image" >/dev/null 2>&1 || $engine pull --quiet "$image" >/dev/null ||
+  fail 3 "the image $image is not on this machine and cannot be pulled."
+found=$($engine run --rm --network none --entrypoint cat "$image" /etc/robovast_compat_version 2>/dev/null || true)
+[ "$found" = "$compat_version" ] || fail 3 "the image $image is not compatible: contract version \`$compat_version\` is needed, \
+the image has \`${found:-none}\`. Rebuild it from container/robovast/Dockerfile, or use the RoboVAST that it was built for."
+
+folder=$(cd "$(dirname "$script")" && pwd)
+command=("/scripts/$(basename "$script")")
+case $script in *.py) command=(python3 "${command[0]}") ;; esac
+options=(--rm --network none --entrypoint /bin/bash --env HOME=/tmp --env PYTHONPATH=/robovast
+  --volume "$(cd "$input" && pwd):/input"
+  --volume "$folder:/scripts:ro"
+  --volume "$(dirname "$package")/rosbags_common.py:/robovast/rosbags_common.py:ro")
+if [ -n "$provenance" ]; then
+  options+=(--volume "$(cd "$(dirname "$provenance")" && pwd):/provenance")
+  command+=(--provenance-file "/provenance/$(basename "$provenance")")
+fi
+# What the container writes belongs to the user.
+if [ $engine = podman ]; then options+=(--userns keep-id); else options+=(--user "$(id -u):$(id -g)"); fi
+
+# shellcheck disable=SC2016  # it is the container's shell that expands
+sourcing='for setup in "/opt/ros/${ROS_DISTRO:-none}/setup.bash" /ws/install/setup.bash; do
+  if [ -f "$setup" ]; then . "$setup"; fi
+done
+exec "$@"'
+exec $engine run "${options[@]}" "$image" -c "$sourcing" bash "${command[@]}" /input "$@"
