@@ -1,7 +1,7 @@
 // One campaign: how it went, over any two parameters, and every run.
 import { useMemo } from "preact/hooks";
 import { address, VERDICTS, type Columns, type Verdict } from "./api";
-import { axis, matcher, parameters, show, sorted, valueOf, variantOf, verdictOf, type Run } from "./data";
+import { axis, matcher, parameters, show, sorted, valueOf, variantOf, verdictOf, type Axis, type Run } from "./data";
 import { count, duration, moment, plural } from "./format";
 import { Grid, type Column } from "./grid";
 import { useAnswer, type Versions } from "./live";
@@ -79,7 +79,12 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
   const colour = query.get("colour") ?? "rate";
 
   const found = useMemo(() => filtered(data, text, wanted), [data, text, wanted]);
-  const inCell = useMemo(() => ofCell(data, found, x, y, cell), [data, found, x, y, cell]);
+  const across = useMemo(() => axis(data, x), [data, x]);
+  const down = useMemo(() => axis(data, y), [data, y]);
+  const inCell = useMemo(
+    () => ofCell(data, found, across, down, cell),
+    [data, found, across, down, cell],
+  );
   const rows = useMemo(() => sorted(data, inCell, sort), [data, inCell, sort]);
   const columns = useMemo(() => columnsOf(data, names), [data, names]);
   const views = [
@@ -88,7 +93,7 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
       label: "Matrix",
       show: () => (
         <Matrix
-          {...{ data, names, x, y, colour, chosen: cell }}
+          {...{ data, names, x, y, across, down, colour, chosen: cell }}
           runs={found}
           measures={[["duration", "mean duration [s]"]]}
         />
@@ -154,14 +159,12 @@ function filtered(data: Columns, text: string, wanted: string): Run[] {
     .filter((run) => (!verdicts.size || verdicts.has(verdictOf(data, run))) && matches(run));
 }
 
-function ofCell(data: Columns, runs: Run[], x: string, y: string, cell: string): Run[] {
+function ofCell(data: Columns, runs: Run[], across: Axis, down: Axis, cell: string): Run[] {
   if (!cell) return runs;
   const [i, j] = cell.split(",").map(Number);
-  const across = axis(data, x).group;
-  const down = axis(data, y).group;
   return runs.filter((run) => {
     const variant = data.runs.variant[run]!;
-    return across[variant] === i && down[variant] === j;
+    return across.group[variant] === i && down.group[variant] === j;
   });
 }
 

@@ -1,7 +1,7 @@
 // Configurations in cells of two parameters, coloured by failure rate or by what was measured.
 import { useMemo } from "preact/hooks";
 import type { Columns } from "./api";
-import { axis, cells, show, type Cell, type Run } from "./data";
+import { cells, show, type Axis, type Cell, type Run } from "./data";
 import { percent, plural } from "./format";
 import { Export, Select } from "./parts";
 import { choose } from "./route";
@@ -12,15 +12,16 @@ interface MatrixProps {
   names: string[];
   x: string;
   y: string;
+  across: Axis;
+  down: Axis;
   colour: string;
   measures: [string, string][];
   /** Chosen cell, `column,row`. */
   chosen: string;
 }
 
-export function Matrix({ data, runs, names, x, y, colour, measures, chosen }: MatrixProps) {
-  const across = useMemo(() => axis(data, x), [data, x]);
-  const down = useMemo(() => axis(data, y), [data, y]);
+export function Matrix(props: MatrixProps) {
+  const { data, runs, names, x, y, across, down, colour, measures, chosen } = props;
   const measure = colour === "rate" ? "" : colour;
   const found = useMemo(
     () => cells(data, runs, across, down, measure),

@@ -6,6 +6,8 @@ import { order, show, valueOf, verdictOf, type Run } from "./data";
 const HEIGHT = 340;
 const MARGIN = { top: 46, bottom: 16, side: 70 };
 const MOST_AXES = 12;
+/** Least room of an axis [px]. */
+const AXIS = 120;
 
 interface ParallelProps {
   data: Columns;
@@ -44,7 +46,12 @@ export function Parallel({ data, runs, names }: ParallelProps) {
     };
   }, [scales, variants]);
   const text = `Parallel coordinates of ${variants.size} configurations over ${scales.map((s) => s.label).join(", ")}`;
-  return <canvas ref={canvas} class="parallel" role="img" aria-label={text} style={{ height: `${HEIGHT}px` }} />;
+  const size = { height: `${HEIGHT}px`, minWidth: `${AXIS * scales.length}px` };
+  return (
+    <div class="scroll" tabIndex={0} role="region" aria-label="Parallel coordinates">
+      <canvas ref={canvas} class="parallel" role="img" aria-label={text} style={size} />
+    </div>
+  );
 }
 
 interface VariantResult {

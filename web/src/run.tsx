@@ -96,7 +96,7 @@ function tabsOf(data: RunDetails, query: URLSearchParams): Tab[] {
     tables.length > 0 && { id: "plots", label: "Plots", show: () => <Tables files={tables} query={query} /> },
     data.usage.length > 0 && { id: "resources", label: "Resources", show: () => <Resources data={data} /> },
     { id: "parameters", label: "Parameters", show: () => <Parameters data={data} /> },
-    pictures.length > 0 && { id: "video", label: "Video", show: () => <Pictures files={pictures} /> },
+    pictures.length > 0 && { id: "video", label: pictures.some((file) => file.kind === "video") ? "Video" : "Pictures", show: () => <Pictures files={pictures} /> },
     data.bags.length > 0 && { id: "bag", label: "Bag", show: () => <Bags data={data} /> },
     { id: "files", label: `Files`, show: () => <Files data={data} /> },
   ];

@@ -7,6 +7,7 @@ changed: a run enters it at once and complete, by a rename.
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import re
 import stat
@@ -22,7 +23,7 @@ from typing import Any
 
 from robovast.errors import InputError
 from robovast.evaluation.inside import read_small, resolved
-from robovast.evaluation.untrusted import mapping, parse_json, parse_yaml
+from robovast.evaluation.untrusted import mapping, parse_yaml, plain
 from robovast.results.layout import RUN_RECORD, TEST_RESULT
 from robovast.results.verdict import Verdict, read_test_result
 
@@ -30,6 +31,8 @@ SETTLED = 2.0
 """A folder that changed less than this ago may change again unseen, within its time stamp [s]."""
 LARGEST_RECORD = 1 << 20
 """[bytes]"""
+LONGEST_REASON = 500
+"""Characters of a reason in lists; the page of the run has all of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,8 +218,9 @@ class CampaignIndex:
                 for entry in sorted(entries, key=lambda entry: int(entry.name))
             ]
         first: Mapping[str, Any] = next((record for _, record in records if record), {})
-        parameters = first.get("parameters")
-        if not isinstance(parameters, dict):
+        if isinstance(first.get("parameters"), dict):
+            parameters = _bounded(first["parameters"])
+        else:
             parameters = known.variant.parameters if known else self._scenario_parameters(name)
         runs = [
             _from_record(number, record) if record else self._from_test_result(name, number)
@@ -301,6 +305,7 @@ def _is_variant(entry: os.DirEntry[str]) -> bool:
     return entry.name[0] not in "._" and entry.is_dir(follow_symlinks=False)
 
 
+_VERDICTS = list(Verdict)
 _JOB = re.compile(r"job-[0-9]{1,9}")
 _RUN = re.compile(r"0|[1-9][0-9]{0,8}")
 
@@ -322,22 +327,33 @@ def _read_record(variant: int, run: str) -> Mapping[str, Any]:
     flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     try:
         descriptor = os.open(f"{run}/{RUN_RECORD}", flags, dir_fd=variant)
-        with os.fdopen(descriptor, "rb") as file:
-            record = mapping(parse_json(file.read(LARGEST_RECORD)))
     except OSError:
         return {}
-    return record if record.get("verdict") in list(Verdict) else {}
+    try:
+        record = mapping(json.loads(os.read(descriptor, LARGEST_RECORD)))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    finally:
+        os.close(descriptor)
+    return record if record.get("verdict") in _VERDICTS else {}
 
 
 def _from_record(number: int, record: Mapping[str, Any]) -> RunSummary:
     return RunSummary(
         number=number,
         verdict=Verdict(record["verdict"]),
-        reason=sys.intern(str(record.get("reason") or "")),
+        reason=sys.intern(str(record.get("reason") or "")[:LONGEST_REASON]),
         started_at=_seconds(record.get("started_at")),
         duration=_number(record.get("duration")),
-        job=sys.intern(str(record.get("job") or "")),
+        job=sys.intern(str(record.get("job") or "")[:LONGEST_REASON]),
     )
+
+
+def _bounded(parameters: Mapping[str, Any]) -> Mapping[str, Any]:
+    try:
+        return mapping(plain(parameters))
+    except ValueError:
+        return {}
 
 
 def _seconds(value: Any) -> float | None:
