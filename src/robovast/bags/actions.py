@@ -6,7 +6,6 @@ from pathlib import Path
 
 from pydantic import Field
 
-from robovast.bags.flatten import JOINED
 from robovast.bags.job import Context, FileName, Job, nothing_on
 from robovast.bags.source import Consumer, Topic
 from robovast.bags.topics import MessageTable
@@ -26,12 +25,17 @@ class ActionToCsv(Job):
         return _ActionWorker(context, name, prefix)
 
 
+def _joined(name: str) -> str:
+    """`a.b[0].c` as `a_b_0_c`."""
+    return name.replace("]", "").replace("[", "_").replace(".", "_")
+
+
 class _ActionWorker:
     def __init__(self, context: Context, action: str, prefix: str) -> None:
         self._context = context
         self._tables = {
             f"/{action}/_action/{part}": MessageTable(
-                context, f"{prefix}_{part}.csv", ["timestamp"], JOINED
+                context, f"{prefix}_{part}.csv", ["timestamp"], _joined
             )
             for part in ("feedback", "status")
         }

@@ -1,7 +1,7 @@
 """Messages as CSV cells: a function compiled for each message type, names for its cells.
 
-A message's cells follow its fields in order. How many there are depends on its *shape*: the
-lengths of all sequences in it, in order. Formatting is what a conversion spends its time on, so
+A message's cells follow its fields in order. Which there are depends on its *shape*: the lengths of
+all sequences in it, in order. Formatting is what a conversion spends its time on, so
 runs of numbers are formatted at once.
 """
 
@@ -10,11 +10,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import chain
 from struct import Struct
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import orjson
+from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 
 from robovast.bags.definitions import DefinitionError
@@ -53,15 +56,20 @@ def text_cell(raw: bytes) -> bytes:
     return b'"' + raw.replace(b'"', b'""') + b'"' if _NEEDS_QUOTES(raw) else raw
 
 
+def number_text(values: Any) -> bytes:
+    """Numbers (a tuple or an array) with commas between; `nan`, `inf`, `-inf` if not finite."""
+    text = orjson.dumps(values, option=orjson.OPT_SERIALIZE_NUMPY)[1:-1]
+    if b"null" not in text:
+        return text
+    numbers = np.asarray(values, dtype=np.float64)
+    missing = [repr(value).encode() for value in numbers[~np.isfinite(numbers)].tolist()]
+    parts = zip(text.split(b"null"), [*missing, b""], strict=True)
+    return b"".join(chain.from_iterable(parts))
+
+
 def number_cells(values: Any) -> list[bytes]:
-    """Numbers (a tuple or an array, not empty) as cells; `nan`, `inf`, `-inf` where not finite."""
-    text = orjson.dumps(values, option=orjson.OPT_SERIALIZE_NUMPY)
-    cells = text[1:-1].split(b",")
-    if b"null" in text:
-        for index, cell in enumerate(cells):
-            if cell == b"null":
-                cells[index] = repr(float(values[index])).encode()
-    return cells
+    """Numbers (not empty) as one cell each."""
+    return number_text(values).split(b",")
 
 
 def bool_cells(values: Any) -> list[bytes]:
@@ -74,18 +82,16 @@ def seconds_cell(nanoseconds: int) -> bytes:
     return b"%d.%09d" % divmod(nanoseconds, 1_000_000_000)
 
 
-class Style(NamedTuple):
-    """How the path to a field becomes a column's name."""
-
-    dot: str
-    left: str
-    right: str
+def array_cell(values: NDArray[Any]) -> bytes:
+    """An array (not empty) as one cell for all its columns, which are sorted by name."""
+    ordered = values[_sorted_places(len(values))]
+    return b",".join(bool_cells(ordered)) if ordered.dtype == bool else number_text(ordered)
 
 
-DOTTED = Style(".", "[", "]")
-"""`a.b[0]`"""
-JOINED = Style("_", "_", "")
-"""`a_b_0`"""
+@lru_cache(maxsize=64)
+def _sorted_places(count: int) -> NDArray[np.int64]:
+    """0 to n - 1 in the order of the names `[0]` to `[n - 1]`."""
+    return np.array(sorted(range(count), key="{}]".format))
 
 
 @dataclass(frozen=True)
@@ -119,30 +125,29 @@ def _field(name: str, description: FieldDesc) -> _Field:
     return replace(inner, count=None if sequence else count, sequence=sequence)
 
 
-def names_of(type_: str, types: Typesdict, shape: Shape, style: Style) -> list[str]:
-    """Names of the cells of a message that has a shape."""
-    return list(_names(type_, types, iter(shape), "", style))
+def columns_of(type_: str, types: Typesdict, shape: Shape) -> list[list[str]]:
+    """Names of the columns of each cell of a message that has a shape.
+
+    A name is the path to a field, as `a.b[0].c`. All numbers of a sequence are one cell.
+    """
+    return list(_columns(type_, types, iter(shape), ""))
 
 
-def _names(
-    type_: str, types: Typesdict, lengths: Iterator[int], prefix: str, style: Style
-) -> Iterator[str]:
+def _columns(
+    type_: str, types: Typesdict, lengths: Iterator[int], prefix: str
+) -> Iterator[list[str]]:
     for field in _fields(type_, types):
-        path = f"{prefix}{style.dot}{field.name}" if prefix else field.name
-        for item in _items(field, path, lengths, style):
+        path = f"{prefix}.{field.name}" if prefix else field.name
+        count = next(lengths) if field.sequence else field.count
+        if field.sequence and field.base and field.of != "string":
+            if count:
+                yield [f"{path}[{place}]" for place in _sorted_places(count).tolist()]
+            continue
+        for item in [path] if count is None else (f"{path}[{place}]" for place in range(count)):
             if field.base:
-                yield item
+                yield [item]
             else:
-                yield from _names(field.of, types, lengths, item, style)
-
-
-def _items(field: _Field, path: str, lengths: Iterator[int], style: Style) -> Iterator[str]:
-    if not field.sequence and field.count is None:
-        yield path
-        return
-    count = next(lengths) if field.sequence else field.count or 0
-    for index in range(count):
-        yield f"{path}{style.left}{index}{style.right}"
+                yield from _columns(field.of, types, lengths, item)
 
 
 def compile_flatten(type_: str, types: Typesdict, big_endian: bool = False) -> Flatten:
@@ -175,6 +180,7 @@ class _Compiler:
         self.modulus, self.residue = 8, 0
         self.scope: dict[str, Any] = {
             "array": np.frombuffer,
+            "array_cell": array_cell,
             "bool_cells": bool_cells,
             "number_cells": number_cells,
             "text_cell": text_cell,
@@ -244,7 +250,7 @@ class _Compiler:
         self.emit("if n:")
         self.indent += 1
         self.emit(f"o = (o + {size - 1}) & -{size}")
-        self.emit(f"c += {_formatter(code)}({values})")
+        self.emit(f"c.append(array_cell({values}))")
         self.emit(f"o += n * {size}")
         self.indent -= 1
         self.modulus, self.residue = min(size, 4), 0
@@ -289,7 +295,7 @@ class _Compiler:
             values = self.array("f", str(layout.size // 4))
         else:
             values = f"{self.constant(layout.unpack_from)}(b, o)"
-        self.emit(f"c += {_formatter(self.group)}({values})")
+        self.emit(f"c += {'bool' if self.group == '?' else 'number'}_cells({values})")
         self.emit(f"o += {layout.size}")
         self.run = []
         self.group = ""
@@ -307,7 +313,3 @@ class _Compiler:
         self.flush()
         self.emit(f"o += {count}")
         self.residue = (self.residue + count) % self.modulus
-
-
-def _formatter(code: str) -> str:
-    return "bool_cells" if code == "?" else "number_cells"

@@ -6,14 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Annotated, ClassVar, Protocol
 
 from pydantic import AfterValidator, BaseModel, ConfigDict
 
 from robovast.bags.definitions import Definition, types_of, typestore_of
-from robovast.bags.flatten import Flatten, Shape, Style, compile_flatten, names_of
+from robovast.bags.flatten import Flatten, Shape, columns_of, compile_flatten
 from robovast.bags.source import Consumer, Topic, Warn
-from robovast.bags.table import Table, no_names
+from robovast.bags.table import Columns, Table, no_columns
 
 if TYPE_CHECKING:
     from rosbags.interfaces.typing import Typesdict
@@ -41,11 +41,15 @@ class Context:
     """From when to when the run took place [ns], where the bag is of several runs."""
 
     def table(
-        self, name: str, leading: Sequence[str], names: Callable[[Any], list[str]] = no_names
+        self,
+        name: str,
+        leading: Sequence[str],
+        columns: Columns = no_columns,
+        title: Callable[[str], str] = str,
     ) -> Table:
         """A CSV file; see `Table`."""
         path = self.folder / name
-        return Table(path, self.part(path), leading, names)
+        return Table(path, self.part(path), leading, columns, title)
 
     def part(self, path: Path) -> Path:
         """What a file is called before it is complete."""
@@ -65,9 +69,9 @@ class Context:
         """What appends the cells of a message as it is in the bag, and returns its shape."""
         return _flattener(topic.definition, self.definitions, self.distribution)
 
-    def names(self, topic: Topic, shape: Shape, style: Style) -> list[str]:
-        """Names of the cells of a message that has a shape."""
-        return names_of(topic.type, self.types(topic.definition), shape, style)
+    def columns(self, topic: Topic, shape: Shape) -> list[list[str]]:
+        """Names of the columns of each cell of a message that has a shape."""
+        return columns_of(topic.type, self.types(topic.definition), shape)
 
 
 class Worker(Protocol):

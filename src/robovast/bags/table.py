@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from functools import lru_cache
-from itertools import islice
+from itertools import chain, islice
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -18,8 +18,12 @@ Key = Hashable
 _BUFFER = 1 << 20
 
 
-def no_names(_key: Key) -> list[str]:
-    """Names of the further cells of rows that have none."""
+Columns = Callable[[Any], list[list[str]]]
+"""Names of the columns of each cell of a row, by the row's key."""
+
+
+def no_columns(_key: Key) -> list[list[str]]:
+    """Columns of rows that have none but the leading ones."""
     return []
 
 
@@ -35,7 +39,8 @@ class Table:
         path: Path,
         part: Path,
         leading: Sequence[str],
-        names: Callable[[Any], list[str]] = no_names,
+        columns: Columns = no_columns,
+        title: Callable[[str], str] = str,
     ) -> None:
         """Open a file that takes its name when it is closed.
 
@@ -43,11 +48,13 @@ class Table:
             path: the CSV file.
             part: what it is called before it is complete.
             leading: names of the cells that every row begins with.
-            names: names of a row's further cells, by its key; none when left out.
+            columns: names of the columns of each further cell, by the row's key.
+            title: what the file calls a column, by its name.
         """
         self.path = path
         self._leading = list(leading)
-        self._names = names
+        self._columns = columns
+        self._title = title
         self._part = part
         self._file = self._part.open("wb", buffering=_BUFFER)
         self._runs: list[tuple[Key, int]] = []
@@ -62,6 +69,12 @@ class Table:
             self._switch(key)
         self._count += 1
         self._file.write(b",".join(self._order(cells)) + b"\n")
+
+    def add_lines(self, lines: Iterable[bytes]) -> None:
+        """Write rows that are whole, where rows have no cells but the leading ones."""
+        if self._key is None:
+            self._switch(())
+        self._file.writelines(line + b"\n" for line in lines)
 
     def close(self) -> None:
         """Finish the file and give it its name."""
@@ -81,7 +94,7 @@ class Table:
     def _switch(self, key: Key) -> None:
         self._end_run()
         if not self._runs:
-            self._file.write(_line(self._leading + sorted(self._names(key))))
+            self._file.write((",".join(self._header(self._sorted(key))) + "\n").encode())
         self._order = self._orders(key)
         self._key, self._count = key, 0
 
@@ -90,13 +103,20 @@ class Table:
             self._runs.append((self._key, self._count))
 
     def _order_of(self, key: Key) -> Any:
+        """What takes the cells of a row to their order in the file."""
         lead = len(self._leading)
-        names = self._names(key)
-        rest = sorted(range(len(names)), key=names.__getitem__)
-        return _getter([*range(lead), *(lead + index for index in rest)])
+        cells = self._columns(key)
+        rest = sorted(range(len(cells)), key=lambda place: cells[place][0])
+        return _getter([*range(lead), *(lead + place for place in rest)])
+
+    def _sorted(self, key: Key) -> list[str]:
+        return sorted(chain.from_iterable(self._columns(key)))
+
+    def _header(self, columns: list[str]) -> list[str]:
+        return [*self._leading, *map(self._title, columns)]
 
     def _rewrite(self, keys: list[Key]) -> None:
-        columns = sorted({name for key in keys for name in self._names(key)})
+        columns = sorted({name for key in keys for name in self._sorted(key)})
         final = self._part.with_suffix(".all")
         csv.field_size_limit(sys.maxsize)  # a cell holds a whole string, however long
         with (
@@ -106,7 +126,7 @@ class Table:
             rows = csv.reader(source)
             next(rows, None)
             writer = csv.writer(target, lineterminator="\n")
-            writer.writerow(self._leading + columns)
+            writer.writerow(self._header(columns))
             spread = {key: self._spread(key, columns) for key in keys}
             for key, count in self._runs:
                 order = spread[key]
@@ -117,7 +137,7 @@ class Table:
     def _spread(self, key: Key, columns: list[str]) -> Any:
         """What takes a row of a key, with an empty cell at its end, to the columns of all."""
         lead = len(self._leading)
-        place = {name: lead + index for index, name in enumerate(sorted(self._names(key)))}
+        place = {name: lead + index for index, name in enumerate(self._sorted(key))}
         return _getter([*range(lead), *(place.get(name, -1) for name in columns)])
 
 
@@ -125,7 +145,3 @@ def _getter(places: list[int]) -> Any:
     if len(places) > 1:
         return itemgetter(*places)
     return lambda cells: [cells[place] for place in places]
-
-
-def _line(cells: Iterable[str]) -> bytes:
-    return (",".join(cells) + "\n").encode()

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from pydantic import Field
 
-from robovast.bags.flatten import number_cells, seconds_cell, text_cell
+from robovast.bags.flatten import number_text, seconds_cell, text_cell
 from robovast.bags.job import Context, FileName, Job, nothing_on
 from robovast.bags.source import Consumer, Topic
 from robovast.bags.transforms import TransformTree, euler
@@ -70,25 +71,20 @@ class _TfWorker:
         self._table.discard()
 
     def _write(self) -> None:
-        rows: list[tuple[int, int, list[bytes]]] = []
+        rows: list[tuple[int, int, bytes]] = []
         for number, frame in enumerate(self._frames):
-            rows += ((time, number, cells) for time, cells in self._rows(frame))
-        rows.sort(key=lambda row: row[:2])
-        for _, _, cells in rows:
-            self._table.add((), cells)
+            rows += ((time, number, line) for time, line in self._lines(frame))
+        rows.sort()
+        self._table.add_lines(line for _, _, line in rows)
 
-    def _rows(self, frame: str) -> list[tuple[int, list[bytes]]]:
+    def _lines(self, frame: str) -> Iterator[tuple[int, bytes]]:
         times = self._tree.stamps(frame)
         poses = self._tree.poses(frame, REFERENCE, times)
         self._say_what_is_missing(frame, len(times), int(poses.valid.sum()))
-        values = np.column_stack((poses.position, euler(poses.orientation)))
+        values = np.column_stack((poses.position, euler(poses.orientation)))[poses.valid]
         name = text_cell(frame.encode())
-        return [
-            (time, [name, seconds_cell(time), *number_cells(row)])
-            for time, row in zip(
-                times[poses.valid].tolist(), values[poses.valid].tolist(), strict=True
-            )
-        ]
+        for time, row in zip(times[poses.valid].tolist(), values.tolist(), strict=True):
+            yield time, b"%b,%b,%b" % (name, seconds_cell(time), number_text(row))
 
     def _say_what_is_missing(self, frame: str, stamps: int, known: int) -> None:
         name, frames = self._context.bag.name, self._tree.frames

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import Field, field_validator
 
-from robovast.bags.flatten import DOTTED, Shape, Style, seconds_cell, text_cell
+from robovast.bags.flatten import Shape, seconds_cell, text_cell
 from robovast.bags.job import Context, Job, nothing_on
 from robovast.bags.source import Consumer, Topic
 
@@ -15,12 +15,17 @@ from robovast.bags.source import Consumer, Topic
 class MessageTable:
     """A CSV file of the messages of one topic."""
 
-    def __init__(self, context: Context, name: str, leading: list[str], style: Style) -> None:
+    def __init__(
+        self,
+        context: Context,
+        name: str,
+        leading: list[str],
+        title: Callable[[str], str] = str,
+    ) -> None:
         self.empty = True
         self._context = context
-        self._style = style
         self._topics: list[Topic] = []
-        self._table = context.table(name, leading, self._names)
+        self._table = context.table(name, leading, self._columns, title)
 
     def consumer(self, topic: Topic) -> Consumer:
         """What writes a row with time [ns] and type for each message."""
@@ -55,9 +60,9 @@ class MessageTable:
 
         return add
 
-    def _names(self, key: tuple[int, Shape]) -> list[str]:
+    def _columns(self, key: tuple[int, Shape]) -> list[list[str]]:
         variant, shape = key
-        return self._context.names(self._topics[variant], shape, self._style)
+        return self._context.columns(self._topics[variant], shape)
 
 
 class TopicsToCsv(Job):
@@ -88,7 +93,7 @@ class _TopicsWorker:
 
     def _open(self, topic: str) -> MessageTable:
         name = f"{topic_file(self._context, topic)}.csv"
-        return MessageTable(self._context, name, ["timestamp", "type"], DOTTED)
+        return MessageTable(self._context, name, ["timestamp", "type"])
 
     def subscribe(self, topic: Topic) -> Consumer | None:
         table = self._tables.get(topic.name)

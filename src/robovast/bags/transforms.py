@@ -6,7 +6,6 @@ orientation. Nothing is extrapolated.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 from struct import Struct
 from typing import NamedTuple
@@ -24,19 +23,11 @@ _SIZE = 56
 """Bytes of seven numbers: position x, y, z [m] and orientation x, y, z, w."""
 
 
-class _Order(NamedTuple):
-    """Readers for one byte order."""
+_ORDERS = {b"\x00\x01": "<", b"\x00\x00": ">"}
+_LENGTHS = {order: Struct(f"{order}I").unpack_from for order in "<>"}
 
-    head: Callable[..., tuple[int, ...]]
-    """Seconds, nanoseconds, length of the parent's name."""
-    length: Callable[..., tuple[int, ...]]
-    swapped: bool
-
-
-_ORDERS = {
-    b"\x00\x01": _Order(Struct("<iII").unpack_from, Struct("<I").unpack_from, False),
-    b"\x00\x00": _Order(Struct(">iII").unpack_from, Struct(">I").unpack_from, True),
-}
+_Found = dict[str, dict[bytes, list[bytes]]]
+"""Transforms as they are on the wire, by byte order and the part that holds the frames' names."""
 
 
 class Poses(NamedTuple):
@@ -50,28 +41,28 @@ class Poses(NamedTuple):
     """(n,) False where the tree does not say it."""
 
 
-class _Samples:
-    """What was said of one frame, as it came."""
+class _Samples(NamedTuple):
+    """n transforms of a frame, in any order."""
 
-    def __init__(self) -> None:
-        self.times: list[int] = []
-        self.parents: list[bytes] = []
-        self.values: list[bytes] = []
+    parents: list[str]
+    times: Times
+    """(n,) [ns]"""
+    values: Floats
+    """(n, 7) position [m] and orientation."""
 
 
 class _Link:
     """Pose of a frame in its parent, which may change, over time."""
 
     def __init__(self, child: str, samples: _Samples, static: bool) -> None:
-        times: Times = np.array(samples.times, dtype=np.int64)
-        values = np.frombuffer(b"".join(samples.values), "<f8").reshape(-1, 7)
-        names = [_frame(parent) for parent in samples.parents]
-        self.names = sorted(set(names))
+        times, values = samples.times, samples.values
+        self.names = sorted(set(samples.parents))
         number = {name: index for index, name in enumerate(self.names)}
-        parents = np.array([number[name] for name in names])
+        parents = np.array([number[name] for name in samples.parents])
+        usable = np.array([bool(name) and name != child for name in self.names])
         norms = np.sum(values[:, 3:] ** 2, axis=1)
         sound = np.isfinite(values).all(axis=1) & (np.abs(norms - 1) < _NORM_TOLERANCE)
-        sound &= np.array([bool(name) and name != child for name in names])
+        sound &= usable[parents]
         self.rejected = int((~sound).sum())
         self.static = static
         keep = _order(times, np.flatnonzero(sound), static)
@@ -107,7 +98,7 @@ def _frame(name: bytes) -> str:
 def _order(times: Times, sound: Indices, static: bool) -> Indices:
     """Which samples count, by time: of static ones the last, of two with one stamp the first."""
     if static:
-        return sound[-1:]
+        return sound[np.argsort(times[sound], kind="stable")][-1:]
     _, first = np.unique(times[sound], return_index=True)
     kept: Indices = sound[first]
     return kept
@@ -117,8 +108,8 @@ class TransformTree:
     """Transforms of a whole recording."""
 
     def __init__(self) -> None:
-        self._moving: dict[bytes, _Samples] = {}
-        self._fixed: dict[bytes, _Samples] = {}
+        self._moving: _Found = {"<": {}, ">": {}}
+        self._fixed: _Found = {"<": {}, ">": {}}
 
     def add(self, data: bytes, static: bool) -> None:
         """Take a tf2_msgs/msg/TFMessage as it is in a bag; a static transform holds at all times.
@@ -129,37 +120,34 @@ class TransformTree:
         order = _ORDERS.get(data[:2])
         if order is None:
             raise ValueError("unknown encapsulation")
-        head, length, swapped = order
-        links = self._fixed if static else self._moving
+        length = _LENGTHS[order]
+        found = (self._fixed if static else self._moving)[order]
         message = data[4:]
         (count,) = length(message, 0)
         offset = 4
         for _ in range(count):
-            seconds, nanoseconds, size = head(message, offset)
-            start = offset + 12
-            parent = message[start : start + size - 1]
-            start = (start + size + 3) & -4
-            (size,) = length(message, start)
-            child = message[start + 4 : start + 3 + size].lstrip(b"/")
-            start = (start + size + 11) & -8
-            offset = start + _SIZE
-            values = message[start:offset]
-            if len(values) < _SIZE:
+            (size,) = length(message, offset + 8)
+            child = (offset + size + 15) & -4
+            (size,) = length(message, child)
+            values = (child + size + 11) & -8
+            if values + _SIZE > len(message):
                 raise ValueError("it is too short")
-            samples = links.get(child) or links.setdefault(child, _Samples())
-            samples.times.append(seconds * 1_000_000_000 + nanoseconds)
-            samples.parents.append(parent)
-            samples.values.append(_swapped(values) if swapped else values)
+            names = message[offset + 8 : values]
+            transform = message[offset : values + _SIZE]
+            try:
+                found[names].append(transform)
+            except KeyError:
+                found[names] = [transform]
+            offset = values + _SIZE
 
     @cached_property
     def _links(self) -> dict[str, _Link]:
         """By frame; to be asked for only when all transforms have been added."""
-        links: dict[str, _Link] = {}
-        for found, static in ((self._fixed, True), (self._moving, False)):
-            for name, samples in found.items():
-                child = _frame(name)
-                links[child] = _Link(child, samples, static)
-        return links
+        return {
+            child: _Link(child, samples, static)
+            for found, static in ((self._fixed, True), (self._moving, False))
+            for child, samples in _samples(found).items()
+        }
 
     @property
     def rejected(self) -> int:
@@ -233,6 +221,39 @@ class TransformTree:
         return ends, Poses(position, orientation, valid)
 
 
+def _samples(found: _Found) -> dict[str, _Samples]:
+    """Transforms by child frame."""
+    samples: dict[str, _Samples] = {}
+    groups = ((order, *item) for order, group in found.items() for item in group.items())
+    for order, names, transforms in groups:
+        parent, child = _names(order, names)
+        raw = np.frombuffer(b"".join(transforms), np.uint8).reshape(len(transforms), -1)
+        stamps = np.ascontiguousarray(raw[:, :8]).view(f"{order}i4").astype(np.int64)
+        stamps[:, 1] &= 0xFFFFFFFF  # nanoseconds have no sign
+        values = np.ascontiguousarray(raw[:, -_SIZE:]).view(f"{order}f8").astype(np.float64)
+        new = _Samples([parent] * len(values), stamps @ np.array([1_000_000_000, 1]), values)
+        old = samples.get(child)
+        samples[child] = _joined(old, new) if old else new
+    return samples
+
+
+def _names(order: str, names: bytes) -> tuple[str, str]:
+    """Parent and child."""
+    length = _LENGTHS[order]
+    (size,) = length(names, 0)
+    start = (size + 7) & -4
+    (child_size,) = length(names, start)
+    return _frame(names[4 : 3 + size]), _frame(names[start + 4 : start + 3 + child_size])
+
+
+def _joined(one: _Samples, other: _Samples) -> _Samples:
+    return _Samples(
+        one.parents + other.parents,
+        np.concatenate((one.times, other.times)),
+        np.concatenate((one.values, other.values)),
+    )
+
+
 def slerp(start: Floats, end: Floats, share: Floats) -> Floats:
     """Orientations between two, on the shorter way.
 
@@ -280,10 +301,6 @@ def _compose(outer: Poses, inner: Poses) -> Poses:
 def _inverse(poses: Poses) -> Poses:
     back = poses.orientation * [-1.0, -1.0, -1.0, 1.0]
     return Poses(-_rotate(back, poses.position), back, poses.valid)
-
-
-def _swapped(values: bytes) -> bytes:
-    return np.frombuffer(values, ">f8").astype("<f8").tobytes()
 
 
 def _multiply(left: Floats, right: Floats) -> Floats:
