@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import random
 import subprocess
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import pytest
+import yaml
 from agent_pods import Campaign, Pod, eventually
-from local_campaigns import make_campaign, run
+from local_campaigns import DOCUMENT, make_campaign, run
 from robovast_testbed.s3 import Server
 
 PASS = 'echo "$1,$2" > "$3/out.csv"\n'
@@ -29,12 +31,16 @@ def make(tmp_path: Path, s3_server: Server) -> Iterator[Make]:
     made: list[Campaign] = []
 
     def make(
-        script: str, extra: str = "", files: Mapping[str, str] | None = None, **given: object
+        script: str,
+        extra: str = "",
+        files: Mapping[str, str] | None = None,
+        document: str = DOCUMENT,
+        **given: object,
     ) -> Campaign:
         extra = extra.replace("MOUNTS", str(tmp_path / "mounts"))
-        vast = make_campaign(tmp_path / "source", script, extra)
+        vast = make_campaign(tmp_path / "source", script, extra, document)
         for name, text in (files or {}).items():
-            (vast.parent / "files" / name).write_text(text)
+            (vast.parent / name).write_text(text)
         made.append(Campaign(tmp_path / "mounts", vast, s3_server, dict(given)))
         return made[-1]
 
@@ -43,20 +49,19 @@ def make(tmp_path: Path, s3_server: Server) -> Iterator[Make]:
         campaign.close()
 
 
+def files_below(root: Path) -> set[str]:
+    """The files of a local campaign, relative to it."""
+    found = (path for path in root.rglob("*") if path.is_file() and not path.is_symlink())
+    return {path.relative_to(root).as_posix() for path in found}
+
+
 def test_pods_store_the_files_that_a_laptop_would_have(make: Make, tmp_path: Path) -> None:
     campaign = make(FAIL_SECOND)
     codes = [Pod(campaign).run(index) for index in range(3)]
     assert codes == [0, 10, 0]
-    root = run(campaign.vast, tmp_path / "local").campaign
-    written = ("_config", "_execution")  # when the campaign ends
-    local = {
-        path.relative_to(root).as_posix()
-        for path in root.rglob("*")
-        if path.is_file() and not path.is_symlink() and "job" not in path.relative_to(root).parts
-    }
+    local = files_below(run(campaign.vast, tmp_path / "local").campaign)
     runs = {name for name in local if name.split("/")[1].isdigit() or name.startswith("_jobs/")}
-    assert runs <= set(campaign.objects())
-    assert set(campaign.objects()) <= local, written
+    assert runs <= set(campaign.objects()) <= local
     record = campaign.record("one-2/0")
     assert (record["verdict"], record["job"], record["id"]) == ("failed", "job-1", 1)
     assert (record["attempt"], record["parameters"]) == (1, {"x": 2})
@@ -100,7 +105,7 @@ def test_runs_with_a_secondary_container(make: Make) -> None:
     script = 'if [[ $CONTAINER_NAME ]]; then echo "$CONTAINER_NAME is up"; exec sleep 60; fi\n'
     extra = "  secondary_containers: [nav]\n  pre_command: /config/files/pre.sh\n" + PACK
     step = 'sleep 0.5; [ "$1" != 2 ] || kill -9 $PPID\n'
-    campaign = make(step, extra, files={"pre.sh": script})
+    campaign = make(step, extra, files={"files/pre.sh": script})
     assert Pod(campaign).run(secondaries=("nav",)) == 11
     for job in ("job-0", "job-0-2"):
         assert "nav is up" in campaign.read(f"_jobs/{job}/logs/system_nav.log")
@@ -281,3 +286,90 @@ def test_a_wrong_plan_or_document_is_told(
     pod = Pod(campaign)
     assert pod.fetch() == code
     assert told in pod.message_file.read_text()
+
+
+@one_server
+def test_a_finished_campaign_equals_a_local_one_file_by_file(make: Make, tmp_path: Path) -> None:
+    campaign = make(FAIL_SECOND, PACK)
+    assert Pod(campaign).run() == 10
+    pod = Pod(campaign)
+    assert pod.task("finish") == 0, pod.log("finish")
+    assert pod.message() == {
+        "total": 3, "passed": 2, "failed": 1, "errored": 0, "stored": 3,
+        "failedRuns": "1", "erroredRuns": "", "truncated": False, "failing": ["one-2/0"],
+    }  # fmt: skip
+    root = run(campaign.vast, tmp_path / "local").campaign
+    assert set(campaign.objects()) == {*files_below(root), "_execution/index.json"}
+    for name in ("_config/scenario.osc", "one-1/_config/config.yaml", "_transient/job_links.yaml"):
+        assert campaign.read(name) == (root / name).read_text()
+    index = json.loads(campaign.read("_execution/index.json"))
+    assert [(item["id"], item["verdict"]) for item in index["runs"]] == [
+        (0, "passed"), (1, "failed"), (2, "passed"),
+    ]  # fmt: skip
+    execution = yaml.safe_load(campaign.read("_execution/execution.yaml"))
+    assert execution["execution_type"] == "cluster"
+    assert execution["execution_time"].startswith("2026-01-02T03:04:05")
+
+
+@one_server
+def test_a_campaign_that_was_given_up_counts_missing_runs_as_errored(make: Make) -> None:
+    campaign = make(PASS)
+    assert Pod(campaign).run(1) == 0
+    pod = Pod(campaign)
+    assert pod.task("finish") == 0
+    told = pod.message()
+    assert (told["passed"], told["errored"], told["stored"]) == (1, 2, 1)
+    assert (told["erroredRuns"], told["failing"]) == ("0,2", ["one-1/0", "one-3/0"])
+
+
+PLUGIN = """\
+from robovast.common.variation import Variation
+
+class Doubled(Variation):
+    def variation(self, in_configs):
+        with open(f"{self.output_dir}/made.txt", "w") as file:
+            file.write("made by a plugin")
+        return [
+            {**config, "name": f"{config['name']}-{x}", "config": {"x": x},
+             "_config_files": [("files/made.txt", f"{self.output_dir}/made.txt")]}
+            for config in in_configs for x in (7, 14)
+        ]
+"""
+
+
+@one_server
+def test_a_campaign_of_plugins_is_composed_once(make: Make) -> None:
+    document = DOCUMENT.replace(
+        "ParameterVariationList: {name: x, values: [1, 2, 3]}", "./doubled.py:Doubled: {}"
+    )
+    step = 'cat /config/files/made.txt >"$3/out" || cat "${0%/*}/made.txt" >"$3/out"\n'
+    campaign = make(
+        step, PACK, expansion="composed", document=document, files={"doubled.py": PLUGIN}
+    )
+    composing = Pod(campaign)
+    assert composing.task("compose") == 0, composing.log("compose")
+    assert composing.message() == {"counts": [2], "breaks": ""}
+    assert Pod(campaign).run() == 0
+    assert campaign.read("one-7/0/out") == "made by a plugin"
+    assert campaign.record("one-14/0")["parameters"] == {"x": 14}
+    finishing = Pod(campaign)
+    assert finishing.task("finish") == 0, finishing.log("finish")
+    assert finishing.message()["passed"] == 2
+    assert "_config/doubled.py" in campaign.objects()
+
+
+@one_server
+def test_what_is_wrong_in_a_document_is_told_by_compose(make: Make) -> None:
+    campaign = make(PASS)
+    (campaign.root / "plan/document.vast").write_text("version: 1\nexecution: {rums: 3}\n")
+    pod = Pod(campaign)
+    assert pod.task("compose") == 65
+    assert "rums" in pod.message()["error"]
+
+
+def test_a_purged_campaign_is_gone(make: Make) -> None:
+    campaign = make(PASS)
+    assert Pod(campaign).run(1) == 0
+    assert Pod(campaign).task("purge") == 0
+    assert campaign.bucket not in campaign.store.buckets()
+    assert Pod(campaign).task("purge") == 0, "it may be told so again"

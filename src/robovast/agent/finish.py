@@ -47,8 +47,7 @@ def finish(folders: Folders) -> AgentExit:
     bucket = Bucket(campaign.store, campaign.plan.bucket)
     runs = _runs(campaign, variants)
     with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
-        records = dict(zip(runs, pool.map(lambda run: bucket.record(run.path), runs), strict=True))
-    index = [_entry(run, record) for run, record in records.items()]
+        index = list(pool.map(lambda run: _entry(run, bucket.record(run.path)), runs))
     _store_execution(campaign, document, bucket, index)
     write_message(folders.message, summary(index))
     return AgentExit.PASSED
