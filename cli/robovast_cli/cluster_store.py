@@ -75,7 +75,7 @@ def open_store(kube: Kubernetes, place: StorePlace) -> Iterator[ObjectStore]:
         from robovast.cluster.endpoint import Credentials, Endpoint
         from robovast.cluster.storage import ObjectStore
     credentials = Credentials(*_keys(kube, place.secret))
-    with _reachable(kube, os.environ.get(ENDPOINT) or place.endpoint) as address:
+    with reachable(kube, os.environ.get(ENDPOINT) or place.endpoint) as address:
         endpoint = Endpoint.parse(address, place.region)
         yield ObjectStore(endpoint, credentials, patience=PATIENCE, connections=CONNECTIONS)
 
@@ -114,7 +114,13 @@ def _decoded(value: str) -> str:
 
 
 @contextmanager
-def _reachable(kube: Kubernetes, endpoint: str) -> Iterator[str]:
+def reachable(kube: Kubernetes, endpoint: str) -> Iterator[str]:
+    """The address of an endpoint for this machine: a Service's is that of a forwarded port.
+
+    Raises:
+        StorageError: the endpoint is empty.
+        CannotRunError: there is no such Service, or none of its pods is ready.
+    """
     if not endpoint:
         raise StorageError(
             f"it is not known where the S3 server of this cluster is: set {ENDPOINT}, as "

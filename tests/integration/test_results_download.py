@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import tarfile
 from collections.abc import Iterator
 from pathlib import Path
 from uuid import uuid4
@@ -12,8 +13,10 @@ import pytest
 from robovast_testbed.s3 import Server
 
 from robovast.cluster.endpoint import Credentials, Endpoint
+from robovast.cluster.names import bucket_name
 from robovast.cluster.storage import ObjectStore
 from robovast.errors import StorageError
+from robovast.execution.cluster_config.base import BaseConfig
 from robovast.results.download import DownloadResult, download_campaign
 
 RUN = {"_jobs/job-0/logs/system.log": b"log", "_config/a.vast": b"version: 1\n"}
@@ -167,3 +170,20 @@ def test_two_downloads_into_one_folder_do_not_mix(
 
     result = download_campaign(store, bucket, tmp_path, Second())
     assert result.fetched == 1
+
+
+def test_a_cluster_configuration_packs_a_campaign_into_an_archive(
+    store: ObjectStore, s3_server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    campaign = f"Drive-{uuid4().hex[:8]}-2026-01-01-000000"
+    store.make_bucket(bucket_name(campaign))
+    put_run(store, bucket_name(campaign), "hall/0", bag=b"x")
+    monkeypatch.setenv("ROBOVAST_S3_ENDPOINT", f"http://{s3_server.endpoint}")
+    monkeypatch.setenv("ROBOVAST_S3_ACCESS_KEY", s3_server.access_key)
+    monkeypatch.setenv("ROBOVAST_S3_SECRET_KEY", s3_server.secret_key)
+    path = BaseConfig().compress_campaign(campaign, str(tmp_path))
+    store.delete_bucket(bucket_name(campaign))
+    assert path == str(tmp_path / f"{campaign}.tar.gz")
+    with tarfile.open(path) as archive:
+        names = {member.name for member in archive.getmembers() if not member.isdir()}
+    assert names == {f"{campaign}/hall/0/{name}" for name in ("bag", "job", "run.json")}
