@@ -1,4 +1,4 @@
-"""The cluster's own storage reached from outside, through the API server, while pods come and go."""
+"""The cluster's own storage reached from outside through the API server while pods come and go."""
 
 from __future__ import annotations
 
