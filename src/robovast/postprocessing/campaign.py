@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -97,21 +96,21 @@ class CampaignWork:
         self.summary.worked.update(runs)
         items = [(self.units[path], calls) for path, calls in runs.items()]
         finished: list[Unit] = []
-        notices: Counter[str] = Counter()
+        notices = Notices()
         try:
             for work in self.workers.map(
                 lambda worker, item: work_on_run(worker, self.survey, *item), items
             ):
                 finished.append(work.unit)
                 for command, outcome in work.outcomes:
-                    notices.update(self._note(command, work.unit.path, outcome))
+                    self._note(command, work.unit.path, outcome, notices)
                 self.observer.step_advanced()
                 if len(finished) >= _KEPT:
                     self._keep(finished)
                     finished = []
         finally:
             self._keep(finished)
-        self._tell(notices)
+        notices.tell(self.observer)
 
     def _work_on_campaign(self, command: Command) -> None:
         self.observer.step_started(command.title, 1)
@@ -127,9 +126,10 @@ class CampaignWork:
         if outcome.success:
             whole = self.units[WHOLE]
             self._keep([replace(whole, done=whole.done | {command.key})])
-        notices = Counter(self._note(command, "", outcome))
+        notices = Notices()
+        self._note(command, "", outcome, notices)
         self.observer.step_advanced()
-        self._tell(notices)
+        notices.tell(self.observer)
 
     def _made(self, before: Mapping[str, Files]) -> Iterator[str]:
         """Files that changed since, relative to the campaign; the units are brought up to date."""
@@ -142,21 +142,36 @@ class CampaignWork:
                 yield from (prefix + name for name in changed(files, after))
         self._keep(moved)
 
-    def _note(self, command: Command, run: str, outcome: Outcome) -> list[str]:
+    def _note(self, command: Command, run: str, outcome: Outcome, notices: Notices) -> None:
         """What a command said; a failure goes into the summary."""
         if outcome.success:
-            return [f"{command.title}: {line}" for line in outcome.message.splitlines()]
+            for line in outcome.message.splitlines():
+                notices.add(f"{command.title}: {line}", run)
+            return
         message = outcome.message or "reported a failure without a reason"
         failure = Failure(self.survey.campaign.name, command.title, run, message)
         self.summary.failures.append(failure)
         self.observer.failed(failure)
-        return []
 
-    def _tell(self, notices: Counter[str]) -> None:
-        for text, count in notices.most_common(_NOTICES):
-            self.observer.message(text + (f" ({count} runs)" if count > 1 else ""))
-        if len(notices) > _NOTICES:
-            self.observer.message(f"… and {len(notices) - _NOTICES} more messages")
+
+class Notices:
+    """What commands said of runs: equal lines are told once."""
+
+    def __init__(self) -> None:
+        self._runs: dict[str, list[str]] = {}
+
+    def add(self, text: str, run: str) -> None:
+        """Something was said of a run, or of the campaign as a whole (empty)."""
+        self._runs.setdefault(text, []).append(run)
+
+    def tell(self, observer: Observer) -> None:
+        """Tell the most frequent."""
+        ordered = sorted(self._runs.items(), key=lambda item: -len(item[1]))
+        for text, runs in ordered[:_NOTICES]:
+            more = f" and {len(runs) - 1} more" if len(runs) > 1 else ""
+            observer.message(f"{text} ({min(runs)}{more})" if runs[0] else text)
+        if len(ordered) > _NOTICES:
+            observer.message(f"… and {len(ordered) - _NOTICES} more messages")
 
 
 def _inputs(units: Mapping[str, Unit]) -> str:
