@@ -82,7 +82,7 @@ def test_failed_runs_are_told_from_broken_ones_and_repeated_alone(lab: Lab) -> N
     before = lab.download("mixed")
     times = {path: path.stat().st_mtime for path in before.glob("*/*/run.json")}
     assert len(times) == 6
-    lab.vast("exec", "cluster", "retry", "mixed", "-n", lab.namespace, code=None)
+    lab.vast("exec", "cluster", "retry", "-i", "mixed", "-n", lab.namespace, code=None)
     lab.kubectl(*("wait", "campaign/mixed", "--for=jsonpath={.status.attempt}=2", "--timeout=60s"))
     lab.wait("mixed")
     after = lab.download("mixed")

@@ -1,5 +1,6 @@
 """Fake nodes, on which pods take no time and no memory."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from . import gobuild, programs
@@ -13,14 +14,18 @@ CAPACITY = {"cpu": "64", "memory": "256Gi", "pods": "1000", "ephemeral-storage":
 STAGES = ("node/fast", "pod/fast")
 
 
-def start(cluster: Cluster, nodes: int, *, tainted: bool = False) -> None:
+def start(
+    cluster: Cluster, nodes: int, *, tainted: bool = False, stages: Sequence[str] = ()
+) -> None:
     """Add fake nodes; pods of Jobs that land there complete at once.
 
     :param nodes: how many; they are called `kwok-0`, `kwok-1` …
+    :param stages: further Stages as YAML; they come before the usual ones when they match.
     :param tainted: keep pods away that do not tolerate `kwok.x-k8s.io/node=fake:NoSchedule`.
     """
     config = cluster.folder / "kwok.yaml"
-    config.write_text("\n---\n".join(file.read_text() for file in _stage_files()))
+    usual = (file.read_text() for file in _stage_files())
+    config.write_text("\n---\n".join([*stages, *usual]))
     daemon = cluster.bed.spawn(
         "kwok",
         [

@@ -1,0 +1,144 @@
+"""The operator, with the chart's rights, on a real API server; the nodes are fake."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from uuid import uuid4
+
+import pytest
+from operator_process import (
+    ACCOUNT,
+    OperatorProcess,
+    campaign,
+    condition,
+    eventually,
+    finish_stage,
+    prepare,
+    status,
+    writes,
+)
+from robovast_testbed.kubernetes import Cluster
+
+
+@pytest.fixture(scope="module")
+def fake_cluster(control_plane: Cluster) -> Cluster:
+    prepare(control_plane, 4, [finish_stage("many", 200), finish_stage("few", 6)])
+    return control_plane
+
+
+@pytest.fixture
+def namespace(fake_cluster: Cluster) -> Iterator[str]:
+    name = f"lab-{uuid4().hex[:6]}"
+    fake_cluster.kubectl("create", "namespace", name)
+    yield name
+    fake_cluster.kubectl("delete", "namespace", name, "--wait=false")
+
+
+@pytest.fixture
+def operator(fake_cluster: Cluster, tmp_path: Path) -> Iterator[OperatorProcess]:
+    made = OperatorProcess(fake_cluster, tmp_path, ROBOVAST_LEASE_SECONDS="2")
+    made.start()
+    yield made
+    made.stop()
+    text = made.log.read_text()
+    assert "a fault of the operator" not in text, text
+
+
+def finished(cluster: Cluster, namespace: str, name: str) -> bool:
+    state = status(cluster, namespace, name)
+    return condition(state, "ResultsAvailable").get("status") == "True"
+
+
+def test_two_hundred_runs_end_with_few_writes_and_then_cost_none(
+    fake_cluster: Cluster, namespace: str, operator: OperatorProcess
+) -> None:
+    begin = fake_cluster.audit_log.stat().st_size
+    fake_cluster.apply(campaign("many", namespace, 20, 10, parallelism=100))
+    eventually(lambda: finished(fake_cluster, namespace, "many"), 120, operator.log.read_text)
+    ours = writes(fake_cluster, begin)[ACCOUNT]
+    renewals = 120  # of the Lease: they depend on time, not on runs
+    assert ours - renewals <= 0.1 * 200 + 10
+    state = status(fake_cluster, namespace, "many")
+    assert (state["progress"], state["state"]) == ("200/200", "Finished")
+    assert condition(state, "Passed")["status"] == "True"
+    before = fake_cluster.get("campaign", "many", f"--namespace={namespace}")
+    fake_cluster.kubectl(*("--namespace", namespace, "label", "campaign", "many", "looked=at"))
+    with pytest.raises(AssertionError):
+        eventually(lambda: status(fake_cluster, namespace, "many") != state, 3)
+    after = fake_cluster.get("campaign", "many", f"--namespace={namespace}")
+    assert before["status"] == after["status"]
+
+
+def test_a_leader_that_is_killed_is_followed_by_the_other_replica(
+    fake_cluster: Cluster, namespace: str, operator: OperatorProcess, tmp_path: Path
+) -> None:
+    other = OperatorProcess(fake_cluster, tmp_path, "two", ROBOVAST_LEASE_SECONDS="2")
+    other.start()
+    eventually(lambda: "leads" in operator.log.read_text() + other.log.read_text(), 30)
+    operator.kill()
+    try:
+        fake_cluster.apply(campaign("few", namespace, 3, 2))
+        eventually(lambda: finished(fake_cluster, namespace, "few"), 60, other.log.read_text)
+    finally:
+        other.stop()
+    jobs = fake_cluster.get("jobs", f"--namespace={namespace}")["items"]
+    assert len(list(jobs)) == 2  # type: ignore[call-overload]
+    assert "leads" in other.log.read_text()
+
+
+def test_a_namespace_goes_while_the_operator_is_down(
+    fake_cluster: Cluster, namespace: str, operator: OperatorProcess
+) -> None:
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.log.read_text)
+    operator.kill()
+    fake_cluster.kubectl("delete", "namespace", namespace, "--timeout=60s")
+    fake_cluster.kubectl("create", "namespace", namespace)
+
+
+def test_a_job_that_somebody_deletes_is_made_again(
+    fake_cluster: Cluster, namespace: str, operator: OperatorProcess
+) -> None:
+    fake_cluster.apply(campaign("few", namespace, 3, 2, suspend=True))
+    eventually(lambda: status(fake_cluster, namespace, "few").get("state") == "Suspended")
+    patch = json.dumps({"spec": {"suspend": False, "scheduling": {"nodeSelector": {"no": "node"}}}})
+    fake_cluster.kubectl(
+        *("--namespace", namespace, "patch", "campaign", "few", "--type=merge", f"--patch={patch}")
+    )
+
+    def uid() -> str:
+        query = "--output=jsonpath={.items[*].metadata.uid}"
+        return fake_cluster.kubectl("--namespace", namespace, "get", "jobs", query)
+
+    first = eventually(uid, 30, operator.log.read_text)
+    fake_cluster.kubectl("--namespace", namespace, "delete", "job", "--all")
+    eventually(lambda: uid() not in {"", first}, 30, operator.log.read_text)
+
+
+def test_what_the_operator_may_do_is_what_it_needs(fake_cluster: Cluster) -> None:
+    def may(verb: str, kind: str) -> bool:
+        try:
+            answer = fake_cluster.kubectl(
+                *("auth", "can-i", verb, kind, f"--as={ACCOUNT}", "--namespace=default")
+            )
+        except Exception as refusal:
+            answer = str(refusal)
+        return answer.strip().startswith("yes")
+
+    assert may("create", "jobs.batch")
+    assert may("patch", "campaigns.robovast.io/status")
+    for verb, kind in (
+        ("get", "secrets"),
+        ("list", "secrets"),
+        ("create", "pods"),
+        ("create", "pods/exec"),
+        ("delete", "campaigns.robovast.io"),
+        ("delete", "configmaps"),
+        ("update", "configmaps"),
+        ("create", "roles.rbac.authorization.k8s.io"),
+        ("impersonate", "users"),
+        ("get", "nodes"),
+    ):
+        assert not may(verb, kind), (verb, kind)

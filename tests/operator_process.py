@@ -1,0 +1,195 @@
+"""The operator as a process of its own, with the rights that the chart gives it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import yaml
+from robovast_testbed import kwok
+from robovast_testbed.helm import helm
+from robovast_testbed.kubernetes import Cluster
+
+ROOT = Path(__file__).parents[1]
+SYSTEM = "robovast-system"
+ACCOUNT = f"system:serviceaccount:{SYSTEM}:robovast-operator"
+
+FINISH_STAGE = """\
+apiVersion: kwok.x-k8s.io/v1alpha1
+kind: Stage
+metadata: {{name: robovast-finish-{campaign}}}
+spec:
+  weight: 1000
+  resourceRef: {{apiGroup: v1, kind: Pod}}
+  selector:
+    matchLabels: {{robovast.io/role: finish, robovast.io/campaign: {campaign}}}
+    matchExpressions:
+      - {{key: .metadata.deletionTimestamp, operator: DoesNotExist}}
+      - {{key: .status.phase, operator: In, values: [Pending, Running]}}
+  next:
+    statusTemplate: |
+      phase: Succeeded
+      containerStatuses:
+        - name: finish
+          image: finish
+          imageID: finish
+          ready: false
+          restartCount: 0
+          state:
+            terminated:
+              exitCode: 0
+              reason: Completed
+              message: '{message}'
+              startedAt: "2026-01-01T00:00:00Z"
+              finishedAt: "2026-01-01T00:00:00Z"
+"""
+"""On fake nodes nothing runs: what the finish Job would find is said by its pod's fake."""
+
+
+def finish_stage(campaign: str, total: int) -> str:
+    """The Stage in which all runs have passed."""
+    message = json.dumps({"total": total, "passed": total, "failed": 0, "errored": 0})
+    return FINISH_STAGE.format(campaign=campaign, message=message)
+
+
+def prepare(cluster: Cluster, nodes: int, stages: list[str]) -> None:
+    """Fake nodes, the resource definitions, and the operator's account with the chart's rights."""
+    kwok.start(cluster, nodes, stages=stages)
+    cluster.kubectl("create", "namespace", SYSTEM)
+    rendered = helm(
+        cluster,
+        *("template", "robovast", ROOT / "helm/robovast", "--namespace", SYSTEM),
+        *("--kube-version", "1.36.0"),
+    )
+    wanted = {"CustomResourceDefinition", "ServiceAccount", "ClusterRole", "ClusterRoleBinding"}
+    objects = [obj for obj in yaml.safe_load_all(rendered) if obj]
+    rights = [o for o in objects if o["kind"] in wanted | {"Role", "RoleBinding"}]
+    text = yaml.safe_dump_all(rights)
+    cluster.kubectl("--namespace", SYSTEM, "apply", "--server-side", "-f", "-", stdin=text)
+    cluster.kubectl(
+        *("wait", "--for=condition=Established", "--timeout=20s"),
+        *("crd/campaigns.robovast.io", "crd/configurations.robovast.io"),
+    )
+
+
+class OperatorProcess:
+    """An operator that can be killed and started."""
+
+    def __init__(self, cluster: Cluster, folder: Path, name: str = "one", **settings: str) -> None:
+        self._cluster = cluster
+        self._folder = folder
+        self._name = name
+        self._settings = settings
+        self._process: subprocess.Popen[bytes] | None = None
+        self.log = folder / f"{name}.log"
+
+    def start(self) -> None:
+        token = self._cluster.kubectl(
+            *("--namespace", SYSTEM, "create", "token", "robovast-operator", "--duration=1h")
+        )
+        config = yaml.safe_load(self._cluster.kubeconfig.read_text())
+        config["users"][0]["user"] = {"token": token.strip()}
+        path = self._folder / f"{self._name}.kubeconfig"
+        path.write_text(yaml.safe_dump(config))
+        environment = {
+            **{k: v for k, v in os.environ.items() if not k.startswith("ROBOVAST")},
+            "KUBECONFIG": str(path),
+            "ROBOVAST_AGENT_IMAGE": "agent",
+            "ROBOVAST_S3_ENDPOINT": "http://127.0.0.1:9",
+            "ROBOVAST_PORT": "0",
+            "POD_NAMESPACE": SYSTEM,
+            "POD_NAME": self._name,
+            **self._settings,
+        }
+        with self.log.open("ab") as log:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "robovast_operator"],
+                env=environment,
+                stdout=log,
+                stderr=log,
+            )
+
+    def kill(self) -> None:
+        """`kill -9`."""
+        assert self._process is not None
+        self._process.kill()
+        self._process.wait()
+
+    def stop(self) -> None:
+        if self._process is not None and self._process.poll() is None:
+            self._process.terminate()
+            self._process.wait(timeout=30)
+
+    @property
+    def alive(self) -> bool:
+        return self._process is not None and self._process.poll() is None
+
+    def usage(self) -> tuple[float, int]:
+        """CPU time so far [s] and peak memory [byte]."""
+        assert self._process is not None
+        stat = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
+        ticks = int(stat[11]) + int(stat[12])
+        status = Path(f"/proc/{self._process.pid}/status").read_text()
+        peak = next(line for line in status.splitlines() if line.startswith("VmHWM"))
+        return ticks / os.sysconf("SC_CLK_TCK"), int(peak.split()[1]) * 1024
+
+
+def writes(cluster: Cluster, since: int = 0) -> Counter[str]:
+    """Write requests by user, from the audit log; `since` is an offset in it."""
+    found: Counter[str] = Counter()
+    with cluster.audit_log.open("rb") as file:
+        file.seek(since)
+        for line in file:
+            entry = json.loads(line)
+            done = entry.get("stage") == "ResponseComplete"
+            if done and entry["verb"] in {"create", "update", "patch", "delete"}:
+                found[entry["user"]["username"]] += 1
+    return found
+
+
+def campaign(name: str, namespace: str, variants: int, runs: int, **spec: Any) -> dict[str, Any]:
+    """A Campaign for fake nodes."""
+    vast = {
+        "version": 1,
+        "configuration": [
+            {
+                "name": "one",
+                "variations": [
+                    {"ParameterVariationList": {"name": "x", "values": list(range(variants))}}
+                ],
+            }
+        ],
+        "execution": {"image": "fake", "scenario_file": "scenario.osc", "runs": runs},
+    }
+    scenario = "scenario try_it:\n    x: int = 1\n    do serial:\n        wait elapsed(1s)\n"
+    return {
+        "apiVersion": "robovast.io/v1alpha1",
+        "kind": "Campaign",
+        "metadata": {"name": name, "namespace": namespace},
+        "spec": {"vast": vast, "source": {"inline": {"files": {"scenario.osc": scenario}}}, **spec},
+    }
+
+
+def status(cluster: Cluster, namespace: str, name: str) -> dict[str, Any]:
+    found: Any = cluster.get("campaign", name, f"--namespace={namespace}")
+    return dict(found.get("status") or {})
+
+
+def condition(state: dict[str, Any], name: str) -> dict[str, str]:
+    return next((c for c in state.get("conditions", []) if c["type"] == name), {})
+
+
+def eventually(condition: Callable[[], Any], seconds: float = 60, what: object = "") -> Any:
+    """What a condition gives as soon as that is true."""
+    deadline = time.monotonic() + seconds
+    while not (found := condition()):
+        assert time.monotonic() < deadline, f"it did not happen in time: {what}"
+        time.sleep(0.2)
+    return found

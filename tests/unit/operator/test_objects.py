@@ -1,0 +1,245 @@
+"""The objects that are made for a campaign."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from operator_world import SCENARIO, SETTINGS, accepted, campaign
+
+from robovast.cluster.plan import CampaignPlan
+from robovast_operator.accept import accept, inline_files, same_document
+from robovast_operator.campaign import Accepted, Rejected
+from robovast_operator.configurations import own_configurations
+from robovast_operator.jobs import (
+    files_config_map,
+    plan_config_map,
+    shard_job,
+    task_job,
+)
+from robovast_operator.pods import inline_items
+from robovast_operator.revisions import next_revision
+from robovast_operator.shards import evenly, first_attempts
+
+FILES = {"scenario.osc": SCENARIO.encode()}
+
+
+def job_of(made: Accepted) -> dict[str, Any]:
+    revision = next_revision(made, (), (), made.identity.child("plan-0"))
+    assert revision is not None
+    (shard,) = first_attempts(made.identity, [revision])
+    return shard_job(made, SETTINGS, shard)
+
+
+def containers(job: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    pod = job["spec"]["template"]["spec"]
+    return {c["name"]: c for c in [*pod["initContainers"], *pod["containers"]]}
+
+
+def rejected(change: Any, files: dict[str, bytes] | None = None) -> Rejected:
+    obj = campaign()
+    change(obj)
+    found = accept(obj, FILES if files is None else files, SETTINGS)
+    assert isinstance(found, Rejected), found
+    return found
+
+
+def test_only_our_own_containers_see_credentials_and_nobody_a_token() -> None:
+    job = job_of(accepted())
+    pod = job["spec"]["template"]["spec"]
+    assert pod["automountServiceAccountToken"] is False
+    for name, container in containers(job).items():
+        mounts = {mount["name"] for mount in container.get("volumeMounts", ())}
+        assert ("credentials" in mounts) == (name in {"fetch", "agent"}), name
+    text = json.dumps(job)
+    assert "secretKeyRef" not in text
+    assert "hostPath" not in text
+
+
+def test_a_run_container_sees_its_inputs_and_its_output_and_may_not_change_the_former() -> None:
+    run = containers(job_of(accepted()))["robovast"]
+    assert [(m["mountPath"], m.get("readOnly", False)) for m in run["volumeMounts"]] == [
+        ("/config", True),
+        ("/out", False),
+    ]
+
+
+def test_containers_start_in_the_order_of_the_contract() -> None:
+    obj = campaign()
+    obj["spec"]["vast"]["execution"]["secondary_containers"] = ["sim"]
+    made = accept(obj, FILES, SETTINGS)
+    assert isinstance(made, Accepted)
+    job = job_of(made)
+    pod = job["spec"]["template"]["spec"]
+    assert [c["name"] for c in pod["initContainers"]] == ["compat-version", "fetch", "sim"]
+    assert [c["name"] for c in pod["containers"]] == ["robovast", "agent"]
+    assert containers(job)["sim"]["restartPolicy"] == "Always"
+
+
+def test_exit_codes_decide_what_is_tried_again() -> None:
+    rules = job_of(accepted())["spec"]["podFailurePolicy"]["rules"]
+    told = {
+        (rule["action"], rule["onExitCodes"]["containerName"]): rule["onExitCodes"]["values"]
+        for rule in rules
+        if "onExitCodes" in rule
+    }
+    assert told == {
+        ("FailJob", "compat-version"): [78],
+        ("FailJob", "fetch"): [64, 65],
+        ("FailIndex", "agent"): [10, 11],
+    }
+
+
+def test_a_queue_gets_suspended_jobs_with_its_label() -> None:
+    job = job_of(accepted(queueName="robovast"))
+    assert job["spec"]["suspend"] is True
+    assert job["metadata"]["labels"]["kueue.x-k8s.io/queue-name"] == "robovast"
+    assert job_of(accepted())["spec"]["suspend"] is False
+
+
+def test_scheduling_reaches_the_pod_and_nothing_else_does() -> None:
+    scheduling = {
+        "nodeSelector": {"disk": "fast"},
+        "tolerations": [{"key": "gpu", "operator": "Exists"}],
+        "priorityClassName": "low",
+        "imagePullSecrets": [{"name": "registry"}],
+    }
+    obj = campaign(scheduling=scheduling)
+    labels = {"jobs": {"node_labels": {"zone": "a"}}}
+    obj["spec"]["vast"]["execution"]["kubernetes"] = labels
+    made = accept(obj, FILES, SETTINGS)
+    assert isinstance(made, Accepted)
+    pod = job_of(made)["spec"]["template"]["spec"]
+    assert pod["nodeSelector"] == {"disk": "fast", "zone": "a"}
+    assert pod["tolerations"] == [{"key": "gpu", "operator": "Exists"}]
+    assert pod["priorityClassName"] == "low"
+    assert pod["imagePullSecrets"] == [{"name": "registry"}]
+    wrong = rejected(lambda o: o["spec"].update(scheduling={"hostNetwork": True}))
+    assert "spec.scheduling.hostNetwork" in wrong.message
+
+
+def test_resources_are_those_of_the_cluster() -> None:
+    obj = campaign(cluster="gcp")
+    obj["spec"]["vast"]["execution"]["resources"] = {
+        "cpu": [{"gcp": 4}, {"local": 8}],
+        "memory": "2Gi",
+    }
+    made = accept(obj, FILES, SETTINGS)
+    assert isinstance(made, Accepted)
+    limits = containers(job_of(made))["robovast"]["resources"]["limits"]
+    assert limits == {"cpu": "4000m", "memory": str(2 * 2**30)}
+    obj["spec"]["cluster"] = "azure"
+    refused = accept(obj, FILES, SETTINGS)
+    assert isinstance(refused, Rejected)
+    assert "azure" in refused.message
+
+
+def test_the_plan_says_what_pods_need_and_is_fixed() -> None:
+    made = accepted(runs=4, select=["hall-1*"])
+    revision = next_revision(made, (), (), "plan-0")
+    assert revision is not None
+    obj = plan_config_map(made, "plan-0", revision.plan, revision.entries)
+    assert obj["immutable"] is True
+    plan = CampaignPlan.model_validate_json(obj["data"]["campaign.json"])
+    assert plan.plan is not None
+    assert (plan.plan.total, plan.campaign, plan.runs) == (4, "drive-2026-11-21-070000", 4)
+    assert plan.bucket == "drive-2026-11-21-070000"
+
+
+def test_inline_files_are_mounted_as_the_tree_that_they_are() -> None:
+    files = {"scenario.osc": SCENARIO, "files/deep/a.py": "1"}
+    binary = {"map.pgm": "UDUK"}
+    obj = campaign(source={"inline": {"files": files, "binaryFiles": binary}})
+    made = accept(obj, inline_files(obj["spec"]), SETTINGS)
+    assert isinstance(made, Accepted)
+    config_map = files_config_map(made)
+    assert config_map is not None
+    keys = {item["path"]: item["key"] for item in inline_items(made)}
+    assert keys.keys() == {"scenario.osc", "files/deep/a.py", "map.pgm"}
+    assert config_map["data"][keys["files/deep/a.py"]] == "1"
+    assert config_map["binaryData"][keys["map.pgm"]] == "UDUK"
+
+
+def test_every_entry_has_a_configuration() -> None:
+    obj = campaign()
+    obj["spec"]["vast"]["configuration"].append({"name": "Main_Hall"})
+    made = accept(obj, FILES, SETTINGS)
+    assert isinstance(made, Accepted)
+    names = [item["metadata"]["name"] for item in own_configurations(made)]
+    assert names[0] == "drive-hall"
+    assert names[1].startswith("drive-main-hall-")
+    assert [item["spec"]["name"] for item in own_configurations(made)] == ["hall", "Main_Hall"]
+
+
+def test_a_plugin_is_never_executed_here() -> None:
+    obj = campaign()
+    entry = obj["spec"]["vast"]["configuration"][0]
+    entry["variations"] = [{"evil.py:Evil": {}}]
+    files = {**FILES, "evil.py": b"raise SystemExit('executed')"}
+    made = accept(obj, files, SETTINGS)
+    assert isinstance(made, Accepted)
+    assert (made.pure, made.entries) == (False, ())
+
+
+def test_tasks_run_our_own_image_alone() -> None:
+    job = task_job(accepted(), SETTINGS, "compose", "drive-0123-compose", "plan")
+    (container,) = job["spec"]["template"]["spec"]["containers"]
+    assert container["image"] == SETTINGS.agent_image
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda o: o["spec"]["vast"]["execution"].pop("image"), "execution.image"),
+        (lambda o: o["spec"]["vast"].update(version=3), "version"),
+        (lambda o: o["spec"]["vast"]["execution"].update(runz=1), "runz"),
+        (lambda o: o["spec"].update(select=["nothing-*"]), "nothing-*"),
+        (lambda o: o["metadata"].update(name="a" * 41), "40"),
+        (lambda o: o["spec"].update(colour="red"), "spec.colour"),
+    ],
+)
+def test_what_is_wrong_is_said_by_its_place(change: Any, said: str) -> None:
+    assert said in rejected(change).message
+
+
+def test_a_message_names_the_document_not_a_temporary_folder() -> None:
+    wrong = rejected(lambda o: o["spec"]["vast"]["execution"].update(scenario_file="gone.osc"))
+    assert wrong.message.startswith("drive.vast:")
+    assert "/tmp" not in wrong.message
+
+
+@pytest.mark.parametrize("path", ["../up", "/etc/passwd", "a/../../b", ""])
+def test_files_stay_in_their_folder(path: str) -> None:
+    with pytest.raises(ValueError, match=r"folder|String should have"):
+        inline_files({"vast": {}, "source": {"inline": {"files": {path: "x"}}}})
+
+
+def test_a_document_may_change_in_its_number_of_runs_alone() -> None:
+    text = accepted().document_text
+    vast = campaign()["spec"]["vast"]
+    assert same_document(text, vast)
+    more = {**vast, "execution": {**vast["execution"], "runs": 9}}
+    assert same_document(text, more)
+    other = {**vast, "execution": {**vast["execution"], "timeout": 9}}
+    assert not same_document(text, other)
+
+
+def test_the_users_own_text_is_kept_when_it_says_the_same() -> None:
+    obj = campaign()
+    text = "# mine\n" + json.dumps(obj["spec"]["vast"])
+    made = accept(obj, {**FILES, "drive.vast": text.encode()}, SETTINGS)
+    assert isinstance(made, Accepted)
+    assert made.document_text == text
+    other = accept(obj, {**FILES, "drive.vast": b"version: 1"}, SETTINGS)
+    assert isinstance(other, Accepted)
+    assert "hall" in other.document_text
+
+
+@pytest.mark.parametrize("packs", [1, 500, 501, 10_000, 1_000_000])
+def test_packs_are_spread_evenly_over_a_bounded_number_of_shards(packs: int) -> None:
+    cut = evenly(packs)
+    assert sum(size for _, size in cut) == packs
+    assert [begin for begin, _ in cut] == [sum(s for _, s in cut[:i]) for i in range(len(cut))]
+    assert max(size for _, size in cut) - min(size for _, size in cut) <= 1
+    assert len(cut) <= 400

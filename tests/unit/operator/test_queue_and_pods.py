@@ -1,0 +1,155 @@
+"""The work queue, and what pods tell."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Any
+
+import pytest
+
+from robovast_operator.conditions import dated
+from robovast_operator.events import messages
+from robovast_operator.pod_facts import composed_of, final_of, reports_of, trouble_of
+from robovast_operator.work_queue import WorkQueue, work
+
+
+def pod(index: int, *statuses: dict[str, Any], created: str = "2026-01-01T00:00:00Z") -> Any:
+    return {
+        "metadata": {
+            "annotations": {"batch.kubernetes.io/job-completion-index": str(index)},
+            "creationTimestamp": created,
+        },
+        "status": {"containerStatuses": list(statuses)},
+    }
+
+
+def ended(name: str, code: int, message: str = "") -> dict[str, Any]:
+    return {"name": name, "state": {"terminated": {"exitCode": code, "message": message}}}
+
+
+def test_a_key_is_looked_at_once_however_often_it_changes() -> None:
+    async def scenario() -> list[tuple[str, str]]:
+        queue, seen = WorkQueue(), []
+        for _ in range(100):
+            queue.add(("ns", "a"))
+        queue.add(("ns", "b"), 0.01)
+
+        async def look(key: tuple[str, str]) -> None:
+            seen.append(key)
+
+        task = asyncio.create_task(work(queue, look))
+        await asyncio.sleep(0.1)
+        task.cancel()
+        return seen
+
+    assert asyncio.run(scenario()) == [("ns", "a"), ("ns", "b")]
+
+
+def test_a_key_is_never_looked_at_by_two_workers_at_once() -> None:
+    async def scenario() -> int:
+        queue, busy, most = WorkQueue(), 0, 0
+
+        async def look(key: tuple[str, str]) -> None:
+            nonlocal busy, most
+            del key
+            busy += 1
+            most = max(most, busy)
+            await asyncio.sleep(0.02)
+            busy -= 1
+
+        tasks = [asyncio.create_task(work(queue, look)) for _ in range(3)]
+        for _ in range(10):
+            queue.add(("ns", "a"))
+            await asyncio.sleep(0.01)
+        await asyncio.sleep(0.1)
+        for task in tasks:
+            task.cancel()
+        return most
+
+    assert asyncio.run(scenario()) == 1
+
+
+def test_failures_are_tried_again_later_and_later() -> None:
+    async def scenario() -> list[float]:
+        queue = WorkQueue()
+        return [queue.add_failed(("ns", "a")) for _ in range(12)]
+
+    delays = asyncio.run(scenario())
+    assert 0.8 <= delays[0] <= 1.2
+    assert 240 <= delays[-1] <= 360
+    assert delays[3] > delays[1]
+
+
+def test_the_last_pod_of_an_index_counts() -> None:
+    first = pod(3, ended("agent", 75, '{"passed": "", "failed": "9", "errored": ""}'))
+    last = pod(
+        3,
+        ended("agent", 10, '{"passed": "9", "failed": "10", "errored": ""}'),
+        created="2026-01-01T00:05:00Z",
+    )
+    report = reports_of([last, first])[3]
+    assert (report.passed, report.failed) == (((9, 9),), ((10, 10),))
+
+
+@pytest.mark.parametrize("message", ["", "killed", "[]", '{"passed": "x"}', '{"passed": 3}'])
+def test_a_pod_without_a_report_says_nothing(message: str) -> None:
+    assert reports_of([pod(0, ended("agent", 137, message))]) == {}
+
+
+def test_an_incompatible_image_comes_before_every_other_cause() -> None:
+    waiting = {"name": "agent", "image": "x", "state": {"waiting": {"reason": "ErrImagePull"}}}
+    found = trouble_of([pod(0, waiting), pod(1, ended("compat-version", 78, "both numbers"))])
+    assert found is not None
+    assert (found.reason, found.message, found.final) == ("Incompatible", "both numbers", True)
+
+
+def test_a_pod_that_no_node_takes_says_so() -> None:
+    stuck = pod(0)
+    stuck["status"]["conditions"] = [
+        {"type": "PodScheduled", "status": "False", "message": "0/1 nodes are available"}
+    ]
+    found = trouble_of([stuck])
+    assert found is not None
+    assert (found.reason, found.final) == ("Unschedulable", False)
+    assert "0/1 nodes" in found.message
+
+
+def test_the_finish_job_has_the_last_word() -> None:
+    told = {"total": 3, "passed": 1, "failed": 2, "errored": 0, "failedRuns": "1-2"}
+    final = final_of(
+        [pod(0, ended("finish", 1, "x")), pod(0, ended("finish", 0, json.dumps(told)))]
+    )
+    assert final is not None
+    assert (final.runs.failed, final.failed, final.truncated) == (2, "1-2", False)
+    assert final_of([pod(0, ended("finish", 0, "{}"))]) is None
+
+
+def test_a_compose_job_gives_counts_or_its_message() -> None:
+    assert composed_of([pod(0, ended("compose", 0, '{"counts": [2, 3], "breaks": "1"}'))]) == (
+        [2, 3],
+        "1",
+    )
+    assert (
+        composed_of([pod(0, ended("compose", 65, '{"error": "bad.vast: no"}'))]) == "bad.vast: no"
+    )
+    assert composed_of([pod(0, ended("compose", 1, "Killed"))]) == "Killed"
+    assert composed_of([]) is None
+
+
+def test_each_change_of_a_condition_is_told_once() -> None:
+    before = dated(
+        [("Accepted", "True", "Valid", "fine"), ("Passed", "Unknown", "Running", "")], 1, "t", []
+    )
+    after = dated(
+        [("Accepted", "True", "Valid", "fine"), ("Passed", "False", "TooMany", "2 of 3")],
+        1,
+        "u",
+        before,
+    )
+    assert [(m.kind, m.reason, m.text) for m in messages(before, after)] == [
+        ("Warning", "TooMany", "2 of 3")
+    ]
+    assert list(messages(after, after)) == []
+    assert after[0].last_transition_time == "t"
+    assert after[1].last_transition_time == "u"
