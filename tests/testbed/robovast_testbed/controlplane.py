@@ -73,7 +73,8 @@ def start(bed: Bed) -> Cluster:
     api = programs.spawn(bed, "kube-apiserver", _api_server(cluster, authority))
     wait_for("kube-apiserver", lambda: _ready(cluster), timeout=60, failed=api.failure)
     arguments = _controller_manager(cluster.folder, authority)
-    manager = programs.spawn(bed, "kube-controller-manager", arguments)
+    # Volumes are folders that it makes: any user of a pod may write into them.
+    manager = programs.spawn(bed, "kube-controller-manager", arguments, umask=0)
     programs.spawn(bed, "kube-scheduler", _scheduler(cluster.folder))
     wait_for(
         "kube-controller-manager",
