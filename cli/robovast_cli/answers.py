@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import sys
 from collections.abc import Callable, Mapping
@@ -52,13 +51,7 @@ def _read(query: str) -> str:
 
 def _print_csv(answer: Answer, graphs: Graphs) -> None:
     del graphs
-    writer = csv.writer(sys.stdout, lineterminator="\n")
-    writer.writerow(answer.columns)
-    writer.writerows([_csv_cell(value) for value in row] for row in answer)
-
-
-def _csv_cell(value: Any) -> Any:
-    return str(value).lower() if isinstance(value, bool) else value
+    sys.stdout.write(answer.csv())
 
 
 def _print_json(answer: Answer, graphs: Graphs) -> None:

@@ -3,11 +3,12 @@
 
     python tests/bench/provenance.py [RUNS ...] [--runs-per-configuration 10] [--rdflib]
 
-Each size in a process of its own: seconds to write metadata.yaml and metadata.prov.json, to load
-the graph, to answer the slowest query of the package and all of them together; peak memory after
-each. The campaigns have floor plans, two variations, a ROS bag, a table made of it, logs and system
-information for every run. Then the least squares slope between sizes, which is 1 for a linear cost.
-With `--rdflib` also plain rdflib, which is patient work.
+Each size in processes of its own: wall time (and CPU time, since the machine may be shared) to
+write metadata.yaml and metadata.prov.json, to load the graph, to answer the slowest query of the
+package and all of them together, as CSV; peak memory after each. The campaigns have floor plans,
+two variations, a ROS bag, a table made of it, logs and system information for every run. Then the
+exponent of the power law that fits the CPU times best: 1 for a linear cost. With `--rdflib` also
+plain rdflib, which takes minutes.
 """
 
 from __future__ import annotations
@@ -28,46 +29,48 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from provenance_campaigns import make_old_campaign
 
+Figures = dict[str, Any]
+
 
 def memory() -> int:
     """Peak memory of this process so far [MiB]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
 
 
-def timed(work: Callable[[], Any]) -> tuple[float, Any]:
-    begin = time.perf_counter()
+def timed(work: Callable[[], Any]) -> tuple[list[float], Any]:
+    """Wall and CPU time of some work [s], and its result."""
+    begin, cpu = time.perf_counter(), time.process_time()
     result = work()
-    return time.perf_counter() - begin, result
+    return [time.perf_counter() - begin, time.process_time() - cpu], result
 
 
-def describe(folder: Path) -> dict[str, float]:
+def describe(folder: Path) -> Figures:
     from robovast.provenance import describe
 
-    seconds, _ = timed(lambda: describe(folder))
-    return {"build": seconds, "build memory": memory()}
+    spent, _ = timed(lambda: describe(folder))
+    return {"build": spent, "build memory": memory()}
 
 
-def query(folder: Path) -> dict[str, float]:
+def query(folder: Path) -> Figures:
     from robovast.provenance.query import Graphs, query_names, read_query
 
     load, graphs = timed(lambda: Graphs([folder]))
-    figures = {"triples": len(graphs), "load": load, "load memory": memory()}
+    figures: Figures = {"triples": len(graphs), "load": load}
     for name in query_names():
         text = read_query(name)
-        seconds, rows = timed(lambda text=text: sum(1 for _ in graphs.ask(text)))
-        figures[f"? {name}"] = seconds
-        figures[f"# {name}"] = rows
+        figures[f"? {name}"], table = timed(lambda text=text: graphs.ask(text).csv())
+        figures[f"# {name}"] = table.count("\n") - 1
     return {**figures, "query memory": memory()}
 
 
-def rdflib(folder: Path) -> dict[str, float]:
+def rdflib(folder: Path) -> Figures:
     import rdflib
 
     from robovast.provenance.query import query_names, read_query
 
     graph = rdflib.Graph()
-    load, _ = timed(lambda: graph.parse(folder / "metadata.prov.json"))
-    figures = {"load": load}
+    figures: Figures = {}
+    figures["load"], _ = timed(lambda: graph.parse(folder / "metadata.prov.json"))
     for name in query_names():
         text = read_query(name)
         figures[f"? {name}"], _ = timed(lambda text=text: list(graph.query(text)))
@@ -77,29 +80,31 @@ def rdflib(folder: Path) -> dict[str, float]:
 STEPS = {"describe": describe, "query": query, "rdflib": rdflib}
 
 
-def in_own_process(step: str, folder: Path) -> dict[str, float]:
+def in_own_process(step: str, folder: Path) -> Figures:
     """Figures of one step, its memory unmixed with that of others."""
     command = [sys.executable, __file__, "--step", step, "--folder", str(folder)]
     out = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    figures: dict[str, float] = json.loads(out)
+    figures: Figures = json.loads(out)
     return figures
 
 
-def show(runs: int, figures: dict[str, float]) -> None:
-    queries = {key[2:]: value for key, value in figures.items() if key.startswith("? ")}
-    slowest = max(queries, key=queries.__getitem__)
-    build = (
-        f"build {figures['build']:.2f} s ({figures['build memory']} MiB), "
-        if "build" in figures
-        else ""
-    )
-    triples = f"{figures['triples']:,} triples, " if "triples" in figures else ""
+def show(runs: int, figures: Figures) -> None:
+    queries = {key: value for key, value in figures.items() if key.startswith("? ")}
+    slowest = max(queries, key=lambda name: queries[name])
+    total = [sum(spent) for spent in zip(*queries.values(), strict=True)]
+    print(f"{runs:,} runs, {figures.get('triples', 0):,} triples")
+    if "build" in figures:
+        print(f"  build: {spent(figures['build'])}, {figures['build memory']} MiB")
+    print(f"  load: {spent(figures['load'])}")
+    print(f"  slowest query: {spent(queries[slowest])} ({slowest[2:]})")
     print(
-        f"{runs:,} runs: {build}{triples}load {figures['load']:.2f} s, slowest query "
-        f"{queries[slowest]:.3f} s ({slowest}), all {len(queries)} {sum(queries.values()):.2f} s "
-        f"({figures['query memory']} MiB)",
-        flush=True,
+        f"  all {len(queries)} queries: {spent(total)}, {figures['query memory']} MiB", flush=True
     )
+
+
+def spent(times: list[float]) -> str:
+    wall, cpu = times
+    return f"{wall:.3f} s (CPU {cpu:.3f} s)"
 
 
 def slope(sizes: list[int], values: list[float]) -> float:
@@ -134,10 +139,11 @@ def main() -> None:
         found.append(figures)
     for name, value in sorted(found[-1].items()):
         if name.startswith("? "):
-            print(f"  {name[2:]}: {value:.3f} s, {found[-1]['# ' + name[2:]]:,} rows")
+            print(f"  {name[2:]}: {spent(value)}, {found[-1]['# ' + name[2:]]:,} rows")
     if len(found) > 1:
-        for key in ("build", "load", "build memory", "? test-results"):
-            print(f"exponent of {key}: {slope(arguments.runs, [f[key] for f in found]):.2f}")
+        for key in ("build", "load", "? test-results"):
+            cpu = [figures[key][1] for figures in found]
+            print(f"exponent of {key}: {slope(arguments.runs, cpu):.2f}")
 
 
 if __name__ == "__main__":

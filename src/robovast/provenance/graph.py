@@ -351,7 +351,15 @@ class Graph:
             return
         own: list[Derivation] = self._derivations.get("", [])
         yield from derivation_nodes(POSTPROCESSING, own, (), ())
-        yield {"@id": POSTPROCESSING, "wasInfluencedBy": EXECUTION}
+        record = _section(self._metadata, "postprocessing")
+        yield compact(
+            {
+                "@id": POSTPROCESSING,
+                "wasInfluencedBy": EXECUTION,
+                "startedAtTime": as_utc(record.get("started_at")),
+                "endedAtTime": as_utc(record.get("ended_at")),
+            }
+        )
 
     def _metadata_file(self) -> Iterator[Node]:
         generated = _section(self._metadata, "generated")

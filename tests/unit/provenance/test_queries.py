@@ -124,7 +124,9 @@ def test_a_wrong_query_says_what_may_be_meant(campaign: Path, text: str, cause: 
 
 def test_a_query_may_declare_a_prefix_of_its_own(campaign: Path) -> None:
     text = "PREFIX prov: <http://x/> PREFIX y: <http://y/> ASK { ?s prov:used ?o . ?o y:a ?b }"
-    assert list(Graphs([campaign]).ask(text)) == [(False,)]
+    graphs = Graphs([campaign])
+    assert list(graphs.ask(text)) == [(False,)]
+    assert graphs.ask(text).csv() == "answer\nfalse\n"
 
 
 def test_triples_have_three_columns(campaign: Path) -> None:
