@@ -61,14 +61,16 @@ class ShownPage:
 
 
 @contextmanager
-def shown(results: Path, *options: str) -> Iterator[ShownPage]:
+def shown(results: Path, *options: str, postprocess: bool = False) -> Iterator[ShownPage]:
     """Serve a results folder; ends it with Ctrl-C and wants it to end well."""
     command = [VAST, "evaluation", "gui", "-r", results, "--no-browser", *options]
+    if not postprocess:
+        command.append("--skip-postprocessing")
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
-    line = process.stdout.readline()
+    line = next((line for line in process.stdout if "http://" in line), "")
     try:
-        assert "http://" in line, process.communicate()
+        assert line, process.communicate()
         yield ShownPage(line.split()[-1].partition("#")[0], process)
         process.send_signal(signal.SIGINT)
         _, complaints = process.communicate(timeout=10)

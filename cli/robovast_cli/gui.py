@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from robovast.errors import CannotRunError, ExitCode
 from robovast_cli.lazy import new_app
 from robovast_cli.output import say
 
@@ -26,6 +27,27 @@ def gui(
             show_default=False,
         ),
     ] = None,
+    force: Annotated[
+        bool,
+        typer.Option("-f", "--force", help="Postprocess everything again, changed or not."),
+    ] = False,
+    skip_postprocessing: Annotated[
+        bool,
+        typer.Option(
+            "--skip-postprocessing",
+            help="Show the results as they are; execute no command that a campaign names.",
+        ),
+    ] = False,
+    override: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--override",
+            metavar="VAST_FILE",
+            help="Use the commands of this file for every campaign, not those that each holds.",
+            show_default=False,
+        ),
+    ] = None,
     port: Annotated[
         int | None,
         typer.Option(
@@ -40,12 +62,13 @@ def gui(
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Print the address only, open no browser.")
     ] = False,
-) -> None:
+) -> int:
     """Look at results in the browser, those of a campaign that is still running too.
 
-    The page answers on this machine only, at an address that holds a secret. Ctrl-C ends it.
+    The results are postprocessed first, as `vast results postprocess` does: that executes what
+    their .vast files name. The page answers on this machine only, at an address that holds a
+    secret. Ctrl-C ends it.
     """
-    from robovast.errors import CannotRunError
     from robovast.evaluation.campaign_index import is_campaign
 
     try:
@@ -55,6 +78,8 @@ def gui(
             f"The page needs {error.name}; install the extra: pip install 'robovast[gui]'."
         ) from None
     folder = results_dir or ctx.obj.results
+    if not skip_postprocessing and not _postprocess(folder, force, override):
+        return ExitCode.INTERRUPTED
     campaign = folder.absolute().name if is_campaign(folder) else ""
 
     def show(address: str) -> None:
@@ -64,3 +89,18 @@ def gui(
             webbrowser.open(page)
 
     serve(folder.absolute().parent if campaign else folder, port, show)
+    return ExitCode.OK
+
+
+def _postprocess(folder: Path, force: bool, override: Path | None) -> bool:
+    """Bring tables up to date; False when the user stops that.
+
+    What fails is said, and the page shows what there is.
+    """
+    from robovast.evaluation.campaign_index import find_campaigns, is_campaign
+    from robovast.postprocessing.events import Options
+    from robovast_cli.postprocessing import run
+
+    if not is_campaign(folder) and not find_campaigns(folder):
+        return True
+    return run(folder, Options(override=override, force=force)) is not ExitCode.INTERRUPTED

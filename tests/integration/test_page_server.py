@@ -205,6 +205,16 @@ def test_a_campaign_folder_is_shown_among_its_neighbours(results: Path) -> None:
         assert list(page.get("api/campaigns").data["campaigns"]) == [NAME]
 
 
+def test_tables_are_made_before_the_page_is_shown(tmp_path: Path) -> None:
+    root = write_campaign(tmp_path, variants=[{"speed": 1.0}], runs=1)
+    write(root / "_transient" / "configurations.yaml", "configs: []\n")
+    with shown(tmp_path, postprocess=True) as page:
+        metrics = page.get(f"api/campaigns/{NAME}/metrics").data
+        assert metrics["poses"] == ["timestamp", "position.x", "position.y"]
+        query = "metric?table=poses&column=position.x&aggregate=most"
+        assert page.get(f"api/campaigns/{NAME}/{query}").data == {"hall-1/0": 9.95}
+
+
 def _place(page: ShownPage) -> tuple[str, int]:
     host, _, port = page.address.split("/")[2].partition(":")
     return host, int(port)

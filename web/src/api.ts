@@ -43,6 +43,12 @@ export interface Columns {
   };
 }
 
+/** Columns with numbers, by table. */
+export type Metrics = Record<string, string[]>;
+
+/** A number for each run, `variant/number`. */
+export type Metric = Record<string, number>;
+
 export interface FileEntry {
   path: string;
   name: string;

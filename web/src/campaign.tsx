@@ -1,11 +1,12 @@
 // One campaign: how it went, over any two parameters, and every run.
 import { useMemo } from "preact/hooks";
 import { address, VERDICTS, type Columns, type Verdict } from "./api";
-import { axis, matcher, parameters, show, sorted, valueOf, variantOf, verdictOf, type Axis, type Run } from "./data";
+import { axis, matcher, parameters, show, sorted, valueOf, variantOf, verdictOf, type Axis, type Run, type Shown } from "./data";
 import { count, duration, moment, plural } from "./format";
 import { Grid, type Column } from "./grid";
 import { useAnswer, type Versions } from "./live";
 import { Matrix } from "./matrix";
+import { Chooser, useMeasure } from "./measure";
 import { Parallel } from "./parallel";
 import { Export, Mark, State, Tabs, VerdictBar, Waiting } from "./parts";
 import { choose, link } from "./route";
@@ -76,7 +77,9 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
   const wanted = query.get("verdict") ?? "";
   const cell = query.get("cell") ?? "";
   const sort = query.get("sort") ?? "verdict";
-  const colour = query.get("colour") ?? "rate";
+  const colour = query.get("colour") ?? "";
+  const aggregate = query.get("of") ?? "mean";
+  const measure = useMeasure(data, colour, aggregate);
 
   const found = useMemo(() => filtered(data, text, wanted), [data, text, wanted]);
   const across = useMemo(() => axis(data, x), [data, x]);
@@ -85,17 +88,20 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
     () => ofCell(data, found, across, down, cell),
     [data, found, across, down, cell],
   );
-  const rows = useMemo(() => sorted(data, inCell, sort), [data, inCell, sort]);
-  const columns = useMemo(() => columnsOf(data, names), [data, names]);
+  const rows = useMemo(() => sorted(data, inCell, sort, measure), [data, inCell, sort, measure]);
+  const columns = useMemo(
+    () => columnsOf(data, names, colour === "duration" ? null : measure),
+    [data, names, colour, measure],
+  );
   const views = [
     {
       id: "matrix",
       label: "Matrix",
       show: () => (
         <Matrix
-          {...{ data, names, x, y, across, down, colour, chosen: cell }}
+          {...{ data, names, x, y, across, down, measure, chosen: cell }}
           runs={found}
-          measures={[["duration", "mean duration [s]"]]}
+          chooser={<Chooser campaign={data.summary.name} colour={colour} aggregate={aggregate} />}
         />
       ),
     },
@@ -128,7 +134,7 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
             ? plural(rows.length, "run")
             : `${count(rows.length)} of ${plural(data.runs.number.length, "run")}`}
         </span>
-        <Export name={`${data.summary.name}-runs`} rows={() => exported(data, rows, names)} />
+        <Export name={`${data.summary.name}-runs`} rows={() => exported(data, rows, names, measure)} />
       </div>
       {rows.length > 0 ? (
         <Grid
@@ -172,7 +178,7 @@ function runLink(data: Columns, run: Run): string {
   return link(["campaign", data.summary.name, variantOf(data, run), data.runs.number[run]!]);
 }
 
-function columnsOf(data: Columns, names: string[]): Column[] {
+function columnsOf(data: Columns, names: string[], measure: Shown | null): Column[] {
   const value = (column: string) => (run: Run) => show(valueOf(data, run, column));
   return [
     { id: "verdict", label: "Verdict", cell: (run) => <Mark verdict={verdictOf(data, run)} /> },
@@ -195,15 +201,25 @@ function columnsOf(data: Columns, names: string[]): Column[] {
       kind: "number",
       cell: (run) => duration(data.runs.duration[run]),
     },
+    ...(measure
+      ? [{ id: "m", label: measure.name, kind: "number" as const, cell: (run: Run) => show(measure.of(run)) }]
+      : []),
     { id: "started", label: "Started", cell: (run) => moment(data.runs.started[run]) },
     { id: "reason", label: "Reason", cell: value("reason") },
   ];
 }
 
-function exported(data: Columns, rows: Run[], names: string[]): unknown[][] {
+function exported(data: Columns, rows: Run[], names: string[], measure: Shown | null): unknown[][] {
   const head = ["variant", "run", "verdict", ...names.map((name) => `p:${name}`), "duration", "started", "reason"];
   const label = (column: string) => column.replace(/^p:/, "");
-  return [head.map(label), ...rows.map((run) => head.map((column) => valueOf(data, run, column)))];
+  const extra = measure && measure.name !== "duration [s]" ? [measure] : [];
+  return [
+    [...head.map(label), ...extra.map(({ name }) => name)],
+    ...rows.map((run) => [
+      ...head.map((column) => valueOf(data, run, column)),
+      ...extra.map(({ of }) => of(run)),
+    ]),
+  ];
 }
 
 function VerdictFilter({ data, wanted }: { data: Columns; wanted: string }) {

@@ -64,7 +64,7 @@ describe("matrix", () => {
   it("counts bad runs in their cells, without interrupted ones", () => {
     const data = campaign({ x: [1, 2], y: ["a", "b"] }, ["passed", "failed", "interrupted", "errored"]);
     const [x, y] = [axis(data, "x"), axis(data, "y")];
-    const found = cells(data, all(data), x, y, "duration");
+    const found = cells(data, all(data), x, y, (run) => data.runs.duration[run]);
     expect(found.map((row) => row.map(({ runs, bad }) => [runs, bad]))).toEqual([
       [[1, 0], [0, 0]],
       [[0, 0], [2, 2]],

@@ -73,11 +73,11 @@ const collator = new Intl.Collator("en", { numeric: true });
 const WORST_FIRST: Record<string, number> = { failed: 0, errored: 1, interrupted: 2, passed: 3 };
 
 /** Runs sorted by a column; `-duration` is downwards. Equal ones stay in their order. */
-export function sorted(data: Columns, runs: Run[], by: string): Run[] {
+export function sorted(data: Columns, runs: Run[], by: string, measure?: Shown | null): Run[] {
   if (!by) return runs;
   const down = by.startsWith("-");
   const column = down ? by.slice(1) : by;
-  const keys = new Map(runs.map((run) => [run, keyOf(data, run, column)]));
+  const keys = new Map(runs.map((run) => [run, keyOf(data, run, column, measure)]));
   const sign = down ? -1 : 1;
   return [...runs].sort((a, b) => {
     const left = keys.get(a);
@@ -87,7 +87,8 @@ export function sorted(data: Columns, runs: Run[], by: string): Run[] {
   });
 }
 
-function keyOf(data: Columns, run: Run, column: string): unknown {
+function keyOf(data: Columns, run: Run, column: string, measure?: Shown | null): unknown {
+  if (column === "m") return measure?.of(run);
   return column === "verdict" ? WORST_FIRST[verdictOf(data, run)] : valueOf(data, run, column);
 }
 
@@ -186,8 +187,11 @@ export interface Cell {
   measured: number;
 }
 
+/** What is measured of a run. */
+export type Measure = (run: Run) => unknown;
+
 /** Cells of a matrix, row by row; interrupted runs do not count. */
-export function cells(data: Columns, runs: Run[], x: Axis, y: Axis, column: string): Cell[][] {
+export function cells(data: Columns, runs: Run[], x: Axis, y: Axis, measure?: Measure): Cell[][] {
   const found = y.labels.map(() =>
     x.labels.map((): Cell => ({ runs: 0, bad: 0, sum: 0, measured: 0 })),
   );
@@ -199,13 +203,19 @@ export function cells(data: Columns, runs: Run[], x: Axis, y: Axis, column: stri
     if (!cell) continue;
     cell.runs += 1;
     cell.bad += Number(verdict !== "passed");
-    const value = column ? valueOf(data, run, column) : null;
+    const value = measure?.(run);
     if (typeof value === "number") {
       cell.sum += value;
       cell.measured += 1;
     }
   }
   return found;
+}
+
+/** What the colour of a cell stands for, beside the failure rate. */
+export interface Shown {
+  name: string;
+  of: Measure;
 }
 
 /** Rows as CSV (RFC 4180). */

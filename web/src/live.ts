@@ -60,10 +60,15 @@ export interface Answer<T> {
 /** Whether an answer is older than what the server has by now. */
 export type Stale<T> = (data: T, versions: Versions) => boolean;
 
-/** The answer of the server; asked for again when it is stale. */
-export function useAnswer<T>(url: string, stale?: Stale<T>): Answer<T> {
-  const [answer, setAnswer] = useState<Answer<T> & { url: string }>({ data: null, error: null, url });
+/** The answer of the server; asked for again when it is stale. Without a URL nothing is asked. */
+export function useAnswer<T>(url: string | null, stale?: Stale<T>): Answer<T> {
+  const [answer, setAnswer] = useState<Answer<T> & { url: string | null }>({
+    data: null,
+    error: null,
+    url,
+  });
   useEffect(() => {
+    if (url === null) return;
     const controller = new AbortController();
     let asking = false;
     let latest: T | null = null;

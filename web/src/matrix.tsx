@@ -1,7 +1,8 @@
 // Configurations in cells of two parameters, coloured by failure rate or by what was measured.
+import type { ComponentChildren } from "preact";
 import { useMemo } from "preact/hooks";
 import type { Columns } from "./api";
-import { cells, show, type Axis, type Cell, type Run } from "./data";
+import { cells, show, type Axis, type Cell, type Run, type Shown } from "./data";
 import { percent, plural } from "./format";
 import { Export, Select } from "./parts";
 import { choose } from "./route";
@@ -14,18 +15,20 @@ interface MatrixProps {
   y: string;
   across: Axis;
   down: Axis;
-  colour: string;
-  measures: [string, string][];
+  /** What the colour stands for; the failure rate when there is none. */
+  measure: Shown | null;
+  /** Chooses that. */
+  chooser: ComponentChildren;
   /** Chosen cell, `column,row`. */
   chosen: string;
 }
 
 export function Matrix(props: MatrixProps) {
-  const { data, runs, names, x, y, across, down, colour, measures, chosen } = props;
-  const measure = colour === "rate" ? "" : colour;
+  const { data, runs, names, x, y, across, down, chooser, chosen } = props;
+  const measure = props.measure?.name ?? "";
   const found = useMemo(
-    () => cells(data, runs, across, down, measure),
-    [data, runs, across, down, measure],
+    () => cells(data, runs, across, down, props.measure?.of),
+    [data, runs, across, down, props.measure],
   );
   const scale = scaleOf(found.flat(), measure);
   const options: [string, string][] = [["", "(all together)"], ...names.map((n): [string, string] => [n, n])];
@@ -47,12 +50,7 @@ export function Matrix(props: MatrixProps) {
       <div class="tools">
         <Select label="Across" value={x} options={options} onChoose={(v) => choose({ x: v || "-", cell: "" })} />
         <Select label="Down" value={y} options={options} onChoose={(v) => choose({ y: v || "-", cell: "" })} />
-        <Select
-          label="Colour"
-          value={colour}
-          options={[["rate", "failure rate"], ...measures]}
-          onChoose={(value) => choose({ colour: value === "rate" ? "" : value })}
-        />
+        {chooser}
         <Legend measure={measure} scale={scale} />
         <Export name={`${data.summary.name}-matrix`} rows={rows} />
       </div>

@@ -23,6 +23,7 @@ from robovast.evaluation.compare import compare
 from robovast.evaluation.inside import OutsideError, open_inside
 from robovast.evaluation.library import Library
 from robovast.evaluation.logs import LogQuestion, read_log
+from robovast.evaluation.metrics import metric, metric_columns
 from robovast.evaluation.run import read_run
 from robovast.evaluation.server.answers import Data, error, send_file
 from robovast.evaluation.server.guard import Guard
@@ -49,6 +50,8 @@ def make_app(library: Library, token: str, closing: asyncio.Event) -> ASGIApp:
     api = [
         Route("/campaigns", pages.campaigns),
         Route("/campaigns/{campaign}", pages.campaign),
+        Route("/campaigns/{campaign}/metrics", pages.metrics),
+        Route("/campaigns/{campaign}/metric", pages.metric),
         Route("/campaigns/{campaign}/{variant}/{run:int}", pages.run),
         Route("/compare", pages.compare),
         Route("/events", pages.events),
@@ -62,7 +65,11 @@ def make_app(library: Library, token: str, closing: asyncio.Event) -> ASGIApp:
             Route("/files/{path:path}", pages.file),
             *(Route(path, answer) for path, answer in _assets().items()),
         ],
-        exception_handlers={InputError: _refuse, HTTPException: _refuse_http},
+        exception_handlers={
+            InputError: _refuse,
+            HTTPException: _refuse_http,
+            Exception: _own_fault,
+        },
     )
     return Guard(app, token)
 
@@ -91,6 +98,15 @@ class Pages:
                 **columns(index.variants),
             }
         )
+
+    def metrics(self, request: Request) -> Response:
+        """Columns of a campaign's tables that have numbers, by table."""
+        return Data(metric_columns(self._library.results, request.path_params["campaign"]))
+
+    def metric(self, request: Request) -> Response:
+        """A number for each run from `column` of `table`, by `aggregate`."""
+        asked = (_asked(request, key) for key in ("table", "column", "aggregate"))
+        return Data(metric(self._library.results, request.path_params["campaign"], *asked))
 
     def run(self, request: Request) -> Response:
         """One run."""
@@ -177,3 +193,9 @@ def _refuse(_: Request, cause: Exception) -> Response:
 def _refuse_http(_: Request, cause: Exception) -> Response:
     status = cause.status_code if isinstance(cause, HTTPException) else 500
     return error("There is no such page.", status)
+
+
+def _own_fault(_: Request, cause: Exception) -> Response:
+    name = type(cause).__name__
+    where = "`vast -l debug evaluation gui` shows where"
+    return error(f"This is a fault of RoboVAST ({name}: {cause}); {where}.", 500)

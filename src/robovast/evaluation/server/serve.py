@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import secrets
 import socket
 from collections.abc import Callable
@@ -38,7 +39,7 @@ def serve(results: Path, port: int | None, ready: Callable[[str], None]) -> None
     closing = asyncio.Event()
     config = uvicorn.Config(
         make_app(library, token, closing),
-        log_level="error",
+        log_level="debug" if logging.getLogger().isEnabledFor(logging.DEBUG) else "critical",
         access_log=False,
         server_header=False,
         lifespan="off",

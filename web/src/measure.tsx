@@ -1,0 +1,63 @@
+// What the cells of a matrix are coloured by: the failure rate, the duration, a column of a table.
+import { useMemo } from "preact/hooks";
+import { address, type Columns, type Metric, type Metrics } from "./api";
+import { variantOf, type Run, type Shown } from "./data";
+import { useAnswer } from "./live";
+import { Select } from "./parts";
+import { choose } from "./route";
+
+const AGGREGATES: Record<string, string> = { mean: "mean", least: "minimum", most: "maximum", sum: "sum" };
+
+/** A column is chosen as `table/column`; names of tables have no slash. */
+function parts(colour: string): [string, string] | null {
+  const [table, ...column] = colour.split("/");
+  return table && column.length ? [table, column.join("/")] : null;
+}
+
+/** What an address says of the colour, as a measure of runs; null for the failure rate. */
+export function useMeasure(data: Columns, colour: string, aggregate: string): Shown | null {
+  const { name } = data.summary;
+  const column = parts(colour);
+  const url = column && address(["campaigns", name, "metric"], { table: column[0], column: column[1], aggregate });
+  const metric = useAnswer<Metric>(url);
+  return useMemo(() => {
+    if (colour === "duration") {
+      return { name: "duration [s]", of: (run: Run) => data.runs.duration[run] };
+    }
+    if (!column) return null;
+    const found = metric.data ?? {};
+    return {
+      name: `${AGGREGATES[aggregate]} ${column[1]}`,
+      of: (run: Run) => found[`${variantOf(data, run)}/${data.runs.number[run]}`] ?? null,
+    };
+  }, [data, colour, aggregate, metric.data]);
+}
+
+interface ChooserProps {
+  campaign: string;
+  colour: string;
+  aggregate: string;
+}
+
+export function Chooser({ campaign, colour, aggregate }: ChooserProps) {
+  const { data } = useAnswer<Metrics>(address(["campaigns", campaign, "metrics"]));
+  const columns = Object.entries(data ?? {}).flatMap(([table, names]) =>
+    names.map((name): [string, string] => [`${table}/${name}`, `${table}: ${name}`]),
+  );
+  const chosen = parts(colour);
+  const options: [string, string][] = [["", "failure rate"], ["duration", "mean duration [s]"], ...columns];
+  if (chosen && !columns.some(([key]) => key === colour)) options.push([colour, colour]);
+  return (
+    <>
+      <Select label="Colour" value={colour} options={options} onChoose={(value) => choose({ colour: value })} />
+      {chosen && (
+        <Select
+          label="of each run the"
+          value={aggregate}
+          options={Object.entries(AGGREGATES)}
+          onChoose={(value) => choose({ of: value === "mean" ? "" : value })}
+        />
+      )}
+    </>
+  );
+}
