@@ -49,6 +49,19 @@ def make(tmp_path: Path, s3_server: Server) -> Iterator[Make]:
         campaign.close()
 
 
+@contextlib.contextmanager
+def small_disk(folder: Path) -> Iterator[None]:
+    """A file system of 8 MiB in place of a folder that has a termination message alone."""
+    mount = ["mount", "-t", "tmpfs", "-o", "size=8m", "tmpfs", folder]
+    if subprocess.run(mount, check=False, capture_output=True).returncode:
+        pytest.skip("this user cannot mount file systems")
+    try:
+        (folder / "termination-log").touch()
+        yield
+    finally:
+        subprocess.run(["umount", "--lazy", folder], check=True)
+
+
 def files_below(root: Path) -> set[str]:
     """The files of a local campaign, relative to it."""
     found = (path for path in root.rglob("*") if path.is_file() and not path.is_symlink())
@@ -268,6 +281,33 @@ def test_refused_storage_is_told(make: Make) -> None:
     told = pod.message_file.read_text()
     assert campaign.plan.endpoint in told
     assert "Access denied" in told
+
+
+@one_server
+def test_an_agent_that_is_refused_says_so_beside_its_verdicts(make: Make) -> None:
+    campaign = make(PASS)
+    pod = Pod(campaign)
+    assert pod.fetch() == 0
+    (campaign.root / "credentials/secretKey").write_text("wrong")
+    container, agent = pod.start_run(), pod.command("agent")
+    assert (agent.wait(30), container.wait(30)) == (74, 0)
+    told = pod.message()
+    assert (told["passed"], told["failed"], told["errored"]) == ("", "", "")
+    assert campaign.plan.endpoint in told["error"]
+
+
+@one_server
+def test_a_run_that_fills_the_disk_is_stored_with_what_it_wrote(make: Make) -> None:
+    step = '[ "$1" = 2 ] || exit 0; dd if=/dev/zero of="$3/big" bs=1M count=99 status=none\n'
+    campaign = make(step, PACK)
+    pod = Pod(campaign)
+    with small_disk(pod.work):
+        assert pod.run() in {10, 11}, pod.log("agent")
+        assert pod.log("agent") == ""
+    verdicts = campaign.verdicts()
+    assert (verdicts["one-1/0"], len(verdicts)) == ("passed", 3)
+    assert verdicts["one-2/0"] != "passed"
+    assert "one-2/0/big" in campaign.objects()
 
 
 @one_server

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
-from pydantic import TypeAdapter
-
+from robovast.expansion.variant import Variant
 from robovast.plan import Job, Run
 from robovast.results.verdict import Verdict
 
@@ -77,8 +77,7 @@ class Pack:
 
     def write(self, path: Path) -> None:
         """Write it as JSON; numbers that JSON lacks stay what they are."""
-        data = _ADAPTER.dump_python(self, mode="json")
-        path.write_text(json.dumps(data), encoding="utf-8")
+        path.write_text(json.dumps(asdict(self), default=str), encoding="utf-8")
 
 
 def job_name(pack: int, number: int) -> str:
@@ -88,7 +87,17 @@ def job_name(pack: int, number: int) -> str:
 
 def read_pack(path: Path) -> Pack:
     """What `fetch` wrote."""
-    return _ADAPTER.validate_python(json.loads(path.read_text(encoding="utf-8")))
+    data = json.loads(path.read_text(encoding="utf-8"))
+    done = {int(id_): Verdict(verdict) for id_, verdict in data["done"].items()}
+    changed = {
+        "runs": tuple(map(_run, data["runs"])),
+        "done": done,
+        "secondaries": tuple(data["secondaries"]),
+    }
+    return Pack(**{**data, **changed})
 
 
-_ADAPTER = TypeAdapter(Pack)
+def _run(data: Mapping[str, Any]) -> Run:
+    variant = data["variant"]
+    known = Variant(variant["name"], variant["entry"], variant["parameters"])
+    return Run(data["id"], known, data["number"])

@@ -1,0 +1,101 @@
+"""What fetch, agent and start.sh tell each other by files."""
+
+import fcntl
+import math
+import os
+from pathlib import Path
+
+import pytest
+
+from robovast.agent.exit_codes import AgentExit, exit_code_of
+from robovast.agent.folders import Folders
+from robovast.agent.orders import RunContainer
+from robovast.agent.pack import Pack, read_pack
+from robovast.agent.trees import open_files
+from robovast.expansion import Variant
+from robovast.plan import Run
+from robovast.results.verdict import Verdict
+
+RUNS = tuple(Run(id_, Variant(f"v-{id_}", "v", {"x": id_ / 2}), 0) for id_ in range(3))
+
+
+def make_pack(**changes: object) -> Pack:
+    values = {
+        "campaign": "c", "bucket": "b", "endpoint": "http://s3", "region": None, "image": "i",
+        "number": 7, "attempt": 1, "runs": RUNS, "done": {}, "first_job": 1, "scenario": "s",
+        "timeout": None, "secondaries": (), "environment": {},
+    }  # fmt: skip
+    return Pack(**{**values, **changes})
+
+
+@pytest.fixture
+def folders(tmp_path: Path) -> Folders:
+    folders = Folders(work=tmp_path)
+    folders.config.mkdir()
+    return folders
+
+
+def test_a_pack_is_read_as_it_was_written(tmp_path: Path) -> None:
+    odd = Variant("v", "v", {"x": math.inf, "y": [1, {"z": None}], "ü": True})
+    pack = make_pack(runs=(Run(0, odd, 1),), done={5: Verdict.FAILED})
+    pack.write(tmp_path / "pack.json")
+    assert read_pack(tmp_path / "pack.json") == pack
+
+
+def test_what_is_stored_is_not_run_again() -> None:
+    pack = make_pack(done={0: Verdict.PASSED, 2: Verdict.ERRORED}, first_job=2)
+    assert pack.first is not None
+    assert [run.id for run in pack.first.runs] == [1]
+    assert pack.first.name == "job-7-2"
+    assert pack.job(2, pack.left).name == "job-7-3"
+    assert make_pack(done=dict.fromkeys(range(3), Verdict.PASSED)).first is None
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "code"),
+    [
+        ([Verdict.PASSED], AgentExit.PASSED),
+        ([Verdict.PASSED, Verdict.FAILED], AgentExit.FAILED),
+        ([Verdict.FAILED, Verdict.ERRORED, Verdict.PASSED], AgentExit.ERRORED),
+    ],
+)
+def test_the_worst_verdict_decides(verdicts: list[Verdict], code: AgentExit) -> None:
+    assert exit_code_of(verdicts) is code
+
+
+def test_orders_are_rewritten_in_place_and_whole(folders: Folders) -> None:
+    container = RunContainer(folders)
+    container.prepare()
+    inode = (folders.config / "order").stat().st_ino
+    container.run(12)
+    container.end()
+    assert (folders.config / "order").read_text().split() == ["end"]
+    assert (folders.config / "order").stat().st_ino == inode
+
+
+def test_a_container_is_gone_when_its_lock_is_free_and_it_left_no_code(folders: Folders) -> None:
+    container = RunContainer(folders)
+    container.prepare()
+    assert not container.is_gone(1), "it did not start yet"
+    with (folders.answers / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        (folders.answers / "1.started").touch()
+        assert not container.is_gone(1), "it runs"
+    assert container.is_gone(1)
+    (folders.answers / "1.ended").write_text("0\n")
+    assert not container.is_gone(1), "it ended"
+
+
+def test_only_files_are_opened(tmp_path: Path) -> None:
+    (tmp_path / "a" / "b").mkdir(parents=True)
+    (tmp_path / "a" / "b" / "file").write_text("content")
+    (tmp_path / "link").symlink_to(tmp_path / "a" / "b" / "file")
+    (tmp_path / "folder").symlink_to(tmp_path / "a")
+    os.mkfifo(tmp_path / "pipe")
+    found = {}
+    for path, file in open_files(tmp_path):
+        with file:
+            found[path] = file.read()
+    assert found == {"a/b/file": b"content"}
+    assert list(open_files(tmp_path / "link")) == []
+    assert list(open_files(tmp_path / "none")) == []

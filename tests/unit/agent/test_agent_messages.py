@@ -1,0 +1,53 @@
+"""Termination messages fit, and say what counts."""
+
+import json
+from pathlib import Path
+
+from robovast.agent.finish import summary
+from robovast.agent.messages import LIMIT, verdict_ranges, write_error, write_message
+from robovast.errors import StorageError
+from robovast.results.verdict import Verdict
+
+
+def test_verdicts_are_told_as_ranges() -> None:
+    verdicts = {0: Verdict.PASSED, 1: Verdict.PASSED, 4: Verdict.FAILED, 2: Verdict.ERRORED}
+    assert verdict_ranges(verdicts) == {"passed": "0-1", "failed": "4", "errored": "2"}
+
+
+def test_a_message_is_never_longer_than_kubernetes_keeps(tmp_path: Path) -> None:
+    path = tmp_path / "message"
+    path.touch()
+    kinds = (Verdict.PASSED, Verdict.FAILED, Verdict.ERRORED)
+    verdicts = {id_: kinds[id_ % 3] for id_ in range(10_000)}
+    write_message(path, verdict_ranges(verdicts))
+    write_error(path, StorageError("ü" * 10_000), as_json=True)
+    assert path.stat().st_size <= LIMIT
+    assert json.loads(path.read_text())["truncated"] is True
+
+
+def test_an_error_does_not_hide_the_verdicts(tmp_path: Path) -> None:
+    path = tmp_path / "message"
+    path.touch()
+    write_message(path, verdict_ranges({3: Verdict.PASSED}))
+    write_error(path, StorageError("the disk is full"), as_json=True)
+    told = json.loads(path.read_text())
+    assert (told["passed"], told["error"]) == ("3", "the disk is full")
+
+
+def test_outside_a_container_no_message_is_left(tmp_path: Path) -> None:
+    write_message(tmp_path / "message", {})
+    write_error(tmp_path / "message", StorageError("no"), as_json=False)
+    assert list(tmp_path.iterdir()) == []
+
+
+def entry(id_: int, verdict: Verdict, attempt: int = 1) -> dict[str, object]:
+    return {"id": id_, "variant": f"v-{id_}", "run": 0, "verdict": verdict, "attempt": attempt}
+
+
+def test_a_summary_names_the_first_bad_runs_only() -> None:
+    index = [entry(id_, Verdict.ERRORED, attempt=0) for id_ in range(0, 40_000, 2)]
+    told = summary(index)
+    assert (told["total"], told["errored"], told["stored"]) == (20_000, 20_000, 0)
+    assert told["truncated"] is True
+    assert len(told["failing"]) == 10
+    assert len(json.dumps(told)) <= LIMIT
