@@ -41,11 +41,9 @@ execution:
 """
 
 
-@pytest.fixture(scope="session")
-def installed(cluster: Cluster) -> Cluster:
-    """A cluster in which `helm install` has installed RoboVAST, S3 server included."""
-    with skipped_when_unavailable():
-        containerd.of(cluster.bed).load(images.agent_archive())
+def install(cluster: Cluster) -> None:
+    """Install RoboVAST, S3 server included, by its chart."""
+    containerd.of(cluster.bed).load(images.agent_archive())
     values = {
         "operator.image": images.AGENT,
         "agent.image": images.AGENT,
@@ -56,8 +54,31 @@ def installed(cluster: Cluster) -> Cluster:
     helm(
         cluster,
         *("install", "robovast", ROOT / "helm/robovast", "--namespace", SYSTEM),
-        *("--create-namespace", "--wait", "--timeout", "3m", *given),
+        *("--create-namespace", "--wait", "--timeout", "5m", *given),
     )
+
+
+def copy_credentials(cluster: Cluster, namespace: str) -> None:
+    """Give a namespace the storage's Secret."""
+    secret = json.loads(
+        cluster.kubectl(
+            *("--namespace", SYSTEM, "get", "secret", "robovast-storage", "--output=json")
+        )
+    )
+    copy = {
+        "apiVersion": "v1",
+        "kind": "Secret",
+        "metadata": {"name": "robovast-storage", "namespace": namespace},
+        "data": secret["data"],
+    }
+    cluster.kubectl("apply", "--filename=-", stdin=json.dumps(copy))
+
+
+@pytest.fixture(scope="session")
+def installed(cluster: Cluster) -> Cluster:
+    """A cluster in which `helm install` has installed RoboVAST."""
+    with skipped_when_unavailable():
+        install(cluster)
     return cluster
 
 
@@ -118,11 +139,15 @@ class Lab:
 
     def apply(self, vast: Path, name: str, **spec: Any) -> dict[str, Any]:
         """Apply the Campaign of a document, with its files inline, as kubectl users do."""
-        options = SubmitOptions(image=images.SLIM, parallelism=spec.pop("parallelism", None))
-        made = prepare_submission(load_document(vast), options, name, self.namespace).campaign
+        made = self.prepared(vast, name)
         obj = {**made, "spec": {**made["spec"], **spec}}
         self.kubectl("apply", "--filename=-", stdin=json.dumps(obj))
         return obj
+
+    def prepared(self, vast: Path, name: str) -> dict[str, Any]:
+        """The Campaign of a document."""
+        options = SubmitOptions(image=images.SLIM)
+        return prepare_submission(load_document(vast), options, name, self.namespace).campaign
 
     def quick(self, name: str, script: str, extra: str = "", **spec: Any) -> Path:
         """Apply a campaign whose runs execute a script; returns its document."""
@@ -150,18 +175,7 @@ def lab(installed: Cluster, tmp_path: Path) -> Iterator[Lab]:
     """A namespace of the test's own, with credentials of the storage."""
     name = f"lab-{uuid4().hex[:6]}"
     installed.kubectl("create", "namespace", name)
-    secret = json.loads(
-        installed.kubectl(
-            *("--namespace", SYSTEM, "get", "secret", "robovast-storage", "--output=json")
-        )
-    )
-    copy = {
-        "apiVersion": "v1",
-        "kind": "Secret",
-        "metadata": {"name": "robovast-storage", "namespace": name},
-        "data": secret["data"],
-    }
-    installed.kubectl("apply", "--filename=-", stdin=json.dumps(copy))
+    copy_credentials(installed, name)
     yield Lab(installed, name, tmp_path, installed.env)
     installed.kubectl("delete", "namespace", name, "--wait=false")
 

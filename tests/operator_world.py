@@ -15,12 +15,11 @@ from robovast_operator.decide import (
     CreateTask,
     Decision,
     DeleteJob,
-    Final,
-    Observed,
     ResizeJob,
     SuspendJob,
     decide,
 )
+from robovast_operator.picture import Final, Observed
 from robovast_operator.revisions import next_revision
 from robovast_operator.settings import Settings
 from robovast_operator.shards import ShardPlan, run_ids

@@ -1,0 +1,148 @@
+"""What a campaign is made from: its spec, its files, its plans. Read, checked, and fixed."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from dataclasses import replace
+
+from robovast.cluster.plan import Entry
+from robovast.cluster.resources import CampaignSpec
+from robovast_operator import paths
+from robovast_operator.accept import (
+    Files,
+    accept,
+    config_map_files,
+    inline_files,
+)
+from robovast_operator.additions import Additions, with_additions
+from robovast_operator.api import Api, ApiError
+from robovast_operator.campaign import Accepted, Identity, Object, Rejected, Revision
+from robovast_operator.configurations import is_own, own_configurations
+from robovast_operator.jobs import files_config_map, plan_config_map
+from robovast_operator.memory import Memory
+from robovast_operator.revisions import NO_PLAN, next_revision, owners_note, read_revisions
+from robovast_operator.settings import Settings
+from robovast_operator.store import Store
+
+
+class Inputs:
+    """Reads and checks what campaigns are made from, and makes the ConfigMaps that fix it."""
+
+    def __init__(self, api: Api, store: Store, settings: Settings) -> None:
+        self._api = api
+        self._store = store
+        self._settings = settings
+
+    async def accepted(self, obj: Object, memory: Memory) -> Accepted | Rejected:
+        """The Campaign as far as it can be checked here; once for each change of its spec."""
+        mark = str(obj["metadata"]["generation"])
+        if memory.accepted is None or memory.accepted_for != mark:
+            files = await self._files(obj)
+            if isinstance(files, Rejected):
+                return files
+            memory.accepted = await asyncio.to_thread(accept, obj, files, self._settings)
+            memory.accepted_for = mark
+        return memory.accepted
+
+    async def _files(self, obj: Object) -> Files | Rejected | None:
+        """The input files, as far as the operator can read them."""
+        try:
+            source = CampaignSpec.model_validate(obj["spec"]).source
+            if source.bundle is not None or source.git is not None:
+                return None
+            if source.config_map is None:
+                return inline_files(obj["spec"])
+        except ValueError:
+            return {}  # checking the spec says what is wrong
+        name, namespace = source.config_map.name, obj["metadata"]["namespace"]
+        try:
+            data = await self._api.get(f"{paths.config_maps(namespace)}/{name}")
+        except ApiError as error:
+            if error.code != 404:
+                raise
+            return Rejected(
+                "SourceNotFound",
+                f"spec.source.configMap: the namespace {namespace} has no ConfigMap `{name}`",
+            )
+        return config_map_files(data, {item.key: item.path for item in source.config_map.items})
+
+    async def planned(self, accepted: Accepted, memory: Memory) -> Accepted | None:
+        """A campaign with what its compose Job once found out; None when it has not yet."""
+        if memory.revisions is None:
+            memory.revisions = await self._load_revisions(accepted.identity)
+        if not memory.revisions:
+            return None
+        entries = memory.revisions[0].entries
+        return replace(accepted, entries=entries[: len(accepted.vast.configuration or [None])])
+
+    async def prepare_composing(self, accepted: Accepted, plan: str) -> None:
+        """What the compose Job mounts."""
+        await self._create_plan(accepted, Revision(-1, plan, NO_PLAN), ())
+
+    async def make_files(self, accepted: Accepted, memory: Memory) -> None:
+        """The inline files, where pods can mount them."""
+        if not memory.files_made:
+            config_map = files_config_map(accepted)
+            if config_map is not None:
+                await self._api.create(paths.config_maps(accepted.identity.namespace), config_map)
+            memory.files_made = True
+
+    async def additions(self, obj: Object, accepted: Accepted) -> Additions:
+        """The document's own Configurations are made; those applied by hand are read."""
+        identity = accepted.identity
+        key = (identity.namespace, identity.name)
+        there = self._store.configurations_of(key)
+        names = {item["metadata"]["name"] for item in there}
+        for wanted in own_configurations(accepted):
+            if wanted["metadata"]["name"] not in names:
+                made = await self._api.create(paths.configurations(identity.namespace), wanted)
+                if made is not None:
+                    self._store.configurations[identity.namespace, made["metadata"]["name"]] = made
+        added = [
+            item
+            for item in there
+            if not is_own(item, identity) and "deletionTimestamp" not in item["metadata"]
+        ]
+        if not added:
+            return Additions()
+        files = await self._files(obj)
+        return await asyncio.to_thread(
+            with_additions,
+            obj,
+            accepted,
+            added,
+            files if not isinstance(files, Rejected) else None,
+            self._settings,
+        )
+
+    async def revisions(
+        self, accepted: Accepted, additions: Additions, memory: Memory
+    ) -> Sequence[Revision]:
+        """The campaign's plans, with one more when more is asked for."""
+        memory.problems = dict(additions.problems)
+        if memory.revisions is None:
+            memory.revisions = await self._load_revisions(accepted.identity)
+        name = accepted.identity.child(f"plan-{len(memory.revisions)}")
+        new = next_revision(accepted, memory.revisions, additions.found, name)
+        if new is not None:
+            told = additions.accepted or accepted
+            if not await self._create_plan(told, new, new.entries):
+                memory.revisions = None  # another replica was faster: read what it wrote
+                return await self.revisions(accepted, additions, memory)
+            memory.revisions.append(new)
+        return memory.revisions
+
+    async def _load_revisions(self, identity: Identity) -> list[Revision]:
+        selector = ",".join(f"{name}={value}" for name, value in identity.labels.items())
+        found = self._api.list(paths.config_maps(identity.namespace), labelSelector=selector)
+        return read_revisions([obj async for obj in found], identity.child("plan-"))
+
+    async def _create_plan(
+        self, accepted: Accepted, revision: Revision, entries: tuple[Entry, ...]
+    ) -> bool:
+        plan = revision.plan if revision.number >= 0 else None
+        obj = plan_config_map(accepted, revision.config_map, plan, entries)
+        obj["metadata"]["annotations"] = owners_note(revision)
+        made = await self._api.create(paths.config_maps(accepted.identity.namespace), obj)
+        return made is not None

@@ -1,0 +1,130 @@
+"""Writing statuses, and telling people by Events what changed in them."""
+
+from __future__ import annotations
+
+import time
+
+from robovast.cluster.resources import API_VERSION
+from robovast.cluster.status import CampaignStatus, ConfigurationStatus, compact
+from robovast_operator import paths
+from robovast_operator.api import Api
+from robovast_operator.campaign import Accepted, Identity, Object, Rejected, Revision
+from robovast_operator.conditions import composing_conditions, is_news, is_true, rejected_conditions
+from robovast_operator.configurations import configuration_status
+from robovast_operator.events import event, messages
+from robovast_operator.memory import Memory
+from robovast_operator.settings import Settings
+from robovast_operator.store import Store
+from robovast_operator.times import format_time, now
+from robovast_operator.work_queue import WorkQueue
+
+
+class Statuses:
+    """Writes what has changed, and not too often."""
+
+    def __init__(self, api: Api, store: Store, queue: WorkQueue, settings: Settings) -> None:
+        self._api = api
+        self._store = store
+        self._queue = queue
+        self._settings = settings
+
+    async def rejected(self, obj: Object, rejected: Rejected, memory: Memory) -> None:
+        """Of a Campaign that cannot be executed as it is."""
+        generation = obj["metadata"]["generation"]
+        old = CampaignStatus.model_validate(obj.get("status") or {})
+        conditions = rejected_conditions(
+            rejected.reason, rejected.message, generation, format_time(now()), old.conditions
+        )
+        status = old.model_copy(
+            update={
+                "observed_generation": generation,
+                "state": "Rejected",
+                "conditions": conditions,
+            }
+        )
+        await self.write(obj, status, memory)
+
+    async def composing(self, obj: Object, accepted: Accepted, memory: Memory) -> None:
+        """While nothing but the compose Job is at work."""
+        generation = obj["metadata"]["generation"]
+        old = CampaignStatus.model_validate(obj.get("status") or {})
+        trouble = memory.trouble
+        status = CampaignStatus(
+            observed_generation=generation,
+            state="Composing",
+            campaign=accepted.campaign,
+            bucket=accepted.bucket,
+            endpoint=accepted.endpoint,
+            image=accepted.image,
+            conditions=composing_conditions(
+                None if trouble is None else (trouble.reason, trouble.message),
+                generation,
+                format_time(now()),
+                old.conditions,
+            ),
+        )
+        await self.write(obj, status, memory)
+
+    async def write(self, obj: Object, status: CampaignStatus, memory: Memory) -> bool:
+        """Write a status that has changed; False when it is put off."""
+        old = CampaignStatus.model_validate(obj.get("status") or {})
+        if status == old:
+            return True
+        identity = Identity.of(obj)
+        wait = memory.status_written + self._settings.status_seconds - time.monotonic()
+        if wait > 0 and not is_news(old, status):
+            self._queue.add((identity.namespace, identity.name), wait)
+            return False
+        path = f"{paths.campaigns(identity.namespace)}/{identity.name}"
+        body = {
+            "apiVersion": API_VERSION,
+            "kind": "Campaign",
+            "metadata": {"name": identity.name, "uid": identity.uid},
+            "status": compact(status.model_dump(by_alias=True, exclude_none=True)),
+        }
+        written = await self._api.apply_status(path, body)
+        memory.status_written = time.monotonic()
+        if written is not None:
+            self._store.put_campaign(written)
+        for message in messages(old.conditions, status.conditions):
+            told = event(identity, message, format_time(now()))
+            await self._api.create(paths.events(identity.namespace), told)
+        return True
+
+    async def configurations(
+        self,
+        accepted: Accepted,
+        revision: Revision,
+        status: CampaignStatus,
+        memory: Memory,
+    ) -> None:
+        """Write the Configurations' statuses: at their beginning and at the campaign's end."""
+        ended = is_true(status, "ResultsAvailable")
+        key = (accepted.identity.namespace, accepted.identity.name)
+        for item in self._store.configurations_of(key):
+            name = item["metadata"]["name"]
+            seen = (item.get("status") or {}).get("observedGeneration")
+            if not ended and seen == item["metadata"].get("generation"):
+                continue
+            told = configuration_status(
+                item, revision, status, format_time(now()), memory.problems.get(name, "")
+            )
+            await self._write_configuration_status(item, told)
+
+    async def _write_configuration_status(self, item: Object, told: ConfigurationStatus) -> None:
+        body = compact(told.model_dump(by_alias=True, exclude_none=True))
+        if body == (item.get("status") or {}):
+            return
+        meta = item["metadata"]
+        path = f"{paths.configurations(meta['namespace'])}/{meta['name']}"
+        written = await self._api.apply_status(
+            path,
+            {
+                "apiVersion": API_VERSION,
+                "kind": "Configuration",
+                "metadata": {"name": meta["name"], "uid": meta["uid"]},
+                "status": body,
+            },
+        )
+        if written is not None:
+            self._store.configurations[meta["namespace"], meta["name"]] = written
