@@ -23,7 +23,7 @@ COMMANDS: Mapping[str, Lazy] = {
     ),
     "exec": Lazy("robovast_cli.exec:app", "Run campaigns.", aliases=("execution",)),
     "results": Lazy(
-        "robovast_cli.results:app", "Bring results home, work them up, ask them, publish them."
+        "robovast_cli.results:app", "Bring results home, work them up, ask and publish them."
     ),
     "evaluation": Lazy("robovast_cli.evaluation:app", "Look at results.", aliases=("eval",)),
     "import-results": Lazy(
