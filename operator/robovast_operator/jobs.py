@@ -45,6 +45,8 @@ def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Objec
                 _on_exit("FailJob", "compat-version", [78]),
                 _on_exit("FailJob", "fetch", [64, 65]),
                 _on_exit("FailIndex", "agent", [10, 11]),
+                _on_exit("Ignore", "fetch", [74]),  # storage that is away costs time, no tries
+                _on_exit("Ignore", "agent", [74]),
                 {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]},
             ]
         },
@@ -67,6 +69,7 @@ def task_job(accepted: Accepted, settings: Settings, command: str, name: str, pl
         "podFailurePolicy": {
             "rules": [
                 _on_exit("FailJob", command, [64, 65]),
+                _on_exit("Ignore", command, [74]),
                 {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]},
             ]
         },

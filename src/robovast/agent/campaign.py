@@ -22,6 +22,11 @@ from robovast.results.configurations import read_variants
 from robovast.results.layout import Layout
 
 
+PATIENCE = 60.0
+"""How long a server that does not answer is asked again [s]: a pod that holds no results may end and
+say why, since the next one goes on."""
+
+
 @dataclass(frozen=True)
 class Campaign:
     """A campaign as a pod sees it."""
@@ -56,7 +61,8 @@ def open_campaign(folders: Folders, *, connections: int = 8) -> Campaign:
     plan = read_plan(folders.plan / "campaign.json")
     credentials = Credentials.from_folder(folders.credentials)
     endpoint = Endpoint.parse(plan.endpoint, plan.region)
-    return Campaign(plan, folders, ObjectStore(endpoint, credentials, connections=connections))
+    store = ObjectStore(endpoint, credentials, connections=connections, patience=PATIENCE)
+    return Campaign(plan, folders, store)
 
 
 def read_plan(path: Path) -> CampaignPlan:

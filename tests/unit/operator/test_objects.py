@@ -88,6 +88,8 @@ def test_exit_codes_decide_what_is_tried_again() -> None:
         ("FailJob", "compat-version"): [78],
         ("FailJob", "fetch"): [64, 65],
         ("FailIndex", "agent"): [10, 11],
+        ("Ignore", "fetch"): [74],
+        ("Ignore", "agent"): [74],
     }
 
 
