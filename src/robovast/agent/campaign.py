@@ -21,10 +21,9 @@ from robovast.expansion import Composition, Variant, compose, select_any
 from robovast.results.configurations import read_variants
 from robovast.results.layout import Layout
 
-
 PATIENCE = 60.0
-"""How long a server that does not answer is asked again [s]: a pod that holds no results may end and
-say why, since the next one goes on."""
+"""How long a server that does not answer is asked again [s]: a pod that holds no results may end
+and say why, since the next one goes on."""
 
 
 @dataclass(frozen=True)
