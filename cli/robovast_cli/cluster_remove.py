@@ -46,8 +46,8 @@ def remove(campaigns: Sequence[CampaignState], kube: Kubernetes, *, data: bool) 
     for campaign in campaigns:
         kube.delete_campaign(campaign.name)
     for campaign in campaigns:
+        _wait_until_gone(kube, campaign, with_pods=data)
         if data:
-            _wait_until_gone(kube, campaign)
             remove_bucket(kube, campaign)
         kept = (
             ""
@@ -64,12 +64,18 @@ def remove_bucket(kube: Kubernetes, campaign: CampaignState) -> None:
             store.delete_bucket(campaign.status.bucket)
 
 
-def _wait_until_gone(kube: Kubernetes, campaign: CampaignState) -> None:
+def _wait_until_gone(kube: Kubernetes, campaign: CampaignState, *, with_pods: bool) -> None:
     deadline = time.monotonic() + PATIENCE
-    while kube.campaign(campaign.name) or kube.pods({UID_LABEL: campaign.uid}):
+    while _is_there(kube, campaign) or (with_pods and kube.has_pods({UID_LABEL: campaign.uid})):
         if time.monotonic() > deadline:
             raise CannotRunError(
-                f"{campaign.name}: its pods do not end, so its bucket {campaign.status.bucket} "
-                "was not removed. Look at `kubectl get pods`, then repeat the command."
+                f"{campaign.name}: is marked for removal, but does not go. Look at `kubectl "
+                f"describe campaign {campaign.name}` and `kubectl get pods`, then repeat the "
+                "command."
             )
         time.sleep(PAUSE)
+
+
+def _is_there(kube: Kubernetes, campaign: CampaignState) -> bool:
+    found = kube.campaign(campaign.name)
+    return found is not None and CampaignState(found).uid == campaign.uid

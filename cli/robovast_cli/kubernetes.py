@@ -65,8 +65,8 @@ class Kubernetes:
         return self._call("PATCH", url, API_VERSION, body={"spec": spec})
 
     def delete_campaign(self, name: str) -> None:
-        """Delete a Campaign; it disappears after everything that was made for it."""
-        options = {"propagationPolicy": "Foreground"}
+        """Delete a Campaign; what was made for it disappears after it."""
+        options = {"propagationPolicy": "Background"}
         self._call("DELETE", f"campaigns/{quote(name)}", API_VERSION, body=options)
 
     def version_of(self, group: str) -> str | None:
@@ -93,10 +93,11 @@ class Kubernetes:
         """A Service; None when there is none of this name."""
         return self._find("services", name, namespace=namespace)
 
-    def pods(self, labels: Mapping[str, str]) -> list[Json]:
-        """Pods of the namespace that have all these labels."""
-        items: list[Json] = self._call("GET", "pods", params=_with(labels))["items"]
-        return items
+    def has_pods(self, labels: Mapping[str, str]) -> bool:
+        """True when the namespace has pods with all these labels, or Jobs that make some."""
+        kinds = {"jobs": "batch/v1", "pods": "v1"}
+        lists = (self._call("GET", kind, kinds[kind], params=_with(labels)) for kind in kinds)
+        return any(found["items"] for found in lists)
 
     @contextmanager
     def forward(self, service: Json, target: int | str) -> Iterator[int]:
