@@ -16,7 +16,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
 
-from robovast.execution.local.process_tree import stop
 from robovast.postprocessing.outcome import Outcome
 
 TOOLS = Path(__file__).parent / "tools"
@@ -82,6 +81,8 @@ class Worker:
 
     def close(self) -> None:
         """End the process, and what it started."""
+        from robovast.execution.local.process_tree import stop  # slow, and rarely needed
+
         if self._process is not None:
             stop(self._process, grace=1.0)
             if self._process.stdin is not None:
