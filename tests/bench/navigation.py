@@ -3,7 +3,8 @@
 
     python tests/bench/navigation.py [--repeat 5]
 
-Prints, median first, least and largest in brackets:
+Prints wall time, median first, least and largest in brackets, and behind it the median of the
+CPU time, which other work on the machine does not change:
 
 - 1,000 configurations of PathVariationRandom on a map of 400 × 400 cells with 16 rooms, and the
   same over 1,000 shortest ways by Dijkstra's algorithm on the full grid, which is what finding one
@@ -15,6 +16,7 @@ Prints, median first, least and largest in brackets:
 from __future__ import annotations
 
 import argparse
+import os
 import statistics
 import subprocess
 import sys
@@ -77,8 +79,21 @@ def document(folder: Path, variation: dict[str, object] | None) -> Path:
     return path
 
 
-def paths(folder: Path, start: object, goals: int) -> float:
-    """Expansion of CONFIGURATIONS paths [s]."""
+Times = tuple[float, float]
+"""Wall time and CPU time of this process [s]."""
+
+
+def clock() -> Times:
+    return time.perf_counter(), time.process_time()
+
+
+def since(begin: Times) -> Times:
+    wall, cpu = clock()
+    return wall - begin[0], cpu - begin[1]
+
+
+def paths(folder: Path, start: object, goals: int) -> Times:
+    """Expansion of CONFIGURATIONS paths."""
     write_map(rooms(), folder / "rooms.yaml")
     parameters = {
         "start_pose": start,
@@ -91,43 +106,46 @@ def paths(folder: Path, start: object, goals: int) -> float:
     }
     path = document(folder, {"PathVariationRandom": parameters})
     with TemporaryDirectory() as work:
-        begin = time.perf_counter()
+        begin = clock()
         variants = expand(load_document(path), Path(work))
-        seconds = time.perf_counter() - begin
+        times = since(begin)
     assert len(variants) == CONFIGURATIONS
-    return seconds
+    return times
 
 
-def full_grid() -> float:
-    """Ways from CONFIGURATIONS places on the full grid, from those of a few [s]."""
+def full_grid() -> Times:
+    """Ways from CONFIGURATIONS places on the full grid, from those of a few."""
     lattice = Costmap(rooms(), 0.35).finest
     step = len(lattice.points) // WAYS
-    begin = time.perf_counter()
+    begin = clock()
     for number in range(WAYS):
         lattice.ways_from(number * step)
-    return (time.perf_counter() - begin) * CONFIGURATIONS / WAYS
+    wall, cpu = since(begin)
+    return wall * CONFIGURATIONS / WAYS, cpu * CONFIGURATIONS / WAYS
 
 
-def floor_plan(folder: Path) -> float:
-    """The example's office to all its files [s]."""
-    begin = time.perf_counter()
+def floor_plan(folder: Path) -> Times:
+    """The example's office to all its files."""
+    begin = clock()
     make_artefacts(read_floorplan(EXAMPLE / "plans" / "office.fpm"), "office", folder)
-    return time.perf_counter() - begin
+    return since(begin)
 
 
-def listing(folder: Path, *plans: str) -> float:
-    """The command `vast config list` [s]."""
+def listing(folder: Path, *plans: str) -> Times:
+    """The command `vast config list`."""
     files = [str(EXAMPLE / "plans" / plan) for plan in plans]
     variation = {"FloorplanGeneration": {"name": ["map_file", "mesh_file"], "floorplans": files}}
     path = document(folder, variation if plans else None)
-    begin = time.perf_counter()
+    begin, before = time.perf_counter(), os.times()
     subprocess.run([VAST, "-V", path, "config", "list"], check=True, capture_output=True)
-    return time.perf_counter() - begin
+    wall, after = time.perf_counter() - begin, os.times()
+    cpu = after.children_user + after.children_system
+    return wall, cpu - before.children_user - before.children_system
 
 
-def measured(repeat: int, *cases: Callable[[Path], float]) -> list[list[float]]:
-    """Seconds of each case; the cases take turns."""
-    found: list[list[float]] = [[] for _ in cases]
+def measured(repeat: int, *cases: Callable[[Path], Times]) -> list[list[Times]]:
+    """Times of each case; the cases take turns."""
+    found: list[list[Times]] = [[] for _ in cases]
     for _ in range(repeat):
         for times, case in zip(found, cases, strict=True):
             with TemporaryDirectory(prefix="robovast-bench-") as folder:
@@ -135,8 +153,14 @@ def measured(repeat: int, *cases: Callable[[Path], float]) -> list[list[float]]:
     return found
 
 
-def shown(times: list[float]) -> str:
-    return f"{statistics.median(times):.3f} s [{min(times):.3f}–{max(times):.3f}]"
+def shown(times: list[Times]) -> str:
+    walls = [wall for wall, _ in times]
+    median = f"{statistics.median(walls):.3f} s [{min(walls):.3f}–{max(walls):.3f}]"
+    return f"{median}, CPU {cpu_of(times):.3f} s"
+
+
+def cpu_of(times: list[Times]) -> float:
+    return statistics.median(cpu for _, cpu in times)
 
 
 def main() -> None:
@@ -151,13 +175,12 @@ def main() -> None:
         lambda folder: paths(folder, {"x": 2.5, "y": 2.5}, 1),
         lambda folder: paths(folder, "@start_pose", 3),
     )
-    peer = statistics.median(grid)
     for name, times in (
         ("start and goal drawn", drawn),
         ("start given", fixed),
         ("3 goals", several),
     ):
-        ratio = statistics.median(times) / peer
+        ratio = cpu_of(times) / cpu_of(grid)
         print(
             f"{CONFIGURATIONS} paths of 10 m, {name}: {shown(times)}, {ratio:.3f} of the full grid"
         )
@@ -165,7 +188,7 @@ def main() -> None:
         repeat, floor_plan, listing, lambda folder: listing(folder, "office.fpm")
     )
     print(f"floor plan to map, mesh and graph: {shown(plan)}")
-    ratio = statistics.median(listed) / statistics.median(bare)
+    ratio = cpu_of(listed) / cpu_of(bare)
     print(f"`vast config list` with it: {shown(listed)}, {ratio:.2f} × without")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import random
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -52,16 +53,26 @@ class NavigationVariation(Variation):
         if not (isinstance(value, str) and value.startswith("@")):
             return None
         name = value[1:]
-        try:
-            self.check_scenario_parameter_reference(name)
-        except ValueError as error:
-            raise InputError(str(error)) from None
+        if name not in self._types:
+            known = ", ".join(self._types) or "none"
+            raise InputError(
+                f"{type(self).__name__}: the scenario {self.scenario_file} has no parameter "
+                f"`{name}`; it has {known}."
+            )
         return name
+
+    def has_parameter(self, name: str) -> bool:
+        """True when the scenario has a parameter."""
+        return name in self._types
 
     def type_of(self, name: str) -> str:
         """The declared type of a scenario parameter."""
-        parameters = read_scenario(self.scenario_file).parameters
-        return next(p.type for p in parameters if p.name == name)
+        return self._types[name]
+
+    @cached_property
+    def _types(self) -> dict[str, str]:
+        """Declared types of the scenario's parameters."""
+        return {p.name: p.type for p in read_scenario(self.scenario_file).parameters}
 
     def given(self, config: Config, value: Any) -> Any:
         """A value as written, or what a configuration has for the parameter that it refers to.

@@ -20,7 +20,7 @@ from robovast.navigation.poses import Point
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
-MOST_NODES = 20_000
+MOST_NODES = 12_000
 """Nodes of a lattice over the whole map: shortest ways from a node then take some milliseconds."""
 
 LATTICE_EXCESS = 1.03
@@ -74,13 +74,14 @@ class Costmap:
     def sees(self, a: Point, b: Point) -> bool:
         """True when the robot can go straight from one point to another."""
         (row_a, column_a), (row_b, column_b) = self.map.cell(a), self.map.cell(b)
-        count = 2 * math.ceil(max(abs(row_b - row_a), abs(column_b - column_a))) + 1
-        rows = np.linspace(row_a, row_b, count).round().astype(np.int64)
-        columns = np.linspace(column_a, column_b, count).round().astype(np.int64)
         height, width = self.passable.shape
-        low = min(rows[0], rows[-1], columns[0], columns[-1])
-        if low < 0 or max(rows[0], rows[-1]) >= height or max(columns[0], columns[-1]) >= width:
+        if min(row_a, row_b, column_a, column_b) < -0.5:
             return False
+        if max(row_a, row_b) >= height - 0.5 or max(column_a, column_b) >= width - 0.5:
+            return False
+        parts = _parts(2 * math.ceil(max(abs(row_b - row_a), abs(column_b - column_a))) + 1)
+        rows = (parts * (row_b - row_a) + (row_a + 0.5)).astype(np.intp)
+        columns = (parts * (column_b - column_a) + (column_a + 0.5)).astype(np.intp)
         return bool(self.passable[rows, columns].all())
 
     def shortest_path(self, start: Point, goal: Point) -> list[Point] | None:
@@ -246,6 +247,12 @@ class Lattice:
             clear &= self._costmap.passable[row, column]
         length = math.hypot(down, right) * self._stride * self._costmap.map.resolution
         return first[clear], second[clear], np.full(int(clear.sum()), length)
+
+
+@lru_cache(maxsize=256)
+def _parts(count: int) -> Floats:
+    """Numbers from 0 to 1 at equal distances."""
+    return np.linspace(0.0, 1.0, count)
 
 
 def _clearance(occupancy: OccupancyMap) -> Floats:

@@ -106,10 +106,7 @@ class _PathVariation(NavigationVariation):
         """The parameter for the goals: the one that is named, else the scenario's own."""
         named = self.parameters.goal_poses
         if named is None:
-            from robovast.common.scenario import is_scenario_parameter
-
-            plural = is_scenario_parameter("goal_poses", self.scenario_file)
-            named = "@goal_poses" if plural else "@goal_pose"
+            named = "@goal_poses" if self.has_parameter("goal_poses") else "@goal_pose"
         return self.reference(named) or ""
 
     def _with_path(self, config: Config, path: Path) -> Config:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -146,6 +147,15 @@ def test_errors_in_variation_files(expanded, plans: Path, old, new, reason: str)
 def test_wrong_files(expanded, plans: Path, files, reason: str) -> None:
     with pytest.raises(InputError, match=reason):
         expanded(generation(*files))
+
+
+def test_the_examples_of_the_documentation_are_sound(expanded, plans: Path) -> None:
+    text = (Path(__file__).parents[3] / "docs" / "navigation.md").read_text()
+    model, varied = re.findall(r"```\n((?:// creator|import)(?:.|\n)*?)```", text)
+    (plans / "flat.fpm").write_text(model)
+    (plans / "flat.variation").write_text(varied)
+    composition = expanded(variation(variation_files=["plans/flat.variation"], num_variations=5))
+    assert len(composition.variants) == 5
 
 
 CAMPAIGN = Namespace("https://example.org/campaign/")
