@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -72,7 +72,12 @@ class _FloorplanVariation(NavigationVariation):
         for name in self.parameters.name:
             self.reference(f"@{name}")
         with nav_extra(type(self).__name__):
-            made = list(self._made())
+            try:
+                made = list(self._made())
+            except DocumentError as error:
+                entry = (self.general_parameters or {}).get("name")
+                where = f"configuration `{entry}`: {type(self).__name__}"
+                raise DocumentError(replace(p, key=where) for p in error.problems) from None
         return [
             self._with_plan(config, plan, artefacts)
             for config in in_configs

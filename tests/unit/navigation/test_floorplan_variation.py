@@ -1,14 +1,12 @@
-"""Floor plans in campaigns: files, distributions, provenance."""
+"""Floor plans in campaigns: files, distributions, errors."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from rdflib import PROV, RDF, XSD, Graph, Literal, Namespace, URIRef
 
 from robovast.errors import InputError, RobovastError
 from robovast.navigation.occupancy import read_map
@@ -123,11 +121,15 @@ def test_a_plan_that_is_not_sound_is_drawn_again(expanded, plans: Path) -> None:
     ("old", "new", "reason"),
     [
         ('"room.fpm"', '"none.fpm"', "there is no file"),
-        ("hall: {", "hell: {", ":2:1: the floor plan `room` has no `hell`"),
-        ("shape.width", "shape.radius", ":3:5: `shape.radius` of `hall` cannot be varied"),
+        (
+            "hall: {",
+            "hell: {",
+            ":2:1: configuration `hall`: FloorplanVariation: the floor plan `room` has no `hell`",
+        ),
+        ("shape.width", "shape.radius", "`shape.radius` of `hall` cannot be varied"),
         ("(0.5, 0.1)", "(0.7, 0.1)", "the weights must sum to 1, not 1.2"),
         ("std=0.5", "std=-0.5", "`std` must not be below 0"),
-        ("normal(", "gauss(", ":7:44: Expected"),
+        ("normal(", "gauss(", ":7:44: configuration `hall`: FloorplanVariation: Expected"),
     ],
 )
 def test_errors_in_variation_files(expanded, plans: Path, old, new, reason: str) -> None:
@@ -141,10 +143,12 @@ def test_errors_in_variation_files(expanded, plans: Path, old, new, reason: str)
     ("files", "reason"),
     [
         (["plans/none.fpm"], "there is no file"),
+        (["plans/bad.fpm"], r"bad.fpm:7:32: configuration `hall`: FloorplanGeneration: the width"),
         (["plans/room.fpm", "plans/../plans/room.fpm"], "have one name"),
     ],
 )
 def test_wrong_files(expanded, plans: Path, files, reason: str) -> None:
+    (plans / "bad.fpm").write_text(ROOM.replace("width=6.0", "width=-6.0"))
     with pytest.raises(InputError, match=reason):
         expanded(generation(*files))
 
@@ -156,129 +160,3 @@ def test_the_examples_of_the_documentation_are_sound(expanded, plans: Path) -> N
     (plans / "flat.variation").write_text(varied)
     composition = expanded(variation(variation_files=["plans/flat.variation"], num_variations=5))
     assert len(composition.variants) == 5
-
-
-CAMPAIGN = Namespace("https://example.org/campaign/")
-ROBOVAST = Namespace("https://purl.org/robovast/metamodels/")
-SMM = Namespace("https://purl.org/secorolab/metamodels/scenarios/osc/")
-ENV = Namespace("https://purl.org/secorolab/metamodels/environment#")
-VAST = CAMPAIGN["_config/drive.vast"]
-
-
-def values(value: Any) -> Iterable[Any]:
-    for item in value if isinstance(value, list) else [value]:
-        yield item if isinstance(item, URIRef | Literal) else Literal(item)
-
-
-def add_node(graph: Graph, node: dict[Any, Any]) -> None:
-    subject = URIRef(node["@id"])
-    for key, value in node.items():
-        if key != "@id":
-            for item in values(value):
-                graph.add((subject, RDF.type if key == "@type" else URIRef(key), item))
-
-
-def graph_of(variants) -> Graph:
-    """What the hooks contribute, with a passed and a failed run of each scenario."""
-    from robovast.common.variation.loader import load_variation
-
-    graph = Graph()
-    for variant in variants:
-        namespace = Namespace(CAMPAIGN[f"{variant.name}/"])
-        scenario = CAMPAIGN[f"{variant.name}/"]
-        for name in {record.name for record in variant.variations}:
-            hook = load_variation(name, ".")
-            entry = {"name": variant.name, "config": dict(variant.parameters), **variant.extra}
-            entry |= hook.collect_config_metadata(entry, Path("x"), Path("x"))
-            added = hook.collect_prov_metadata(entry, CAMPAIGN, namespace, "generation", str(VAST))
-            for node in added.graph_nodes:
-                add_node(graph, node)
-            add_node(graph, {"@id": scenario, "@type": SMM["ConcreteScenario"],
-                             **added.scenario_properties})  # fmt: skip
-        for number, success in enumerate((True, False)):
-            run = {"@id": CAMPAIGN[f"{variant.name}/{number}"], "@type": ROBOVAST["TestExecution"],
-                   PROV["used"]: scenario,
-                   ROBOVAST["success"]: Literal(success, datatype=XSD.boolean)}  # fmt: skip
-            add_node(graph, run)
-    for prefix, namespace in {"robovast": ROBOVAST, "env": ENV, "smm": SMM}.items():
-        graph.bind(prefix, namespace)
-    return graph
-
-
-MODELS = """
-SELECT ?floorplan ?creator ?date WHERE {
-    ?floorplan rdf:type env:FloorPlanModel .
-    OPTIONAL {?floorplan prov:wasAttributedTo ?creator .}
-    OPTIONAL {?floorplan dcterms:modified ?date .}
-}"""
-TRANSFORMATIONS = """
-SELECT ?floorplan ?activity ?jsonld_file ?agent WHERE {
-    ?floorplan rdf:type env:FloorPlanModel .
-    ?activity rdf:type robovast:FloorPlanTransformation .
-    ?activity prov:used ?floorplan .
-    ?jsonld_file prov:wasGeneratedBy ?activity .
-    OPTIONAL {?activity prov:wasAssociatedWith ?agent .}
-}"""
-GENERATIONS = """
-SELECT ?source_files ?activity ?gen_file ?agent WHERE {
-    ?activity rdf:type robovast:FloorPlanGeneration .
-    ?activity prov:used ?source_files .
-    ?gen_file prov:wasGeneratedBy ?activity .
-    OPTIONAL {?activity prov:wasAssociatedWith ?agent .}
-}"""
-FAILURES = """
-SELECT ?env_model (SUM(?failures)/COUNT (?activity) * 100 AS ?result) (COUNT (?activity) AS ?total)
-WHERE {
-    ?conf rdf:type smm:ConcreteScenario .
-    ?activity prov:used ?conf .
-    ?activity rdf:type robovast:TestExecution .
-    ?activity robovast:success ?success .
-    BIND(IF(?success=true, 0, 1) AS ?failures) .
-    ?conf dcterms:references ?env_model .
-    ?env_model rdf:type env:FloorPlanModel .
-} GROUP BY ?env_model"""
-
-
-def test_every_floor_plan_query_returns_rows(expanded, plans: Path) -> None:
-    files = generation("plans/room.fpm", "plans/wide.fpm")
-    graph = graph_of(
-        expanded(
-            files,
-            {**PATH},
-        ).variants
-    )
-    models = {(str(m), str(who), str(when)) for m, who, when in graph.query(MODELS)}
-    room = str(CAMPAIGN["_config/plans/room.fpm"])
-    assert (room, "https://orcid.org/0000-0002-1825-0097", "2026-01-02") in models
-    assert (room, str(CAMPAIGN["agents/Bo"]), "2026-01-02") in models
-    transformed = list(graph.query(TRANSFORMATIONS))
-    assert len(transformed) == 2 * 3  # plans × files of the graph
-    assert all(row.agent for row in transformed)
-    generated = {str(row.gen_file) for row in graph.query(GENERATIONS)}
-    assert str(CAMPAIGN["hall-1-1/_config/floorplans/room/room.pgm"]) in generated
-    assert len(generated) == 2 * 3  # plans × (map, image, mesh)
-
-
-def test_failures_are_counted_by_environment(expanded, plans: Path) -> None:
-    paths = {"PathVariationRandom": {**PATH["PathVariationRandom"], "num_paths": 2}}
-    graph = graph_of(expanded(generation("plans/room.fpm", "plans/wide.fpm"), paths).variants)
-    rows = {
-        str(row.env_model): (float(row.result), int(row.total)) for row in graph.query(FAILURES)
-    }
-    assert rows == {
-        str(CAMPAIGN["_config/plans/room.fpm"]): (50.0, 4),
-        str(CAMPAIGN["_config/plans/wide.fpm"]): (50.0, 4),
-    }
-    goals = set(graph.objects(CAMPAIGN["hall-1-1/"], ROBOVAST["n_goals"]))
-    assert goals == {Literal(1)}
-
-
-def test_a_drawn_plan_is_an_environment_of_its_own(expanded, plans: Path) -> None:
-    composition = expanded(variation(), PATH)
-    graph = graph_of(composition.variants)
-    rows = [str(row.env_model) for row in graph.query(FAILURES)]
-    stored = {str(CAMPAIGN[f"_transient/{file.name}"]) for file in composition.transient_files}
-    assert set(rows) == stored
-    assert len(rows) == 3
-    base = CAMPAIGN["_config/plans/room.fpm"]
-    assert all((URIRef(row), PROV["wasDerivedFrom"], base) in graph for row in rows)
