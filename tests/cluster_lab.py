@@ -53,7 +53,7 @@ def install(cluster: Cluster) -> None:
     given = [word for name, value in values.items() for word in ("--set", f"{name}={value}")]
     helm(
         cluster,
-        *("install", "robovast", ROOT / "helm/robovast", "--namespace", SYSTEM),
+        *("upgrade", "--install", "robovast", ROOT / "helm/robovast", "--namespace", SYSTEM),
         *("--create-namespace", "--wait", "--timeout", "5m", *given),
     )
 

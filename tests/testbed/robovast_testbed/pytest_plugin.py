@@ -71,7 +71,15 @@ def control_plane() -> Iterator[kubernetes.Cluster]:
 
 @pytest.fixture(scope="session")
 def cluster() -> Iterator[kubernetes.Cluster]:
-    """A real cluster of one real node, whose containerd has the run images."""
+    """A real cluster of one real node, whose containerd has the run images.
+
+    ``ROBOVAST_TESTBED_CLUSTER=NAME`` uses the one that ``tests/testbed/up --name NAME`` has left
+    running instead, which saves its start.
+    """
+    kept = os.environ.get("ROBOVAST_TESTBED_CLUSTER")
+    if kept:
+        yield kubernetes.Cluster(bed.Bed(kept))
+        return
     with _session("cluster") as own:
         made = controlplane.start(own)
         node.start(made, [images.archive()])
