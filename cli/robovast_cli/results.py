@@ -29,6 +29,10 @@ COMMANDS: Mapping[str, Lazy] = {
         "robovast_cli.results_merge:app",
         "Merge campaigns: runs of equal configurations come together.",
     ),
+    "list-share": Lazy("robovast_cli.results_share:list_app", "List the campaigns on the share."),
+    "remove-from-share": Lazy(
+        "robovast_cli.results_share:remove_app", "Remove campaigns from the share."
+    ),
     "import-results": Lazy(
         "robovast_cli.import_results:app", "Take over a campaign that comes as an archive."
     ),

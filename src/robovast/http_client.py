@@ -19,6 +19,10 @@ Body = bytes | IO[bytes] | None
 
 PATIENCE = 300.0
 """For how long a server may be gone [s]."""
+FIRST_CONTACT = 5.0
+"""For how long a server may be gone that never answered: its address may be wrong [s]."""
+ATTEMPTS = 3
+"""How often a long upload is begun again."""
 CHUNK = 2**20
 """How much of an answer is held in memory [byte]."""
 
@@ -65,6 +69,7 @@ class HttpClient:
         self._remedies = {**_REMEDIES, **(remedies or {})}
         self._secrets = [secret for secret in secrets if secret]
         self._patience = patience
+        self._has_answered = False
         if insecure:
             urllib3.disable_warnings(urllib3.exceptions.InsecureRequestWarning)
         self._pool = urllib3.PoolManager(
@@ -126,7 +131,7 @@ class HttpClient:
         preload: bool = False,
     ) -> Iterator[urllib3.BaseHTTPResponse]:
         """The answer to a request, to be read while the context lasts; as `request`."""
-        pauses = Pauses(self._patience)
+        pauses = self._pauses()
         while True:
             try:
                 answer = self._pool.request(
@@ -144,6 +149,7 @@ class HttpClient:
                 if fatal or not pauses.wait():
                     raise self._unreachable(attempt, url, error) from None
                 continue
+            self._has_answered = True
             if 200 <= answer.status < 300 or answer.status in accept:
                 break
             again = answer.status in (BUSY if repeatable else _NOT_TAKEN)
@@ -155,6 +161,11 @@ class HttpClient:
         finally:
             answer.close()
             answer.release_conn()
+
+    def _pauses(self) -> Pauses:
+        if self._has_answered:
+            return Pauses(self._patience, ATTEMPTS)
+        return Pauses(min(self._patience, FIRST_CONTACT))
 
     def _refused(self, attempt: str, answer: urllib3.BaseHTTPResponse) -> HttpError:
         status = answer.status

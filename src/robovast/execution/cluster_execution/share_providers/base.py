@@ -59,17 +59,7 @@ class BaseShareProvider(ABC):
         Raises:
             InputError: a variable is not set; a subclass also asks the share.
         """
-        missing = {
-            name: text
-            for name, text in self.required_env_vars().items()
-            if not os.environ.get(name)
-        }
-        if missing:
-            lines = "".join(f"\n    {name}: {text}" for name, text in missing.items())
-            raise InputError(
-                f"the share `{self.SHARE_TYPE}` needs variables that are not set, in the "
-                f"environment or a `.env` file:{lines}"
-            )
+        check_variables(self)
 
     def list_campaign_archives_with_size(self) -> list[tuple[str, int]]:
         """Names of the archives on the share, each with its size [byte]."""
@@ -142,6 +132,22 @@ class UploadProgressReader:
     def tell(self) -> int:
         """Where it is in the file."""
         return self._stream.tell()
+
+
+def check_variables(provider: BaseShareProvider) -> None:
+    """Raise when a variable that a provider needs is not set.
+
+    Raises:
+        InputError: with every such variable and what it is.
+    """
+    required = provider.required_env_vars()
+    missing = {name: text for name, text in required.items() if not os.environ.get(name)}
+    if missing:
+        lines = "".join(f"\n    {name}: {text}" for name, text in missing.items())
+        raise InputError(
+            f"the share `{provider.SHARE_TYPE}` needs variables that are not set, in the "
+            f"environment or a `.env` file:{lines}"
+        )
 
 
 def accepts_any_certificate() -> bool:

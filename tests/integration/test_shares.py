@@ -1,0 +1,441 @@
+"""Shares on real servers: archives come and go as they are, over cuts; faults are explained."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import tarfile
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from cutting_proxy import CuttingProxy, cutting_proxy
+from share_servers import PASSWORD, USER, Gcs, SftpServer, gcs_server, sftp_server, webdav_server
+
+from robovast.errors import InputError, RobovastError, StorageError
+from robovast.execution.cluster_execution.share_providers import gcs as gcs_module
+from robovast.execution.cluster_execution.share_providers import sftp as sftp_module
+from robovast.results.share import Share, download_from_share, open_share
+
+MIB = 2**20
+NAME = "my camp-2026-03-05-121530"
+ARCHIVE = f"{NAME}.tar.gz"
+
+
+@dataclass
+class Place:
+    """A share that is ready to be used."""
+
+    kind: str
+    env: dict[str, str]
+    proxy: CuttingProxy
+    """Between the share's server and its user."""
+    names: Callable[[], set[str]]
+    """Names of everything on the share."""
+    content: Callable[[str], bytes]
+    secrets: list[str] = field(default_factory=list)
+
+
+@pytest.fixture(autouse=True)
+def own_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    for name in os.environ:
+        if name.startswith("ROBOVAST_"):
+            monkeypatch.delenv(name)
+    (tmp_path / "project").mkdir()
+    monkeypatch.chdir(tmp_path / "project")
+    monkeypatch.setenv("HOME", str(tmp_path))
+
+
+@pytest.fixture(scope="session")
+def service_account() -> str:
+    from cryptography.hazmat.primitives import serialization
+    from cryptography.hazmat.primitives.asymmetric import rsa
+
+    key = rsa.generate_private_key(public_exponent=65537, key_size=2048)
+    return key.private_bytes(
+        serialization.Encoding.PEM,
+        serialization.PrivateFormat.PKCS8,
+        serialization.NoEncryption(),
+    ).decode()
+
+
+def webdav(stack: ExitStack, root: Path, kind: str) -> Place:
+    """A WebDAV server; Nextcloud's public links are WebDAV at another path."""
+    folder = root / "public.php" / "webdav" if kind == "nextcloud" else root / "my results"
+    folder.mkdir(parents=True)
+    user, password = ("AbC", "") if kind == "nextcloud" else (USER, PASSWORD)
+    proxy = stack.enter_context(
+        cutting_proxy(stack.enter_context(webdav_server(root, user, password)))
+    )
+    variables = {
+        "nextcloud": {"ROBOVAST_SHARE_URL": f"http://{proxy.address}/s/AbC"},
+        "webdav": {
+            "ROBOVAST_WEBDAV_URL": f"http://{proxy.address}/my%20results",
+            "ROBOVAST_WEBDAV_USER": user,
+            "ROBOVAST_WEBDAV_PASSWORD": password,
+        },
+    }
+    return Place(
+        kind,
+        variables[kind],
+        proxy,
+        lambda: {path.name for path in folder.iterdir()},
+        lambda name: (folder / name).read_bytes(),
+        [password] if password else [],
+    )
+
+
+def sftp(stack: ExitStack, root: Path, kind: str) -> Place:
+    del kind
+    folder = root / "results"
+    folder.mkdir()
+    server: SftpServer = stack.enter_context(sftp_server(root))
+    proxy = stack.enter_context(cutting_proxy(f"127.0.0.1:{server.port}"))
+    env = {
+        "ROBOVAST_SFTP_HOST": "127.0.0.1",
+        "ROBOVAST_SFTP_PORT": proxy.address.rpartition(":")[2],
+        "ROBOVAST_SFTP_USER": USER,
+        "ROBOVAST_SFTP_PASSWORD": PASSWORD,
+        "ROBOVAST_SFTP_REMOTE_DIR": "results",
+        "ROBOVAST_SFTP_HOST_KEY": server.host_key,
+    }
+    return Place(
+        "sftp",
+        env,
+        proxy,
+        lambda: {path.name for path in folder.iterdir()},
+        lambda name: (folder / name).read_bytes(),
+        [PASSWORD, server.client_key],
+    )
+
+
+def gcs(stack: ExitStack, pem: str) -> tuple[Place, Gcs]:
+    server = stack.enter_context(gcs_server())
+    proxy = stack.enter_context(cutting_proxy(server.address.removeprefix("http://")))
+    server.address = f"http://{proxy.address}"
+    key = {"client_email": "a@b", "private_key": pem, "token_uri": f"{server.address}/token"}
+    env = {
+        "ROBOVAST_GCS_BUCKET": "bucket",
+        "ROBOVAST_GCS_PREFIX": "a folder/",
+        "ROBOVAST_GCS_KEY_JSON": json.dumps(key),
+        "STORAGE_EMULATOR_HOST": server.address,
+    }
+    place = Place(
+        "gcs",
+        env,
+        proxy,
+        lambda: {name.removeprefix("a folder/") for name in server.objects},
+        lambda name: server.objects[f"a folder/{name}"],
+        [pem.splitlines()[1], "gcs-token"],
+    )
+    return place, server
+
+
+KINDS = ("webdav", "nextcloud", "sftp", "gcs")
+
+
+@pytest.fixture(params=KINDS)
+def place(request: pytest.FixtureRequest, tmp_path: Path, service_account: str) -> Iterator[Place]:
+    with ExitStack() as stack:
+        (tmp_path / "server").mkdir()
+        if request.param == "gcs":
+            yield gcs(stack, service_account)[0]
+        elif request.param == "sftp":
+            yield sftp(stack, tmp_path / "server", request.param)
+        else:
+            yield webdav(stack, tmp_path / "server", request.param)
+
+
+@pytest.fixture
+def share(place: Place) -> Iterator[Share]:
+    lines = [f"{name}='{value}'" for name, value in place.env.items()]
+    Path("..", ".env").write_text("\n".join([*lines, f"ROBOVAST_SHARE_TYPE={place.kind}", ""]))
+    with open_share() as opened:
+        yield opened
+
+
+def archive(folder: Path, size: int = MIB) -> Path:
+    """A campaign's archive."""
+    path = folder / ARCHIVE
+    with tarfile.open(path, "w:gz") as tar:
+        for name, content in {"_config/x.vast": b"", "one/0/out": os.urandom(size)}.items():
+            info = tarfile.TarInfo(f"{NAME}/{name}")
+            info.size = len(content)
+            tar.addfile(info, io.BytesIO(content))
+    return path
+
+
+def put(share: Share, path: Path) -> None:
+    share.provider.upload_archive(str(path), path.name)
+
+
+def test_an_archive_comes_home_as_it_was(share: Share, place: Place, tmp_path: Path) -> None:
+    path = archive(tmp_path)
+    sent: list[tuple[int, int]] = []
+    share.provider.verify_access()
+    share.provider.upload_archive(str(path), path.name, lambda *step: sent.append(step))
+    assert place.names() == {ARCHIVE}
+    assert place.content(ARCHIVE) == path.read_bytes()
+    assert [(item.name, item.size) for item in share.campaigns()] == [(NAME, path.stat().st_size)]
+    seen: list[tuple[str, int, int]] = []
+    fetched, present = download_from_share(
+        share, [], tmp_path / "home", progress=lambda *step: seen.append(step)
+    )
+    assert (fetched, present) == ([tmp_path / "home" / NAME], [])
+    assert (fetched[0] / "one" / "0" / "out").stat().st_size == MIB
+    assert [path.name for path in (tmp_path / "home").iterdir()] == [NAME]
+    size = path.stat().st_size
+    assert seen[-1] == (NAME, size, size)
+    assert sent[-1] == (size, size)
+
+
+def test_what_is_here_is_not_fetched_again(share: Share, place: Place, tmp_path: Path) -> None:
+    put(share, archive(tmp_path, 1000))
+    download_from_share(share, [NAME], tmp_path / "home", keep_archive=True)
+    assert (tmp_path / "home" / ARCHIVE).read_bytes() == place.content(ARCHIVE)
+    assert download_from_share(share, [], tmp_path / "home") == ([], [tmp_path / "home" / NAME])
+    fetched, _ = download_from_share(share, [ARCHIVE], tmp_path / "home", force=True)
+    assert fetched == [tmp_path / "home" / NAME]
+
+
+def test_an_archive_is_replaced_and_removed(share: Share, place: Place, tmp_path: Path) -> None:
+    put(share, archive(tmp_path, 1000))
+    path = archive(tmp_path, 2000)
+    put(share, path)
+    assert place.content(ARCHIVE) == path.read_bytes()
+    assert share.provider.archive_exists_on_share(ARCHIVE)
+    share.remove(share.chosen([NAME])[0])
+    assert place.names() == set()
+    assert not share.provider.archive_exists_on_share(ARCHIVE)
+    with pytest.raises(InputError, match=r"no campaign `my camp.*it has none"):
+        share.chosen([NAME])
+    with pytest.raises(InputError, match=r"there is no"):
+        share.provider.remove_archive(ARCHIVE)
+
+
+def test_only_archives_are_listed(share: Share, place: Place, tmp_path: Path) -> None:
+    for name in ("b.tar.gz", "a.tar.gz", "notes.txt"):
+        path = tmp_path / name
+        path.write_text(name)
+        put(share, path)
+    assert [item.archive for item in share.campaigns()] == ["a.tar.gz", "b.tar.gz"]
+
+
+def test_a_cut_in_an_upload_costs_an_attempt(share: Share, place: Place, tmp_path: Path) -> None:
+    path = archive(tmp_path, 4 * MIB)
+    share.campaigns()
+    place.proxy.cut_once(sent=2 * MIB)
+    put(share, path)
+    assert place.proxy.cuts == 1
+    assert place.names() == {ARCHIVE}
+    assert place.content(ARCHIVE) == path.read_bytes()
+
+
+def test_a_cut_in_a_download_costs_an_attempt(share: Share, place: Place, tmp_path: Path) -> None:
+    put(share, archive(tmp_path, 4 * MIB))
+    place.proxy.cut_once(received=2 * MIB)
+    fetched, _ = download_from_share(share, [], tmp_path / "home")
+    assert place.proxy.cuts == 1
+    assert (fetched[0] / "one" / "0" / "out").stat().st_size == 4 * MIB
+
+
+def test_an_interrupted_download_is_resumed(share: Share, place: Place, tmp_path: Path) -> None:
+    put(share, archive(tmp_path, 4 * MIB))
+
+    def interrupt(name: str, done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        download_from_share(share, [], tmp_path / "home", progress=interrupt)
+    (part,) = (tmp_path / "home").iterdir()
+    here = part.stat().st_size
+    assert 0 < here < 4 * MIB
+    seen: list[int] = []
+    fetched, _ = download_from_share(
+        share, [], tmp_path / "home", progress=lambda _, done, __: seen.append(done)
+    )
+    assert min(seen) > here
+    assert (fetched[0] / "one" / "0" / "out").stat().st_size == 4 * MIB
+
+
+def test_no_credential_is_in_a_message(
+    share: Share, place: Place, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = ("ROBOVAST_WEBDAV_PASSWORD", "ROBOVAST_SFTP_PASSWORD", "ROBOVAST_SHARE_URL")
+    for name in names:
+        if name in place.env:
+            monkeypatch.setenv(name, place.env[name].replace("AbC", "other") + "wrong")
+    if place.kind == "gcs":
+        key = json.loads(place.env["ROBOVAST_GCS_KEY_JSON"])
+        monkeypatch.setenv("ROBOVAST_GCS_KEY_JSON", json.dumps({**key, "private_key": "damaged"}))
+    with open_share() as wrong, pytest.raises(RobovastError) as caught:
+        wrong.provider.verify_access()
+    assert "Check " in str(caught.value) or "damaged" in str(caught.value)
+    assert not [secret for secret in place.secrets if secret in str(caught.value)]
+
+
+def test_a_pod_needs_only_what_the_provider_gives_it(
+    share: Share, place: Place, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    env = share.provider.build_pod_env()
+    for name in place.env:
+        monkeypatch.delenv(name, raising=False)
+    for name, value in env.items():
+        monkeypatch.setenv(name, value)
+    type(share.provider)().verify_access()
+
+
+def test_a_server_that_is_not_there_is_told_soon(
+    share: Share, place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from robovast import http_client
+
+    monkeypatch.setattr(http_client, "FIRST_CONTACT", 0.1)
+    place.proxy.close()
+    with open_share() as other, pytest.raises(StorageError, match="network up"):
+        other.campaigns()
+
+
+class TestWebDav:
+    @pytest.fixture
+    def kind(self) -> str:
+        return "webdav"
+
+    def test_a_folder_that_is_missing_is_explained(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        with ExitStack() as stack:
+            place = webdav(stack, tmp_path / "server", "webdav")
+            for name, value in place.env.items():
+                monkeypatch.setenv(name, value)
+            monkeypatch.setenv("ROBOVAST_SHARE_TYPE", "webdav")
+            monkeypatch.setenv("ROBOVAST_WEBDAV_URL", f"http://{place.proxy.address}/other")
+            with open_share() as share:
+                with pytest.raises(StorageError, match=r"404.*Check ROBOVAST_WEBDAV_URL"):
+                    share.campaigns()
+                with pytest.raises(StorageError, match=r"409.*Check ROBOVAST_WEBDAV_URL"):
+                    share.provider.verify_access()
+
+
+class TestSftp:
+    @pytest.fixture
+    def place(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Place]:
+        (tmp_path / "server").mkdir()
+        with ExitStack() as stack:
+            place = sftp(stack, tmp_path / "server", "sftp")
+            for name, value in place.env.items():
+                monkeypatch.setenv(name, value)
+            monkeypatch.setenv("ROBOVAST_SHARE_TYPE", "sftp")
+            yield place
+
+    def test_a_server_of_unknown_identity_gets_no_password(
+        self, place: Place, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.delenv("ROBOVAST_SFTP_HOST_KEY")
+        with open_share() as share, pytest.raises(InputError, match="is not known: its key") as e:
+            share.campaigns()
+        assert place.env["ROBOVAST_SFTP_HOST_KEY"].split()[1] in str(e.value)
+        monkeypatch.setenv("ROBOVAST_INSECURE_SSL", "1")
+        with open_share() as share:
+            assert share.campaigns() == []
+
+    def test_known_hosts_count_and_reach_a_pod(
+        self, place: Place, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ) -> None:
+        monkeypatch.delenv("ROBOVAST_SFTP_HOST_KEY")
+        (tmp_path / ".ssh").mkdir()
+        key, port = place.env["ROBOVAST_SFTP_HOST_KEY"], place.env["ROBOVAST_SFTP_PORT"]
+        (tmp_path / ".ssh" / "known_hosts").write_text(f"[127.0.0.1]:{port} {key}\n")
+        with open_share() as share:
+            assert share.campaigns() == []
+            assert (
+                share.provider.build_pod_env()["ROBOVAST_SFTP_HOST_KEY"].split() == key.split()[:2]
+            )
+
+    @pytest.mark.parametrize("variable", ["ROBOVAST_SFTP_KEY_FILE", "ROBOVAST_SFTP_KEY_PEM"])
+    def test_a_key_opens_it(
+        self, place: Place, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, variable: str
+    ) -> None:
+        monkeypatch.delenv("ROBOVAST_SFTP_PASSWORD")
+        pem = place.secrets[1]
+        (tmp_path / "key").write_text(pem)
+        monkeypatch.setenv(variable, str(tmp_path / "key") if variable.endswith("FILE") else pem)
+        with open_share() as share:
+            share.provider.verify_access()
+            assert share.provider.build_pod_env()["ROBOVAST_SFTP_KEY_PEM"] == pem
+
+    def test_an_interrupted_upload_is_resumed(self, place: Place, tmp_path: Path) -> None:
+        path = archive(tmp_path, 4 * MIB)
+
+        def interrupt(done: int, total: int) -> None:
+            if done > MIB:
+                raise KeyboardInterrupt
+
+        with open_share() as share:
+            with pytest.raises(KeyboardInterrupt):
+                share.provider.upload_archive(str(path), ARCHIVE, interrupt)
+            assert share.campaigns() == []
+            seen: list[int] = []
+            share.provider.upload_archive(str(path), ARCHIVE, lambda done, _: seen.append(done))
+        assert min(seen) > sftp_module.CHUNK
+        assert place.content(ARCHIVE) == path.read_bytes()
+        assert place.names() == {ARCHIVE}
+
+    def test_a_folder_that_is_missing_is_explained(
+        self, place: Place, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv("ROBOVAST_SFTP_REMOTE_DIR", "other")
+        with open_share() as share, pytest.raises(InputError, match="ROBOVAST_SFTP_REMOTE_DIR"):
+            share.campaigns()
+
+
+class TestGcs:
+    @pytest.fixture
+    def server(
+        self, monkeypatch: pytest.MonkeyPatch, service_account: str
+    ) -> Iterator[tuple[Place, Gcs]]:
+        with ExitStack() as stack:
+            place, server = gcs(stack, service_account)
+            for name, value in place.env.items():
+                monkeypatch.setenv(name, value)
+            monkeypatch.setenv("ROBOVAST_SHARE_TYPE", "gcs")
+            yield place, server
+
+    def test_an_upload_goes_on_behind_what_arrived(
+        self, server: tuple[Place, Gcs], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(gcs_module, "PART", 2**18)
+        server[1].cut_parts = 2
+        path = archive(tmp_path)
+        with open_share() as share:
+            put(share, path)
+        assert server[0].content(ARCHIVE) == path.read_bytes()
+
+    def test_a_public_bucket_needs_no_key(
+        self, server: tuple[Place, Gcs], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        with open_share() as share:
+            put(share, archive(tmp_path, 1000))
+        monkeypatch.delenv("ROBOVAST_GCS_KEY_JSON")
+        with open_share() as share, pytest.raises(StorageError, match="needs a public bucket"):
+            share.campaigns()
+        server[1].public = True
+        with open_share() as share:
+            assert download_from_share(share, [], tmp_path / "home")[0]
+            with pytest.raises(InputError, match="ROBOVAST_GCS_KEY_FILE"):
+                share.provider.verify_access()
+
+    def test_the_account_must_be_allowed_to_upload(self, server: tuple[Place, Gcs]) -> None:
+        server[1].permissions.clear()
+        with open_share() as share, pytest.raises(StorageError, match="Storage Object Creator"):
+            share.provider.verify_access()
+
+    def test_one_token_serves_several_requests(self, server: tuple[Place, Gcs]) -> None:
+        with open_share() as share:
+            share.campaigns()
+            share.provider.verify_access()
+        assert len(server[1].assertions) == 1
+        assert server[1].assertions[0].count(".") == 2
