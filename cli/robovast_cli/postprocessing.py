@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -22,53 +23,78 @@ _GIVEN = ("results_dir", "config_dir", "provenance_file")
 
 
 class View:
-    """Prints lines, and counts on a terminal."""
+    """Prints lines; on a terminal with a progress bar below them."""
 
     def __init__(self) -> None:
-        self._title, self._done, self._total = "", 0, 0
-        self._live = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+        live = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+        self._bar = _Bar() if live else None
 
     def campaign_started(self, campaign: Path, runs: int) -> None:
         """Nothing to say yet: most often nothing has changed."""
 
     def step_started(self, title: str, total: int) -> None:
         """Begin to count."""
-        self._title, self._done, self._total = title, 0, total
-        self._count()
+        if self._bar:
+            self._bar.start(title, total)
 
     def step_advanced(self) -> None:
         """Count."""
-        self._done += 1
-        self._count()
+        if self._bar:
+            self._bar.advance()
 
     def failed(self, failure: Failure) -> None:
         """The summary names it."""
 
     def message(self, text: str) -> None:
         """Print it."""
-        self._clear()
+        self.close()
         say(text)
 
     def campaign_finished(self, summary: CampaignSummary) -> None:
         """Say how it went."""
-        self._clear()
+        self.close()
         say(f"{summary.campaign.name}: {_outcome(summary)}")
 
-    def _count(self) -> None:
-        if self._live:
-            of = f" {self._done}/{self._total} runs" if self._total > 1 else ""
-            sys.stderr.write(f"\r\x1b[K{self._title}{of}")
-            sys.stderr.flush()
+    def close(self) -> None:
+        """Take the bar away; the next step brings it back."""
+        if self._bar:
+            self._bar.stop()
 
-    def _clear(self) -> None:
-        if self._live:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
+
+class _Bar:
+    """How far the present step is, on stderr."""
+
+    def __init__(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+        columns = ("{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+        self._progress = Progress(*columns, console=Console(stderr=True), transient=True)
+        self._task: Any = None
+
+    def start(self, title: str, total: int) -> None:
+        self.stop()
+        self._task = self._progress.add_task(title, total=total)
+        self._progress.start()
+
+    def advance(self) -> None:
+        if self._task is not None:
+            self._progress.advance(self._task)
+
+    def stop(self) -> None:
+        if self._task is not None:
+            self._progress.stop()
+            self._progress.remove_task(self._task)
+            self._task = None
 
 
 def run(results: Path, options: Options) -> ExitCode:
     """Postprocess the campaigns of a folder and say how it went."""
-    summaries = postprocess(results, options, View())
+    view = View()
+    try:
+        summaries = postprocess(results, options, view)
+    finally:
+        view.close()
     failures = [failure for summary in summaries for failure in summary.failures]
     for failure in failures[:MOST_LISTED]:
         typer.echo(f"failed: {failure}", err=True)

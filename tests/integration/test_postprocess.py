@@ -14,9 +14,11 @@ from pathlib import Path
 import pytest
 import yaml
 from finished_campaigns import NAME, add_run, as_of_another_tool, finished_campaign
+from local_campaigns import make_campaign, run
 
 from robovast.postprocessing.events import CampaignSummary, Failure, Options
 from robovast.postprocessing.session import postprocess
+from robovast.tables.query import ask
 
 PLUGINS = '''
 from pathlib import Path
@@ -323,15 +325,51 @@ def test_the_command_plugin_executes_a_script(tmp_path: Path) -> None:
     section = "  - command: {script: tools/s.sh, args: [good]}\n"
     campaign = finished_campaign(tmp_path, 1, section)
     script = campaign / "_config/tools/s.sh"
-    script.write_text(SCRIPT)
+    script.write_text("true\n")
     assert "s.sh is not executable: chmod +x" in failures(campaign)[0]
-    script.chmod(0o755)
+    script.write_text(SCRIPT)  # as files come from S3, without their mode
     assert failures(campaign) == []
     entry = entries(campaign / "c-1/0")["c-1/0/script.txt"]
     assert (entry["plugin"], entry["sources"]) == ("command", ["c-1/0/out.csv"])
     document = campaign / "_config/c.vast"
     document.write_text(document.read_text().replace("good", "bad"))
     assert "`tools/s.sh` ended with exit code 7: cannot do bad" in failures(campaign)[0]
+
+
+GUIDE = """
+from typing import Tuple, Optional, List
+
+def my_postprocessing_command(
+    results_dir: str,
+    config_dir: str,
+    custom_param: Optional[str] = None,
+    provenance_file: Optional[str] = None,
+) -> Tuple[bool, str]:
+    import subprocess
+    import os
+    script = os.path.join(config_dir, "tools/script.sh")
+    cmd = [script, results_dir]
+    if custom_param:
+        cmd.extend(["--param", custom_param])
+    result = subprocess.run(cmd, capture_output=True, text=True)
+    if result.returncode != 0:
+        return False, f"Failed: {result.stderr}"
+    return True, "Success"
+"""
+
+
+def test_the_guides_plugin_works_as_it_stands(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 1, plugins=GUIDE)
+    name = "tools/plugins.py:my_postprocessing_command"
+    with (campaign / "_config/c.vast").open("a") as file:
+        file.write(f"analysis:\n  postprocessing:\n  - {name}:\n      custom_param: value\n")
+    script = campaign / "_config/tools/script.sh"
+    script.write_text('#!/bin/sh\necho "$2 $3" > "$1/c-1/0/made.txt"\n')
+    script.chmod(0o755)
+    assert failures(campaign) == []
+    assert (campaign / "c-1/0/made.txt").read_text() == "--param value\n"
+    script.write_text("#!/bin/sh\necho no space >&2; exit 1\n")
+    assert failures(campaign) == [": Failed: no space"]  # all of `_config` is part of the cache
 
 
 def test_compress_packs_the_campaign_beside_it(tmp_path: Path) -> None:
@@ -421,3 +459,22 @@ def test_a_damaged_cache_starts_anew(tmp_path: Path) -> None:
     (campaign / ".cache/postprocessing.db").write_bytes(b"no database" * 100)
     assert work(campaign).worked == {"c-1/0"}
     assert work(campaign).worked == set()
+
+
+def test_an_executed_campaign_holds_all_that_its_postprocessing_needs(tmp_path: Path) -> None:
+    section = (
+        "results_processing:\n  postprocessing:\n"
+        "  - command: {script: tools/s.sh}\n  - tools/plugins.py:each\n"
+    )
+    path = make_campaign(tmp_path / "project", 'printf "v\\n$1\\n" > "$3/out.csv"\n', section)
+    (path.parent / "tools").mkdir()
+    (path.parent / "tools/plugins.py").write_text(PLUGINS)
+    (path.parent / "tools/s.sh").write_text('#!/bin/sh\ncat "$1"/*/*/out.csv > "$1/all.csv"\n')
+    campaign = run(path, tmp_path / "results", select="one-1").campaign
+    shutil.rmtree(path.parent)
+    summaries = postprocess(tmp_path / "results", Options(), Watcher())
+    assert summaries[0].failures == []
+    assert (campaign / "all.csv").read_text() == "v\n1\n"
+    assert (campaign / "one-1/0/each.csv").exists()
+    rows = ask([campaign], "SELECT verdict, param_x, each_v FROM runs").rows
+    assert rows == [("passed", 1, 1)]

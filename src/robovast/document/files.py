@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import glob
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from robovast.common.execution import is_campaign_dir
 
@@ -36,3 +38,28 @@ def run_files(folder: Path, patterns: list[str]) -> list[Path]:
 def host_path(folder: Path, command: str) -> Path | None:
     """The file behind a command in the container, when it comes from the folder."""
     return folder / command.removeprefix(CONFIG_MOUNT) if command.startswith(CONFIG_MOUNT) else None
+
+
+def named_files(folder: Path, value: Any) -> Iterator[Path]:
+    """Files of the folder that a plugin's parameters name, at any depth, relative to the folder.
+
+    Args:
+        folder: of the document.
+        value: the parameters, or a part of them.
+    """
+    if isinstance(value, str):
+        if value and _is_file(folder / value):
+            yield Path(value)
+    elif isinstance(value, dict):
+        for item in value.values():
+            yield from named_files(folder, item)
+    elif isinstance(value, list):
+        for item in value:
+            yield from named_files(folder, item)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a text that can be no path
+        return False

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from robovast.document import Document
-from robovast.document.files import host_path, run_files
+from robovast.document.files import host_path, named_files, run_files
 from robovast.document.model import PluginCall
 from robovast.expansion import Composition
 from robovast.plugins import split_file_reference
@@ -39,6 +39,8 @@ def _referenced(document: Document) -> Iterator[Path]:
         parts = split_file_reference(call.name)
         if parts is not None:
             yield Path(parts[0])
+    for call in document.vast.postprocessing:
+        yield from named_files(document.folder, call.parameters)
 
 
 def _plugin_calls(document: Document) -> Iterator[PluginCall]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 import tarfile
 from collections.abc import Sequence
 from pathlib import Path
 
 _LINES_SHOWN = 5
+_LONGEST_FIRST_LINE = 256
 
 
 def command(
@@ -27,12 +29,11 @@ def command(
         args: further arguments.
         provenance_file: given on as $PROVENANCE_FILE.
     """
-    path = Path(config_dir) / script
-    program = str(path) if path.is_file() else script
+    program = _program(config_dir, script)
     environment = {**os.environ, "PROVENANCE_FILE": provenance_file or ""}
     try:
         done = subprocess.run(
-            [program, results_dir, *map(str, args)],
+            [*program, results_dir, *map(str, args)],
             cwd=config_dir,
             env=environment,
             capture_output=True,
@@ -41,15 +42,28 @@ def command(
     except FileNotFoundError:
         return False, f"there is no program `{script}`, neither in {config_dir} nor on PATH"
     except PermissionError:
-        return False, f"{program} is not executable: chmod +x {script}"
+        return False, f"{program[0]} is not executable: chmod +x {script}"
     except OSError as error:
-        return False, f"{program} cannot be executed: {error.strerror}"
+        return False, f"{program[0]} cannot be executed: {error.strerror}"
     output = (done.stdout + done.stderr).decode(errors="replace")
     print(output, end="")  # noqa: T201  # what a plugin prints goes to the log
     if done.returncode == 0:
         return True, ""
     last = "\n".join(output.strip().splitlines()[-_LINES_SHOWN:])
     return False, f"`{script}` ended with exit code {done.returncode}: {last}"
+
+
+def _program(folder: str, script: str) -> list[str]:
+    """What to execute; of a file that lost its mode on the way, the program in its first line."""
+    path = Path(folder) / script
+    if not path.is_file():
+        return [script]
+    if not os.access(path, os.X_OK):
+        with path.open("rb") as file:
+            first = file.readline(_LONGEST_FIRST_LINE).decode(errors="replace")
+        if first.startswith("#!"):
+            return [*shlex.split(first[2:]), str(path)]
+    return [str(path)]
 
 
 def compress(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint
 from importlib.util import find_spec
@@ -11,6 +11,7 @@ from typing import Any
 
 from pydantic import BaseModel, Field, ValidationError
 
+from robovast.document.files import named_files
 from robovast.document.model import Plugin, PluginCall
 from robovast.document.problems import problems_of
 from robovast.document.source import Source
@@ -127,25 +128,10 @@ def _short(name: str) -> str:
 
 
 def _key(call: PluginCall, folder: Path, before: list[str]) -> str:
-    files = {name: file_digest(folder / name) for name in _named_files(call.parameters, folder)}
+    named = named_files(folder, call.parameters)
+    files = {str(path): file_digest(folder / path) for path in named}
     parts = [call.name, call.parameters, _code_version(call.name, folder), files, before]
     return fingerprint(parts)[:32]
-
-
-def _named_files(value: Any, folder: Path) -> Iterator[str]:
-    """Files that parameters name, as a script: what is in them decides the result."""
-    if isinstance(value, str):
-        try:
-            if value and (folder / value).is_file():
-                yield value
-        except (OSError, ValueError):  # no path at all
-            return
-    elif isinstance(value, dict):
-        for item in value.values():
-            yield from _named_files(item, folder)
-    elif isinstance(value, list):
-        for item in value:
-            yield from _named_files(item, folder)
 
 
 def _code_version(name: str, folder: Path) -> str:

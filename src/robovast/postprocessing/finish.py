@@ -15,6 +15,9 @@ from robovast.postprocessing.state import State, Unit
 from robovast.postprocessing.survey import OWN, WHOLE, Survey
 from robovast.results.layout import Layout
 
+TABLES = 1
+"""Version of the tables' columns: with another one every run is read again."""
+
 
 @dataclass(frozen=True)
 class _Part:
@@ -23,6 +26,8 @@ class _Part:
     name: str
     files: tuple[Path, ...]
     write: Callable[[], None]
+    incremental: bool = False
+    """What it holds already is left as it is, so that doing it again begins with nothing."""
 
 
 def finish(
@@ -43,6 +48,8 @@ def finish(
         observer: is told.
         summary: takes failures.
     """
+    if find_spec("duckdb") is None and summary.worked and not options.skip_tables:
+        observer.message("No tables.duckdb is written: `pip install 'robovast[query]'`.")
     versions = {path: _version(unit) for path, unit in units.items() if path != WHOLE}
     now = f"{__version__} {combined(versions)}"
     for part in _parts(survey, versions, options):
@@ -51,6 +58,9 @@ def finish(
             continue
         observer.step_started(part.name, 1)
         state.set_note(part.name, "")
+        if options.force and part.incremental:
+            for path in part.files:
+                path.unlink(missing_ok=True)
         if _succeeded(part, observer, summary):
             state.set_note(part.name, now)
         observer.step_advanced()
@@ -58,7 +68,7 @@ def finish(
 
 def _version(unit: Unit) -> str:
     """Changes with the content of any file of a unit."""
-    return combined({"inputs": unit.inputs, **unit.made})
+    return combined({"inputs": unit.inputs, "tables": str(TABLES), **unit.made})
 
 
 def _parts(survey: Survey, versions: Mapping[str, str], options: Options) -> Iterator[_Part]:
@@ -75,11 +85,10 @@ def _tables(layout: Layout, document: Path | None, runs: Mapping[str, str]) -> I
     from robovast.tables.campaign_store import write_campaign_store
     from robovast.tables.sqlite_tables import update_sqlite
 
+    columnar, rows = layout.execution / "tables.duckdb", layout.execution / "data.db"
     if find_spec("duckdb") is not None:
-        yield _Part(
-            "tables", (layout.execution / "tables.duckdb",), lambda: _update_columnar(layout, runs)
-        )
-    yield _Part("data.db", (layout.execution / "data.db",), lambda: update_sqlite(layout, runs))
+        yield _Part("tables", (columnar,), lambda: _update_columnar(layout, runs), incremental=True)
+    yield _Part("data.db", (rows,), lambda: update_sqlite(layout, runs), incremental=True)
     yield _Part(
         "campaign.db",
         (layout.root / "campaign.db",),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -40,7 +41,8 @@ def with_found(
     """
     said = list(entries)
     named = {entry["output"] for entry in said}
-    rest = sorted(set(found) - named)
+    names = {os.fsencode(path).decode(errors="replace") for path in found}
+    rest = sorted(names - named)
     facts = {"sources": [], "plugin": plugin, "params": dict(parameters)}
     return said + [{"output": path, **facts} for path in rest]
 
