@@ -1,11 +1,11 @@
 // One campaign: how it went, over any two parameters, and every run.
 import { useMemo } from "preact/hooks";
 import { address, VERDICTS, type Columns, type Verdict } from "./api";
-import { axis, matcher, parameters, show, sorted, valueOf, variantOf, verdictOf, type Axis, type Run, type Shown } from "./data";
+import { matcher, show, sorted, valueOf, variantOf, verdictOf, type Run, type Shown } from "./data";
 import { count, duration, moment, plural } from "./format";
 import { Grid, type Column } from "./grid";
 import { useAnswer, type Versions } from "./live";
-import { Matrix } from "./matrix";
+import { isInCell, Matrix, useAxes } from "./matrix";
 import { Chooser, useMeasure } from "./measure";
 import { Parallel } from "./parallel";
 import { Export, Mark, State, Tabs, VerdictBar, Waiting } from "./parts";
@@ -69,10 +69,8 @@ function Head({ data }: { data: Columns }) {
 }
 
 function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
-  const names = useMemo(() => parameters(data), [data]);
-  const [first, second] = names;
-  const x = axisName(query.get("x"), first);
-  const y = axisName(query.get("y"), second);
+  const axes = useAxes(data, query);
+  const { names } = axes;
   const text = query.get("q") ?? "";
   const wanted = query.get("verdict") ?? "";
   const cell = query.get("cell") ?? "";
@@ -82,11 +80,9 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
   const measure = useMeasure(data, colour, aggregate);
 
   const found = useMemo(() => filtered(data, text, wanted), [data, text, wanted]);
-  const across = useMemo(() => axis(data, x), [data, x]);
-  const down = useMemo(() => axis(data, y), [data, y]);
   const inCell = useMemo(
-    () => ofCell(data, found, across, down, cell),
-    [data, found, across, down, cell],
+    () => found.filter((run) => isInCell(axes, cell, data.runs.variant[run]!)),
+    [data, found, axes.across, axes.down, cell],
   );
   const rows = useMemo(() => sorted(data, inCell, sort, measure), [data, inCell, sort, measure]);
   const columns = useMemo(
@@ -99,7 +95,7 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
       label: "Matrix",
       show: () => (
         <Matrix
-          {...{ data, names, x, y, across, down, measure, chosen: cell }}
+          {...{ data, axes, measure, chosen: cell }}
           runs={found}
           chooser={<Chooser campaign={data.summary.name} colour={colour} aggregate={aggregate} />}
         />
@@ -119,7 +115,7 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
           <input
             type="search"
             value={text}
-            placeholder={first ? `words, ${first}=…, duration>2` : "words, duration>2"}
+            placeholder={names[0] ? `words, ${names[0]}=…, duration>2` : "words, duration>2"}
             onInput={(event) => choose({ q: event.currentTarget.value })}
           />
         </label>
@@ -152,26 +148,12 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
   );
 }
 
-/** `-` stands for no parameter; what is not there (any more) for the usual one. */
-function axisName(asked: string | null, usual: string | undefined): string {
-  return asked === "-" ? "" : asked || usual || "";
-}
-
 function filtered(data: Columns, text: string, wanted: string): Run[] {
   const matches = matcher(data, text);
   const verdicts = new Set(wanted.split(",").filter(Boolean));
   return data.runs.number
     .map((_, run) => run)
     .filter((run) => (!verdicts.size || verdicts.has(verdictOf(data, run))) && matches(run));
-}
-
-function ofCell(data: Columns, runs: Run[], across: Axis, down: Axis, cell: string): Run[] {
-  if (!cell) return runs;
-  const [i, j] = cell.split(",").map(Number);
-  return runs.filter((run) => {
-    const variant = data.runs.variant[run]!;
-    return across.group[variant] === i && down.group[variant] === j;
-  });
 }
 
 function runLink(data: Columns, run: Run): string {

@@ -1,10 +1,11 @@
 // Two campaigns beside each other: what got worse, and whether chance explains it.
 import { useMemo } from "preact/hooks";
-import { address, type Campaigns, type Comparison, type Difference } from "./api";
-import { show } from "./data";
+import { address, type Campaigns, type Columns, type Comparison, type Difference } from "./api";
+import { show, variantOf, type Run } from "./data";
 import { duration, percent, plural } from "./format";
 import { Grid, type Column } from "./grid";
 import { useAnswer } from "./live";
+import { isInCell, Matrix, useAxes, type Axes } from "./matrix";
 import { Export, Select, Waiting } from "./parts";
 import { choose, link } from "./route";
 
@@ -12,6 +13,7 @@ const CHANGES = { worse: "▲ worse", better: "▼ better", unclear: "? unclear"
 
 export function ComparePage({ a, b, query }: { a: string; b: string; query: URLSearchParams }) {
   const { data, error } = useAnswer<Comparison>(address(["compare"], { a, b }));
+  const later = useAnswer<Columns>(address(["campaigns", b]));
   const known = useAnswer<Campaigns>(address(["campaigns"]));
   const names = Object.keys(known.data?.campaigns ?? {});
   const options = [...new Set([...names, a, b])].map((name): [string, string] => [name, name]);
@@ -24,21 +26,33 @@ export function ComparePage({ a, b, query }: { a: string; b: string; query: URLS
           <Select label="After" value={b} options={options} onChoose={(name) => choose({ b: name })} />
         </div>
       </div>
-      {data ? <Result data={data} a={a} b={b} query={query} /> : <Waiting error={error} />}
+      {data && later.data ? (
+        <Result data={data} later={later.data} a={a} b={b} query={query} />
+      ) : (
+        <Waiting error={error ?? later.error} />
+      )}
     </>
   );
 }
 
 interface ResultProps {
   data: Comparison;
+  /** The later campaign. */
+  later: Columns;
   a: string;
   b: string;
   query: URLSearchParams;
 }
 
-function Result({ data, a, b, query }: ResultProps) {
+function Result({ data, later, a, b, query }: ResultProps) {
   const sort = query.get("sort") ?? "";
-  const rows = useMemo(() => order(data, sort), [data, sort]);
+  const cell = query.get("cell") ?? "";
+  const axes = useAxes(later, query);
+  const rows = useMemo(() => {
+    const places = new Map(later.variants.name.map((name, place) => [name, place]));
+    const isShown = (row: number) => isInCell(axes, cell, places.get(data.variants[row]!.name_b)!);
+    return order(data, sort).filter(isShown);
+  }, [data, later, sort, cell, axes.across, axes.down]);
   const worse = data.variants.filter((variant) => variant.change === "worse").length;
   const better = data.variants.filter((variant) => variant.change === "better").length;
   const columns = columnsOf(data, a, b);
@@ -52,7 +66,14 @@ function Result({ data, a, b, query }: ResultProps) {
         {data.only_a.length > 0 && ` ${plural(data.only_a.length, "configuration")} only before.`}
         {data.only_b.length > 0 && ` ${plural(data.only_b.length, "configuration")} only after.`}
       </p>
+      {axes.names.length > 0 && <Differences {...{ data, later, axes, cell }} />}
+      <h2>Configurations</h2>
       <div class="tools">
+        {cell && (
+          <button type="button" onClick={() => choose({ cell: "" })}>
+            Only the chosen cell ✕
+          </button>
+        )}
         <Export name={`${a}-${b}`} rows={() => exported(data, rows)} />
       </div>
       {rows.length > 0 && (
@@ -65,6 +86,36 @@ function Result({ data, a, b, query }: ResultProps) {
           open={(row) => (location.hash = variantLink(b, data.variants[row]!.name_b))}
         />
       )}
+    </>
+  );
+}
+
+interface DifferencesProps {
+  data: Comparison;
+  later: Columns;
+  axes: Axes;
+  cell: string;
+}
+
+/** Where the failure rate changed, over any two parameters. */
+function Differences({ data, later, axes, cell }: DifferencesProps) {
+  const measure = useMemo(() => {
+    const points = new Map(
+      data.variants.map(({ name_b, difference: { a, b } }) => [name_b, 100 * (rate(b) - rate(a))]),
+    );
+    const of = (run: Run) => points.get(variantOf(later, run)) ?? null;
+    return { name: "change of the failure rate [points]", of };
+  }, [data, later]);
+  const runs = useMemo(() => later.runs.number.map((_, run) => run), [later]);
+  return (
+    <>
+      <h2>Where it changed</h2>
+      <Matrix
+        {...{ data: later, runs, axes, measure }}
+        chooser={<span class="quiet">Change of the failure rate in points</span>}
+        signed
+        chosen={cell}
+      />
     </>
   );
 }

@@ -2,35 +2,63 @@
 import type { ComponentChildren } from "preact";
 import { useMemo } from "preact/hooks";
 import type { Columns } from "./api";
-import { cells, show, type Axis, type Cell, type Run, type Shown } from "./data";
+import { axis, cells, parameters, show, type Axis, type Cell, type Run, type Shown } from "./data";
 import { percent, plural } from "./format";
 import { Export, Select } from "./parts";
 import { choose } from "./route";
 
-interface MatrixProps {
-  data: Columns;
-  runs: Run[];
+/** The parameters of a campaign, and those that an address chooses for the axes. */
+export interface Axes {
   names: string[];
   x: string;
   y: string;
   across: Axis;
   down: Axis;
+}
+
+export function useAxes(data: Columns, query: URLSearchParams): Axes {
+  const names = useMemo(() => parameters(data), [data]);
+  const x = axisName(query.get("x"), names[0]);
+  const y = axisName(query.get("y"), names[1]);
+  const across = useMemo(() => axis(data, x), [data, x]);
+  const down = useMemo(() => axis(data, y), [data, y]);
+  return { names, x, y, across, down };
+}
+
+/** `-` stands for no parameter, nothing for the usual one. */
+function axisName(asked: string | null, usual: string | undefined): string {
+  return asked === "-" ? "" : asked || usual || "";
+}
+
+/** Whether a variant is in the cell `column,row`; every one is when there is no cell. */
+export function isInCell({ across, down }: Axes, cell: string, variant: number): boolean {
+  const [i, j] = cell.split(",").map(Number);
+  return !cell || (across.group[variant] === i && down.group[variant] === j);
+}
+
+interface MatrixProps {
+  data: Columns;
+  runs: Run[];
+  axes: Axes;
   /** What the colour stands for; the failure rate when there is none. */
   measure: Shown | null;
   /** Chooses that. */
   chooser: ComponentChildren;
   /** Chosen cell, `column,row`. */
   chosen: string;
+  /** Whether what is measured is a difference: both signs have a colour, none has 0. */
+  signed?: boolean;
 }
 
 export function Matrix(props: MatrixProps) {
-  const { data, runs, names, x, y, across, down, chooser, chosen } = props;
+  const { data, runs, chooser, chosen, signed = false } = props;
+  const { names, x, y, across, down } = props.axes;
   const measure = props.measure?.name ?? "";
   const found = useMemo(
     () => cells(data, runs, across, down, props.measure?.of),
     [data, runs, across, down, props.measure],
   );
-  const scale = scaleOf(found.flat(), measure);
+  const scale = scaleOf(found.flat(), measure, signed);
   const options: [string, string][] = [["", "(all together)"], ...names.map((n): [string, string] => [n, n])];
   const rows = () => [
     [y || "all", x || "all", "runs", "not passed", "failure rate", measure && `mean ${measure}`],
@@ -51,11 +79,11 @@ export function Matrix(props: MatrixProps) {
         <Select label="Across" value={x} options={options} onChoose={(v) => choose({ x: v || "-", cell: "" })} />
         <Select label="Down" value={y} options={options} onChoose={(v) => choose({ y: v || "-", cell: "" })} />
         {chooser}
-        <Legend measure={measure} scale={scale} />
+        <Legend measure={measure} scale={scale} signed={signed} />
         <Export name={`${data.summary.name}-matrix`} rows={rows} />
       </div>
       <div class="scroll" tabIndex={0} role="region" aria-label="Matrix of configurations">
-        <table class={`matrix ${measure ? "measure" : "rate"}`} onKeyDown={moveFocus}>
+        <table class={`matrix ${signed ? "" : measure ? "measure" : "rate"}`} onKeyDown={moveFocus}>
           <caption class="hidden">
             {measure ? `Mean ${measure}` : "Failure rate"} by {x || "all"} across and {y || "all"} down
           </caption>
@@ -83,6 +111,7 @@ export function Matrix(props: MatrixProps) {
                     place={[across.labels[i]!, down.labels[j]!]}
                     measure={measure}
                     share={scale.share(cell)}
+                    signed={signed}
                     chosen={chosen === `${i},${j}`}
                     tabbable={chosen ? chosen === `${i},${j}` : i === 0 && j === 0}
                   />
@@ -102,13 +131,16 @@ interface CellProps {
   place: [string, string];
   measure: string;
   share: number | null;
+  signed: boolean;
   chosen: boolean;
   tabbable: boolean;
 }
 
-function CellOf({ cell, id, place, measure, share, chosen, tabbable }: CellProps) {
+function CellOf({ cell, id, place, measure, share, signed, chosen, tabbable }: CellProps) {
   const value = measure ? mean(cell) : cell.runs ? cell.bad / cell.runs : null;
-  const text = value === null ? "" : measure ? show(Number(value.toPrecision(3))) : percent(value);
+  const number = value === null ? "" : show(Number(value.toPrecision(3)));
+  const plus = signed && value !== null && value > 0 ? "+" : "";
+  const text = value === null ? "" : measure ? plus + number : percent(value);
   const where = place.filter(Boolean).join(", ");
   const title = `${where}: ${plural(cell.runs, "run")}, ${cell.bad} not passed`;
   return (
@@ -119,8 +151,8 @@ function CellOf({ cell, id, place, measure, share, chosen, tabbable }: CellProps
         tabIndex={tabbable ? 0 : -1}
         aria-pressed={chosen}
         title={title}
-        class={cell.runs ? undefined : "empty"}
-        style={share === null ? undefined : { "--share": `${(100 * share).toFixed(1)}%` }}
+        class={share === null ? "empty" : signed ? (share < 0 ? "better" : "worse") : undefined}
+        style={share === null ? undefined : { "--share": `${(100 * Math.abs(share)).toFixed(1)}%` }}
         onClick={() => choose({ cell: chosen ? "" : id })}
       >
         <span class="hidden">{where}: </span>
@@ -145,14 +177,22 @@ function mean(cell: Cell): number | null {
   return cell.measured ? cell.sum / cell.measured : null;
 }
 
-/** From no to full colour: rates from 0 to 1, what was measured from its least to its most. */
-function scaleOf(all: Cell[], measure: string): Scale {
+/**
+ * From no to full colour: rates from 0 to 1, what was measured from its least to its most;
+ * differences from 0 to the largest in either direction, as -1 to 1.
+ */
+function scaleOf(all: Cell[], measure: string, signed: boolean): Scale {
   if (!measure) {
     return { low: 0, high: 1, share: (cell) => (cell.runs ? cell.bad / cell.runs : null) };
   }
   const values = all.map(mean).filter((value) => value !== null);
   const low = values.length ? Math.min(...values) : 0;
   const high = values.length ? Math.max(...values) : 0;
+  if (signed) {
+    const most = Math.max(Math.abs(low), Math.abs(high)) || 1;
+    const part = (cell: Cell) => (cell.measured ? mean(cell)! / most : null);
+    return { low: -most, high: most, share: part };
+  }
   const share = (cell: Cell) => {
     const value = mean(cell);
     return value === null ? null : high > low ? (value - low) / (high - low) : 0.5;
@@ -160,10 +200,10 @@ function scaleOf(all: Cell[], measure: string): Scale {
   return { low, high, share };
 }
 
-function Legend({ measure, scale }: { measure: string; scale: Scale }) {
+function Legend({ measure, scale, signed }: { measure: string; scale: Scale; signed: boolean }) {
   const text = (value: number) => (measure ? show(Number(value.toPrecision(3))) : percent(value));
   return (
-    <span class={`legend ${measure ? "measure" : "rate"}`}>
+    <span class={`legend ${signed ? "signed" : measure ? "measure" : "rate"}`}>
       {text(scale.low)} <span class="ramp" aria-hidden="true" /> {text(scale.high)}
     </span>
   );

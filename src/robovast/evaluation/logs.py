@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from robovast.evaluation.inside import open_inside
 
@@ -27,8 +27,7 @@ _STAMP = re.compile(r"\[(\d{9,10}\.\d{3,9})\]")
 _ESCAPES = re.compile(r"\x1b\[[0-9;?]*[ -/]*[@-~]|\x1b\][^\x07]*\x07|[\x00-\x08\x0b-\x1f\x7f]")
 
 
-@dataclass(frozen=True, slots=True)
-class LogLine:
+class LogLine(NamedTuple):
     """One line; `level` is empty where nothing says it."""
 
     number: int
@@ -93,7 +92,7 @@ def parse_lines(lines: Iterable[str]) -> Iterator[LogLine]:
     """Lines with their levels; what follows a line and is indented shares its level."""
     level = ""
     for number, raw in enumerate(lines, start=1):
-        text = _ESCAPES.sub("", raw)
+        text = raw if raw.isprintable() else _ESCAPES.sub("", raw)
         found = _LEVEL.search(text[:200])
         if found:
             name = (found[1] or found[2]).lower()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import dataclasses
 from collections.abc import Callable
 from importlib.resources import files
 from pathlib import PurePosixPath
@@ -134,9 +133,7 @@ class Pages:
             until=_number(asked.get("until")),
             before=int(_number(asked.get("before")) or 0) or None,
         )
-        found = read_log(self._library.results, _asked(request, "path"), question)
-        lines = [dataclasses.astuple(line) for line in found.lines]
-        return Data({**dataclasses.asdict(found), "lines": lines})
+        return Data(read_log(self._library.results, _asked(request, "path"), question))
 
     def table(self, request: Request) -> Response:
         """Columns of the CSV file `path`."""
