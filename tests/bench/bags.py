@@ -8,7 +8,7 @@ Records an MCAP bag of transforms (100 Hz, three or four each), odometry (50 Hz)
 turns: the package `mcap` iterates over its messages, the package `rosbags` iterates and
 deserializes, and we convert it: poses of a frame in `map`, odometry and scans as CSV. Prints CPU
 seconds and their ratio (that of wall time depends on what else the machine does), messages and MB a
-second, peak memory; then the wall time of two bags by one process over that by two.
+second, peak memory. Then two such bags by one process and by two.
 """
 
 from __future__ import annotations
@@ -157,17 +157,33 @@ def one_task(task: str, run: Path) -> None:
     print(wall, cpu, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 
 
-def campaign(folder: Path, processors: set[int]) -> float:
-    """Wall time of a command over two runs [s]."""
-    every = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, processors)
+def campaign(folder: Path, processors: int) -> tuple[float, float]:
+    """Wall time and CPU time [s] of a command over two runs."""
+    command = [sys.executable, __file__, "--processors", str(processors), "--run", str(folder)]
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
     begin = time.perf_counter()
-    success, message, _ = commands.rosbags_to_csv(str(folder), str(folder), ["/odom", "/scan"])
+    subprocess.run(command, check=True)
     wall = time.perf_counter() - begin
-    os.sched_setaffinity(0, every)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def one_campaign(folder: Path, processors: int) -> None:
+    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:processors])
+    success, message, _ = commands.rosbags_to_csv(str(folder), str(folder), ["/odom", "/scan"])
     if not success:
         raise SystemExit(message)
-    return wall
+
+
+def scale(folder: Path, repeat: int) -> None:
+    copytree(folder / "0" / "rosbag2", folder / "1" / "rosbag2", copy_function=os.link)
+    taken = [(campaign(folder, 1), campaign(folder, 2)) for _ in range(repeat)]
+    walls = [statistics.median(pair[n][0] for pair in taken) for n in (0, 1)]
+    cpus = [statistics.median(pair[n][1] for pair in taken) for n in (0, 1)]
+    print(
+        f"two bags: one process {walls[0]:.2f} s wall, {cpus[0]:.2f} s CPU; two processes "
+        f"{walls[1]:.2f} s wall, {cpus[1]:.2f} s CPU: {walls[0] / walls[1]:.2f} times as fast"
+    )
 
 
 def compare(run: Path, messages: int, repeat: int) -> None:
@@ -195,7 +211,11 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--task", choices=TASKS, help=argparse.SUPPRESS)
     parser.add_argument("--run", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--processors", type=int, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
+    if arguments.processors:
+        one_campaign(arguments.run, arguments.processors)
+        return
     if arguments.task:
         one_task(arguments.task, arguments.run)
         return
@@ -204,14 +224,7 @@ def main() -> None:
         seconds = arguments.megabytes * 1_000_000 // BYTES_PER_SECOND
         messages = record(folder / "0" / "rosbag2", seconds)
         compare(folder / "0", messages, arguments.repeat)
-        copytree(folder / "0" / "rosbag2", folder / "1" / "rosbag2", copy_function=os.link)
-        processors = sorted(os.sched_getaffinity(0))[:2]
-        alone, both = [], []
-        for _ in range(arguments.repeat):
-            alone.append(campaign(folder, {processors[0]}))
-            both.append(campaign(folder, set(processors)))
-        one, two = statistics.median(alone), statistics.median(both)
-        print(f"two bags: one process {one:.2f} s, two {two:.2f} s, {one / two:.2f} times as fast")
+        scale(folder, arguments.repeat)
 
 
 if __name__ == "__main__":

@@ -196,7 +196,7 @@ def _mapped(work: partial[Conversion], runs: list[Path]) -> Iterator[Conversion]
     if count < 2 or sum(map(_size, runs)) < _WORTH_PROCESSES:
         yield from map(work, runs)
         return
-    context = multiprocessing.get_context("forkserver")
+    context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(count, mp_context=context) as pool:
         yield from pool.map(work, runs)
 

@@ -10,8 +10,9 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import (
     Stores,
     TypesysError,
@@ -23,10 +24,11 @@ from rosbags.typesys import (
 from robovast.bags.nav2_feedback import FEEDBACK
 
 if TYPE_CHECKING:
-    from rosbags.interfaces.typing import Typesdict
+    from rosbags.interfaces.typing import FieldDesc, Typesdict
     from rosbags.typesys.store import Typestore
 
 _SEPARATOR = "=" * 80
+_IDL_SEPARATOR = re.compile(rf"^{_SEPARATOR}\nIDL: .*$", re.MULTILINE)
 _FEEDBACK = "_FeedbackMessage"
 
 
@@ -63,17 +65,48 @@ def types_of(definition: Definition, folder: Path | None, distribution: str) -> 
     Raises:
         DefinitionError: the type, or one that it uses, is defined nowhere.
     """
-    known = dict(_distribution_types(distribution))
     try:
-        known.update(_own_types(definition, folder))
+        own = _own_types(definition, folder)
     except (TypesysError, ValueError, KeyError, IndexError) as error:
         raise DefinitionError(f"the definition of {definition.type} is wrong: {error}") from error
-    if definition.type not in known:
-        raise DefinitionError(
-            f"neither the bag nor ROS {distribution} defines {definition.type}; add its file "
-            f"`{_file_of(definition.type)}` to the run files"
-        )
+    if not _missing(definition.type, own):
+        return own
+    known = {**_distribution_types(distribution), **own}
+    missing = _missing(definition.type, known)
+    if missing:
+        raise DefinitionError(_what_is_missing(missing[0]))
     return known
+
+
+def _what_is_missing(type_: str) -> str:
+    if type_.endswith("/wstring"):
+        return "fields of type wstring are not supported"
+    return (
+        f"neither the bag nor ROS 2 defines {type_}; add its file `{_file_of(type_)}` to the run "
+        "files"
+    )
+
+
+def _missing(type_: str, types: Typesdict) -> list[str]:
+    """Types that a type is made of, itself included, and that are not defined."""
+    missing: list[str] = []
+    wanted, seen = [type_], {type_}
+    while wanted:
+        name = wanted.pop()
+        if name not in types:
+            missing.append(name)
+            continue
+        used = {part for _, field in types[name][1] for part in _used(field)}
+        wanted += used - seen
+        seen |= used
+    return missing
+
+
+def _used(field: FieldDesc) -> list[str]:
+    kind, what = cast("tuple[Nodetype, Any]", field)
+    if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        kind, what = what[0]
+    return [what] if kind is Nodetype.NAME else []
 
 
 def typestore_of(definition: Definition, folder: Path | None, distribution: str) -> Typestore:
@@ -100,8 +133,17 @@ def _own_types(definition: Definition, folder: Path | None) -> Typesdict:
     if not definition.given:
         return _types_from_files(definition.type, folder)
     if definition.encoding != "ros2msg":
-        return get_types_from_idl(definition.text)
+        return _types_from_idl(definition.text)
     return get_types_from_msg(definition.text, definition.type)
+
+
+def _types_from_idl(text: str) -> Typesdict:
+    """Types of IDL files, one after the other, each perhaps under a line with its name."""
+    types: Typesdict = {}
+    for part in _IDL_SEPARATOR.split(text):
+        if part.strip():
+            types.update(get_types_from_idl(part))
+    return types
 
 
 def _types_from_files(type_: str, folder: Path | None) -> Typesdict:
