@@ -73,7 +73,7 @@ def _print_table(answer: Answer, graphs: Graphs) -> None:
 def _shortener(graphs: Graphs) -> Callable[[Any], str]:
     """Writes IRIs as short as they are clear: relative to the campaign, or with a prefix."""
     bases = list(graphs.campaigns)
-    names = {iri: f"{folder.name}/" for iri, folder in graphs.campaigns.items()}
+    names = {iri: f"{folder.absolute().name}/" for iri, folder in graphs.campaigns.items()}
     short = {bases[0]: ""} if len(bases) == 1 else names
 
     def shorten(value: Any) -> str:

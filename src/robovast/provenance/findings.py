@@ -33,12 +33,12 @@ class Findings:
     def call(
         self, who: str, where: str, function: Callable[..., ResultT], *args: Any
     ) -> ResultT | None:
-        """The result of a plugin's function; None, and a fault, when it raises."""
+        """The result of a plugin's function; None, and a fault, when it raises or exits."""
         try:
             return function(*args)
         except InputError as error:
             self.fault(f"{who}: {error}", where)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             self.fault(f"{who}: {type(error).__name__}: {error}", where)
         return None
 

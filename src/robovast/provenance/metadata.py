@@ -25,7 +25,7 @@ def collect_metadata(
         findings: is told what is missing and what plugins did wrong.
     """
     layout = Layout(root)
-    document_name, document = _read_document(layout, findings)
+    document_name, document = _read_document(layout, configurations.get("vast"), findings)
     execution = read_mapping(layout.execution / "execution.yaml", findings, root.name)
     hooks = VariationHooks(root, findings)
     metadata = {
@@ -56,9 +56,11 @@ def applied_variations(entry: dict[str, Any]) -> list[str]:
     return list(dict.fromkeys(str(v["name"]) for v in found if isinstance(v, dict) and "name" in v))
 
 
-def _read_document(layout: Layout, findings: Findings) -> tuple[str | None, dict[str, Any]]:
+def _read_document(
+    layout: Layout, named: Any, findings: Findings
+) -> tuple[str | None, dict[str, Any]]:
     """Name and content of the campaign's .vast file, as it was written."""
-    files = sorted(layout.config.glob("*.vast"))
+    files = sorted(layout.config.glob("*.vast"), key=lambda file: (file.name != named, file.name))
     if not files:
         findings.missing("no .vast file in _config", layout.root.name)
         return None, {}
@@ -83,7 +85,8 @@ def _configurations(layout: Layout, configurations: dict[str, Any]) -> Iterator[
 
 
 def _is_configuration(item: Any) -> bool:
-    return isinstance(item, dict) and isinstance(item.get("name"), str)
+    name = item.get("name") if isinstance(item, dict) else None
+    return isinstance(name, str) and name not in {"", ".", ".."} and "/" not in name
 
 
 def _is_configuration_folder(folder: Path) -> bool:

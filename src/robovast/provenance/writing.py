@@ -46,12 +46,12 @@ def describe(campaign_dir: Path) -> None:
         PluginFaultsError: after both were written.
         StorageError: a file cannot be written.
     """
-    findings = Findings()
+    root, findings = _absolute(campaign_dir), Findings()
     with _no_garbage_collection():
-        configurations = read_configurations(campaign_dir, findings)
-        metadata = _write_metadata(campaign_dir, configurations, findings)
-        _write_graph(campaign_dir, metadata, configurations, findings)
-    _tell(campaign_dir, f"{METADATA} and {GRAPH}", findings)
+        configurations = read_configurations(root, findings)
+        metadata = _write_metadata(root, configurations, findings)
+        _write_graph(root, metadata, configurations, findings)
+    _tell(root, f"{METADATA} and {GRAPH}", findings)
 
 
 def write_metadata(campaign_dir: Path) -> Path:
@@ -61,9 +61,9 @@ def write_metadata(campaign_dir: Path) -> Path:
         PluginFaultsError: a hook or a processor did wrong; the file is written nevertheless.
         StorageError: the file cannot be written.
     """
-    findings = Findings()
-    _write_metadata(campaign_dir, read_configurations(campaign_dir, findings), findings)
-    _tell(campaign_dir, METADATA, findings)
+    root, findings = _absolute(campaign_dir), Findings()
+    _write_metadata(root, read_configurations(root, findings), findings)
+    _tell(root, METADATA, findings)
     return campaign_dir / METADATA
 
 
@@ -75,16 +75,20 @@ def write_graph(campaign_dir: Path) -> Path:
         PluginFaultsError: a hook did wrong; the file is written nevertheless.
         StorageError: the file cannot be written.
     """
-    findings = Findings()
-    metadata = read_mapping(campaign_dir / METADATA, findings, campaign_dir.name)
+    root, findings = _absolute(campaign_dir), Findings()
+    metadata = read_mapping(root / METADATA, findings, root.name)
     if not isinstance(metadata.get("configurations"), list):
         raise InputError(
-            f"{campaign_dir / METADATA} is missing or damaged; `vast results metadata` writes it."
+            f"{root / METADATA} is missing or damaged; `vast results metadata` writes it."
         )
-    configurations = read_configurations(campaign_dir, Findings())
-    _write_graph(campaign_dir, metadata, configurations, findings)
-    _tell(campaign_dir, GRAPH, findings)
+    _write_graph(root, metadata, read_configurations(root, Findings()), findings)
+    _tell(root, GRAPH, findings)
     return campaign_dir / GRAPH
+
+
+def _absolute(path: Path) -> Path:
+    """The path with the campaign's name at its end, also when it is written as `.`."""
+    return Path(os.path.abspath(path))
 
 
 def _write_metadata(

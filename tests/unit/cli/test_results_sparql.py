@@ -27,7 +27,15 @@ def test_metadata_and_graph_are_written(vast, results: Path) -> None:
         0,
         f"results/{NAME}: metadata.yaml, metadata.prov.json\n",
     )
-    assert vast("results", "generate-metadata", "-r", results / NAME).code == 0
+
+
+def test_a_campaign_can_be_the_working_directory(vast, results: Path, monkeypatch) -> None:
+    monkeypatch.chdir(results / NAME)
+    assert vast("results", "generate-metadata", "-r", ".").code == 0
+    assert (
+        f"/halls/{NAME}/hall-1-2/0"
+        in vast("results", "sparql", "failed-runs", "-r", ".", "-o", "csv").out
+    )
 
 
 def test_a_fault_in_one_campaign_stops_no_other(vast, results: Path, caplog) -> None:

@@ -153,6 +153,7 @@ def test_a_processor_that_cannot_be_used_is_named(campaign: Path, call: str, cau
 
 BAD_HOOKS = {
     "raises": ("raise RuntimeError('no map')", "RuntimeError: no map"),
+    "exits": ("raise SystemExit(3)", "SystemExit: 3"),
     "returns nonsense": ("return 5", "it returned a int, not a dict"),
     "takes over": ("return {'test_results': []}", "`test_results`, which no hook may set"),
 }
@@ -195,6 +196,14 @@ def test_missing_pieces_are_stated_and_never_fatal(
     first = metadata["configurations"][0]["test_results"][0]
     assert (first["success"], first["verdict"]) == ("false", "errored")
     assert "start_time" not in first
+
+
+def test_a_configuration_is_a_folder_of_the_campaign(campaign: Path) -> None:
+    path = campaign / "_transient/configurations.yaml"
+    path.write_text(path.read_text().replace("name: hall-1-1\n", "name: ../hall-1-1\n"))
+    assert [entry["name"] for entry in written(campaign)["configurations"]] == [
+        "hall-1-2", "hall-1-1"
+    ]  # fmt: skip
 
 
 def test_an_aborted_campaign_is_described_by_its_folders(campaign: Path) -> None:
