@@ -142,6 +142,7 @@ def _members(archive: Path) -> Iterator[Iterator[Member]]:
                 file.seek(0)
                 with tarfile.open(fileobj=file, mode="r:*") as tar:
                     yield (_tar_member(tar, item) for item in tar)
+                    _read_to_the_end(tar)
     except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
         if error.filename != str(archive):
             raise
@@ -151,6 +152,12 @@ def _members(archive: Path) -> Iterator[Iterator[Member]]:
             f"{archive}: is no archive of a campaign, or is damaged or incomplete ({error}). "
             "Fetch it again."
         ) from error
+
+
+def _read_to_the_end(tar: tarfile.TarFile) -> None:
+    """Let the compression check what it has said: the checksum stands at the very end."""
+    while tar.fileobj is not None and tar.fileobj.read(CHUNK):
+        pass
 
 
 def _tar_member(tar: tarfile.TarFile, item: tarfile.TarInfo) -> Member:

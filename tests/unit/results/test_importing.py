@@ -124,7 +124,7 @@ def test_a_link_alone_is_no_campaign(tmp_path: Path) -> None:
         import_archive(archive, tmp_path / "results")
 
 
-@pytest.mark.parametrize("keep", [0, 10, 200])
+@pytest.mark.parametrize("keep", [0, 10, 200, -1, -12])
 def test_an_incomplete_archive_is_refused(tmp_path: Path, keep: int) -> None:
     archive = archive_of(tmp_path, *GOOD)
     archive.write_bytes(archive.read_bytes()[:keep])

@@ -1,0 +1,229 @@
+"""Shares of any provider: third-party ones load unchanged, and their faults are named."""
+
+from __future__ import annotations
+
+import io
+import os
+import tarfile
+from pathlib import Path
+
+import pytest
+
+from robovast.environment import dotenv_loaded, environment
+from robovast.errors import CannotRunError, InputError, RobovastError, StorageError
+from robovast.execution.cluster_execution.share_providers.base import (
+    BaseShareProvider,
+    UploadProgressReader,
+)
+from robovast.execution.cluster_execution.share_providers.nextcloud import NextcloudShareProvider
+from robovast.execution.cluster_execution.share_providers.webdav import _files
+from robovast.results.share import Share, download_from_share, open_share
+
+GUIDE = """
+import os
+
+from robovast.execution.cluster_execution.share_providers.base import (
+    BaseShareProvider,
+    UploadProgressReader,
+)
+
+class MyShareProvider(BaseShareProvider):
+    SHARE_TYPE = "myshare"
+
+    def required_env_vars(self) -> dict[str, str]:
+        return {
+            "ROBOVAST_SHARE_URL": "URL of the target folder",
+            "MY_SHARE_TOKEN":     "API token for the share service",
+        }
+
+    def build_pod_env(self) -> dict[str, str]:
+        return {
+            "MY_SHARE_URL":   os.environ["ROBOVAST_SHARE_URL"],
+            "MY_SHARE_TOKEN": os.environ["MY_SHARE_TOKEN"],
+        }
+
+    def upload_archive(self, archive_path, object_name, progress_callback=None):
+        total = os.path.getsize(archive_path)
+        with open(archive_path, "rb") as fh:
+            body = UploadProgressReader(
+                fh, total, progress_callback=progress_callback)
+            with open(os.environ["ROBOVAST_SHARE_URL"] + object_name, "wb") as out:
+                while chunk := body.read(4):
+                    out.write(chunk)
+"""
+
+
+@pytest.fixture(autouse=True)
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for name in [name for name in os.environ if name.startswith("ROBOVAST_")]:
+        monkeypatch.delenv(name)
+    (tmp_path / "p.py").write_text(GUIDE)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_guides_provider_loads_unchanged(project: Path) -> None:
+    (project / ".env").write_text(
+        f"# comment\nexport ROBOVAST_SHARE_TYPE={project}/p.py:MyShareProvider\n"
+        f"ROBOVAST_SHARE_URL='{project}/'\nMY_SHARE_TOKEN=\"a b\"\n"
+    )
+    (project / "x.tar.gz").write_bytes(b"0123456789")
+    (project / "below").mkdir()
+    seen: list[tuple[int, int]] = []
+    with open_share(project / "below") as share:
+        share.provider.verify_access()
+        share.provider.upload_archive("x.tar.gz", "up.tar.gz", lambda *step: seen.append(step))
+        assert share.provider.build_pod_env()["MY_SHARE_TOKEN"] == "a b"
+        with pytest.raises(CannotRunError, match="`myshare` cannot list its archives"):
+            share.campaigns()
+    assert (project / "up.tar.gz").read_bytes() == b"0123456789"
+    assert seen == [(4, 10), (8, 10), (10, 10)]
+    assert "MY_SHARE_TOKEN" not in os.environ
+
+
+def test_missing_variables_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match="to one of gcs, nextcloud, sftp, webdav"), open_share():
+        pass
+    monkeypatch.setenv("ROBOVAST_SHARE_TYPE", "p.py:MyShareProvider")
+    monkeypatch.setenv("MY_SHARE_TOKEN", "")
+    with pytest.raises(InputError) as caught, open_share():
+        pass
+    assert "ROBOVAST_SHARE_URL: URL of the target folder" in str(caught.value)
+    assert "MY_SHARE_TOKEN: API token" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("webdaw", "Did you mean `webdav`"),
+        ("p.py:os", "no subclass of BaseShareProvider"),
+        ("p.py:BaseShareProvider", "cannot be made: TypeError"),
+    ],
+)
+def test_what_is_no_provider_is_refused(
+    monkeypatch: pytest.MonkeyPatch, kind: str, message: str
+) -> None:
+    monkeypatch.setenv("ROBOVAST_SHARE_TYPE", kind)
+    with pytest.raises(InputError, match=message), open_share():
+        pass
+
+
+def test_the_environment_counts_before_the_file(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pem = "-----BEGIN KEY-----\nabc\n-----END KEY-----"
+    (project / ".env").write_text(f'A_VARIABLE=file\nB_VARIABLE="{pem}"\n')
+    monkeypatch.setenv("A_VARIABLE", "shell")
+    with dotenv_loaded():
+        assert (os.environ["A_VARIABLE"], os.environ["B_VARIABLE"]) == ("shell", pem)
+    assert environment()["B_VARIABLE"] == pem
+    assert "B_VARIABLE" not in os.environ
+
+
+class Memory(BaseShareProvider):
+    """A share in memory that can be told what to do wrong."""
+
+    SHARE_TYPE = "memory"
+
+    def __init__(self, archives: dict[str, bytes]) -> None:
+        self.archives = archives
+        self.fault: Exception | None = None
+        self.most = 10**9
+        self.offsets: list[int] = []
+
+    def required_env_vars(self) -> dict[str, str]:
+        return {}
+
+    def build_pod_env(self) -> dict[str, str]:
+        return {}
+
+    def upload_archive(self, *_: object) -> None: ...
+
+    def list_campaign_archives_with_size(self) -> list[tuple[str, int]]:
+        if self.fault:
+            raise self.fault
+        return [(name, len(content)) for name, content in self.archives.items()]
+
+    def download_archive(
+        self, object_name: str, dest: str, progress_callback: object = None, resume_offset: int = 0
+    ) -> None:
+        self.offsets.append(resume_offset)
+        with open(dest, "ab" if resume_offset else "wb") as file:
+            file.write(self.archives[object_name][resume_offset:][: self.most])
+
+
+def archive(name: str) -> bytes:
+    content = io.BytesIO()
+    with tarfile.open(fileobj=content, mode="w:gz") as tar:
+        tar.addfile(tarfile.TarInfo(f"{name}/_config/x.vast"))
+    return content.getvalue()
+
+
+def test_a_fault_of_a_provider_is_named() -> None:
+    provider = Memory({})
+    provider.fault = ValueError("what it says")
+    with pytest.raises(StorageError, match="`memory` cannot list its archives: ValueError: what"):
+        Share(provider).campaigns()
+
+
+def test_a_download_that_stops_early_is_resumed_next_time(project: Path) -> None:
+    provider = Memory({"a.tar.gz": archive("a")})
+    provider.most = 30
+    share = Share(provider)
+    with pytest.raises(StorageError, match=r"of a\.tar\.gz 30 of \d+ bytes are here"):
+        download_from_share(share, [], project / "home")
+    provider.most = 10**9
+    assert download_from_share(share, ["a"], project / "home")[0] == [project / "home" / "a"]
+    assert provider.offsets == [0, 30]
+
+
+def test_a_damaged_archive_is_fetched_anew(project: Path) -> None:
+    provider = Memory({"a.tar.gz": archive("a")[:-10]})
+    share = Share(provider)
+    for _ in range(2):
+        with pytest.raises(InputError, match="damaged or incomplete"):
+            download_from_share(share, [], project / "home")
+    assert provider.offsets == [0, 0]
+    assert list((project / "home").iterdir()) == []
+
+
+def test_names_that_lead_elsewhere_are_not_believed(project: Path) -> None:
+    names = ["../evil.tar.gz", "/tmp/evil.tar.gz", ".hidden.tar.gz", "..", "good.tar.gz"]
+    share = Share(Memory(dict.fromkeys(names, b"")))
+    assert [item.name for item in share.campaigns()] == ["good"]
+
+
+@pytest.mark.parametrize(
+    ("link", "address"),
+    [
+        ("https://c.example.org/s/AbC", "https://c.example.org/public.php/webdav/"),
+        ("https://e.org/nc/index.php/s/AbC/", "https://e.org/nc/public.php/webdav/"),
+    ],
+)
+def test_a_nextcloud_link_is_understood(
+    monkeypatch: pytest.MonkeyPatch, link: str, address: str
+) -> None:
+    monkeypatch.setenv("ROBOVAST_SHARE_URL", link)
+    assert NextcloudShareProvider().address() == (address, "AbC", "")
+
+
+def test_another_link_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROBOVAST_SHARE_URL", "https://c.example.org/apps/files")
+    with pytest.raises(RobovastError, match="no public link"):
+        NextcloudShareProvider().address()
+
+
+def test_entities_in_a_servers_answer_are_refused() -> None:
+    bomb = b'<!DOCTYPE x [<!ENTITY a "aaaa">]><multistatus xmlns="DAV:">&a;</multistatus>'
+    with pytest.raises(ValueError, match="entities"):
+        list(_files(bomb))
+
+
+def test_a_body_can_be_begun_again(project: Path) -> None:
+    (project / "x").write_bytes(b"0123456789")
+    with (project / "x").open("rb") as file:
+        body = UploadProgressReader(file, 10)
+        assert len(body) == 10
+        assert body.read() == b"0123456789"
+        body.seek(0)
+        assert (body.read(3), body.tell()) == (b"012", 3)
