@@ -242,6 +242,8 @@ class _Compiler:
         self.read_length()
         self.emit("s.append(n)")
         if not field.base or field.of == "string":
+            # Every element takes a byte at least; a damaged length may be anything.
+            self.emit("if n > len(b): raise ValueError('wrong length')")
             self.loop("n", field)
             return
         code = _CODES[field.of]

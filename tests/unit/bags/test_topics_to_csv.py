@@ -205,3 +205,12 @@ def test_messages_that_are_none_are_counted_and_left_out(tmp_path: Path) -> None
     (warning,) = convert(bag.folder, "/a")
     assert warning.startswith("4 messages on /a are left out: they are no std_msgs/msg/String")
     assert [row["data"] for row in rows(tmp_path / "rosbag2__a.csv")] == ["x"]
+
+
+def test_a_damaged_length_is_noticed_at_once(tmp_path: Path) -> None:
+    text = "my_msgs/Nothing[] nothing\n" + "=" * 80 + "\nMSG: my_msgs/Nothing\n"
+    store = typestore(my_msgs__msg__Many=text)
+    with Bag(tmp_path / "rosbag2", store) as bag:
+        bag.write_raw("/a", "my_msgs/msg/Many", b"\x00\x01\x00\x00" + b"\xff" * 8)
+    (warning,) = [text for text in convert(bag.folder, "/a") if "left out" in text]
+    assert warning.endswith("they are no my_msgs/msg/Many (wrong length)")
