@@ -59,6 +59,7 @@ def _follow_jobs(
     while left:
         job = pack.job(number, left)
         if number > 1:
+            keeper.wait()  # what is stored makes room on the pod's disk
             prepare_later_job(folders, pack, job)
             container.run(number)
         watch = JobWatch(folders, job, pack.timeout, pack.secondaries, keeper, stop.is_set)
@@ -97,6 +98,10 @@ class _Keeper:
 
     def check(self) -> None:
         self._background.check()
+
+    def wait(self) -> None:
+        """Wait until everything is stored."""
+        self._background.wait()
 
     def _store_run(self, ended: EndedRun, jobs: Path | None) -> None:
         if jobs is not None:

@@ -32,3 +32,8 @@ class Background:
         """Raise what something that was done has raised."""
         while self._futures and self._futures[0].done():
             self._futures.pop(0).result()
+
+    def wait(self) -> None:
+        """Wait until everything is done; raises what it raised."""
+        while self._futures:
+            self._futures.pop(0).result()

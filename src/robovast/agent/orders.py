@@ -60,17 +60,14 @@ class RunContainer:
         except FileNotFoundError:
             return None
 
-    def exit_code(self, job: int, secondary: str = "") -> int | None:
-        """How a job ended, or its part in a secondary container; None when it did not."""
-        name = f"{job}.ended" + (f".{secondary}" if secondary else "")
-        try:
-            return int((self._answers / name).read_text(encoding="ascii"))
-        except (FileNotFoundError, ValueError):  # being written
-            return None
+    def exit_code(self, job: int) -> int | None:
+        """How a job ended; None when it did not."""
+        codes = (path.suffix[1:] for path in self._answers.glob(f"{job}.code.*"))
+        return next(map(int, codes), None)
 
-    def all_ended(self, job: int, secondaries: Iterable[str]) -> bool:
+    def all_over(self, job: int, secondaries: Iterable[str]) -> bool:
         """True when a job has ended in all secondary containers."""
-        return all(self.exit_code(job, name) is not None for name in secondaries)
+        return all((self._answers / f"{job}.over.{name}").exists() for name in secondaries)
 
     def is_terminated(self) -> bool:
         """True when the container was told to end, by somebody else."""

@@ -6,8 +6,10 @@
 # agent lives) beside this script, and reads the answers in $ROBOVAST_OUT_DIR/.job:
 #   lock             held while the main container lives
 #   N.started        job N has begun
-#   N.ended[.NAME]   exit code of job N, of its secondary container NAME
+#   N.code.CODE      it has ended with this exit code
+#   N.over.NAME      it has ended in the secondary container NAME
 #   terminated       somebody else told the main container to end
+# Answers are empty files, which a full disk still takes.
 #
 # Exit code: 0. How a job ended is the agent's to tell.
 
@@ -46,8 +48,8 @@ hold_lock() {
         held=1
 }
 
-answer() { # WHAT TEXT
-    [[ $name ]] || printf '%s\n' "$2" >"$answers/$1"
+answer() { # WHAT
+    : >"$answers/$1"
 }
 
 enter_job() {
@@ -74,7 +76,7 @@ watch_orders() {
 
 run_job() {
     local watcher code
-    [[ $held ]] && answer "$job.started" ''
+    [[ $held ]] && answer "$job.started"
     set -m # a process group of its own for the job
     enter_job &
     child=$!
@@ -88,13 +90,13 @@ run_job() {
     # In a container that is all that the job left behind; elsewhere it is not ours.
     (($$ == 1)) && kill -KILL -- -1
     wait "$watcher" 2>/dev/null
-    printf '%s\n' "$code" >"$answers/$job.ended${name:+.$name}"
+    if [[ $name ]]; then answer "$job.over.$name"; else answer "$job.code.$code"; fi
 }
 
 # shellcheck disable=SC2317  # called by a trap
 terminate() {
     terminated=1
-    answer terminated ''
+    [[ $name ]] || answer terminated
     [[ ! $child ]] || kill -TERM "$child"
 }
 

@@ -94,7 +94,7 @@ class JobWatch:
             return None
         if not ending.from_outside:
             self._advance()
-        self._wait_for(lambda: self._container.all_ended(self._job.index, self._secondaries))
+        self._wait_for(lambda: self._container.all_over(self._job.index, self._secondaries))
         self._finish(ending)
         left = self._job.runs[self._current :]
         return None if left and self._container.exit_code(self._job.index) is None else left

@@ -82,7 +82,8 @@ def test_a_container_is_gone_when_its_lock_is_free_and_it_left_no_code(folders: 
         (folders.answers / "1.started").touch()
         assert not container.is_gone(1), "it runs"
     assert container.is_gone(1)
-    (folders.answers / "1.ended").write_text("0\n")
+    (folders.answers / "1.code.137").touch()
+    assert container.exit_code(1) == 137
     assert not container.is_gone(1), "it ended"
 
 
