@@ -28,7 +28,7 @@ def test_growth_sim_gives_the_same_results_by_client_by_kubectl_and_on_this_mach
     """Two campaigns in parallel, one by `vast`, one by `kubectl apply` with inline files."""
     printed = lab.vast(
         *("-V", GROWTH, "exec", "cluster", "run", "-n", lab.namespace, "--dry-run"),
-        *("-r", 1, "-i", images.SLIM),
+        *("-r", 1, "-i", images.SLIM, "--parallelism", 4),
     ).stdout
     campaign = yaml.safe_load(printed)
     campaign["metadata"]["name"] = "by-kubectl"
@@ -36,7 +36,7 @@ def test_growth_sim_gives_the_same_results_by_client_by_kubectl_and_on_this_mach
     run = subprocess.Popen(
         [
             *(VAST, "-V", GROWTH, "exec", "cluster", "run"),
-            *("-n", lab.namespace, "-r", "1", "-i", images.SLIM),
+            *("-n", lab.namespace, "-r", "1", "-i", images.SLIM, "--parallelism", "4"),
         ],
         env=os.environ | lab.env,
         cwd=tmp_path,

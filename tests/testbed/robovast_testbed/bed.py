@@ -26,7 +26,6 @@ CGROUP = "robovast-testbed"
 PRIVATE_FOLDERS = (
     "/run/containerd",
     "/run/netns",
-    "/tmp/hostpath_pv",
     "/var/lib/cni",
     "/var/lib/kubelet",
     "/var/log/containers",
@@ -73,7 +72,6 @@ class Bed:
         *,
         env: Mapping[str, str] | None = None,
         pass_fds: Sequence[int] = (),
-        umask: int = -1,
     ) -> "Daemon":
         """Start a long-running program in the namespaces, logging to `logs/NAME.log`."""
         log = self.folder / "logs" / f"{name}.log"
@@ -87,7 +85,6 @@ class Bed:
                 stderr=stream,
                 start_new_session=True,
                 pass_fds=pass_fds,
-                umask=umask,
             )
         self.daemons.append(Daemon(name, process, log))
         return self.daemons[-1]

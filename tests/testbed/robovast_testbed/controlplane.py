@@ -2,12 +2,13 @@
 
 import json
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
 
 from . import network, pki, programs
 from .bed import Bed
 from .commands import run, wait_for
-from .kubernetes import Cluster, write_kubeconfig
+from .kubernetes import Cluster, Manifest, write_kubeconfig
 
 PORT = 6443
 INNER_URL = f"https://{network.NODE_IP}:{PORT}"
@@ -48,15 +49,8 @@ AUDIT_POLICY = {
     "omitStages": ["RequestReceived"],
     "rules": [{"level": "Metadata"}],
 }
-DEFAULT_STORAGE = {
-    "apiVersion": "storage.k8s.io/v1",
-    "kind": "StorageClass",
-    "metadata": {
-        "name": "standard",
-        "annotations": {"storageclass.kubernetes.io/is-default-class": "true"},
-    },
-    "provisioner": "kubernetes.io/host-path",
-}
+STORAGE_CLASS = "standard"
+VOLUMES = 8
 
 
 def start(bed: Bed) -> Cluster:
@@ -73,8 +67,7 @@ def start(bed: Bed) -> Cluster:
     api = programs.spawn(bed, "kube-apiserver", _api_server(cluster, authority))
     wait_for("kube-apiserver", lambda: _ready(cluster), timeout=60, failed=api.failure)
     arguments = _controller_manager(cluster.folder, authority)
-    # Volumes are folders that it makes: any user of a pod may write into them.
-    manager = programs.spawn(bed, "kube-controller-manager", arguments, umask=0)
+    manager = programs.spawn(bed, "kube-controller-manager", arguments)
     programs.spawn(bed, "kube-scheduler", _scheduler(cluster.folder))
     wait_for(
         "kube-controller-manager",
@@ -82,8 +75,39 @@ def start(bed: Bed) -> Cluster:
         timeout=60,
         failed=manager.failure,
     )
-    cluster.apply(DEFAULT_STORAGE)
+    cluster.apply(*_storage(cluster.folder / "volumes"))
     return cluster
+
+
+def _storage(folder: Path) -> Iterator[Manifest]:
+    """A default class with volumes that any user of a pod may write into.
+
+    The manager's own provisioner makes folders for root alone.
+    """
+    yield {
+        "apiVersion": "storage.k8s.io/v1",
+        "kind": "StorageClass",
+        "metadata": {
+            "name": STORAGE_CLASS,
+            "annotations": {"storageclass.kubernetes.io/is-default-class": "true"},
+        },
+        "provisioner": "kubernetes.io/no-provisioner",
+    }
+    for index in range(VOLUMES):
+        volume = folder / str(index)
+        volume.mkdir(parents=True)
+        volume.chmod(0o777)
+        yield {
+            "apiVersion": "v1",
+            "kind": "PersistentVolume",
+            "metadata": {"name": f"volume-{index}"},
+            "spec": {
+                "storageClassName": STORAGE_CLASS,
+                "capacity": {"storage": "10Gi"},
+                "accessModes": ["ReadWriteOnce"],
+                "hostPath": {"path": str(volume)},
+            },
+        }
 
 
 def authority_of(cluster: Cluster) -> pki.Authority:
@@ -177,7 +201,6 @@ def _controller_manager(folder: Path, authority: pki.Authority) -> list[str]:
         "--secure-port=0",
         "--use-service-account-credentials=true",
         f"--controllers={','.join(f'{name}-controller' for name in CONTROLLERS)}",
-        "--enable-hostpath-provisioner=true",
         f"--root-ca-file={authority.root.file}",
         f"--service-account-private-key-file={folder}/pki/service-accounts.key",
         f"--cluster-signing-cert-file={authority.root.file}",

@@ -43,6 +43,6 @@ def kubelite() -> Path:
     return build_own("kubelite", ldflags)
 
 
-def spawn(bed: Bed, name: str, arguments: Sequence[str | Path], umask: int = -1) -> Daemon:
+def spawn(bed: Bed, name: str, arguments: Sequence[str | Path]) -> Daemon:
     """Start one of the programs of `kubelite` in a testbed."""
-    return bed.spawn(name, [kubelite(), name, *arguments], umask=umask)
+    return bed.spawn(name, [kubelite(), name, *arguments])
