@@ -40,6 +40,10 @@ def merge_campaigns(
     for path in result.left_out:
         say(f"{path}: was interrupted, and left out.")
     say(
-        f"Merged {len(sources)} campaigns into {shown(target)}: "
-        f"{result.configurations} configurations, {result.runs} runs."
+        f"Merged {_counted(len(sources), 'campaign')} into {shown(target)}: "
+        f"{_counted(result.configurations, 'configuration')}, {_counted(result.runs, 'run')}."
     )
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"1 {noun}" if number == 1 else f"{number} {noun}s"

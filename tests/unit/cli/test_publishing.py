@@ -1,0 +1,198 @@
+"""`vast results publish` and its neighbours: what a user sees, and the exit codes."""
+
+from __future__ import annotations
+
+import io
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+NAME = "my-camp-2026-03-05-121530"
+OTHER = "other-2026-03-06-121530"
+ZIP = "[{zip: {filename: '{robot}_{timestamp}.zip', destination: out}}]"
+
+UPLOAD = """
+class Send:
+    plugin_type = "upload"
+    def __call__(self, results_dir, config_dir, context):
+        return True, "sent " + ", ".join(path.name for path in context.files)
+
+def refuse(results_dir, config_dir):
+    return False, "the server is full"
+"""
+
+
+def make_campaign(results: Path, name: str, publication: str = ZIP) -> Path:
+    config = results / name / "_config"
+    config.mkdir(parents=True)
+    (config / "x.vast").write_text(
+        f"version: 1\nmetadata: {{robot: r2}}\nresults_processing: {{publication: {publication}}}\n"
+    )
+    (config / "p.py").write_text(UPLOAD)
+    run = results / name / "one" / "0"
+    run.mkdir(parents=True)
+    (run / "test.xml").write_text('<testsuite errors="0" failures="0" tests="1" time="1"/>')
+    (results / name / "one" / "_config").mkdir()
+    (results / name / "one" / "_config" / "config.yaml").write_text("config_identifier: A\n")
+    return results / name
+
+
+@pytest.fixture
+def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    make_campaign(tmp_path / "results", NAME)
+    return tmp_path / "results"
+
+
+def test_campaigns_are_postprocessed_and_packed(vast, results: Path) -> None:
+    outcome = vast("results", "publish")
+    assert outcome.code == 0, outcome.err
+    lines = outcome.out.splitlines()
+    assert lines[0].startswith(f"{NAME}: 1 run")
+    assert lines[-1].startswith("zip: r2_2026-03-05-121530.zip: ")
+    with zipfile.ZipFile(results / "out" / "r2_2026-03-05-121530.zip") as archive:
+        assert f"{NAME}/metadata.yaml" in archive.namelist()
+
+
+def test_results_are_published_as_they_are(vast, results: Path) -> None:
+    outcome = vast("results", "publish", "--skip-postprocessing")
+    assert outcome.code == 0
+    assert not (results / NAME / "metadata.yaml").exists()
+    assert "is up to date" in vast("results", "publish", "--skip-postprocessing").out
+
+
+def test_an_archive_that_differs_is_replaced_on_demand(vast, results: Path) -> None:
+    target = results / "out" / "r2_2026-03-05-121530.zip"
+    target.parent.mkdir()
+    target.write_text("old")
+    outcome = vast("results", "publish", "--skip-postprocessing")
+    assert outcome.code == 5
+    assert "`--force` or `overwrite: true` replaces it" in outcome.err
+    assert target.read_text() == "old"
+    assert vast("results", "publish", "--skip-postprocessing", "--force").code == 0
+    assert zipfile.is_zipfile(target)
+
+
+def test_some_campaigns_can_be_chosen(vast, results: Path) -> None:
+    make_campaign(results, OTHER)
+    outcome = vast("results", "publish", "--skip-postprocessing", "-i", OTHER)
+    assert outcome.code == 0
+    assert [path.name for path in (results / "out").iterdir()] == ["r2_2026-03-06-121530.zip"]
+    outcome = vast("results", "publish", "-i", "nothing")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert f"there is no campaign `nothing` in results; it has {NAME}, {OTHER}." in outcome.err
+
+
+def test_one_campaign_can_be_named_by_its_folder(vast, results: Path) -> None:
+    make_campaign(results, OTHER)
+    assert vast("results", "publish", "--skip-postprocessing", "-r", results / NAME).code == 0
+    assert [path.name for path in (results / "out").iterdir()] == ["r2_2026-03-05-121530.zip"]
+
+
+def test_uploading_can_be_skipped(vast, results: Path) -> None:
+    campaign = make_campaign(results, OTHER, "[p.py:Send, zip]")
+    arguments = ("results", "publish", "--skip-postprocessing", "-r", campaign)
+    assert vast(*arguments).out.splitlines()[-1] == f"p.py:Send: sent {OTHER}.zip"
+    assert vast(*arguments, "--skip-upload").out.startswith(f"zip: {OTHER}.zip is up to date")
+
+
+def test_another_file_can_say_what_to_publish(vast, results: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine.vast").write_text("results_processing: {publication: [zip]}\n")
+    outcome = vast("results", "publish", "--skip-postprocessing", "-o", "mine.vast")
+    assert outcome.out.startswith(f"zip: {NAME}.zip: ")
+
+
+@pytest.mark.parametrize(
+    ("publication", "code", "message"),
+    [
+        ("[]", 2, "nothing is to be published"),
+        ("[{zip: {file_name: x}}]", 2, "has no parameter `file_name`; it has filename,"),
+        ("[{zip: {filename: '{x}.zip'}}]", 2, "There are: robot, timestamp."),
+        ("[{zip: 7}]", 2, "x.vast:3:"),
+        ("[ftp]", 2, "there is no plugin `ftp`"),
+    ],
+)
+def test_what_is_wrong_in_the_file_is_explained(
+    vast, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, publication: str, code: int, message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    make_campaign(tmp_path / "results", NAME, publication)
+    outcome = vast("results", "publish", "--skip-postprocessing")
+    assert outcome.code == code
+    assert message in outcome.err
+    assert "Traceback" not in outcome.err
+
+
+def test_a_plugin_that_fails_gives_its_own_exit_code(vast, results: Path) -> None:
+    campaign = make_campaign(results.parent / "r", NAME, "[p.py:refuse]")
+    outcome = vast("results", "publish", "--skip-postprocessing", "-r", campaign)
+    assert outcome.code == 5
+    assert outcome.err == "error: the publication plugin `p.py:refuse` failed: the server is full\n"
+
+
+def test_plugins_are_listed_with_their_parameters(vast) -> None:
+    out = vast("results", "publish-commands").out
+    assert "zip  (robovast" in out
+    assert "    omit_hidden: False when omitted" in out
+    assert "    bucket: required" in out
+    assert "context" not in out
+
+
+def test_campaigns_are_merged(vast, results: Path) -> None:
+    make_campaign(results, OTHER)
+    outcome = vast("results", "merge-campaigns", "results/merged")
+    assert outcome.code == 0
+    assert outcome.out == ("Merged 2 campaigns into results/merged: 1 configuration, 2 runs.\n")
+    assert (results / "merged" / "one" / "1" / "test.xml").is_file()
+    assert vast("results", "merge-campaigns", "results/merged").code == 5
+
+
+def test_an_archive_is_imported(vast, results: Path, tmp_path: Path) -> None:
+    with tarfile.open(tmp_path / "x.tar.gz", "w:gz") as tar:
+        tar.add(results / NAME, NAME)
+    outcome = vast("import-results", "x.tar.gz", "-o", "home")
+    assert (outcome.code, outcome.out) == (0, f"Imported home/{NAME}.\n")
+    assert vast("results", "import-results", "x.tar.gz").code == 5
+    assert vast("results", "import-results", "x.tar.gz", "-f").code == 0
+    (tmp_path / "evil.tar.gz").write_bytes(evil())
+    outcome = vast("import-results", "evil.tar.gz")
+    assert outcome.code == 2
+    assert "refused, because `../evil` wants to be outside" in outcome.err
+
+
+def evil() -> bytes:
+    content = io.BytesIO()
+    with tarfile.open(fileobj=content, mode="w:gz") as tar:
+        tar.addfile(tarfile.TarInfo("../evil"))
+    return content.getvalue()
+
+
+def test_a_share_is_listed_and_emptied(vast, results: Path, tmp_path: Path) -> None:
+    (tmp_path / "share.py").write_text(
+        "from robovast.execution.cluster_execution.share_providers.base import BaseShareProvider\n"
+        f"ARCHIVES = {{'{NAME}.tar.gz': 2048, 'far-away.tar.gz': 10}}\n"
+        "class Share(BaseShareProvider):\n"
+        "    def required_env_vars(self): return {'MY_TOKEN': 'a token'}\n"
+        "    def build_pod_env(self): return {}\n"
+        "    def upload_archive(self, *_): ...\n"
+        "    def list_campaign_archives_with_size(self): return ARCHIVES.items()\n"
+        "    def remove_archive(self, name): del ARCHIVES[name]\n"
+    )
+    outcome = vast("results", "list-share")
+    assert outcome.code == 2
+    assert "there is no share: set ROBOVAST_SHARE_TYPE" in outcome.err
+    (tmp_path / ".env").write_text("ROBOVAST_SHARE_TYPE=share.py:Share\nMY_TOKEN=secret-77\n")
+    outcome = vast("results", "list-share")
+    assert outcome.out.splitlines() == [
+        "CAMPAIGN                   SIZE     HERE",
+        "far-away                   10 B     no",
+        f"{NAME}  2.0 KiB  yes",
+    ]
+    outcome = vast("results", "remove-from-share", "-i", "far-away")
+    assert (outcome.code, outcome.out) == (0, "Removed far-away from the share.\n")
+    outcome = vast("results", "remove-from-share", "-i", "far-away")
+    assert outcome.code == 2
+    assert f"it has {NAME}" in outcome.err
+    assert "secret-77" not in outcome.err + outcome.out
