@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import socket
+import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 from uuid import uuid4
@@ -69,6 +71,38 @@ def test_two_hundred_runs_end_with_few_writes_and_then_cost_none(
         eventually(lambda: status(fake_cluster, namespace, "many") != state, 3)
     after = fake_cluster.get("campaign", "many", f"--namespace={namespace}")
     assert before["status"] == after["status"]
+
+
+def test_an_admin_sees_health_and_figures_but_no_series_per_campaign(
+    fake_cluster: Cluster, namespace: str, tmp_path: Path
+) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    operator = OperatorProcess(
+        fake_cluster, tmp_path, ROBOVAST_LEASE_SECONDS="2", ROBOVAST_PORT=str(port)
+    )
+    operator.start()
+
+    def page(name: str) -> str:
+        try:
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/{name}", timeout=5) as answer:
+                return str(answer.read().decode())
+        except OSError:
+            return ""
+
+    try:
+        fake_cluster.apply(campaign("few", namespace, 3, 2))
+        eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.log.read_text)
+        assert page("healthz") == page("readyz") == "ok"
+        figures = page("metrics")
+    finally:
+        operator.stop()
+    assert 'robovast_runs{state="passed"}' in figures
+    assert 'resource="jobs"' in figures
+    assert "robovast_leader 1.0" in figures
+    assert "few" not in figures
+    assert namespace not in figures
 
 
 def test_a_leader_that_is_killed_is_followed_by_the_other_replica(
