@@ -63,6 +63,13 @@ export interface Bag {
   topics: [string, string, number][];
 }
 
+/** Messages over time, in equal parts. */
+export interface Timeline {
+  start: number;
+  end: number;
+  topics: Record<string, number[]>;
+}
+
 export interface RunDetails {
   record: Record<string, unknown>;
   files: FileEntry[];

@@ -4,6 +4,7 @@ import { address, fileAddress, type FileEntry, type RunDetails, type Usage, type
 import { show } from "./data";
 import { bytes, count, duration, moment } from "./format";
 import { useAnswer } from "./live";
+import { Bags } from "./bags";
 import { Log } from "./log";
 import { Copy, Export, Mark, Tabs, Waiting, type Tab } from "./parts";
 import { Plot } from "./plot";
@@ -97,7 +98,7 @@ function tabsOf(data: RunDetails, query: URLSearchParams): Tab[] {
     data.usage.length > 0 && { id: "resources", label: "Resources", show: () => <Resources data={data} /> },
     { id: "parameters", label: "Parameters", show: () => <Parameters data={data} /> },
     pictures.length > 0 && { id: "video", label: pictures.some((file) => file.kind === "video") ? "Video" : "Pictures", show: () => <Pictures files={pictures} /> },
-    data.bags.length > 0 && { id: "bag", label: "Bag", show: () => <Bags data={data} /> },
+    data.bags.length > 0 && { id: "bag", label: "Bag", show: () => <Bags bags={data.bags} /> },
     { id: "files", label: `Files`, show: () => <Files data={data} /> },
   ];
   return tabs.filter((tab) => tab !== false);
@@ -204,43 +205,6 @@ function Pictures({ files }: { files: FileEntry[] }) {
         </figure>
       ))}
     </div>
-  );
-}
-
-function Bags({ data }: { data: RunDetails }) {
-  return (
-    <>
-      {data.bags.map((bag) => (
-        <section key={bag.path}>
-          <h2>{bag.path.split("/").slice(3).join("/")}</h2>
-          <p class="quiet">
-            {moment(bag.start)}, {duration(bag.duration)}
-          </p>
-          <div class="scroll" tabIndex={0} role="region" aria-label={`Topics of ${bag.path}`}>
-          <table class="plain">
-            <thead>
-              <tr>
-                <th>Topic</th>
-                <th>Type</th>
-                <th class="number">Messages</th>
-                <th class="number">Per second</th>
-              </tr>
-            </thead>
-            <tbody>
-              {bag.topics.map(([name, type, messages]) => (
-                <tr key={name}>
-                  <td>{name}</td>
-                  <td>{type}</td>
-                  <td class="number">{count(messages)}</td>
-                  <td class="number">{bag.duration ? show(Number((messages / bag.duration).toPrecision(3))) : "–"}</td>
-                </tr>
-              ))}
-            </tbody>
-          </table>
-          </div>
-        </section>
-      ))}
-    </>
   );
 }
 

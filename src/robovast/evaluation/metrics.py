@@ -7,24 +7,18 @@ whose columns `config` and `run` say which run a row is of. It is only read, and
 from __future__ import annotations
 
 import sqlite3
-import time
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
 from math import isfinite
 from pathlib import Path
 
 from robovast.errors import InputError
-from robovast.evaluation.inside import MissingError, resolved
+from robovast.evaluation.database import opened
+from robovast.evaluation.inside import MissingError
 
 AGGREGATES = {"mean": "avg", "least": "min", "most": "max", "sum": "sum"}
 """What can be made of a run's values, and SQLite's name of it."""
 MOST_COLUMNS = 400
-PATIENCE = 30.0
-"""How long one question may take [s]."""
 
 _KEYS = ("config", "run")
-_STEPS = 100_000
-"""Virtual machine instructions between two looks at the clock."""
 
 
 def metric_columns(results: Path, campaign: str) -> dict[str, list[str]]:
@@ -34,7 +28,7 @@ def metric_columns(results: Path, campaign: str) -> dict[str, list[str]]:
         InputError: the tables cannot be read.
     """
     try:
-        with _opened(results, campaign) as connection:
+        with opened(results, _file(campaign)) as connection:
             tables = _tables(connection)
             return {table: _numeric(connection, table, tables[table]) for table in tables}
     except MissingError:
@@ -58,7 +52,7 @@ def metric(
     """
     if aggregate not in AGGREGATES:
         raise InputError(f"{aggregate!r} is none of {', '.join(AGGREGATES)}.")
-    with _opened(results, campaign) as connection:
+    with opened(results, _file(campaign)) as connection:
         if column not in _tables(connection).get(table, ()):
             raise MissingError(f"There is no column {column} in a table {table}.")
         name = _quoted(column)
@@ -69,26 +63,8 @@ def metric(
         return {f"{v}/{run}": n for v, run, n in rows if n is not None and isfinite(n)}
 
 
-@contextmanager
-def _opened(results: Path, campaign: str) -> Iterator[sqlite3.Connection]:
-    relative = f"{campaign}/_execution/data.db"
-    path = resolved(results, relative)
-    if not path.is_file():
-        raise MissingError(f"{relative} is no file.")
-    try:
-        with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as connection:
-            _restrict(connection)
-            yield connection
-    except (sqlite3.Error, OverflowError) as error:
-        raise InputError(f"{relative} cannot be read: {error}.") from None
-
-
-def _restrict(connection: sqlite3.Connection) -> None:
-    """Make neither its own definitions nor its size a danger."""
-    end = time.monotonic() + PATIENCE
-    connection.execute("PRAGMA trusted_schema = OFF")
-    connection.execute("PRAGMA cell_size_check = ON")
-    connection.set_progress_handler(lambda: time.monotonic() > end, _STEPS)
+def _file(campaign: str) -> str:
+    return f"{campaign}/_execution/data.db"
 
 
 def _tables(connection: sqlite3.Connection) -> dict[str, list[str]]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from robovast.errors import InputError
-from robovast.evaluation import metrics
+from robovast.evaluation import database
 from robovast.evaluation.metrics import metric, metric_columns
 from robovast.results.layout import Layout
 from robovast.tables.sqlite_tables import update_sqlite
@@ -88,8 +88,8 @@ def test_views_are_no_tables(results: Path) -> None:
 def test_a_question_that_takes_too_long_ends(
     results: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(metrics, "PATIENCE", 0)
-    monkeypatch.setattr(metrics, "_STEPS", 10)
+    monkeypatch.setattr(database, "PATIENCE", 0)
+    monkeypatch.setattr(database, "_STEPS", 10)
     with pytest.raises(InputError, match="interrupted"):
         metric(results, "hall", "poses", "x", "mean")
 

@@ -17,6 +17,7 @@ from starlette.routing import Mount, Route
 from starlette.types import ASGIApp
 
 from robovast.errors import InputError
+from robovast.evaluation.bag_timeline import read_timeline
 from robovast.evaluation.columns import columns
 from robovast.evaluation.compare import compare
 from robovast.evaluation.inside import OutsideError, open_inside
@@ -56,6 +57,7 @@ def make_app(library: Library, token: str, closing: asyncio.Event) -> ASGIApp:
         Route("/events", pages.events),
         Route("/log", pages.log),
         Route("/table", pages.table),
+        Route("/timeline", pages.timeline),
         Route("/usage", pages.usage),
     ]
     app = Starlette(
@@ -143,6 +145,10 @@ class Pages:
     def usage(self, request: Request) -> Response:
         """Resource usage over time from the file `path`."""
         return Data(read_usage(self._library.results, _asked(request, "path")))
+
+    def timeline(self, request: Request) -> Response:
+        """Messages over time of the bag `path`."""
+        return Data(read_timeline(self._library.results, _asked(request, "path")))
 
     def file(self, request: Request) -> Response:
         """A file as it is."""

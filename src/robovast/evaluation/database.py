@@ -1,0 +1,38 @@
+"""SQLite files that anyone may have written, opened to be read."""
+
+from __future__ import annotations
+
+import sqlite3
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+from robovast.errors import InputError
+from robovast.evaluation.inside import MissingError, resolved
+
+PATIENCE = 30.0
+"""How long the questions to one file may take [s]."""
+_STEPS = 100_000
+"""Virtual machine instructions between two looks at the clock."""
+
+
+@contextmanager
+def opened(root: Path, relative: str) -> Iterator[sqlite3.Connection]:
+    """A connection that neither writes nor follows what the file defines.
+
+    Raises:
+        InputError: there is no such file below `root`, it is damaged, or it takes too long.
+    """
+    path = resolved(root, relative)
+    if not path.is_file():
+        raise MissingError(f"{relative} is no file.")
+    try:
+        with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as connection:
+            end = time.monotonic() + PATIENCE
+            connection.execute("PRAGMA trusted_schema = OFF")
+            connection.execute("PRAGMA cell_size_check = ON")
+            connection.set_progress_handler(lambda: time.monotonic() > end, _STEPS)
+            yield connection
+    except (sqlite3.Error, OverflowError) as error:
+        raise InputError(f"{relative} cannot be read: {error}.") from None

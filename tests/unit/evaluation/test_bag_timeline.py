@@ -1,0 +1,65 @@
+"""A bag's timeline has every message in its place, whatever became of the recorder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from ros_bags import START, Bag
+from rosbags.rosbag2 import StoragePlugin
+
+from robovast.errors import InputError
+from robovast.evaluation.bag_timeline import BINS, Timeline, read_timeline
+
+STRING = "std_msgs/msg/String"
+
+
+def record(folder: Path, storage: StoragePlugin = StoragePlugin.MCAP) -> Path:
+    with Bag(folder / "rosbag2", storage=storage) as bag:
+        message = bag.make(STRING, "x" * 50)
+        for i in range(300):
+            bag.write("/steady", message, at=i / 10)
+        bag.write("/late", message, at=29.9)
+        bag.topic("/silent", STRING)
+    return folder / "rosbag2"
+
+
+@pytest.mark.parametrize("storage", list(StoragePlugin))
+def test_every_message_is_in_its_part_of_the_time(tmp_path: Path, storage: StoragePlugin) -> None:
+    record(tmp_path, storage)
+    found = read_timeline(tmp_path, "rosbag2")
+    assert found.topics == {"/late": [0] * (BINS - 1) + [1], "/steady": [2] * BINS}
+    assert found.start == pytest.approx(START / 1e9, abs=0.06)
+    assert found.end - found.start == pytest.approx(29.9, abs=0.1)
+
+
+def test_a_file_that_ends_anywhere_is_read_as_far_as_it_goes(tmp_path: Path) -> None:
+    (path,) = record(tmp_path).glob("*.mcap")
+    content = path.read_bytes()
+    whole = read_timeline(tmp_path, "rosbag2")
+    for length in range(8, len(content), 997):
+        path.write_bytes(content[:length])
+        found = read_timeline(tmp_path, "rosbag2")
+        assert found == whole or sum(map(sum, found.topics.values())) <= 301
+
+
+def test_lengths_that_lie_do_no_harm(tmp_path: Path) -> None:
+    (tmp_path / "rosbag2").mkdir()
+    path = tmp_path / "rosbag2" / "0.mcap"
+    for opcode in range(16):
+        lie = bytes([opcode]) + b"\xff" * 8 + b"\0" * 100
+        truth = bytes([opcode]) + (3).to_bytes(8, "little") + b"\xff" * 3
+        path.write_bytes(b"\x89MCAP0\r\n" + truth + lie)
+        assert read_timeline(tmp_path, "rosbag2") == Timeline(0, 0, {})
+
+
+def test_what_is_no_bag_is_an_error_in_words(tmp_path: Path) -> None:
+    (tmp_path / "rosbag2").mkdir()
+    for name, content in (("0.mcap", b"text"), ("0.db3", b"text" * 100)):
+        (tmp_path / "rosbag2" / name).write_bytes(content)
+        with pytest.raises(InputError, match=r"is no MCAP file|cannot be read"):
+            read_timeline(tmp_path, "rosbag2")
+        (tmp_path / "rosbag2" / name).unlink()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="no folder"):
+        read_timeline(tmp_path, "file")
