@@ -25,6 +25,10 @@ RECORD = "_navigation"
 """Key of a configuration under which variations leave what others, pictures and provenance use."""
 
 RobotDiameter = Annotated[float, Field(gt=0, le=100)]
+Reference = Annotated[str, Field(pattern=r"^@[A-Za-z_]\w*$")]
+"""`@name` of a scenario parameter."""
+Pointer = Reference | dict[str, Any]
+"""A pose, or the parameter that has it or gets it."""
 FloatOrList = float | list[float]
 
 
@@ -102,8 +106,11 @@ class NavigationVariation(Variation):
         """
         from robovast.navigation.costmap import read_costmap
 
-        path = self._map_path(config, map_file)
-        self._maps.add(path)
+        name = self.map_name(config, map_file).removeprefix("/config/")
+        made = {str(relative): source for relative, source in config.get("_config_files", ())}
+        path = Path(made.get(name, Path(self.base_path) / name))
+        if name not in made:
+            self._maps.add(path)
         try:
             return read_costmap(path, robot_diameter)
         except InputError as error:
@@ -125,18 +132,13 @@ class NavigationVariation(Variation):
             )
         return name
 
-    def _map_path(self, config: Config, map_file: str | None) -> Path:
-        name = self.map_name(config, map_file).removeprefix("/config/")
-        files = {str(relative): source for relative, source in config.get("_config_files", ())}
-        return Path(files.get(name, Path(self.base_path) / name))
-
     def _default(self, parameter: str) -> Any:
         from robovast.common.scenario import get_scenario_parameters
 
         return get_scenario_parameters(self.scenario_file)[parameter]
 
     def get_input_files(self) -> list[str]:
-        """The maps that were read, and their images."""
+        """The maps that were read and not made by a variation, and their images."""
         from robovast.navigation.occupancy import map_image
 
         return [str(file) for path in sorted(self._maps) for file in (path, map_image(path))]

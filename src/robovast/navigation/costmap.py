@@ -23,6 +23,9 @@ Ints = npt.NDArray[np.int64]
 MOST_NODES = 12_000
 """Nodes of a lattice over the whole map: shortest ways from a node then take some milliseconds."""
 
+WIDEST_SPACING = 0.25
+"""Between the nodes of a lattice [m]: doors are wider, also when a robot's width is taken off."""
+
 LATTICE_EXCESS = 1.03
 """How much longer a way along the lattice's edges can be than a straight one (1.027)."""
 
@@ -129,12 +132,14 @@ class Costmap:
 
     @cached_property
     def lattice(self) -> Lattice:
-        """The finest lattice of at most MOST_NODES nodes that misses no passage."""
-        stride = max(1, math.ceil(math.sqrt(self.passable.size / MOST_NODES)))
-        for width in range(stride, 1, -1):
-            lattice = Lattice(self, width)
+        """A lattice of about MOST_NODES nodes, or as many as it takes to miss no passage."""
+        stride = math.ceil(math.sqrt(self.passable.size / MOST_NODES))
+        stride = min(stride, int(WIDEST_SPACING / self.map.resolution))
+        while stride > 1:
+            lattice = Lattice(self, stride)
             if lattice.is_faithful:
                 return lattice
+            stride //= 2
         return self.finest
 
 
@@ -194,13 +199,14 @@ class Lattice:
     def is_faithful(self) -> bool:
         """False when a part of the map is cut in two, or missed."""
         labels, count = self._costmap.parts
-        least = 16 * self._stride**2
+        cells = np.bincount(labels.ravel(), minlength=count + 1)
         owner = labels[self._rows, self._columns]
-        for label, cells in enumerate(np.bincount(labels.ravel(), minlength=count + 1)[1:], 1):
-            sizes = np.bincount(self.components[owner == label])
-            if cells >= least and (not sizes.size or sizes.max() < 0.98 * sizes.sum()):
-                return False
-        return True
+        nodes = np.bincount(owner, minlength=count + 1)
+        largest = np.zeros(count + 1, np.int64)
+        sizes = np.bincount(self.components)
+        np.maximum.at(largest, owner, sizes[self.components])
+        torn = (cells >= 16 * self._stride**2) & (largest <= 0.98 * nodes)
+        return not bool(torn[1:].any())
 
     def node_near(self, point: Point) -> int | None:
         """The nearest node that the robot can go straight to from a point."""

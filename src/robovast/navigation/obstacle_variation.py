@@ -13,6 +13,8 @@ from robovast.navigation.base import (
     RECORD,
     Config,
     NavigationVariation,
+    Pointer,
+    Reference,
     RobotDiameter,
     as_list,
     with_record,
@@ -24,9 +26,8 @@ if TYPE_CHECKING:
     from robovast.navigation.costmap import Costmap
     from robovast.navigation.placing import Course, Kind, Placed
 
-NotNegative = Annotated[float, Field(ge=0)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Several = NotNegative | Annotated[list[NotNegative], Field(min_length=1)]
-Pointer = str | dict[str, Any]
 
 
 class ObstacleKindConfig(VariationConfig):
@@ -70,9 +71,9 @@ class ObstacleVariationConfig(VariationConfig):
 class ObstacleVariationWithDistanceTriggerConfig(ObstacleVariationConfig):
     """Parameters of ObstacleVariationWithDistanceTrigger."""
 
-    spawn_trigger_point: str
+    spawn_trigger_point: Reference
     """`@parameter` that gets the point of the path that is next to the first obstacle."""
-    spawn_trigger_threshold: str
+    spawn_trigger_threshold: Reference
     """`@parameter` that gets the distance from there at which obstacles appear [m]."""
     trigger_distance: Several
     """That distance [m]; a list multiplies."""
@@ -185,6 +186,12 @@ class ObstacleVariationWithDistanceTrigger(ObstacleVariation):
 
     CONFIG_CLASS = ObstacleVariationWithDistanceTriggerConfig
 
+    def variation(self, in_configs: list[Config]) -> list[Config]:
+        """Each configuration with each placement of obstacles, and their trigger."""
+        self.reference(self.parameters.spawn_trigger_point)
+        self.reference(self.parameters.spawn_trigger_threshold)
+        return super().variation(in_configs)
+
     def _skips(self) -> list[float]:
         # An obstacle nearer to the start would be there from the beginning.
         return as_list(self.parameters.trigger_distance)
@@ -215,8 +222,8 @@ class ObstacleVariationWithDistanceTrigger(ObstacleVariation):
     def _trigger(self, course: Course, placed: list[Placed]) -> dict[str, Any]:
         from robovast.navigation.placing import nearest_on
 
-        point_name = self.reference(self.parameters.spawn_trigger_point) or ""
-        threshold_name = self.reference(self.parameters.spawn_trigger_threshold) or ""
+        point_name = self.parameters.spawn_trigger_point[1:]
+        threshold_name = self.parameters.spawn_trigger_threshold[1:]
         if not placed:
             return {threshold_name: course.skip}
         point = nearest_on(course.points, placed[0].pose.point)

@@ -11,6 +11,8 @@ from robovast.common.config import VariationConfig
 from robovast.navigation.base import (
     Config,
     NavigationVariation,
+    Pointer,
+    Reference,
     RobotDiameter,
     as_list,
     with_record,
@@ -22,8 +24,7 @@ if TYPE_CHECKING:
     from robovast.navigation.costmap import Costmap
     from robovast.navigation.paths import Path, Wish
 
-Length = Annotated[float, Field(gt=0)]
-Pointer = str | dict[str, Any]
+Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class _PathConfig(VariationConfig):
@@ -33,7 +34,7 @@ class _PathConfig(VariationConfig):
     """Map, or `@parameter` with it; without, the map of the floor plan variation before."""
     path_length: Length | Annotated[list[Length], Field(min_length=1)]
     """Length of the way from the start through all goals [m]; a list multiplies."""
-    path_length_tolerance: Annotated[float, Field(gt=0)] = 0.5
+    path_length_tolerance: Length = 0.5
     """How much the length may differ [m]."""
     robot_diameter: RobotDiameter = 0.35
     """The way is at least half of it from every obstacle [m]."""
@@ -42,11 +43,11 @@ class _PathConfig(VariationConfig):
 class PathVariationRandomConfig(_PathConfig):
     """Parameters of PathVariationRandom."""
 
-    goal_poses: str | list[Pointer] | None = None
+    goal_poses: Reference | Annotated[list[Pointer], Field(min_length=1)] | None = None
     """`@parameter` that gets the goals (one pose unless it is a list), or fixed poses."""
     num_goal_poses: Annotated[int, Field(ge=1)] | None = None
     """Number of goals; 1 when neither this nor the next is given."""
-    num_goal_poses_per_m: Annotated[float, Field(gt=0)] | None = None
+    num_goal_poses_per_m: Length | None = None
     """Number of goals by the length of the way, at least 1 [1/m]."""
     num_paths: Annotated[int, Field(ge=1)] = 1
     """Number of paths of each length."""
@@ -71,7 +72,7 @@ class PathVariationRandomConfig(_PathConfig):
 class PathVariationRasterizedConfig(_PathConfig):
     """Parameters of PathVariationRasterized."""
 
-    goal_poses: str | None = None
+    goal_poses: Reference | None = None
     """`@parameter` that gets the goals; without, `goal_poses` or `goal_pose` of the scenario."""
     num_goal_poses: Annotated[int, Field(ge=1)] = 1
     """Number of goals."""
@@ -102,12 +103,13 @@ class _PathVariation(NavigationVariation):
     def _paths(self, config: Config, costmap: Costmap) -> Iterator[Path]:
         raise NotImplementedError
 
-    def _goals_reference(self) -> str:
+    def _goals_parameter_name(self) -> str:
         """The parameter for the goals: the one that is named, else the scenario's own."""
         named = self.parameters.goal_poses
         if named is None:
             named = "@goal_poses" if self.has_parameter("goal_poses") else "@goal_pose"
-        return self.reference(named) or ""
+        self.reference(named)
+        return str(named[1:])
 
     def _with_path(self, config: Config, path: Path) -> Config:
         values: dict[str, Any] = {}
@@ -115,7 +117,7 @@ class _PathVariation(NavigationVariation):
         if start is not None:
             values[start] = path.start.parameter()
         if not isinstance(self.parameters.goal_poses, list):
-            name = self._goals_reference()
+            name = self._goals_parameter_name()
             values[name] = self._goals_parameter(config, name, path)
         record = {
             "map_file": self.map_name(config, self.parameters.map_file),

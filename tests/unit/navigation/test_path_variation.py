@@ -170,6 +170,9 @@ def test_a_map_with_a_missing_image(expanded, folder: Path) -> None:
     [
         ({"robot_diameter": 0}, "robot_diameter: must be greater than 0, not 0"),
         ({"path_length": -1.0}, "path_length"),
+        ({"path_length": float("inf")}, "path_length"),
+        ({"start_pose": "start_pose"}, "start_pose"),
+        ({"goal_poses": []}, "goal_poses"),
         ({"num_goal_poses": 1, "num_goal_poses_per_m": 1.0}, "not both"),
         ({"start_pose": "@begin"}, "has no parameter `begin`"),
     ],
