@@ -74,9 +74,12 @@ class RunContainer:
         return (self._answers / "terminated").exists()
 
     def is_gone(self, job: int) -> bool:
-        """True when the container was killed in the middle of a job that had begun."""
+        """True when the container was killed before it could end a job.
+
+        Whoever starts the first job holds the lock.
+        """
         return (
-            self.started(job) is not None
+            self.started(1) is not None
             and _is_free(self._answers / "lock")
             and self.exit_code(job) is None
         )

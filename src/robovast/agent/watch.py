@@ -111,9 +111,12 @@ class JobWatch:
                 return None
             if ending is not None:
                 return ending
-            if self._since is None and time.monotonic() > give_up:
+            if self._since is None and self._never_starts(give_up):
                 return None
             time.sleep(POLL)
+
+    def _never_starts(self, give_up: float) -> bool:
+        return time.monotonic() > give_up or self._container.is_gone(self._job.index)
 
     def _ending(self) -> Ending | None:
         number, container = self._job.index, self._container
@@ -122,7 +125,7 @@ class JobWatch:
         code = container.exit_code(number)
         if code is not None:
             return Ending(code)
-        if container.is_gone(number):
+        if self._since is not None and container.is_gone(number):
             time.sleep(KILL_DELAY)
             return Ending(KILLED)
         if self._is_overdue():
@@ -177,8 +180,10 @@ class JobWatch:
         run = self._job.runs[self._current]
         target = self._folders.stored / self._job.name / run.path
         target.parent.mkdir(parents=True, exist_ok=True)
-        if self._folder(run).is_dir():
-            os.rename(self._folder(run), target)
+        folder = self._folder(run)
+        if folder.is_dir() and not folder.is_symlink():
+            folder.chmod(0o755)  # or it could not be moved
+            os.rename(folder, target)
         now = time.time()
         return EndedRun(self._job, run, target, result, (self._since or now, now), exit_code)
 
