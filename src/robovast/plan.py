@@ -5,8 +5,10 @@ A plan is a pure function of the variants in order, the number of runs and the s
 
 from __future__ import annotations
 
+import filecmp
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from robovast.expansion.variant import Variant
 
@@ -76,10 +78,20 @@ def breaks(variants: Sequence[Variant]) -> list[int]:
     given where a variant clashes with any since the index before.
     """
     found: list[int] = []
-    sources: dict[str, object] = {}
+    sources: dict[str, Path] = {}
     for index, variant in enumerate(variants):
-        if any(sources.get(file.name, file.source) != file.source for file in variant.files):
+        if not all(
+            _same(sources.get(file.name, file.source), file.source) for file in variant.files
+        ):
             found.append(index)
             sources = {}
         sources.update((file.name, file.source) for file in variant.files)
     return found
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Whether two files may stand for each other: variants often bring copies of one map."""
+    try:
+        return one == other or filecmp.cmp(one, other, shallow=False)
+    except OSError:
+        return False

@@ -135,3 +135,16 @@ def test_runs_that_are_repeated_stay_with_those_of_their_pack(
     assert [id_ for group in groups for id_ in group] == sorted(chosen)
     assert len({plan.pack_of(group[0]) for group in groups}) == len(groups)
     assert all(len({plan.pack_of(id_) for id_ in group}) == 1 for group in groups)
+
+
+def test_variants_that_bring_copies_of_one_file_share_a_job(tmp_path: Path) -> None:
+    maps = []
+    for index, content in enumerate(["one", "one", "two"]):
+        path = tmp_path / str(index) / "map.yaml"
+        path.parent.mkdir()
+        path.write_text(content)
+        maps.append(path)
+    variants = [
+        Variant(f"v-{i}", "v", {}, (ConfigFile("map.yaml", path),)) for i, path in enumerate(maps)
+    ]
+    assert breaks(variants) == [2]
