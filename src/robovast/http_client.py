@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from typing import IO, Any
@@ -29,6 +30,8 @@ CHUNK = 2**20
 _NOT_TAKEN = frozenset({429, 503})
 """Statuses of a request that was not begun."""
 _LONGEST_QUOTE = 300
+_SHORTEST_SECRET = 4
+"""What is shorter stands in any text."""
 
 
 class HttpError(StorageError):
@@ -67,14 +70,14 @@ class HttpClient:
         self.name = name
         self._headers = dict(headers)
         self._remedies = {**_REMEDIES, **(remedies or {})}
-        self._secrets = [secret for secret in secrets if secret]
+        self._secrets = [secret for secret in secrets if len(secret) >= _SHORTEST_SECRET]
         self._patience = patience
         self._has_answered = False
         if insecure:
             urllib3.disable_warnings(urllib3.exceptions.InsecureRequestWarning)
         self._pool = urllib3.PoolManager(
             cert_reqs="CERT_NONE" if insecure else "CERT_REQUIRED",
-            ca_certs=None if insecure else certifi.where(),
+            ca_certs=None if insecure else os.environ.get("SSL_CERT_FILE") or certifi.where(),
             timeout=urllib3.Timeout(connect=10, read=120),
             retries=False,
         )
@@ -187,8 +190,8 @@ class HttpClient:
         reason = str(getattr(error, "reason", None) or error).rpartition(": ")[2]
         return StorageError(
             self._clean(
-                f"{self.name}: cannot {attempt}, because {place.scheme}://{place.hostname} does "
-                f"not answer as it should ({reason}). Is the address right, and the network up?"
+                f"{self.name}: cannot {attempt}: {place.scheme}://{place.netloc} does not answer "
+                f"as it should ({reason}). Is the address right, and the network up?"
             )
         )
 

@@ -16,7 +16,10 @@ from robovast.execution.cluster_execution.share_providers.base import (
     UploadProgressReader,
 )
 from robovast.execution.cluster_execution.share_providers.nextcloud import NextcloudShareProvider
-from robovast.execution.cluster_execution.share_providers.webdav import _files
+from robovast.execution.cluster_execution.share_providers.webdav import (
+    WebDavShareProvider,
+    _files,
+)
 from robovast.results.share import Share, download_from_share, open_share
 
 GUIDE = """
@@ -211,6 +214,14 @@ def test_another_link_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROBOVAST_SHARE_URL", "https://c.example.org/apps/files")
     with pytest.raises(RobovastError, match="no public link"):
         NextcloudShareProvider().address()
+
+
+def test_a_webdav_address_must_be_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    variables = {"URL": "dav.example.org", "USER": "u", "PASSWORD": "p"}
+    for name, value in variables.items():
+        monkeypatch.setenv(f"ROBOVAST_WEBDAV_{name}", value)
+    with pytest.raises(InputError, match="ROBOVAST_WEBDAV_URL must begin with https"):
+        WebDavShareProvider().list_campaign_archives_with_size()
 
 
 def test_entities_in_a_servers_answer_are_refused() -> None:

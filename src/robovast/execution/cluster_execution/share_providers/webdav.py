@@ -134,8 +134,17 @@ class WebDavShareProvider(BaseShareProvider):
         return answer.status != _NOT_THERE
 
     def address(self) -> tuple[str, str, str]:
-        """Address of the folder, user and password."""
-        return os.environ[URL], os.environ[USER], os.environ[PASSWORD]
+        """Address of the folder, user and password.
+
+        Raises:
+            InputError: it is no address.
+        """
+        url = os.environ[URL].strip()
+        if not url.startswith(("https://", "http://")):
+            raise InputError(
+                f"{URL} must begin with https://, as https://dav.example.org/results/."
+            )
+        return url, os.environ[USER], os.environ[PASSWORD]
 
     @cached_property
     def _client(self) -> HttpClient:
