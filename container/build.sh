@@ -7,7 +7,7 @@
 #   --slim        only the image without ROS (container/slim)
 #   --full        only the image with ROS 2 Jazzy (container/robovast)
 #   --agent       only the image of the operator and of our containers beside runs (container/agent)
-#   --core        the agent's image without what floor plans and robots' paths need: a third the size
+#   --core        the agent's image without what floor plans, paths and ROS bags need: smaller
 #   --base IMAGE  build on this image instead of the Dockerfile's own base
 #   --tag TAG     default: latest; the slim image gets TAG-slim, the agent's TAG-agent
 #   --            what follows goes to `docker build`

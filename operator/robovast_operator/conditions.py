@@ -32,6 +32,8 @@ class Facts:
     aborted: Why | None = None
     trouble: Why | None = None
     quota: Why | None = None
+    unprocessed: Why | None = None
+    """Why the results could not be worked up."""
 
     @property
     def done(self) -> int:
@@ -180,6 +182,9 @@ def _passed(facts: Facts) -> Found:
 
 
 def _results(facts: Facts) -> Found:
+    if facts.indexed and facts.unprocessed is not None:
+        message = f"the results are complete, but not worked up: {facts.unprocessed[1]}"
+        return ("ResultsAvailable", "True", "ProcessingFailed", message)
     if facts.indexed:
         return ("ResultsAvailable", "True", "Indexed", "the bucket is complete")
     return ("ResultsAvailable", "False", "Running", "")

@@ -112,10 +112,17 @@ def _new_jobs(picture: Picture) -> list[Action]:
         pods = [job.parallelism for job in picture.open]
         chosen = next_shards(picture.waiting, pods, spec.parallelism)
         return [CreateShard(shard) for shard in chosen]
-    if picture.indexed or picture.finish_name in picture.observed.jobs or _cancel(picture):
-        return []
-    plan = picture.observed.revisions[-1].config_map
-    return [CreateTask("finish", picture.finish_name, plan)]
+    return [] if picture.indexed or _cancel(picture) else _last_jobs(picture)
+
+
+def _last_jobs(picture: Picture) -> list[Action]:
+    """When nothing more is to be executed: the index, then what the results are worked up to."""
+    plan, jobs = picture.observed.revisions[-1].config_map, picture.observed.jobs
+    if picture.final is None:
+        finish = CreateTask("finish", picture.finish_name, plan)
+        return [] if picture.finish_name in jobs else [finish]
+    process = CreateTask("process", picture.process_name, plan)
+    return [] if picture.process_name in jobs else [process]
 
 
 def _cancel(picture: Picture) -> list[Action]:

@@ -73,10 +73,10 @@ class Diagnosis:
             pods = [pod async for pod in self.pods_of(job)]
             found = trouble_of(pods) or Trouble(job.reason, f"the Job {job.name}: {job.message}")
             memory.final_trouble[job.uid] = Trouble(found.reason, found.message, final=True)
+        told = memory.final_trouble[job.uid]
         if job.role == "shard":
-            memory.trouble = memory.final_trouble[job.uid]
-        else:
-            told = memory.final_trouble[job.uid]
+            memory.trouble = told
+        elif job.role != "process":  # without tables a campaign is complete all the same
             memory.trouble = Trouble(told.reason, told.message)
 
     async def _stalled(

@@ -53,6 +53,8 @@ class Observed:
     trouble: Trouble | None = None
     finals: Mapping[str, Final] = field(default_factory=dict)
     """By finish Job, what it found."""
+    failures: Mapping[str, Trouble] = field(default_factory=dict)
+    """By Job that failed as a whole, why."""
     quota: Trouble | None = None
     """Why Kueue has not admitted the oldest open Job."""
 
@@ -145,7 +147,19 @@ class Picture:
         """Whether the index in the bucket covers everything that ran."""
         status = self.observed.status
         known = status.finished_shards == self.ended_shards and is_true(status, "ResultsAvailable")
-        return self.over and (known or self.final is not None)
+        return self.over and (known or (self.final is not None and self.processed))
+
+    @property
+    def process_name(self) -> str:
+        """The Job that works the results up; another set of shards needs another one."""
+        return self.observed.accepted.identity.child(f"process-{self.ended_shards}")
+
+    @property
+    def processed(self) -> bool:
+        """Whether the results are worked up, or were tried to be, as far as that is asked for."""
+        job = self.observed.jobs.get(self.process_name)
+        asked = self.observed.accepted.spec.process_results
+        return not asked or (job is not None and not job.open)
 
     @property
     def final(self) -> Final | None:

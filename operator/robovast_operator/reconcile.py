@@ -120,6 +120,11 @@ class Reconciler:
             reports={name: reports for name, (_, reports) in memory.reports.items()},
             trouble=memory.trouble,
             finals=memory.finals,
+            failures={
+                name: memory.final_trouble[job.uid]
+                for name, job in jobs.items()
+                if job.uid in memory.final_trouble
+            },
             quota=memory.quota,
         )
         decision = decide(observed)

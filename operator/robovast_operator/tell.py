@@ -68,6 +68,7 @@ def _facts(picture: Picture, runs: Runs, *, active: bool) -> Facts:
         aborted=_why(picture.aborted),
         trouble=_why(observed.trouble),
         quota=_why(observed.quota),
+        unprocessed=_why(observed.failures.get(picture.process_name)),
     )
 
 

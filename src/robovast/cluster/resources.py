@@ -212,6 +212,8 @@ class CampaignSpec(_Spec):
     """Further options of the scenario execution, as `-t -d`."""
     storage: Storage = Field(default_factory=Storage)
     """Where results go."""
+    process_results: bool = False
+    """Work the results up in the cluster, too, as the document's `results_processing` says."""
     acceptance: Acceptance = Field(default_factory=Acceptance)
     """When the campaign has passed."""
     fail_fast: FailFast = Field(default_factory=FailFast)

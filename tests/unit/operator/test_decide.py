@@ -231,3 +231,13 @@ def test_after_the_end_nothing_is_done_any_more() -> None:
     decision = world.look()
     assert (decision.actions, decision.later, decision.again) == ((), (), None)
     assert decision.status == world.status
+
+
+def test_results_are_worked_up_after_the_index_when_that_is_asked_for() -> None:
+    world = World(accepted(runs=1, processResults=True))
+    world.settle()
+    assert world.created == ["drive-0123-0", "drive-0123-finish-1", "drive-0123-process-1"]
+    assert world.truth("ResultsAvailable") == "True"
+    world.jobs.clear()
+    world.look()
+    assert len(world.created) == 3
