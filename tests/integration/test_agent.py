@@ -68,18 +68,6 @@ def files_below(root: Path) -> set[str]:
     return {path.relative_to(root).as_posix() for path in found}
 
 
-def test_pods_store_the_files_that_a_laptop_would_have(make: Make, tmp_path: Path) -> None:
-    campaign = make(FAIL_SECOND)
-    codes = [Pod(campaign).run(index) for index in range(3)]
-    assert codes == [0, 10, 0]
-    local = files_below(run(campaign.vast, tmp_path / "local").campaign)
-    runs = {name for name in local if name.split("/")[1].isdigit() or name.startswith("_jobs/")}
-    assert runs <= set(campaign.objects()) <= local
-    record = campaign.record("one-2/0")
-    assert (record["verdict"], record["job"], record["id"]) == ("failed", "job-1", 1)
-    assert (record["attempt"], record["parameters"]) == (1, {"x": 2})
-
-
 @one_server
 def test_a_pack_is_one_pod(make: Make) -> None:
     campaign = make(FAIL_SECOND, PACK)
@@ -213,6 +201,7 @@ def test_of_two_pods_for_one_index_each_run_is_stored_once(make: Make) -> None:
     assert set(jobs) <= {"job-0", "job-0-2"}
 
 
+@one_server
 def test_the_server_may_restart_in_the_middle(make: Make, s3_server: Server) -> None:
     campaign = make(PASS + "sleep 0.5\n", PACK)
     pod = Pod(campaign)
@@ -328,10 +317,12 @@ def test_a_wrong_plan_or_document_is_told(
     assert told in pod.message_file.read_text()
 
 
-@one_server
 def test_a_finished_campaign_equals_a_local_one_file_by_file(make: Make, tmp_path: Path) -> None:
-    campaign = make(FAIL_SECOND, PACK)
-    assert Pod(campaign).run() == 10
+    campaign = make(FAIL_SECOND, "  runs_per_job: 2\n")
+    assert [Pod(campaign).run(index) for index in (0, 1)] == [10, 0]
+    record = campaign.record("one-2/0")
+    assert (record["verdict"], record["job"], record["id"]) == ("failed", "job-0", 1)
+    assert (record["attempt"], record["parameters"]) == (1, {"x": 2})
     pod = Pod(campaign)
     assert pod.task("finish") == 0, pod.log("finish")
     assert pod.message() == {
@@ -340,8 +331,10 @@ def test_a_finished_campaign_equals_a_local_one_file_by_file(make: Make, tmp_pat
     }  # fmt: skip
     root = run(campaign.vast, tmp_path / "local").campaign
     assert set(campaign.objects()) == {*files_below(root), "_execution/index.json"}
-    for name in ("_config/scenario.osc", "one-1/_config/config.yaml", "_transient/job_links.yaml"):
+    for name in ("_config/scenario.osc", "one-1/_config/config.yaml", "_transient/entrypoint.sh"):
         assert campaign.read(name) == (root / name).read_text()
+    links = "_transient/job_links.yaml"
+    assert yaml.safe_load(campaign.read(links)) == yaml.safe_load((root / links).read_text())
     index = json.loads(campaign.read("_execution/index.json"))
     assert [(item["id"], item["verdict"]) for item in index["runs"]] == [
         (0, "passed"), (1, "failed"), (2, "passed"),
@@ -407,6 +400,7 @@ def test_what_is_wrong_in_a_document_is_told_by_compose(make: Make) -> None:
     assert "rums" in pod.message()["error"]
 
 
+@one_server
 def test_a_purged_campaign_is_gone(make: Make) -> None:
     campaign = make(PASS)
     assert Pod(campaign).run(1) == 0
