@@ -26,7 +26,7 @@ _SIZE = 56
 _ORDERS = {b"\x00\x01": "<", b"\x00\x00": ">"}
 _LENGTHS = {order: Struct(f"{order}I").unpack_from for order in "<>"}
 
-_Found = dict[str, dict[bytes, list[bytes]]]
+_Found = dict[str, dict[bytes, bytearray]]
 """Transforms as they are on the wire, by byte order and the part that holds the frames' names."""
 
 
@@ -135,9 +135,9 @@ class TransformTree:
             names = message[offset + 8 : values]
             transform = message[offset : values + _SIZE]
             try:
-                found[names].append(transform)
+                found[names].extend(transform)
             except KeyError:
-                found[names] = [transform]
+                found[names] = bytearray(transform)
             offset = values + _SIZE
 
     @cached_property
@@ -227,7 +227,7 @@ def _samples(found: _Found) -> dict[str, _Samples]:
     groups = ((order, *item) for order, group in found.items() for item in group.items())
     for order, names, transforms in groups:
         parent, child = _names(order, names)
-        raw = np.frombuffer(b"".join(transforms), np.uint8).reshape(len(transforms), -1)
+        raw = np.frombuffer(transforms, np.uint8).reshape(-1, 8 + len(names) + _SIZE)
         stamps = np.ascontiguousarray(raw[:, :8]).view(f"{order}i4").astype(np.int64)
         stamps[:, 1] &= 0xFFFFFFFF  # nanoseconds have no sign
         values = np.ascontiguousarray(raw[:, -_SIZE:]).view(f"{order}f8").astype(np.float64)
