@@ -96,19 +96,19 @@ def convert_bag(
         StorageError: a file cannot be written.
     """
     found: dict[str, None] = {}
-    info = read_info(bag_dir, found.setdefault)
-    context = Context(
-        bag_dir,
-        run_dir,
-        found.setdefault,
-        definitions,
-        info.distribution,
-        dict(info.topics),
-        window,
-    )
     workers: list[Worker] = []
-    feeds = _Feeds(context, workers)
     try:
+        info = read_info(bag_dir, found.setdefault)
+        context = Context(
+            bag=bag_dir,
+            folder=run_dir,
+            warn=found.setdefault,
+            definitions=definitions,
+            distribution=info.distribution,
+            topics=dict(info.topics),
+            window=window,
+        )
+        feeds = _Feeds(context, workers)
         for number, job in enumerate(jobs):
             workers.append(job.start(replace(context, number=number)))
         read_bag(bag_dir, info, feeds.subscribe, context.warn)
@@ -229,9 +229,12 @@ class _Feed:
         return self._take if self._consumers else None
 
     def _take(self, time: int, data: bytes) -> None:
+        reason = ""
         for consume in self._consumers:
             try:
                 consume(time, data)
             except _UNDECODABLE as error:
-                self.damaged += 1
-                self.reason = self.reason or str(error)
+                reason = str(error) or type(error).__name__
+        if reason:
+            self.damaged += 1
+            self.reason = self.reason or reason

@@ -132,6 +132,14 @@ def test_all_jobs_share_one_pass_over_a_bag(
     }
 
 
+def test_a_damaged_message_counts_once_however_many_jobs_want_it(tmp_path: Path) -> None:
+    with Bag(tmp_path / "rosbag2") as bag:
+        bag.write_raw("/a", "std_msgs/msg/String", b"junk")
+    job = job_of("rosbags_to_csv", {"topics": ["/a"]})
+    done = convert_run(tmp_path, [job, job])
+    assert [text for text in done.warnings if text.startswith("1 messages on /a")]
+
+
 def test_nothing_but_complete_files_is_left(campaign: Path) -> None:
     run = campaign / "one" / "0"
     before = {path.name for path in run.iterdir()}
