@@ -76,8 +76,8 @@ class Shard(_Status):
     """Name of its Job."""
     state: Literal["Waiting", "Open", "Complete", "Failed"]
     """`Failed` when its Job did not come to its end."""
-    packs: str
-    """Its packs as a range."""
+    packs: str = ""
+    """Its packs as a range; empty for a repetition."""
     attempt: int = 1
     """1, or the repetition that it belongs to."""
     runs: str = ""
