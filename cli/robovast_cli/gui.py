@@ -69,7 +69,7 @@ def gui(
     their .vast files name. The page answers on this machine only, at an address that holds a
     secret. Ctrl-C ends it.
     """
-    from robovast.evaluation.campaign_index import is_campaign
+    from robovast.evaluation.campaigns import is_campaign
 
     try:
         from robovast.evaluation.server.serve import serve
@@ -97,7 +97,7 @@ def _postprocess(folder: Path, force: bool, override: Path | None) -> bool:
 
     What fails is said, and the page shows what there is.
     """
-    from robovast.evaluation.campaign_index import find_campaigns, is_campaign
+    from robovast.evaluation.campaigns import find_campaigns, is_campaign
     from robovast.postprocessing.events import Options
     from robovast_cli.postprocessing import run
 

@@ -20,6 +20,8 @@ export interface Summary {
 export interface Campaigns {
   results: string;
   campaigns: Record<string, Summary | null>;
+  /** Why campaigns cannot be read. */
+  faults: Record<string, string>;
 }
 
 export interface ActiveJob {

@@ -8,7 +8,9 @@ import { choose, link } from "./route";
 
 function isStale(data: Campaigns, versions: Versions): boolean {
   const names = new Set([...Object.keys(versions), ...Object.keys(data.campaigns)]);
-  return [...names].some((name) => versions[name] !== data.campaigns[name]?.version);
+  return [...names].some(
+    (name) => !data.faults[name] && versions[name] !== data.campaigns[name]?.version,
+  );
 }
 
 export function CampaignsPage({ query }: { query: URLSearchParams }) {
@@ -76,6 +78,7 @@ export function CampaignsPage({ query }: { query: URLSearchParams }) {
                     key={name}
                     name={name}
                     summary={summary}
+                    fault={data.faults[name]}
                     chosen={chosen.includes(name)}
                     onToggle={() => toggle(name)}
                   />
@@ -93,11 +96,12 @@ export function CampaignsPage({ query }: { query: URLSearchParams }) {
 interface RowProps {
   name: string;
   summary: Summary | null;
+  fault: string | undefined;
   chosen: boolean;
   onToggle: () => void;
 }
 
-function Row({ name, summary, chosen, onToggle }: RowProps) {
+function Row({ name, summary, fault, chosen, onToggle }: RowProps) {
   return (
     <tr>
       <td>
@@ -106,7 +110,7 @@ function Row({ name, summary, chosen, onToggle }: RowProps) {
       <td>
         <a href={link(["campaign", name])}>{name}</a>
       </td>
-      {summary ? (
+      {summary && !fault ? (
         <>
           <td>
             <State state={summary.state} />
@@ -120,7 +124,7 @@ function Row({ name, summary, chosen, onToggle }: RowProps) {
         </>
       ) : (
         <td colSpan={5} class="quiet">
-          Reading …
+          {fault ?? "Reading …"}
         </td>
       )}
     </tr>

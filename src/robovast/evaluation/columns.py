@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from robovast.evaluation.campaign_index import VariantRuns
+from robovast.evaluation.summaries import VariantRuns
 from robovast.results.verdict import Verdict
 
 VERDICTS = list(Verdict)

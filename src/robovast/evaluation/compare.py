@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import exp, lgamma, sqrt
 from statistics import median
 
-from robovast.evaluation.campaign_index import VariantRuns
+from robovast.evaluation.summaries import VariantRuns
 from robovast.results.verdict import Verdict
 
 LEVEL = 0.05

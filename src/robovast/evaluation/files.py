@@ -55,8 +55,9 @@ def list_files(results: Path, relative: str) -> list[FileEntry]:
         raise MissingError(f"{relative} is no folder.")
     entries = []
     for path, size in _walk(folder):
-        name = path.relative_to(folder).as_posix()
-        entries.append(FileEntry(path.relative_to(results).as_posix(), name, kind_of(name), size))
+        name = _readable(path.relative_to(folder).as_posix())
+        place = _readable(path.relative_to(results).as_posix())
+        entries.append(FileEntry(place, name, kind_of(name), size))
         if len(entries) == MOST_FILES:
             break
     return sorted(entries, key=lambda entry: entry.name)
@@ -65,6 +66,11 @@ def list_files(results: Path, relative: str) -> list[FileEntry]:
 def kind_of(name: str) -> str:
     """What the page can do with a file, by its suffix."""
     return KINDS.get(PurePosixPath(name).suffix.lower(), "other")
+
+
+def _readable(name: str) -> str:
+    """A name that is no UTF-8 as one that can be shown."""
+    return name.encode("utf-8", "replace").decode()
 
 
 def _walk(folder: Path) -> Iterator[tuple[Path, int]]:

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
 
 from robovast.errors import InputError
-from robovast.evaluation.campaign_index import (
-    CampaignIndex,
-    CampaignSummary,
-    find_campaigns,
-    is_campaign,
-)
+from robovast.evaluation.campaign_index import CampaignIndex
+from robovast.evaluation.campaigns import find_campaigns, is_campaign
 from robovast.evaluation.inside import MissingError, resolved
+from robovast.evaluation.summaries import CampaignSummary
 
 CALM = 100
 """A campaign that nothing executes is looked through after this many times what that takes."""
@@ -24,12 +20,15 @@ CALM = 100
 @dataclass
 class _Shelf:
     index: CampaignIndex
-    changed: int = -1
-    looked: float = 0.0
-    """When it was last looked through, on the monotonic clock [s]."""
-    cost: float = 0.0
-    """How long that took [s]."""
     summary: CampaignSummary | None = None
+    fault: str = ""
+    """Why the campaign could not be read the last time."""
+    changed: int = -1
+    """Time stamp of the campaign's folder then [ns]."""
+    looked: float = 0.0
+    """When that was, on the monotonic clock [s]."""
+    cost: float = 0.0
+    """How long it took [s]."""
     lock: Lock = field(default_factory=Lock)
 
 
@@ -38,6 +37,7 @@ class Library:
 
     def __init__(self, results: Path) -> None:
         self.results = results.resolve()
+        """The results folder, without links."""
         self._shelves: dict[str, _Shelf] = {}
 
     def names(self) -> list[str]:
@@ -47,38 +47,36 @@ class Library:
             InputError: the folder cannot be read.
         """
         found = find_campaigns(self.results)
-        for name in self._shelves.keys() - set(found):
+        for name in set(self._shelves) - set(found):
             self._shelves.pop(name, None)
         return found
 
-    def summary(self, name: str, *, known_only: bool = False) -> CampaignSummary | None:
-        """Summary of a campaign, read again when it may have changed.
-
-        Args:
-            name: the campaign's folder.
-            known_only: read nothing; None when it was never read.
+    def known(self, name: str) -> tuple[CampaignSummary | None, str]:
+        """What was last read of a campaign, and why it could not be read; reads nothing.
 
         Raises:
             InputError: there is no such campaign.
         """
         shelf = self._shelf(name)
-        if known_only:
-            return shelf.summary
-        with shelf.lock:
-            if self._may_have_changed(shelf) and _refresh(shelf):
-                shelf.summary = None
-            if shelf.summary is None or shelf.index.running:
-                shelf.summary = shelf.index.summary()
-            return shelf.summary
+        return shelf.summary, shelf.fault
+
+    def summary(self, name: str) -> CampaignSummary:
+        """Summary of a campaign, read again when it may have changed.
+
+        Raises:
+            InputError: there is no such campaign, or it cannot be read.
+        """
+        return self._read(self._shelf(name))
 
     def campaign(self, name: str) -> CampaignIndex:
         """A campaign as it is now.
 
         Raises:
-            InputError: there is no such campaign.
+            InputError: there is no such campaign, or it cannot be read.
         """
-        self.summary(name)
-        return self._shelf(name).index
+        shelf = self._shelf(name)
+        self._read(shelf)
+        return shelf.index
 
     def _shelf(self, name: str) -> _Shelf:
         known = self._shelves.get(name)
@@ -89,13 +87,23 @@ class Library:
             known = self._shelves.setdefault(name, _Shelf(CampaignIndex(self.results, name)))
         return known
 
+    def _read(self, shelf: _Shelf) -> CampaignSummary:
+        with shelf.lock:
+            try:
+                if self._may_have_changed(shelf) and _refresh(shelf):
+                    shelf.summary = None
+            except InputError as error:
+                shelf.fault = str(error)
+                raise
+            shelf.fault = ""
+            if shelf.summary is None or shelf.index.active is not None:
+                shelf.summary = shelf.index.summary()
+            return shelf.summary
+
     def _may_have_changed(self, shelf: _Shelf) -> bool:
-        try:
-            changed = os.stat(shelf.index.root).st_mtime_ns
-        except OSError as error:
-            raise InputError(f"{shelf.index.root}: {error.strerror}.") from None
+        changed = resolved(self.results, shelf.index.name).stat().st_mtime_ns
         recent = time.monotonic() - shelf.looked < CALM * shelf.cost
-        if recent and changed == shelf.changed and not shelf.index.running:
+        if recent and changed == shelf.changed and shelf.index.active is None:
             return False
         shelf.changed = changed
         return True

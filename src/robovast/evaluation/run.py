@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from robovast.errors import InputError
-from robovast.evaluation.campaign_index import read_yaml
 from robovast.evaluation.files import FileEntry, list_files
 from robovast.evaluation.inside import read_small, resolved
-from robovast.evaluation.untrusted import LONGEST, mapping, parse_json
+from robovast.evaluation.untrusted import LONGEST, mapping, parse_json, read_yaml
 from robovast.results.layout import RUN_RECORD, TEST_RESULT
 
 

@@ -6,9 +6,13 @@ import json
 import math
 from collections.abc import Mapping
 from datetime import date
+from pathlib import Path
 from typing import Any
 
 import yaml
+
+from robovast.errors import InputError
+from robovast.evaluation.inside import read_small
 
 try:
     from yaml import CSafeLoader as _Loader
@@ -36,6 +40,14 @@ def parse_yaml(content: bytes) -> Any:
         return plain(yaml.load(content, Loader=_Loader))  # the safe one
     except (ValueError, RecursionError, TypeError, yaml.YAMLError):
         return None
+
+
+def read_yaml(root: Path, relative: str) -> Mapping[str, Any]:
+    """A small YAML file below a folder that holds a mapping; empty when there is none."""
+    try:
+        return mapping(parse_yaml(read_small(root, relative)))
+    except InputError:
+        return {}
 
 
 def mapping(value: Any) -> Mapping[str, Any]:

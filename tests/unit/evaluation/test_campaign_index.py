@@ -11,8 +11,9 @@ import pytest
 from stored_campaigns import NAME, write, write_campaign, write_run
 
 from robovast.errors import InputError
-from robovast.evaluation import campaign_index
-from robovast.evaluation.campaign_index import CampaignIndex, find_campaigns
+from robovast.evaluation import stored_runs
+from robovast.evaluation.campaign_index import CampaignIndex
+from robovast.evaluation.campaigns import find_campaigns
 from robovast.evaluation.columns import columns
 from robovast.evaluation.library import Library
 from robovast.results.verdict import Verdict
@@ -60,9 +61,9 @@ def test_only_variants_that_changed_are_read_again(
         os.utime(root / variant, (1, 1))  # long ago
     index.refresh()
     read = []
-    original = campaign_index._read_record
+    original = stored_runs._read_record
     monkeypatch.setattr(
-        campaign_index, "_read_record", lambda *args: read.append(args) or original(*args)
+        stored_runs, "_read_record", lambda *args: read.append(args) or original(*args)
     )
     write_run(root, "hall-2", 2, 4, {"speed": 2.0}, judge, outputs=False)
     assert index.refresh()
@@ -80,7 +81,7 @@ def test_a_campaign_runs_as_long_as_its_lock_is_held(root: Path, index: Campaign
         write(root / ".running" / "job-9" / "console.log", "")
         write(root / "_jobs" / "job-9" / "logs" / "system.log", "")
         assert index.refresh()
-        assert [(job.name, job.log) for job in index.active] == [
+        assert [(job.name, job.log) for job in index.active or ()] == [
             ("job-9", f"{NAME}/_jobs/job-9/logs/system.log"),
             ("job-10", f"{NAME}/.running/job-10/console.log"),
         ]
@@ -154,6 +155,30 @@ def test_columns_say_the_same_as_the_runs(index: CampaignIndex) -> None:
     verdicts = [found["verdicts"][code] for code in found["runs"]["verdict"]]
     assert verdicts == ["passed", "passed", "failed", "passed"]
     assert found["reasons"][found["runs"]["reason"][2]] == "goal not reached: no goal after 20 s"
+
+
+def test_names_that_a_page_cannot_show_are_left_out(root: Path) -> None:
+    os.mkdir(os.fsencode(root) + b"/broken\xff")
+    (root / "\u00b2-\u0663").mkdir()
+    index = CampaignIndex(root.parent, NAME)
+    index.refresh()
+    assert {variant.name for variant in index.variants} == {"hall-1", "hall-2", "\u00b2-\u0663"}
+
+
+def test_a_library_says_why_a_campaign_cannot_be_read(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(path: Path) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    library = Library(root.parent)
+    monkeypatch.setattr("robovast.evaluation.campaign_index.os.scandir", refuse)
+    with pytest.raises(InputError, match="Permission denied"):
+        library.summary(NAME)
+    assert library.known(NAME) == (None, f"{NAME} cannot be read: Permission denied.")
+    monkeypatch.undo()
+    assert library.summary(NAME).planned == 4
+    assert library.known(NAME)[1] == ""
 
 
 def test_a_library_forgets_campaigns_that_are_gone(root: Path) -> None:

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robovast.evaluation.campaign_index import RunSummary, VariantRuns
 from robovast.evaluation.compare import Sample, compare, fisher_exact, holm, newcombe
+from robovast.evaluation.summaries import RunSummary, VariantRuns
 from robovast.results.verdict import Verdict
 
 COUNT = st.integers(0, 60)
@@ -48,7 +48,7 @@ def test_holm() -> None:
 
 def variant(name: str, passed: int, bad: int, **parameters) -> VariantRuns:
     verdicts = [Verdict.PASSED] * passed + [Verdict.FAILED] * bad + [Verdict.INTERRUPTED]
-    runs = [RunSummary(i, verdict, "", None, 2.0, "") for i, verdict in enumerate(verdicts)]
+    runs = [RunSummary(i, verdict, "", None, 2.0) for i, verdict in enumerate(verdicts)]
     return VariantRuns(name, "hall", parameters, tuple(runs))
 
 

@@ -83,10 +83,18 @@ class Pages:
         self._closing = closing
 
     def campaigns(self, _: Request) -> Response:
-        """Summaries of all campaigns, the newest first; null for one that was not read yet."""
-        library = self._library
-        found = {name: library.summary(name, known_only=True) for name in library.names()}
-        return Data({"results": str(library.results), "campaigns": found})
+        """Summaries of all campaigns, the newest first.
+
+        Null for one that was not read yet; `faults` says why others cannot be read.
+        """
+        known = {name: self._library.known(name) for name in self._library.names()}
+        return Data(
+            {
+                "results": str(self._library.results),
+                "campaigns": {name: summary for name, (summary, _) in known.items()},
+                "faults": {name: fault for name, (_, fault) in known.items() if fault},
+            }
+        )
 
     def campaign(self, request: Request) -> Response:
         """One campaign with all its runs, as columns."""
@@ -95,7 +103,7 @@ class Pages:
         return Data(
             {
                 "summary": self._library.summary(name),
-                "active": index.active,
+                "active": index.active or (),
                 **columns(index.variants),
             }
         )

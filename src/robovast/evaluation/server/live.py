@@ -22,7 +22,7 @@ async def events(library: Library, closing: asyncio.Event) -> AsyncIterator[str]
     sent: dict[str, int] = {}
     first = True
     while not closing.is_set():
-        now = await asyncio.to_thread(_versions, library)
+        now = await asyncio.to_thread(versions, library)
         changes: dict[str, int | None] = {n: v for n, v in now.items() if sent.get(n) != v}
         changes |= dict.fromkeys(sent.keys() - now.keys())
         if changes or first:
@@ -36,15 +36,20 @@ async def events(library: Library, closing: asyncio.Event) -> AsyncIterator[str]
             continue
 
 
-def _versions(library: Library) -> dict[str, int]:
-    found = {}
-    for name in library.names():
-        try:
-            summary = library.summary(name)
-        except InputError:  # it went away in between
-            continue
-        found[name] = summary.version if summary else 0
-    return found
+def versions(library: Library) -> dict[str, int]:
+    """Versions of all campaigns, each read if it has changed; 0 for one that cannot be read."""
+    try:
+        names = library.names()
+    except InputError:  # the folder is gone; the page's next request says so
+        return {}
+    return {name: _version(library, name) for name in names}
+
+
+def _version(library: Library, name: str) -> int:
+    try:
+        return library.summary(name).version
+    except InputError:  # the list of campaigns says why
+        return 0
 
 
 def _event(data: Mapping[str, Any]) -> str:

@@ -14,9 +14,10 @@ from types import FrameType
 
 import uvicorn
 
-from robovast.errors import InputError, RobovastError
+from robovast.errors import InputError
 from robovast.evaluation.library import Library
 from robovast.evaluation.server.app import make_app
+from robovast.evaluation.server.live import versions
 
 HOST = "127.0.0.1"
 
@@ -46,7 +47,7 @@ def serve(results: Path, port: int | None, ready: Callable[[str], None]) -> None
         limit_concurrency=64,
         timeout_graceful_shutdown=2,
     )
-    Thread(target=_read_ahead, args=(library,), daemon=True, name="read-ahead").start()
+    Thread(target=versions, args=(library,), daemon=True, name="read-ahead").start()
     server = _Server(config, closing, lambda: ready(f"http://{HOST}:{_port(listener)}/{token}/"))
     with listener, suppress(KeyboardInterrupt):
         server.run(sockets=[listener])
@@ -88,12 +89,3 @@ def _listen(port: int | None) -> socket.socket:
 
 def _port(listener: socket.socket) -> int:
     return int(listener.getsockname()[1])
-
-
-def _read_ahead(library: Library) -> None:
-    """Read all campaigns, so that the page has them when it asks."""
-    try:
-        for name in library.names():
-            library.summary(name)
-    except RobovastError:
-        return  # the page's own request says so

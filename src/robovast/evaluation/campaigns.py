@@ -1,0 +1,79 @@
+"""Finding campaigns, and what is being executed."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+from pathlib import Path
+
+from robovast.errors import InputError
+from robovast.evaluation.summaries import ActiveJob
+
+_JOB = re.compile(r"job-([0-9]{1,9})")
+
+
+def is_campaign(path: Path) -> bool:
+    """Whether a folder holds a campaign."""
+    return any((path / name).is_dir() for name in ("_execution", "_transient", "_config"))
+
+
+def find_campaigns(results: Path) -> list[str]:
+    """Names of the campaigns in a results folder, the newest first.
+
+    Raises:
+        InputError: the folder cannot be read.
+    """
+    try:
+        folders = [entry for entry in os.scandir(results) if is_own_folder(entry)]
+    except OSError as error:
+        raise InputError(f"{results}: cannot be read: {error.strerror}.") from None
+    names = [entry.name for entry in folders if is_campaign(Path(entry))]
+    return sorted(names, key=lambda name: (name[-17:], name), reverse=True)  # by the time in it
+
+
+def is_own_folder(entry: os.DirEntry[str]) -> bool:
+    """Whether an entry is a folder, no link, for results: `_` and `.` begin other names.
+
+    A name that is no UTF-8 has no address.
+    """
+    return (
+        entry.name[0] not in "._"
+        and entry.is_dir(follow_symlinks=False)
+        and not any("\ud800" <= character <= "\udfff" for character in entry.name)
+    )
+
+
+def active_jobs(results: Path, campaign: str) -> tuple[ActiveJob, ...] | None:
+    """Jobs of a campaign that are being executed, in order; None when nothing executes it."""
+    root = results / campaign
+    if not _is_locked(root / ".running" / "lock"):
+        return None
+    try:
+        found = [_JOB.fullmatch(name) for name in os.listdir(root / ".running")]
+    except OSError:  # it has just ended
+        return ()
+    numbers = sorted(int(match[1]) for match in found if match)
+    return tuple(ActiveJob(f"job-{n}", _log(root, f"job-{n}")) for n in numbers)
+
+
+def _is_locked(path: Path) -> bool:
+    """Whether a program holds the lock, which it does as long as it executes the campaign."""
+    try:
+        lock = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(lock)
+    return False
+
+
+def _log(root: Path, job: str) -> str | None:
+    """The job's own log, else what its process prints."""
+    candidates = (f"_jobs/{job}/logs/system.log", f".running/{job}/console.log")
+    found = (path for path in candidates if (root / path).is_file())
+    return next((f"{root.name}/{path}" for path in found), None)

@@ -1,0 +1,127 @@
+"""The stored runs of one variant, from their records or, without these, their test results."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import stat
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from robovast.evaluation.summaries import RunSummary, VariantRuns
+from robovast.evaluation.untrusted import mapping, plain, read_yaml
+from robovast.results.layout import RUN_RECORD, TEST_RESULT
+from robovast.results.verdict import Verdict, read_test_result
+
+LARGEST = 1 << 20
+"""Of a record or a test result that is read [bytes]."""
+LONGEST_REASON = 500
+"""Characters of a reason in lists; the page of the run has all of it."""
+
+_RUN = re.compile(r"0|[1-9][0-9]{0,8}")
+_VERDICTS = list(Verdict)
+
+
+def read_variant(results: Path, campaign: str, name: str) -> VariantRuns:
+    """A variant with its runs; links are not followed.
+
+    Raises:
+        OSError: its folder cannot be read.
+    """
+    root = results / campaign / name
+    with _folder(root) as variant:
+        numbers = sorted(int(entry.name) for entry in os.scandir(variant) if _is_run(entry))
+        records = [(number, _read_record(variant, number)) for number in numbers]
+    first: Mapping[str, Any] = next((record for _, record in records if record), {})
+    if isinstance(first.get("parameters"), dict):
+        parameters = _bounded(first["parameters"])
+    else:
+        scenarios = read_yaml(results, f"{campaign}/{name}/_config/scenario.config")
+        parameters = next(map(mapping, scenarios.values()), {})
+    runs = [
+        _from_record(number, record) if record else _from_test_result(root, number)
+        for number, record in records
+    ]
+    return VariantRuns(name, str(first.get("entry") or name), parameters, tuple(runs))
+
+
+def seconds(value: Any) -> float | None:
+    """A time of ISO 8601 as seconds since the epoch; None when it is none."""
+    try:
+        return datetime.fromisoformat(str(value)).timestamp()
+    except (ValueError, OverflowError):
+        return None
+
+
+@contextmanager
+def _folder(path: Path) -> Iterator[int]:
+    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    try:
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def _is_run(entry: os.DirEntry[str]) -> bool:
+    return bool(_RUN.fullmatch(entry.name)) and entry.is_dir(follow_symlinks=False)
+
+
+def _read_record(variant: int, number: int) -> Mapping[str, Any]:
+    """A run's record; empty when there is none that can be read."""
+    flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    try:
+        descriptor = os.open(f"{number}/{RUN_RECORD}", flags, dir_fd=variant)
+    except OSError:
+        return {}
+    try:
+        record = mapping(json.loads(os.read(descriptor, LARGEST)))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    finally:
+        os.close(descriptor)
+    return record if record.get("verdict") in _VERDICTS else {}
+
+
+def _from_record(number: int, record: Mapping[str, Any]) -> RunSummary:
+    return RunSummary(
+        number=number,
+        verdict=Verdict(record["verdict"]),
+        reason=sys.intern(str(record.get("reason") or "")[:LONGEST_REASON]),
+        started_at=seconds(record.get("started_at")),
+        duration=_number(record.get("duration")),
+    )
+
+
+def _from_test_result(variant: Path, number: int) -> RunSummary:
+    """A run without a record: of another program, or of an older version."""
+    folder = variant / str(number)
+    if not _is_small_file(folder / TEST_RESULT):
+        return RunSummary(number, Verdict.ERRORED, f"there is no {TEST_RESULT}", None, None)
+    result = read_test_result(folder)
+    reason = result.reason[:LONGEST_REASON]
+    return RunSummary(number, result.verdict, reason, result.started_at, result.duration)
+
+
+def _is_small_file(path: Path) -> bool:
+    try:
+        status = path.lstat()
+    except OSError:
+        return False
+    return stat.S_ISREG(status.st_mode) and status.st_size < LARGEST
+
+
+def _bounded(parameters: Mapping[str, Any]) -> Mapping[str, Any]:
+    try:
+        return mapping(plain(parameters))
+    except ValueError:
+        return {}
+
+
+def _number(value: Any) -> float | None:
+    usable = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if usable and abs(value) < float("inf") else None

@@ -1,0 +1,63 @@
+"""What lists of runs and campaigns show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from robovast.results.verdict import Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class RunSummary:
+    """One run."""
+
+    number: int
+    verdict: Verdict
+    reason: str
+    started_at: float | None
+    """[s since the epoch]"""
+    duration: float | None
+    """[s]"""
+
+
+@dataclass(frozen=True, slots=True)
+class VariantRuns:
+    """A variant and its stored runs, by number."""
+
+    name: str
+    entry: str
+    parameters: Mapping[str, Any]
+    runs: tuple[RunSummary, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ActiveJob:
+    """A job that is being executed."""
+
+    name: str
+    log: str | None
+    """Path of its log relative to the results folder; None before it has one."""
+
+
+@dataclass(frozen=True)
+class CampaignSummary:
+    """One campaign."""
+
+    name: str
+    state: str
+    """`running`, `finished`, or `incomplete`: nothing executes it, and runs are missing."""
+    planned: int
+    """Runs that it is to have."""
+    counts: Mapping[Verdict, int]
+    """Stored runs by verdict."""
+    variants: int
+    started_at: float | None
+    """[s since the epoch]"""
+    duration: float | None
+    """From its start to the end of its last run, or until now while it is running [s]."""
+    execution: Mapping[str, Any]
+    """Content of execution.yaml."""
+    version: int
+    """Grows with every change."""
