@@ -163,7 +163,7 @@ def test_classes_take_parameters_either_way(tmp_path: Path) -> None:
 
 
 BAD = """
-import os, sys, time
+import os, shutil, sys, tempfile, time
 from pathlib import Path
 
 def raises(results_dir, config_dir):
@@ -211,7 +211,13 @@ def takes_b(results_dir, config_dir, b):
 no_function = 5
 
 def good(results_dir, config_dir):
-    (Path(results_dir) / "good.txt").write_text("")
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "below").mkdir()
+        (Path(folder) / "below" / "x").write_text("")
+        shutil.copy(Path(folder) / "below" / "x", Path(results_dir) / "good.txt")
+    (Path(results_dir) / "moved").mkdir()
+    os.rename(Path(results_dir) / "moved", Path(results_dir) / "again")
+    shutil.rmtree(Path(results_dir) / "again")
     return True, ""
 """
 BAD_MESSAGES = {

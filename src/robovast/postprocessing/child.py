@@ -15,7 +15,6 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, TextIO
 
 from robovast.errors import InputError, RobovastError
@@ -70,7 +69,8 @@ def call(request: Mapping[str, Any], guard: Guard) -> Outcome:
     """Call a plugin; whatever goes wrong in it is an outcome.
 
     Args:
-        request: `name`, `parameters`, `folder` (of the .vast file), `results_dir` and `campaign`.
+        request: `name`, `parameters`, `folder` (of the .vast file), `results_dir`, `campaign`
+            and `scratch`, a folder for this process alone.
         guard: watches its writes.
     """
     try:
@@ -140,14 +140,15 @@ def _place(error: Exception) -> str:
 def _guarded(request: Mapping[str, Any], guard: Guard) -> Outcome:
     campaign, results = Path(request["campaign"]), Path(request["results_dir"])
     plugin = _load(request)
-    with TemporaryDirectory(prefix="robovast-provenance-") as folder:
-        provenance = Path(folder) / "provenance.json"
-        prepared = prepare(plugin, request, provenance)
-        guard.allow(campaign, [Path(folder), *_named_folders(request)])
-        returned = prepared()
-        guard.allow_all()
-        outcome = read_returned(returned, request["name"], results, campaign)
-        entries = _file_entries(provenance, request["name"], results, campaign)
+    scratch = Path(request["scratch"])
+    provenance = scratch / "provenance.json"
+    provenance.unlink(missing_ok=True)
+    prepared = prepare(plugin, request, provenance)
+    guard.allow(campaign, [scratch, *_named_folders(request)])
+    returned = prepared()
+    guard.allow_all()
+    outcome = read_returned(returned, request["name"], results, campaign)
+    entries = _file_entries(provenance, request["name"], results, campaign)
     if guard.refused:
         return Outcome(False, f"was refused to write {guard.refused}: {_OUTSIDE}")
     return Outcome(outcome.success, outcome.message, outcome.entries + entries)

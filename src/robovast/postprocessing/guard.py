@@ -14,16 +14,17 @@ from pathlib import Path
 from typing import Any
 
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
-_PATHS = {
-    "os.rename": 2,
-    "os.link": 2,
-    "os.symlink": 2,
-    "os.remove": 1,
-    "os.rmdir": 1,
-    "os.mkdir": 1,
-    "os.truncate": 1,
+_PATHS: dict[str, tuple[tuple[int, int], ...]] = {
+    "os.rename": ((0, 2), (1, 3)),
+    "os.link": ((1, 3),),
+    "os.symlink": ((1, 2),),
+    "os.remove": ((0, 1),),
+    "os.rmdir": ((0, 1),),
+    "os.mkdir": ((0, 2),),
+    "os.truncate": ((0, 1),),
 }
-"""Events that change a folder, and how many of their arguments are paths."""
+"""Events that change a folder: which of their arguments are the paths, and the open folders that
+these are relative to."""
 
 
 class Guard:
@@ -32,6 +33,7 @@ class Guard:
     def __init__(self) -> None:
         self._results: str | None = None
         self._allowed: tuple[str, ...] = ()
+        self._elsewhere = (os.path.realpath(tempfile.gettempdir()), "/dev", "/proc")
         self.refused: str | None = None
         """What was refused first since `allow`."""
 
@@ -54,9 +56,9 @@ class Guard:
         if self._results is None:
             return
         for path in _written(event, arguments):
-            if isinstance(path, str | bytes | os.PathLike) and not self._may(os.fsdecode(path)):
-                self.refused = self.refused or os.fsdecode(path)
-                raise PermissionError(f"{os.fsdecode(path)} is outside of the campaign")
+            if not self._may(path):
+                self.refused = self.refused or path
+                raise PermissionError(f"{path} is outside of the campaign")
 
     def _may(self, path: str) -> bool:
         real = os.path.realpath(path)
@@ -64,18 +66,28 @@ class Guard:
             return True
         if _below(real, (str(self._results),)):
             return os.path.dirname(real) == self._results and not os.path.isdir(real)
-        return _below(real, (os.path.realpath(tempfile.gettempdir()), "/dev", "/proc"))
+        return _below(real, self._elsewhere)
 
 
-def _written(event: str, arguments: tuple[Any, ...]) -> Iterator[Any]:
+def _written(event: str, arguments: tuple[Any, ...]) -> Iterator[str]:
     """Paths that an event is about to change."""
     if event == "open":
         path, mode, flags = arguments
         by_mode = isinstance(mode, str) and not set(mode).isdisjoint("wax+")
         if by_mode or (isinstance(flags, int) and flags & _WRITING):
-            yield path
-    elif event in _PATHS and not (event == "os.mkdir" and os.path.isdir(arguments[0])):
-        yield from arguments[: _PATHS[event]]
+            yield from _path(path, -1)
+    for place, folder in _PATHS.get(event, ()):
+        opened = arguments[folder] if folder < len(arguments) else -1
+        for path in _path(arguments[place], opened):
+            if event != "os.mkdir" or not os.path.isdir(path):
+                yield path
+
+
+def _path(path: Any, folder: Any) -> Iterator[str]:
+    """A path as text; what is opened already, and has a number, was looked at then."""
+    if isinstance(path, str | bytes | os.PathLike):
+        base = os.readlink(f"/proc/self/fd/{folder}") if folder not in (-1, None) else ""
+        yield os.path.join(base, os.fsdecode(path))
 
 
 def _below(path: str, folders: Iterable[str]) -> bool:

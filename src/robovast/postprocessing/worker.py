@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import IO, Any
 
@@ -38,6 +39,7 @@ class Worker:
         self._stopped = stopped
         self._process: subprocess.Popen[bytes] | None = None
         self._replies = -1
+        self._scratch = TemporaryDirectory(prefix="robovast-postprocessing-")
 
     def __enter__(self) -> Worker:
         return self
@@ -48,8 +50,9 @@ class Worker:
         error: BaseException | None,
         at: TracebackType | None,
     ) -> None:
-        """End the process."""
+        """End the process, and take away what it left."""
         self.close()
+        self._scratch.cleanup()
 
     def per_run(self, call: Mapping[str, Any]) -> bool:
         """Whether a plugin is to be called for each run."""
@@ -65,7 +68,7 @@ class Worker:
         Raises:
             StoppedError: the user asked to stop meanwhile.
         """
-        reply = self._ask({**call, "ask": "call"})
+        reply = self._ask({**call, "ask": "call", "scratch": self._scratch.name})
         return Outcome(**reply) if isinstance(reply, dict) else Outcome(False, str(reply))
 
     def convert_bags(self, calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
