@@ -88,8 +88,10 @@ def test_another_origin_is_refused(page: ShownPage, origin: str) -> None:
     assert page.get("api/campaigns", Origin=origin).status == 403
 
 
-def test_a_request_that_another_site_makes_is_refused(page: ShownPage) -> None:
-    headers = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors"}
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+def test_a_request_that_another_site_makes_is_refused(page: ShownPage, site: str) -> None:
+    """Another port of this machine is the same site to a browser."""
+    headers = {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "no-cors"}
     assert page.get("api/campaigns", **headers).status == 403
     assert page.get("page.js", **headers).status == 403
 

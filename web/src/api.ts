@@ -76,6 +76,7 @@ export interface RunDetails {
   record: Record<string, unknown>;
   files: FileEntry[];
   job_files: FileEntry[];
+  packed: boolean;
   logs: string[];
   usage: string[];
   sysinfo: Record<string, unknown>;

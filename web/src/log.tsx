@@ -12,6 +12,8 @@ interface LogProps {
   query: URLSearchParams;
   /** When the run took place [s since the epoch]; its job's log may tell of other runs too. */
   period: [number, number] | null;
+  /** Whether it does tell of others. */
+  packed?: boolean;
   /** Whether it grows: read again and again, and kept at its end. */
   live?: boolean;
 }
@@ -19,11 +21,11 @@ interface LogProps {
 /** How often a growing log is read [ms]. */
 const PERIOD = 1500;
 
-export function Log({ paths, query, period, live = false }: LogProps) {
+export function Log({ paths, query, period, packed = false, live = false }: LogProps) {
   const path = query.get("log") ?? paths[0] ?? "";
   const text = query.get("find") ?? "";
   const levels = query.get("levels") ?? "";
-  const only = query.get("only") === "run" && period;
+  const only = (query.get("lines") ?? (packed ? "run" : "all")) === "run" && period;
   const [before, setBefore] = useState(0);
   const [page, setPage] = useState<LogPage | null>(null);
   const [error, setError] = useState<string | null>(null);
@@ -92,7 +94,7 @@ export function Log({ paths, query, period, live = false }: LogProps) {
             <input
               type="checkbox"
               checked={Boolean(only)}
-              onChange={(event) => choose({ only: event.currentTarget.checked ? "run" : "" })}
+              onChange={(event) => choose({ lines: event.currentTarget.checked ? "run" : "all" })}
             />
             Only this run’s time
           </label>

@@ -93,7 +93,7 @@ function tabsOf(data: RunDetails, query: URLSearchParams): Tab[] {
   const [from, to] = [seconds(data.record.started_at), seconds(data.record.finished_at)];
   const period = from !== null && to !== null ? ([from - 0.05, to + 0.05] as [number, number]) : null;
   const tabs: (Tab | false)[] = [
-    { id: "log", label: "Log", show: () => <Log paths={data.logs} query={query} period={period} /> },
+    { id: "log", label: "Log", show: () => <Log paths={data.logs} query={query} period={period} packed={data.packed} /> },
     tables.length > 0 && { id: "plots", label: "Plots", show: () => <Tables files={tables} query={query} /> },
     data.usage.length > 0 && { id: "resources", label: "Resources", show: () => <Resources data={data} /> },
     { id: "parameters", label: "Parameters", show: () => <Parameters data={data} /> },

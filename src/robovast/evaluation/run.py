@@ -52,6 +52,8 @@ class RunDetails:
     """Of the run's folder."""
     job_files: list[FileEntry]
     """Of its job's folder, which it may share with other runs."""
+    packed: bool = False
+    """Whether its job had other runs too, of which the job's log tells."""
     logs: list[str] = field(default_factory=list)
     """Paths of logs, the one that tells most first."""
     usage: list[str] = field(default_factory=list)
@@ -81,6 +83,7 @@ def read_run(results: Path, campaign: str, variant: str, number: int) -> RunDeta
         record=record,
         files=files,
         job_files=job_files,
+        packed=job is not None and _finished_runs(results, job) > 1,
         logs=[entry.path for entry in (*job_files, *files) if entry.kind == "log"],
         usage=[e.path for e in (*job_files, *files) if _is_usage(e.name)],
         sysinfo=_sysinfo(results, place, job),
@@ -130,6 +133,13 @@ def _job_folder(results: Path, campaign: str, place: str, record: Mapping[str, A
         if folder.is_dir() and folder.is_relative_to(results / campaign):
             return folder.relative_to(results).as_posix()
     return None
+
+
+def _finished_runs(results: Path, job: str) -> int:
+    try:
+        return len(read_small(results, f"{job}/finished_runs").splitlines())
+    except InputError:
+        return 0
 
 
 def _is_usage(name: str) -> bool:

@@ -29,6 +29,14 @@ def test_a_run_with_everything(root: Path) -> None:
     assert [file.name for file in run.files] == ["poses.csv", "run.json", "test.xml"]
 
 
+def test_a_job_with_other_runs_is_told(root: Path) -> None:
+    finished = root / "_jobs" / "job-0" / "finished_runs"
+    write(finished, "hall-1/0\n")
+    assert not read_run(root.parent, NAME, "hall-1", 0).packed
+    write(finished, "hall-1/0\nhall-2/0\n")
+    assert read_run(root.parent, NAME, "hall-1", 0).packed
+
+
 def test_the_command_names_the_variant_and_its_image(root: Path) -> None:
     words = shlex.split(read_run(root.parent, NAME, "hall-1", 0).command)
     vast_file = str(root / "_config" / "hall.vast")
