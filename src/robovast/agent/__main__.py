@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 from robovast.agent.exit_codes import AgentExit, exit_code_of_error
 from robovast.agent.folders import Folders
@@ -22,6 +23,7 @@ _COMMANDS = {
     "agent": "store the runs of a pod as they end",
     "compose": "expand a document and store what its pods need",
     "finish": "complete a campaign's results and sum them up",
+    "process": "work a campaign's results up: tables, metadata, provenance",
     "purge": "remove a campaign's results",
 }
 """Each is a function of the module of its name."""
@@ -41,6 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _carry_out(options: argparse.Namespace, folders: Folders) -> AgentExit:
+    _spare_administration()
     module = import_module(f"robovast.agent.{options.command}")
     arguments = [folders]
     if options.command == "fetch":
@@ -48,6 +51,16 @@ def _carry_out(options: argparse.Namespace, folders: Folders) -> AgentExit:
         arguments.append(module.Request(options.first_pack, index, options.attempt, options.runs))
     code: AgentExit = getattr(module, options.command)(*arguments)
     return code
+
+
+def _spare_administration() -> None:
+    """Importing `minio` imports its client for administrators, with a cryptography library.
+
+    That would be a third of what it takes to start in every pod, for nothing.
+    """
+    nothing = ModuleType("minio.minioadmin")
+    nothing.MinioAdmin = None  # type: ignore[attr-defined]
+    sys.modules[nothing.__name__] = nothing
 
 
 def _parser() -> argparse.ArgumentParser:
