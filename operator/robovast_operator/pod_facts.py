@@ -102,11 +102,20 @@ def _troubles(pod: Object) -> Iterator[Trouble]:
         ended = (container.get("state") or {}).get("terminated") or {}
         if ended.get("exitCode") in _EXITS:
             reason = _EXITS[ended["exitCode"]]
-            message = ended.get("message") or f"{container['name']}: exit {ended['exitCode']}"
-            yield Trouble(reason, message.strip(), final=reason in _FINAL)
+            told = _error(ended.get("message") or "")
+            message = told or f"{container['name']}: exit {ended['exitCode']}"
+            yield Trouble(reason, message, final=reason in _FINAL)
 
 
 _FINAL = frozenset({"Incompatible", "InvalidDocument", "InvalidPlan"})
+
+
+def _error(message: str) -> str:
+    """What a container says is wrong; those with a report say it as one key of that."""
+    try:
+        return str(json.loads(message)["error"])
+    except (ValueError, KeyError, TypeError):
+        return message.strip()
 
 
 def _waiting_message(container: Object, waiting: Object) -> str:

@@ -191,7 +191,11 @@ def _own(settings: Settings, name: str, arguments: list[str], mounts: list[Objec
         "command": ["python", "-m", "robovast.agent", *arguments],
         "resources": OWN_RESOURCES,
         "securityContext": _confined(restricted=True) | {"readOnlyRootFilesystem": True},
-        "env": [{"name": "HOME", "value": "/work"}, {"name": "TMPDIR", "value": "/work"}],
+        "env": [
+            {"name": "HOME", "value": "/work"},
+            {"name": "TMPDIR", "value": "/work"},
+            {"name": "NODE_NAME", "valueFrom": {"fieldRef": {"fieldPath": "spec.nodeName"}}},
+        ],
         "terminationMessagePolicy": "FallbackToLogsOnError",
         "volumeMounts": mounts,
     }

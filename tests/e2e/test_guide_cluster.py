@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 import subprocess
 
@@ -34,6 +35,12 @@ def test_the_guides_commands_work_line_by_line(lab: Lab) -> None:
     type_in("vast exec cluster run --config config1 --runs 1  # run single configuration, once")
     type_in("vast results download")
     (first,) = (lab.folder / "results").glob("quick-*/config1-1/0/test.xml")
+    type_in("vast results postprocess")
+    type_in("vast results postprocess --force")
+    asked = type_in("vast results query 'SELECT config, verdict FROM runs' -o json").stdout
+    assert json.loads(asked) == [{"config": "config1-1", "verdict": "passed"}]
+    asked = type_in("vast results sparql test-results -o json").stdout
+    assert json.loads(asked)
     done = type_in("vast exec cluster run --detach")
     assert "monitor" in done.stdout
     type_in("vast exec cluster monitor")

@@ -153,3 +153,10 @@ def test_each_change_of_a_condition_is_told_once() -> None:
     assert list(messages(after, after)) == []
     assert after[0].last_transition_time == "t"
     assert after[1].last_transition_time == "u"
+
+
+def test_the_error_of_a_report_is_told_as_text() -> None:
+    report = json.dumps({"passed": "", "failed": "", "errored": "", "error": "no server at x"})
+    found = trouble_of([pod(0, ended("agent", 74, report))])
+    assert found is not None
+    assert (found.reason, found.message) == ("Storage", "no server at x")
