@@ -88,6 +88,8 @@ class CampaignState:
         runs = self.status.runs
         if self.rejected:
             return ExitCode.BAD_INPUT
+        if self._given_up_before_any_run:
+            return ExitCode.CANNOT_RUN
         if runs.failed:
             return ExitCode.TEST_FAILED
         if runs.errored:
@@ -95,6 +97,12 @@ class CampaignState:
         if self.status.state == "Failed":
             return ExitCode.RUN_ERRORED if self.done else ExitCode.CANNOT_RUN
         return ExitCode.OK if self.done >= runs.total else ExitCode.RUN_ERRORED
+
+    @property
+    def _given_up_before_any_run(self) -> bool:
+        """True when no run could start, such as those of an incompatible image."""
+        runs = self.status.runs
+        return self._is("Succeeded", "False") and not (runs.passed or runs.failed)
 
     def counts(self) -> str:
         """`12 of 260 done: 11 passed, 1 failed; 4 pods' runs are active`."""
