@@ -101,8 +101,7 @@ class CampaignState:
     @property
     def _given_up_before_any_run(self) -> bool:
         """True when no run could start, such as those of an incompatible image."""
-        runs = self.status.runs
-        return self._is("Succeeded", "False") and not (runs.passed or runs.failed)
+        return self._is("Succeeded", "False") and not self.status.runs.stored
 
     def counts(self) -> str:
         """`12 of 260 done: 11 passed, 1 failed; 4 pods' runs are active`."""
