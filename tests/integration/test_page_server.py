@@ -47,7 +47,9 @@ def test_the_page_shows_campaigns_runs_and_logs(page: ShownPage) -> None:
     assert page.get("page.js").headers["content-type"].startswith("text/javascript")
     campaign = page.get(f"api/campaigns/{NAME}").data
     assert campaign["summary"]["counts"]["failed"] == 2
-    run = page.get(f"api/campaigns/{NAME}/hall-2/0").data
+    answer = page.get(f"api/campaigns/{NAME}/hall-2/0").data
+    assert answer["siblings"] == [[0, "failed"], [1, "failed"]]
+    run = answer["details"]
     log = page.get(f"api/log?path={quote(run['logs'][0])}&levels=error").data
     assert "goal not reached" in log["lines"][0][2]
     assert page.get(f"api/compare?a={NAME}&b={NAME}").data["overall"]["p"] == 1
@@ -168,7 +170,10 @@ def test_names_with_markup_are_data(page: ShownPage) -> None:
     answer = page.get(f"api/campaigns/{NAME}")
     assert answer.headers["content-type"] == "application/json"
     assert EVIL in answer.data["variants"]["name"]
-    assert page.get(f"api/campaigns/{NAME}/{quote(EVIL)}/0").data["record"]["variant"] == EVIL
+    assert (
+        page.get(f"api/campaigns/{NAME}/{quote(EVIL)}/0").data["details"]["record"]["variant"]
+        == EVIL
+    )
 
 
 def test_a_fault_of_the_request_is_an_error_with_words(page: ShownPage) -> None:

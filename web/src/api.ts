@@ -65,6 +65,12 @@ export interface Bag {
   topics: [string, string, number][];
 }
 
+/** A run, and number and verdict of each run of its configuration. */
+export interface RunAnswer {
+  details: RunDetails;
+  siblings: [number, Verdict][];
+}
+
 /** Messages over time, in equal parts. */
 export interface Timeline {
   start: number;

@@ -11,10 +11,16 @@ const GLYPHS: Record<Verdict, string> = { passed: "✓", failed: "✕", errored:
 export function Mark({ verdict }: { verdict: Verdict }) {
   return (
     <span class={`mark ${verdict}`}>
-      <span class="glyph" aria-hidden="true">
-        {GLYPHS[verdict]}
-      </span>
+      <Glyph verdict={verdict} />
       {verdict}
+    </span>
+  );
+}
+
+export function Glyph({ verdict }: { verdict: Verdict }) {
+  return (
+    <span class="glyph" aria-hidden="true">
+      {GLYPHS[verdict]}
     </span>
   );
 }
@@ -40,9 +46,7 @@ export function VerdictBar({ summary }: { summary: Summary }) {
       <span class="numbers">
         {shares.map((verdict) => (
           <span key={verdict} class={`mark ${verdict}`} title={verdict}>
-            <span class="glyph" aria-hidden="true">
-              {GLYPHS[verdict]}
-            </span>
+            <Glyph verdict={verdict} />
             {count(counts[verdict])}
             <span class="hidden"> {verdict}</span>
           </span>

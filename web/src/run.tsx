@@ -1,15 +1,17 @@
 // One run: its verdict and why, and all that it left behind.
 import { useMemo } from "preact/hooks";
-import { address, fileAddress, type FileEntry, type RunDetails, type Usage, type Verdict } from "./api";
+import { address, fileAddress, type FileEntry, type RunAnswer, type RunDetails, type Usage, type Verdict } from "./api";
 import { show } from "./data";
 import { bytes, count, duration, moment } from "./format";
 import { useAnswer } from "./live";
 import { Bags } from "./bags";
 import { Log } from "./log";
-import { Copy, Export, Mark, Tabs, Waiting, type Tab } from "./parts";
+import { Copy, Export, Glyph, Mark, Tabs, Waiting, type Tab } from "./parts";
 import { Plot } from "./plot";
-import { choose } from "./route";
+import { choose, link } from "./route";
 import { Tables } from "./tables";
+
+const MOST_SIBLINGS = 50;
 
 interface RunProps {
   campaign: string;
@@ -19,17 +21,49 @@ interface RunProps {
 }
 
 export function RunPage({ campaign, variant, run, query }: RunProps) {
-  const { data, error } = useAnswer<RunDetails>(address(["campaigns", campaign, variant, run]));
-  if (!data) return <Waiting error={error} title={`${variant}/${run}`} />;
+  const answer = useAnswer<RunAnswer>(address(["campaigns", campaign, variant, run]));
+  const { error } = answer;
+  const data = answer.data?.details;
+  if (!answer.data || !data) return <Waiting error={error} title={`${variant}/${run}`} />;
   return (
     <>
       <Head data={data} title={`${variant}/${run}`} />
+      <Siblings {...{ campaign, variant, run }} siblings={answer.data.siblings} />
       <Tabs
         tabs={tabsOf(data, query)}
         chosen={query.get("tab") ?? "log"}
         onChoose={(tab) => choose({ tab: tab === "log" ? "" : tab })}
       />
     </>
+  );
+}
+
+interface SiblingsProps {
+  campaign: string;
+  variant: string;
+  run: string;
+  siblings: [number, Verdict][];
+}
+
+/** Links to the other runs of the configuration. */
+function Siblings({ campaign, variant, run, siblings }: SiblingsProps) {
+  if (siblings.length < 2) return null;
+  return (
+    <nav class="siblings" aria-label="Runs of this configuration">
+      <span aria-hidden="true">Its runs</span>
+      {siblings.slice(0, MOST_SIBLINGS).map(([number, verdict]) => (
+        <a
+          key={number}
+          class={`button mark ${verdict}`}
+          href={link(["campaign", campaign, variant, number])}
+          aria-current={String(number) === run ? "page" : undefined}
+        >
+          <Glyph verdict={verdict} />
+          {number}
+          <span class="hidden"> {verdict}</span>
+        </a>
+      ))}
+    </nav>
   );
 }
 
@@ -91,7 +125,7 @@ function tabsOf(data: RunDetails, query: URLSearchParams): Tab[] {
   const tables = all.filter((file) => file.kind === "table");
   const pictures = all.filter((file) => file.kind === "video" || file.kind === "image");
   const [from, to] = [seconds(data.record.started_at), seconds(data.record.finished_at)];
-  const period = from !== null && to !== null ? ([from - 0.05, to + 0.05] as [number, number]) : null;
+  const period = from !== null && to !== null ? ([from - 0.002, to + 0.02] as [number, number]) : null;
   const tabs: (Tab | false)[] = [
     { id: "log", label: "Log", show: () => <Log paths={data.logs} query={query} period={period} packed={data.packed} /> },
     tables.length > 0 && { id: "plots", label: "Plots", show: () => <Tables files={tables} query={query} /> },

@@ -118,10 +118,13 @@ class Pages:
         return Data(metric(self._library.results, request.path_params["campaign"], *asked))
 
     def run(self, request: Request) -> Response:
-        """One run."""
+        """One run, and the verdicts of all runs of its variant."""
         names = request.path_params
         found = read_run(self._library.results, names["campaign"], names["variant"], names["run"])
-        return Data(found)
+        index = self._library.campaign(names["campaign"])
+        runs = next((v.runs for v in index.variants if v.name == names["variant"]), ())
+        siblings = [(run.number, run.verdict) for run in runs]
+        return Data({"details": found, "siblings": siblings})
 
     def compare(self, request: Request) -> Response:
         """Two campaigns, `a` and `b`."""
