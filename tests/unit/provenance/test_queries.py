@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 import rdflib
 from provenance_campaigns import make_old_campaign
 
-from robovast.errors import InputError
+from robovast.errors import CannotRunError, InputError
 from robovast.provenance import describe
 from robovast.provenance.query import Graphs, query_names, read_query
 from robovast.results.campaigns import find_campaigns
@@ -145,6 +146,14 @@ def test_two_campaigns_of_one_name_cannot_be_mixed(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace("datasets/halls/", "datasets/other/"))
     describe(roots[1])
     assert len(Graphs(roots).campaigns) == 2
+
+
+def test_without_the_extra_the_message_names_it(
+    campaign: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyoxigraph", None)
+    with pytest.raises(CannotRunError, match=r"robovast\[query\]"):
+        Graphs([campaign])
 
 
 def test_campaigns_are_found(tmp_path: Path) -> None:
