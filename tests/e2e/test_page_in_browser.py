@@ -273,6 +273,19 @@ def test_a_comparison_says_what_got_worse(page: Page, server: ShownPage) -> None
     expect(page.locator("tr[data-row]")).to_have_count(len(VARIANTS))
 
 
+def test_one_returns_to_where_one_was(page: Page, tmp_path: Path) -> None:
+    write_campaign(tmp_path, runs=100, outputs=False)
+    with browsing(page, tmp_path) as address:
+        page.goto(f"{address}#/campaign/{NAME}?sort=variant")
+        page.locator(".grid").evaluate("grid => grid.scrollTop = 3000")
+        row = page.get_by_role("link", name="hall-1/92")
+        row.click()
+        expect(page.get_by_role("heading", level=1)).to_contain_text("hall-1/92")
+        assert page.evaluate("[scrollY, document.activeElement.tagName]") == [0, "MAIN"]
+        page.go_back()
+        expect(row).to_be_in_viewport()
+
+
 def test_a_malicious_folder_does_nothing(page: Page, tmp_path: Path) -> None:
     root = write_campaign(tmp_path, outputs=False)
     run = write_run(root, EVIL, 0, 4, {EVIL: EVIL, "speed": 1}, lambda *_: "failed")
