@@ -12,6 +12,9 @@ export interface Column {
   cell: (row: number) => ComponentChildren;
 }
 
+/** How far down tables were scrolled, by address: one returns to where one was. */
+const places = new Map<string, number>();
+
 interface GridProps {
   label: string;
   columns: Column[];
@@ -30,8 +33,13 @@ export function Grid({ label, columns, rows, sort, onSort, open }: GridProps) {
     const element = frame.current!;
     const observer = new ResizeObserver(() => setHeight(element.clientHeight));
     observer.observe(element);
+    element.scrollTop = places.get(location.hash) ?? 0;
     return () => observer.disconnect();
   }, []);
+  const scrolled = (to: number) => {
+    places.set(location.hash, to);
+    setTop(to);
+  };
   const first = Math.max(0, Math.floor(top / ROW) - SPARE);
   const last = Math.min(rows.length, Math.ceil((top + height) / ROW) + SPARE);
   return (
@@ -41,7 +49,7 @@ export function Grid({ label, columns, rows, sort, onSort, open }: GridProps) {
       role="region"
       aria-label={label}
       tabIndex={0}
-      onScroll={(event) => setTop(event.currentTarget.scrollTop)}
+      onScroll={(event) => scrolled(event.currentTarget.scrollTop)}
       onKeyDown={(event) => moveFocus(event, frame.current!)}
     >
       <table aria-rowcount={rows.length + 1}>

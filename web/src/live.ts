@@ -60,6 +60,21 @@ export interface Answer<T> {
 /** Whether an answer is older than what the server has by now. */
 export type Stale<T> = (data: T, versions: Versions) => boolean;
 
+/** The last answers, so that a view that one returns to is there at once. */
+const remembered = new Map<string, unknown>();
+const MOST_REMEMBERED = 6;
+
+function remember(url: string, data: unknown): void {
+  remembered.delete(url);
+  remembered.set(url, data);
+  const [oldest] = remembered.keys();
+  if (remembered.size > MOST_REMEMBERED) remembered.delete(oldest!);
+}
+
+function recall<T>(url: string | null): Answer<T> {
+  return { data: (remembered.get(url ?? "") as T | undefined) ?? null, error: null };
+}
+
 /** The answer of the server; asked for again when it is stale. Without a URL nothing is asked. */
 export function useAnswer<T>(url: string | null, stale?: Stale<T>): Answer<T> {
   const [answer, setAnswer] = useState<Answer<T> & { url: string | null }>({
@@ -76,6 +91,7 @@ export function useAnswer<T>(url: string | null, stale?: Stale<T>): Answer<T> {
       asking = true;
       try {
         latest = await ask<T>(url, controller.signal);
+        remember(url, latest);
         setAnswer({ data: latest, error: null, url });
       } catch (cause) {
         if (!controller.signal.aborted) setAnswer({ data: null, error: (cause as Error).message, url });
@@ -92,5 +108,5 @@ export function useAnswer<T>(url: string | null, stale?: Stale<T>): Answer<T> {
       listeners.delete(tell);
     };
   }, [url]);
-  return answer.url === url ? answer : { data: null, error: null };
+  return answer.url === url && (answer.data || answer.error) ? answer : recall(url);
 }

@@ -1,5 +1,5 @@
 import { render } from "preact";
-import { useEffect } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import { CampaignPage } from "./campaign";
 import { CampaignsPage } from "./campaigns";
 import { ComparePage } from "./compare";
@@ -9,12 +9,22 @@ import { link, useRoute } from "./route";
 import { RunPage } from "./run";
 import "./style.css";
 
+/** How far down pages were scrolled, by address. */
+const places = new Map<string, number>();
+
 function Page() {
   const { path, query } = useRoute();
   const [view, ...names] = path;
   const connected = useConnected();
+  const main = useRef<HTMLElement>(null);
+  const first = useRef(true);
   useEffect(() => {
     document.title = [...names.toReversed(), "RoboVAST"].join(" · ");
+    if (!first.current) {
+      main.current?.focus({ preventScroll: true });
+      scrollTo(0, places.get(location.href) ?? 0);
+    }
+    first.current = false;
   }, [path.join("/")]);
   return (
     <>
@@ -42,7 +52,7 @@ function Page() {
           </span>
         )}
       </header>
-      <main id="main">{pageOf(view, names, query)}</main>
+      <main ref={main} tabIndex={-1}>{pageOf(view, names, query)}</main>
     </>
   );
 }
@@ -62,6 +72,8 @@ function pageOf(view: string | undefined, names: string[], query: URLSearchParam
   return <CampaignsPage query={query} />;
 }
 
+history.scrollRestoration = "manual";
+addEventListener("hashchange", (event) => event.oldURL && places.set(event.oldURL, scrollY));
 startListening();
 const root = document.getElementById("page")!;
 root.textContent = "";

@@ -27,7 +27,9 @@ def find_campaigns(results: Path) -> list[str]:
     try:
         folders = [entry for entry in os.scandir(results) if is_own_folder(entry)]
     except OSError as error:
-        raise InputError(f"{results}: cannot be read: {error.strerror}.") from None
+        raise InputError(
+            f"{results}: cannot be read: {error.strerror}. Name the results folder with `-r`."
+        ) from None
     names = [entry.name for entry in folders if is_campaign(Path(entry))]
     return sorted(names, key=lambda name: (name[-17:], name), reverse=True)  # by the time in it
 
