@@ -3,7 +3,9 @@
 import os
 import webbrowser
 from pathlib import Path
+from threading import Thread
 from typing import Annotated
+from urllib.parse import quote
 
 import typer
 
@@ -78,17 +80,18 @@ def gui(
             f"The page needs {error.name}; install the extra: pip install 'robovast[gui]'."
         ) from None
     folder = results_dir or ctx.obj.results
+    root = folder.resolve()
     if not skip_postprocessing and not _postprocess(folder, force, override):
         return ExitCode.INTERRUPTED
-    campaign = folder.absolute().name if is_campaign(folder) else ""
+    campaign = root.name if is_campaign(root) else ""
 
     def show(address: str) -> None:
-        page = f"{address}#/campaign/{campaign}" if campaign else address
+        page = f"{address}#/campaign/{quote(campaign)}" if campaign else address
         say(f"Showing {folder}: {page}")
         if not no_browser and (os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}):
-            webbrowser.open(page)
+            Thread(target=webbrowser.open, args=(page,), daemon=True).start()  # some block
 
-    serve(folder.absolute().parent if campaign else folder, port, show)
+    serve(root.parent if campaign else root, port, show)
     return ExitCode.OK
 
 
