@@ -190,6 +190,28 @@ def test_a_deleted_campaign_leaves_nothing_behind_but_what_it_was_told_to(
             assert there == (retention == "Retain")
 
 
+def test_results_are_worked_up_in_the_cluster_when_that_is_asked_for(lab: Lab) -> None:
+    """What comes home has tables, metadata and the graph; a laptop has nothing left to do."""
+    folder = lab.folder / "worked"
+    extra = "results_processing:\n  postprocessing:\n  - count.py:count\n"
+    path = make_campaign(folder, 'echo "$1" >"$3/said"\n', extra, QUICK)
+    (folder / "count.py").write_text(
+        "from pathlib import Path\n"
+        "def count(results_dir, config_dir):\n"
+        "    found = sorted(Path(results_dir).glob('*/*/said'))\n"
+        "    for path in found:\n"
+        "        path.with_name('counted.csv').write_text(f'runs\\n{len(found)}\\n')\n"
+        "    return True, f'{len(found)} runs'\n"
+    )
+    lab.apply(path, "worked", processResults=True)
+    lab.wait("worked")
+    home = lab.download("worked")
+    assert [p.read_text() for p in sorted(home.glob("*/0/counted.csv"))] == ["runs\n3\n"] * 3
+    assert {"metadata.yaml", "metadata.prov.json"} <= {p.name for p in home.iterdir()}
+    asked = lab.vast("results", "sparql", "test-results", "-r", home, "-o", "json").stdout
+    assert json.loads(asked)
+
+
 def test_a_suspended_campaign_stops_and_goes_on(lab: Lab) -> None:
     """`spec.suspend` frees the cluster; what was stored is not executed again."""
     lab.quick("paused", "sleep 1\n", "  runs: 4\n", parallelism=2)
