@@ -3,6 +3,7 @@ import { address, type Bag, type Timeline } from "./api";
 import { show } from "./data";
 import { count, duration, moment } from "./format";
 import { useAnswer } from "./live";
+import { Export } from "./parts";
 
 const WIDTH = 300;
 const HEIGHT = 22;
@@ -26,6 +27,9 @@ function BagOf({ bag }: { bag: Bag }) {
         {moment(bag.start)}, {duration(bag.duration)}
         {error !== null && `. No timeline: ${error}`}
       </p>
+      <div class="tools">
+        <Export name="topics" rows={() => [["topic", "type", "messages"], ...bag.topics]} />
+      </div>
       <div class="scroll" tabIndex={0} role="region" aria-label={`Topics of ${bag.path}`}>
         <table class="plain">
           <thead>

@@ -1,9 +1,9 @@
 // All campaigns of the results folder.
 import { useState } from "preact/hooks";
-import { address, type Campaigns, type Summary } from "./api";
+import { address, VERDICTS, type Campaigns, type Summary } from "./api";
 import { duration, moment, plural } from "./format";
 import { useAnswer, type Versions } from "./live";
-import { passRate, State, VerdictBar, Waiting } from "./parts";
+import { Export, passRate, State, VerdictBar, Waiting } from "./parts";
 import { choose, link } from "./route";
 
 function isStale(data: Campaigns, versions: Versions): boolean {
@@ -56,6 +56,7 @@ export function CampaignsPage({ query }: { query: URLSearchParams }) {
             ) : (
               <span class="quiet">Choose two to compare them.</span>
             )}
+            <Export name="campaigns" rows={() => exported(shown)} />
           </div>
           <div class="scroll" tabIndex={0} role="region" aria-label="List of campaigns">
             <table class="list">
@@ -91,6 +92,18 @@ export function CampaignsPage({ query }: { query: URLSearchParams }) {
       )}
     </>
   );
+}
+
+function exported(shown: [string, Summary | null][]): unknown[][] {
+  const line = ([name, summary]: [string, Summary | null]) => [
+    name,
+    summary?.state,
+    summary?.planned,
+    ...VERDICTS.map((verdict) => summary?.counts[verdict]),
+    moment(summary?.started_at),
+    summary?.duration,
+  ];
+  return [["campaign", "state", "planned", ...VERDICTS, "started", "duration"], ...shown.map(line)];
 }
 
 interface RowProps {

@@ -262,6 +262,9 @@ function FileList({ title, files, origins }: FileListProps) {
   return (
     <section>
       <h2>{title}</h2>
+      <div class="tools">
+        <Export name={`files-${title.toLowerCase()}`} rows={() => [["file", "bytes"], ...files.map((file) => [file.name, file.size])]} />
+      </div>
       <div class="scroll" tabIndex={0} role="region" aria-label={`Files of the ${title.toLowerCase()}`}>
         <table class="plain">
           <thead>
