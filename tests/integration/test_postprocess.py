@@ -135,6 +135,16 @@ def test_parameters_and_code_are_part_of_the_cache(tmp_path: Path) -> None:
     assert (calls(campaign, "each"), calls(campaign, "metrics")) == (2, 3)
 
 
+def test_metadata_follow_the_document_without_work_on_runs(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 1, BOTH, PLUGINS)
+    work(campaign, skip_metadata=False)
+    with (campaign / "_config/c.vast").open("a") as file:
+        file.write("metadata: {title: A new title}\n")
+    assert work(campaign, skip_metadata=False).worked == set()
+    data = yaml.safe_load((campaign / "metadata.yaml").read_text())
+    assert data["metadata"]["title"] == "A new title"
+
+
 def test_a_copied_campaign_is_not_worked_again(tmp_path: Path) -> None:
     campaign = finished_campaign(tmp_path / "a", 2, BOTH, PLUGINS)
     work(campaign)

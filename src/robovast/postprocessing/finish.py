@@ -9,7 +9,7 @@ from pathlib import Path
 
 from robovast import __version__
 from robovast.errors import RobovastError
-from robovast.postprocessing.content import combined
+from robovast.postprocessing.content import combined, digests
 from robovast.postprocessing.events import CampaignSummary, Failure, Observer, Options
 from robovast.postprocessing.state import State, Unit
 from robovast.postprocessing.survey import OWN, WHOLE, Survey
@@ -51,7 +51,9 @@ def finish(
     if find_spec("duckdb") is None and summary.worked and not options.skip_tables:
         observer.message("No tables.duckdb is written: `pip install 'robovast[query]'`.")
     versions = {path: _version(unit) for path, unit in units.items() if path != WHOLE}
-    now = f"{__version__} {combined(versions)}"
+    config = Layout(survey.campaign).config
+    documents = digests(config, (path.name for path in config.glob("*.vast")))
+    now = f"{__version__} {combined({**versions, **documents})}"
     for part in _parts(survey, versions, options):
         there = all(path.exists() for path in part.files)
         if there and not options.force and state.note(part.name) == now:
