@@ -35,6 +35,8 @@ class ApiError(Exception):
         super().__init__(f"{message} ({code} {reason})")
         self.code = code
         self.reason = reason
+        self.terminating = code == 403 and "being terminated" in message
+        """Whether the namespace is being deleted."""
 
 
 class Api:

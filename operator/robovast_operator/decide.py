@@ -90,7 +90,8 @@ def _open_jobs(picture: Picture) -> list[Action]:
     if spec.queue_name is not None:  # Kueue owns the field: it is asked, not overruled
         wrong = [job for job in wrong if spec.suspend]
     actions: list[Action] = [SuspendJob(job.name, spec.suspend) for job in wrong]
-    return actions + _resize(picture)
+    stuck = [DeleteJob(job.name) for job in picture.open if job.name in picture.observed.stuck]
+    return [*actions, *stuck, *_resize(picture)]
 
 
 def _resize(picture: Picture) -> list[Action]:

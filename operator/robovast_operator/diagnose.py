@@ -10,9 +10,10 @@ from robovast_operator.api import Api, ApiError
 from robovast_operator.campaign import Accepted, Object
 from robovast_operator.memory import Memory
 from robovast_operator.picture import Trouble
-from robovast_operator.pod_facts import final_of, reports_of, trouble_of
+from robovast_operator.pod_facts import final_of, is_stuck, reports_of, trouble_of
 from robovast_operator.settings import Settings
 from robovast_operator.store import JobState
+from robovast_operator.times import now
 
 REPORT_SECONDS = 10.0
 """Least time between two looks at the failed pods of an open Job."""
@@ -100,7 +101,10 @@ class Diagnosis:
                 fieldSelector=selector,
                 limit=SAMPLE,
             )
-            memory.trouble = trouble_of([pod async for pod in _first_page(pods)])
+            seen = [pod async for pod in _first_page(pods)]
+            memory.trouble = trouble_of(seen)
+            if any(is_stuck(pod, now()) for pod in seen):
+                memory.stuck.add(job.name)
             if memory.trouble is not None:
                 break
         return min(300.0, max(limit, still / 2))

@@ -27,6 +27,8 @@ class Memory:
     finals: dict[str, Final] = field(default_factory=dict)
     final_trouble: dict[str, Trouble] = field(default_factory=dict)
     """By uid of a Job that failed as a whole."""
+    stuck: set[str] = field(default_factory=set)
+    """Jobs that hold pods which are to go."""
     trouble: Trouble | None = None
     quota: Trouble | None = None
     problems: dict[str, str] = field(default_factory=dict)
@@ -48,6 +50,7 @@ class Memory:
             self.picture = picture
             self.moved = time.monotonic()
             self.trouble = None
+            self.stuck.clear()
 
     def still_for(self) -> float:
         """How long nothing has moved [s]."""

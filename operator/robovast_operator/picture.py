@@ -50,6 +50,8 @@ class Observed:
     now: datetime
     reports: Mapping[str, Mapping[int, Report]] = field(default_factory=dict)
     """By Job, what pods of its failed indexes said."""
+    stuck: frozenset[str] = frozenset()
+    """Jobs that hold pods which are to go; made anew they go on."""
     trouble: Trouble | None = None
     finals: Mapping[str, Final] = field(default_factory=dict)
     """By finish Job, what it found."""

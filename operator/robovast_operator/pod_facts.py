@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator
+from datetime import datetime, timedelta
 
 from robovast.cluster.status import Runs
 from robovast_operator.campaign import Object
 from robovast_operator.picture import Final, Trouble
+from robovast_operator.times import parse_time
 from robovast_operator.verdicts import Report, parse_report
 
 INDEX_ANNOTATION = "batch.kubernetes.io/job-completion-index"
@@ -80,6 +82,24 @@ def composed_of(pods: Iterable[Object]) -> tuple[list[int], str] | str | None:
         except (ValueError, KeyError, TypeError):
             error = error or message or None
     return error
+
+
+STUCK_SECONDS = 60.0
+TRACKING = "batch.kubernetes.io/job-tracking"
+
+
+def is_stuck(pod: Object, moment: datetime) -> bool:
+    """Whether a deleted pod is held by its Job for long.
+
+    The Job controller lets go of a failed index's pod when it has made the next one. In a namespace
+    that is being deleted it cannot, and the namespace waits for its pods before it removes Jobs.
+    """
+    meta = pod["metadata"]
+    deleted = meta.get("deletionTimestamp")
+    if deleted is None or TRACKING not in (meta.get("finalizers") or ()):
+        return False
+    ended = (pod.get("status") or {}).get("phase") in {"Failed", "Succeeded"}
+    return ended and parse_time(deleted) + timedelta(seconds=STUCK_SECONDS) < moment
 
 
 def trouble_of(pods: Iterable[Object]) -> Trouble | None:

@@ -61,11 +61,21 @@ class Reconciler:
         except (TimeoutError, ApiError, OSError) as error:
             delay = self._queue.add_failed(key)
             LOGGER.warning("%s/%s: %s; again in %.0f s", *key, error, delay)
+            if isinstance(error, ApiError) and error.terminating:
+                await self._let_go(key)
         except Exception:
             delay = self._queue.add_failed(key)
             LOGGER.exception("%s/%s: a fault of the operator; again in %.0f s", *key, delay)
         else:
             self._queue.succeeded(key)
+
+    async def _let_go(self, key: Key) -> None:
+        """Remove the Jobs of a namespace that is being deleted: they may hold its last pods."""
+        for name in self._store.jobs.get(key, {}):
+            try:
+                await self._api.delete(f"{paths.jobs(key[0])}/{name}")
+            except ApiError as error:
+                LOGGER.warning("%s/%s: %s", key[0], name, error)
 
     async def _reconcile(self, key: Key) -> None:
         obj = self._store.campaigns.get(key)
@@ -118,6 +128,7 @@ class Reconciler:
             jobs=jobs,
             now=now(),
             reports={name: reports for name, (_, reports) in memory.reports.items()},
+            stuck=frozenset(memory.stuck),
             trouble=memory.trouble,
             finals=memory.finals,
             failures={

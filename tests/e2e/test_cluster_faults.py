@@ -97,7 +97,8 @@ def own_operator(lab: Lab) -> Iterator[Any]:
 
 def run_processes(lab: Lab) -> list[int]:
     """The first processes of the namespace's run containers."""
-    hosts = {f"HOSTNAME={pod['metadata']['name']}".encode() for pod in lab.get("pods")["items"]}
+    shards = lab.get("pods", "--selector=robovast.io/role=shard")["items"]
+    hosts = {f"HOSTNAME={pod['spec']['hostname']}".encode() for pod in shards}
     found = []
     for path in Path("/proc").glob("[0-9]*/environ"):
         with contextlib.suppress(OSError):
@@ -307,3 +308,11 @@ def test_what_does_not_start_says_why(
     ]
     assert told
     assert told[0]["type"] == "Warning"
+
+
+def test_a_namespace_goes_while_its_campaign_runs(lab: Lab) -> None:
+    """Kubernetes removes pods before Jobs, and a Job may hold pods that it cannot replace."""
+    lab.quick("busy", "sleep 300\n")
+    eventually(lambda: len(run_processes(lab)) == 3, 120, "three runs at once")
+    lab.cluster.kubectl("delete", "namespace", lab.namespace, "--timeout=280s")
+    lab.cluster.kubectl("create", "namespace", lab.namespace)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import timedelta
 
 import pytest
@@ -11,7 +12,7 @@ from operator_world import World, accepted, bad
 
 from robovast.cluster.resources import Acceptance, FailFast
 from robovast_operator import shards as shards_module
-from robovast_operator.decide import CreateShard
+from robovast_operator.decide import CreateShard, DeleteJob, decide
 
 
 @pytest.fixture(autouse=True)
@@ -241,3 +242,10 @@ def test_results_are_worked_up_after_the_index_when_that_is_asked_for() -> None:
     world.jobs.clear()
     world.look()
     assert len(world.created) == 3
+
+
+def test_a_job_that_holds_pods_which_are_to_go_is_made_anew() -> None:
+    world = World(accepted(runs=2))
+    world.look()
+    held = replace(world.observed(), stuck=frozenset({"drive-0123-0"}))
+    assert decide(held).actions == (DeleteJob("drive-0123-0"),)

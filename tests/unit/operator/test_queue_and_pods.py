@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import json
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
 
 from robovast_operator.conditions import dated
 from robovast_operator.events import messages
-from robovast_operator.pod_facts import composed_of, final_of, reports_of, trouble_of
+from robovast_operator.pod_facts import composed_of, final_of, is_stuck, reports_of, trouble_of
 from robovast_operator.work_queue import WorkQueue, work
 
 
@@ -160,3 +161,18 @@ def test_the_error_of_a_report_is_told_as_text() -> None:
     found = trouble_of([pod(0, ended("agent", 74, report))])
     assert found is not None
     assert (found.reason, found.message) == ("Storage", "no server at x")
+
+
+def test_a_deleted_pod_that_its_job_holds_for_long_is_stuck() -> None:
+    moment = datetime(2026, 1, 1, 0, 5, tzinfo=UTC)
+    held = pod(0)
+    held["metadata"] |= {
+        "deletionTimestamp": "2026-01-01T00:00:00Z",
+        "finalizers": ["batch.kubernetes.io/job-tracking"],
+    }
+    held["status"]["phase"] = "Failed"
+    assert is_stuck(held, moment)
+    assert not is_stuck(held, moment - timedelta(minutes=4, seconds=30))
+    held["status"]["phase"] = "Running"
+    assert not is_stuck(held, moment)
+    assert not is_stuck(pod(0), moment)
