@@ -33,8 +33,7 @@ def read_variant(results: Path, campaign: str, name: str) -> VariantRuns:
     Raises:
         OSError: its folder cannot be read.
     """
-    root = results / campaign / name
-    with _folder(root) as variant:
+    with _folder(f"{results}/{campaign}/{name}") as variant:
         numbers = sorted(int(entry.name) for entry in os.scandir(variant) if _is_run(entry))
         records = [(number, _read_record(variant, number)) for number in numbers]
     first: Mapping[str, Any] = next((record for _, record in records if record), {})
@@ -44,7 +43,9 @@ def read_variant(results: Path, campaign: str, name: str) -> VariantRuns:
         scenarios = read_yaml(results, f"{campaign}/{name}/_config/scenario.config")
         parameters = next(map(mapping, scenarios.values()), {})
     runs = [
-        _from_record(number, record) if record else _from_test_result(root, number)
+        _from_record(number, record)
+        if record
+        else _from_test_result(results / campaign / name / str(number), number)
         for number, record in records
     ]
     return VariantRuns(name, str(first.get("entry") or name), parameters, tuple(runs))
@@ -59,7 +60,7 @@ def seconds(value: Any) -> float | None:
 
 
 @contextmanager
-def _folder(path: Path) -> Iterator[int]:
+def _folder(path: str) -> Iterator[int]:
     descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
     try:
         yield descriptor
@@ -79,7 +80,8 @@ def _read_record(variant: int, number: int) -> Mapping[str, Any]:
     except OSError:
         return {}
     try:
-        record = mapping(json.loads(os.read(descriptor, LARGEST)))
+        size = min(os.fstat(descriptor).st_size, LARGEST)
+        record = mapping(json.loads(os.read(descriptor, size)))
     except (OSError, ValueError, RecursionError):
         return {}
     finally:
@@ -97,9 +99,8 @@ def _from_record(number: int, record: Mapping[str, Any]) -> RunSummary:
     )
 
 
-def _from_test_result(variant: Path, number: int) -> RunSummary:
+def _from_test_result(folder: Path, number: int) -> RunSummary:
     """A run without a record: of another program, or of an older version."""
-    folder = variant / str(number)
     if not _is_small_file(folder / TEST_RESULT):
         return RunSummary(number, Verdict.ERRORED, f"there is no {TEST_RESULT}", None, None)
     result = read_test_result(folder)
