@@ -57,7 +57,7 @@ export function Log({ paths, query, period, packed = false, live = false }: LogP
           },
           (cause: Error) => !controller.signal.aborted && setError(cause.message),
         ),
-      page ? 150 : 0,
+      page ? 300 : 0,
     );
     return () => {
       clearTimeout(wait);

@@ -13,8 +13,8 @@ from robovast.evaluation.campaigns import find_campaigns, is_campaign
 from robovast.evaluation.inside import MissingError, resolved
 from robovast.evaluation.summaries import CampaignSummary
 
-CALM = 100
-"""A campaign that nothing executes is looked through after this many times what that takes."""
+BUSY, CALM = 10, 100
+"""A campaign is looked through after this many times what that takes; CALM when nothing runs."""
 
 
 @dataclass
@@ -102,8 +102,8 @@ class Library:
 
     def _may_have_changed(self, shelf: _Shelf) -> bool:
         changed = resolved(self.results, shelf.index.name).stat().st_mtime_ns
-        recent = time.monotonic() - shelf.looked < CALM * shelf.cost
-        if recent and changed == shelf.changed and shelf.index.active is None:
+        pause = shelf.cost * (CALM if shelf.index.active is None else BUSY)
+        if time.monotonic() - shelf.looked < pause and changed == shelf.changed:
             return False
         shelf.changed = changed
         return True
