@@ -10,7 +10,13 @@ from robovast_operator.api import Api, ApiError
 from robovast_operator.campaign import Accepted, Object
 from robovast_operator.memory import Memory
 from robovast_operator.picture import Trouble
-from robovast_operator.pod_facts import final_of, is_stuck, reports_of, trouble_of
+from robovast_operator.pod_facts import (
+    final_of,
+    is_stuck,
+    reports_of,
+    trouble_of,
+    trouble_of_events,
+)
 from robovast_operator.settings import Settings
 from robovast_operator.store import JobState
 from robovast_operator.times import now
@@ -94,20 +100,31 @@ class Diagnosis:
         if all(job.ready and job.ready == job.active and not job.failed_pods for job in waiting):
             return None  # all pods are at work: runs may be long
         for job in waiting:
-            selector = "status.phase!=Running,status.phase!=Succeeded"
-            pods = self._api.list(
-                paths.pods(job.namespace),
-                labelSelector=f"batch.kubernetes.io/controller-uid={job.uid}",
-                fieldSelector=selector,
-                limit=SAMPLE,
-            )
-            seen = [pod async for pod in _first_page(pods)]
-            memory.trouble = trouble_of(seen)
-            if any(is_stuck(pod, now()) for pod in seen):
-                memory.stuck.add(job.name)
+            memory.trouble = await self._look_at_pods(memory, job)
             if memory.trouble is not None:
                 break
         return min(300.0, max(limit, still / 2))
+
+    async def _look_at_pods(self, memory: Memory, job: JobState) -> Trouble | None:
+        """Why the pods of a Job do not start, by a few of them and by their events."""
+        pods = self._api.list(
+            paths.pods(job.namespace),
+            labelSelector=f"batch.kubernetes.io/controller-uid={job.uid}",
+            fieldSelector="status.phase!=Running,status.phase!=Succeeded",
+            limit=SAMPLE,
+        )
+        seen = [pod async for pod in _first_page(pods)]
+        if any(is_stuck(pod, now()) for pod in seen):
+            memory.stuck.add(job.name)
+        found = trouble_of(seen)
+        names = [pod["metadata"]["name"] for pod in seen[:1]] or [job.name]
+        if found is None and (seen or not job.active):
+            told = self._api.list(
+                paths.events(job.namespace),
+                fieldSelector=f"type=Warning,involvedObject.name={names[0]}",
+            )
+            found = trouble_of_events([event async for event in _first_page(told)])
+        return found
 
     async def _quota(
         self, accepted: Accepted, memory: Memory, jobs: Mapping[str, JobState]

@@ -84,6 +84,26 @@ def composed_of(pods: Iterable[Object]) -> tuple[list[int], str] | str | None:
     return error
 
 
+_EVENTS = {
+    "FailedMount": "Configuration",
+    "FailedCreatePodSandBox": "Container",
+    "FailedCreate": "Refused",
+}
+"""What is told of pods and Jobs by events alone, and the cause for people."""
+
+
+def trouble_of_events(events: Iterable[Object]) -> Trouble | None:
+    """Why a pod is not made or does not begin, as its and its Job's events tell; the last counts."""
+    found = None
+    for item in events:
+        reason = _EVENTS.get(item.get("reason", ""))
+        if reason is not None:
+            message = item.get("message", "")
+            quota = reason == "Refused" and "exceeded quota" in message
+            found = Trouble("Quota" if quota else reason, message)
+    return found
+
+
 STUCK_SECONDS = 60.0
 TRACKING = "batch.kubernetes.io/job-tracking"
 

@@ -11,7 +11,14 @@ import pytest
 
 from robovast_operator.conditions import dated
 from robovast_operator.events import messages
-from robovast_operator.pod_facts import composed_of, final_of, is_stuck, reports_of, trouble_of
+from robovast_operator.pod_facts import (
+    composed_of,
+    final_of,
+    is_stuck,
+    reports_of,
+    trouble_of,
+    trouble_of_events,
+)
 from robovast_operator.work_queue import WorkQueue, work
 
 
@@ -176,3 +183,18 @@ def test_a_deleted_pod_that_its_job_holds_for_long_is_stuck() -> None:
     held["status"]["phase"] = "Running"
     assert not is_stuck(held, moment)
     assert not is_stuck(pod(0), moment)
+
+
+@pytest.mark.parametrize(
+    ("reason", "message", "told"),
+    [
+        ("FailedMount", 'secret "nowhere" not found', "Configuration"),
+        ("FailedCreate", "exceeded quota: small", "Quota"),
+        ("FailedCreate", "violates PodSecurity", "Refused"),
+    ],
+)
+def test_what_only_events_tell_is_told(reason: str, message: str, told: str) -> None:
+    found = trouble_of_events([{"reason": "BackOff"}, {"reason": reason, "message": message}])
+    assert found is not None
+    assert (found.reason, found.message) == (told, message)
+    assert trouble_of_events([{"reason": "BackOff"}]) is None
