@@ -93,7 +93,7 @@ _EVENTS = {
 
 
 def trouble_of_events(events: Iterable[Object]) -> Trouble | None:
-    """Why a pod is not made or does not begin, as its and its Job's events tell; the last counts."""
+    """Why a pod is not made or does not begin, as events tell; the last counts."""
     found = None
     for item in events:
         reason = _EVENTS.get(item.get("reason", ""))
