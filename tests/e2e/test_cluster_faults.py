@@ -182,7 +182,7 @@ def test_a_run_sees_no_credentials_no_token_and_no_other_runs_results(lab: Lab) 
         assert pod["spec"]["automountServiceAccountToken"] is False
         run = next(c for c in pod["spec"]["containers"] if c["name"] == "robovast")
         assert {mount["mountPath"] for mount in run["volumeMounts"]} == {"/config", "/out"}
-        assert "env" not in run
+        assert [variable["name"] for variable in run["env"]] == ["JOB_COMPLETION_INDEX"]
 
 
 def malformed(good: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
