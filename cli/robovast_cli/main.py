@@ -26,6 +26,7 @@ COMMANDS: Mapping[str, Lazy] = {
         "robovast_cli.results:app", "Bring results home, work them up, ask and publish them."
     ),
     "evaluation": Lazy("robovast_cli.evaluation:app", "Look at results.", aliases=("eval",)),
+    "mcp": Lazy("robovast_cli.mcp:app", "Let an assistant look at results (MCP)."),
     "import-results": Lazy(
         "robovast_cli.import_results:app", "Take over a campaign that comes as an archive."
     ),

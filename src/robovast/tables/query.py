@@ -25,7 +25,7 @@ class Answer:
     rows: list[tuple[Any, ...]]
 
 
-def ask(campaigns: Sequence[Path], sql: str) -> Answer:
+def ask(campaigns: Sequence[Path], sql: str, most: int | None = None) -> Answer:
     """Ask the tables of campaigns.
 
     Every table has the columns `campaign`, `config` and `run` in front; `runs` has one row a run.
@@ -33,6 +33,7 @@ def ask(campaigns: Sequence[Path], sql: str) -> Answer:
     Args:
         campaigns: folders of campaigns that have been postprocessed.
         sql: one statement in DuckDB's SQL; it can read nothing else and change nothing.
+        most: rows that are read; all when None.
 
     Raises:
         CannotRunError: the extra `query` is not installed.
@@ -44,7 +45,9 @@ def ask(campaigns: Sequence[Path], sql: str) -> Answer:
         try:
             found = connection.execute(sql)
             columns = [column[0] for column in found.description or ()]
-            return Answer(columns, found.fetchall() if columns else [])
+            if not columns:
+                return Answer([], [])
+            return Answer(columns, found.fetchall() if most is None else found.fetchmany(most))
         except duckdb.Error as error:
             raise InputError(f"the query is wrong: {str(error).strip()}") from None
 

@@ -1,0 +1,178 @@
+"""Tools about campaigns, their configurations and their runs."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from fastmcp import FastMCP
+
+from robovast.evaluation.compare import compare, sample
+from robovast.evaluation.inside import MissingError
+from robovast.evaluation.library import Library
+from robovast.evaluation.run import read_run
+from robovast.evaluation.summaries import RunSummary, VariantRuns
+from robovast.mcp.bounds import fitted, page
+from robovast.mcp.tools import add_tools
+from robovast.results.verdict import Verdict
+
+_MOST_VALUES = 20
+"""A parameter with more values than these is not looked at value by value."""
+
+
+class CampaignTools:
+    """What was varied and how it ended."""
+
+    name = "campaigns"
+
+    def __init__(self, library: Library) -> None:
+        self._library = library
+
+    def register(self, mcp: FastMCP) -> None:
+        """Add the tools to a server."""
+        add_tools(
+            mcp,
+            self.list_campaigns,
+            self.get_campaign,
+            self.inspect_campaign,
+            self.inspect_campaign_comparison,
+            self.list_configurations,
+            self.get_configuration,
+            self.search_runs,
+            self.get_run,
+        )
+
+    def list_campaigns(self, offset: int = 0) -> dict[str, Any]:
+        """List the campaigns of the results folder, the newest first."""
+        return page(self._library.names(), offset, name="campaigns")
+
+    def get_campaign(self, campaign: str) -> Any:
+        """Get state, runs by verdict, times [s] and execution of a campaign."""
+        summary = self._library.summary(campaign)
+        active = self._library.campaign(campaign).active
+        return fitted({**asdict(summary), "active_jobs": active or ()})
+
+    def inspect_campaign(self, campaign: str) -> Any:
+        """Compute where a campaign fails: by parameter value, and for which reasons.
+
+        Runs that were interrupted do not count.
+        """
+        variants = self._library.campaign(campaign).variants
+        reasons = Counter(
+            run.reason for v in variants for run in v.runs if run.verdict is not Verdict.PASSED
+        )
+        return fitted(
+            {
+                "all_runs": _rate(variants),
+                "by_parameter": _by_parameter(variants),
+                "reasons": [{"reason": r, "runs": n} for r, n in reasons.most_common(20)],
+            }
+        )
+
+    def inspect_campaign_comparison(self, before: str, after: str) -> Any:
+        """Compute what got worse or better between two campaigns, and whether chance explains it.
+
+        Configurations of equal parameters are compared with Fisher's exact test, corrected for
+        their number (Holm).
+        """
+        a, b = (self._library.campaign(name).variants for name in (before, after))
+        found = compare(a, b)
+        changed = [v for v in found.variants if v.change != "same"]
+        return fitted(
+            {
+                "statement": found.statement,
+                "changes": Counter(variant.change for variant in found.variants),
+                "configurations_that_differ": changed,
+                "only_before": found.only_a,
+                "only_after": found.only_b,
+            }
+        )
+
+    def list_configurations(self, campaign: str, offset: int = 0) -> dict[str, Any]:
+        """List the configurations of a campaign with their parameters and failure rates."""
+        variants = self._library.campaign(campaign).variants
+        items = [
+            {"configuration": v.name, "parameters": v.parameters, **_rate([v])} for v in variants
+        ]
+        return page(items, offset, name="configurations")
+
+    def get_configuration(self, campaign: str, configuration: str) -> Any:
+        """Get parameters and runs of one configuration of a campaign."""
+        variant = self._variant(campaign, configuration)
+        return fitted(variant)
+
+    def search_runs(
+        self,
+        campaign: str,
+        verdict: Verdict | None = None,
+        configuration: str = "",
+        reason: str = "",
+        offset: int = 0,
+    ) -> dict[str, Any]:
+        """Search the runs of a campaign.
+
+        Args:
+            campaign: name of the campaign.
+            verdict: only runs with this verdict.
+            configuration: only runs of this configuration.
+            reason: only runs whose reason has this text, in capitals or not.
+            offset: where to go on after an answer that was cut.
+        """
+        needle = reason.casefold()
+        found = [
+            {"configuration": v.name, "parameters": v.parameters, **asdict(run)}
+            for v in self._library.campaign(campaign).variants
+            if configuration in ("", v.name)
+            for run in v.runs
+            if verdict in (None, run.verdict) and needle in run.reason.casefold()
+        ]
+        return page(found, offset, name="runs")
+
+    def get_run(self, campaign: str, configuration: str, run: int) -> Any:
+        """Get a run: record with verdict and reason, failure, logs, files, bags, and the command
+        that repeats it.
+        """
+        variant = self._variant(campaign, configuration)
+        _find_run(variant, run)
+        return fitted(read_run(self._library.results, campaign, configuration, run))
+
+    def _variant(self, campaign: str, configuration: str) -> VariantRuns:
+        for variant in self._library.campaign(campaign).variants:
+            if variant.name == configuration:
+                return variant
+        raise MissingError(
+            f"{campaign} has no configuration {configuration}: `list_configurations` lists them."
+        )
+
+
+def _find_run(variant: VariantRuns, number: int) -> RunSummary:
+    for run in variant.runs:
+        if run.number == number:
+            return run
+    known = ", ".join(str(run.number) for run in variant.runs[:20])
+    raise MissingError(f"{variant.name} has no run {number}; it has {known or 'none'}.")
+
+
+def _rate(variants: Sequence[VariantRuns]) -> dict[str, Any]:
+    found = sample(*variants)
+    return {"runs": found.runs, "not_passed": found.bad, "median_duration": found.duration}
+
+
+def _by_parameter(variants: Sequence[VariantRuns]) -> dict[str, Any]:
+    """Failure rates of the values of each parameter that has more than one."""
+    names = dict.fromkeys(name for variant in variants for name in variant.parameters)
+    groups = {name: _grouped(variants, name) for name in names}
+    return {
+        name: [{"value": value, **_rate(members)} for value, members in found.items()]
+        for name, found in groups.items()
+        if 1 < len(found) <= _MOST_VALUES
+    }
+
+
+def _grouped(variants: Sequence[VariantRuns], name: str) -> dict[str, list[VariantRuns]]:
+    groups: dict[str, list[VariantRuns]] = {}
+    for variant in variants:
+        groups.setdefault(str(variant.parameters.get(name)), []).append(variant)
+    return groups

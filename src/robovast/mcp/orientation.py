@@ -1,0 +1,121 @@
+"""Tools and prompts by which an assistant finds its way."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastmcp import FastMCP
+
+from robovast import __version__
+from robovast.evaluation.library import Library
+from robovast.mcp.bounds import MOST_BYTES, page
+from robovast.mcp.question import MOST_ROWS, PATIENCE
+from robovast.mcp.tools import add_tools
+from robovast.plugins import plugins_of
+
+_TAXONOMY = {
+    "names": "<verb>_<resource>[_<detail>]",
+    "verbs": {
+        "list": "what there is, a page at a time",
+        "get": "one thing in full",
+        "search": "what meets conditions",
+        "inspect": "statistics that are computed",
+        "query": "SQL or SPARQL over all runs",
+        "describe": "the server itself",
+    },
+    "resources": {
+        "campaign": "an experiment: a .vast file and a scenario, varied and executed",
+        "configuration": "one set of parameters of a campaign",
+        "run": "one execution of a configuration: verdict, reason, logs, files",
+        "run_data": "the CSV files of runs, one by one or all as tables",
+        "run_log": "a log of a run",
+        "artifact": "a file that a campaign used or made",
+        "provenance": "what made which file, from what",
+        "plugin": "an installed extension",
+    },
+}
+_GROUPS = (
+    "robovast.variation_types",
+    "robovast.postprocessing_commands",
+    "robovast.publication_plugins",
+    "robovast.share_providers",
+    "robovast.cluster_configs",
+    "robovast.metadata_processing",
+    "robovast.mcp_plugins",
+)
+
+
+class OrientationTools:
+    """What the server can do."""
+
+    name = "orientation"
+
+    def __init__(self, library: Library) -> None:
+        self._library = library
+
+    def register(self, mcp: FastMCP) -> None:
+        """Add tools and prompts to a server."""
+
+        async def describe_server_capabilities() -> dict[str, Any]:
+            """Describe the server: what it shows, its tools and prompts, its limits."""
+            tools, prompts = await mcp.list_tools(), await mcp.list_prompts()
+            return {
+                "version": __version__,
+                "results": str(self._library.results),
+                "campaigns": len(self._library.names()),
+                "tools": sorted(tool.name for tool in tools),
+                "prompts": sorted(prompt.name for prompt in prompts),
+                "limits": {
+                    "answer_bytes": MOST_BYTES,
+                    "query_rows": MOST_ROWS,
+                    "query_seconds": PATIENCE,
+                },
+            }
+
+        mcp.tool(describe_server_capabilities, annotations={"readOnlyHint": True})
+        add_tools(mcp, self.describe_tool_taxonomy, self.list_plugins)
+        for prompt in (self.explain_failures, self.compare_campaigns, self.investigate_run):
+            mcp.prompt(prompt)
+
+    def describe_tool_taxonomy(self) -> dict[str, Any]:
+        """Describe how tools are named: verbs and resources."""
+        return _TAXONOMY
+
+    def list_plugins(self, offset: int = 0) -> dict[str, Any]:
+        """List the installed plugins: entry-point group, name and reference."""
+        items = [
+            {"group": group, "name": name, "reference": point.value}
+            for group in _GROUPS
+            for name, point in sorted(plugins_of(group).items())
+        ]
+        return page(items, offset, name="plugins")
+
+    def explain_failures(self, campaign: str) -> str:
+        """Find out why runs of a campaign did not pass."""
+        return (
+            f"Why did runs of the campaign `{campaign}` not pass? Begin with `inspect_campaign`: "
+            "which reasons there are, and which parameter values fail more often than others. "
+            "Take one run of each reason (`search_runs`), read its failure (`get_run`) and the "
+            "errors in its log (`search_run_log`). Say for each reason how many runs it has, what "
+            "the evidence is (file and line), and whether the robot, the simulation or the test "
+            "is at fault. Say what you do not know."
+        )
+
+    def compare_campaigns(self, before: str, after: str) -> str:
+        """Find out what changed between two campaigns."""
+        return (
+            f"What changed from the campaign `{before}` to `{after}`? Begin with "
+            "`inspect_campaign_comparison`. Tell what is statistically certain apart from what "
+            "chance can explain. Then look for the cause: compare `get_campaign` of both (image, "
+            "versions), and for a configuration that got worse a run of each (`get_run`)."
+        )
+
+    def investigate_run(self, campaign: str, configuration: str, run: int) -> str:
+        """Find out what happened in one run."""
+        return (
+            f"What happened in run {run} of the configuration `{configuration}` of the campaign "
+            f"`{campaign}`? Read `get_run`, then its log (`search_run_log`, errors first, then "
+            "what came before them) and the tables that bear on it (`get_run_data`). Compare it "
+            "with a run of the same configuration that passed, if there is one. End with the "
+            "command that repeats the run."
+        )

@@ -1,0 +1,94 @@
+"""Tools that ask the tables and the provenance of campaigns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from fastmcp import FastMCP
+
+from robovast.errors import InputError
+from robovast.evaluation.inside import MissingError, resolved
+from robovast.evaluation.library import Library
+from robovast.mcp.question import answer
+from robovast.mcp.tools import add_tools
+from robovast.provenance.query import query_names, read_query
+from robovast.provenance.writing import GRAPH
+from robovast.tables.columnar import FILE
+
+_TABLES = f"_execution/{FILE}"
+
+
+class QueryTools:
+    """Questions over all runs at once."""
+
+    name = "queries"
+
+    def __init__(self, library: Library) -> None:
+        self._library = library
+
+    def register(self, mcp: FastMCP) -> None:
+        """Add the tools to a server."""
+        add_tools(
+            mcp,
+            self.list_run_data_tables,
+            self.query_run_data,
+            self.list_provenance_queries,
+            self.query_provenance,
+        )
+
+    def list_run_data_tables(self, campaign: str = "") -> dict[str, Any]:
+        """List the tables that `query_run_data` asks, with columns and types.
+
+        Args:
+            campaign: name of a campaign; all of the results folder when omitted.
+        """
+        return answer("tables", self._having(_TABLES, campaign))
+
+    def query_run_data(self, sql: str, campaign: str = "") -> dict[str, Any]:
+        """Query the tables of campaigns with SQL (DuckDB); nothing can be changed.
+
+        `runs` has a row for each run: campaign, config, run, parameters (`param_…`), verdict,
+        times, metrics. Each CSV name of the runs is a table of its own.
+
+        Args:
+            sql: one statement.
+            campaign: name of a campaign; all of the results folder when omitted.
+        """
+        return answer("sql", self._having(_TABLES, campaign), sql)
+
+    def list_provenance_queries(self) -> dict[str, str]:
+        """List the named queries of `query_provenance` and what each answers."""
+        return query_names()
+
+    def query_provenance(self, query: str, campaign: str = "") -> dict[str, Any]:
+        """Query the provenance of campaigns (W3C PROV): what made which file, from what, with what.
+
+        Args:
+            query: a name that `list_provenance_queries` gives, or SPARQL. The prefixes rdf, rdfs,
+                xsd, prov, dcterms, dcat, foaf, robovast, smm, scenarios, env, agn, qudt and unit
+                need not be declared.
+            campaign: name of a campaign; all of the results folder when omitted.
+        """
+        text = query if "{" in query else read_query(query)
+        return answer("sparql", self._having(GRAPH, campaign), text)
+
+    def _having(self, file: str, campaign: str) -> list[Path]:
+        """Folders of the campaigns that have a file, inside of the results folder."""
+        names = self._library.names()
+        if campaign and campaign not in names:
+            raise MissingError(f"There is no campaign {campaign}: `list_campaigns` lists them.")
+        root = self._library.results
+        found = [
+            root / name for name in ([campaign] if campaign else names) if _has(root, name, file)
+        ]
+        if not found:
+            raise InputError(f"no campaign has a {file}: `vast results postprocess` writes it.")
+        return found
+
+
+def _has(root: Path, name: str, file: str) -> bool:
+    try:
+        return resolved(root, f"{name}/{file}").is_file()
+    except MissingError:
+        return False
