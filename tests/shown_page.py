@@ -43,7 +43,7 @@ class ShownPage:
     ) -> Answer:
         """Request exactly this path; a header that is None is left out."""
         place = urlsplit(self.address)
-        connection = HTTPConnection(place.hostname or "", place.port, timeout=10)
+        connection = HTTPConnection(place.hostname or "", place.port, timeout=60)
         given = {"Host": place.netloc, **(headers or {})}
         connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
         for name, value in given.items():
@@ -54,6 +54,11 @@ class ShownPage:
         answer = Answer(response.status, response.headers, response.read())
         connection.close()
         return answer
+
+    def post(self, path: str, **headers: str | None) -> Answer:
+        """Ask as the page does for what is more than looking."""
+        origin = {"Origin": self.address.rpartition(self.base)[0]}
+        return self.ask(self.base + path, origin | headers, "POST")
 
     def get(self, path: str, **headers: str | None) -> Answer:
         """Request a path below the token."""

@@ -46,7 +46,7 @@ def gui(
             "-o",
             "--override",
             metavar="VAST_FILE",
-            help="Use the commands of this file for every campaign, not those that each holds.",
+            help="Use the commands and notebooks of this file for every campaign, not its own.",
             show_default=False,
         ),
     ] = None,
@@ -61,6 +61,15 @@ def gui(
             show_default=False,
         ),
     ] = None,
+    notebook_timeout: Annotated[
+        float,
+        typer.Option(
+            "--notebook-timeout",
+            metavar="SECONDS",
+            min=1,
+            help="Stop a notebook that takes longer.",
+        ),
+    ] = 600,
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Print the address only, open no browser.")
     ] = False,
@@ -91,7 +100,8 @@ def gui(
         if not no_browser and (os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}):
             Thread(target=webbrowser.open, args=(page,), daemon=True).start()  # some block
 
-    serve(root.parent if campaign else root, port, show)
+    shown = root.parent if campaign else root
+    serve(shown, port, show, override=override, notebook_timeout=notebook_timeout)
     return ExitCode.OK
 
 

@@ -140,6 +140,25 @@ export interface Comparison {
   only_b: string[];
 }
 
+export interface NotebookResult {
+  key: string;
+  /** What went wrong, and in which cell. */
+  fault: string;
+  seconds: number;
+  ended: number;
+  has_output: boolean;
+}
+
+export interface NotebookEntry {
+  workload: string;
+  path: string;
+  /** Opens it in Jupyter. */
+  command: string;
+  fault?: string;
+  running?: boolean;
+  result?: NotebookResult | null;
+}
+
 type Query = Record<string, string | number | string[] | undefined>;
 
 /** Address of an answer of the server. */
@@ -160,12 +179,21 @@ export function fileAddress(path: string): string {
 }
 
 /** Ask the server; throws an Error whose message is for the user. */
-export async function ask<T>(url: string, signal?: AbortSignal): Promise<T> {
+export function ask<T>(url: string, signal?: AbortSignal): Promise<T> {
+  return request<T>(url, { signal });
+}
+
+/** Ask the server to do something. */
+export function post<T>(url: string): Promise<T> {
+  return request<T>(url, { method: "POST" });
+}
+
+async function request<T>(url: string, options: RequestInit): Promise<T> {
   let answer: Response;
   try {
-    answer = await fetch(url, { signal });
+    answer = await fetch(url, options);
   } catch (cause) {
-    if (signal?.aborted) throw cause;
+    if (options.signal?.aborted) throw cause;
     throw new Error("The server does not answer. Is `vast evaluation gui` still running?");
   }
   if (!answer.ok) {

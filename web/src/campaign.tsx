@@ -7,6 +7,7 @@ import { Grid, type Column } from "./grid";
 import { useAnswer, type Versions } from "./live";
 import { isInCell, Matrix, useAxes } from "./matrix";
 import { Chooser, useMeasure } from "./measure";
+import { Notebooks } from "./notebooks";
 import { Parallel } from "./parallel";
 import { Export, Mark, State, Tabs, VerdictBar, Waiting } from "./parts";
 import { choose, link } from "./route";
@@ -89,7 +90,7 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
     () => columnsOf(data, names, colour === "duration" ? null : measure),
     [data, names, colour, measure],
   );
-  const views = [
+  const overParameters = [
     {
       id: "matrix",
       label: "Matrix",
@@ -103,11 +104,17 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
     },
     { id: "parallel", label: "Parallel coordinates", show: () => <Parallel {...{ data, names }} runs={inCell} /> },
   ];
+  const views = [
+    ...(names.length > 0 ? overParameters : []),
+    {
+      id: "notebooks",
+      label: "Notebooks",
+      show: () => <Notebooks title="For the campaign" target={{ campaign: data.summary.name }} />,
+    },
+  ];
   return (
     <>
-      {names.length > 0 && (
-        <Tabs tabs={views} chosen={query.get("view") ?? "matrix"} onChoose={(view) => choose({ view })} />
-      )}
+      <Tabs tabs={views} chosen={query.get("view") ?? "matrix"} onChoose={(view) => choose({ view })} />
       <h2>Runs</h2>
       <div class="tools">
         <label class="choice">

@@ -6,6 +6,7 @@ import { bytes, count, duration, moment } from "./format";
 import { useAnswer } from "./live";
 import { Bags } from "./bags";
 import { Log } from "./log";
+import { Notebooks } from "./notebooks";
 import { Copy, Export, Glyph, Mark, Tabs, Waiting, type Tab } from "./parts";
 import { Plot } from "./plot";
 import { choose, link } from "./route";
@@ -30,7 +31,7 @@ export function RunPage({ campaign, variant, run, query }: RunProps) {
       <Head data={data} title={`${variant}/${run}`} />
       <Siblings {...{ campaign, variant, run }} siblings={answer.data.siblings} />
       <Tabs
-        tabs={tabsOf(data, query)}
+        tabs={[...tabsOf(data, query), notebooksOf({ campaign, variant, run })]}
         chosen={query.get("tab") ?? "log"}
         onChoose={(tab) => choose({ tab: tab === "log" ? "" : tab })}
       />
@@ -136,6 +137,17 @@ function tabsOf(data: RunDetails, query: URLSearchParams): Tab[] {
     { id: "files", label: `Files`, show: () => <Files data={data} /> },
   ];
   return tabs.filter((tab) => tab !== false);
+}
+
+function notebooksOf(target: { campaign: string; variant: string; run: string }): Tab {
+  const { run: _, ...configuration } = target;
+  const show = () => (
+    <>
+      <Notebooks title="For this run" target={target} />
+      <Notebooks title="For its configuration" target={configuration} />
+    </>
+  );
+  return { id: "notebooks", label: "Notebooks", show };
 }
 
 function Parameters({ data }: { data: RunDetails }) {

@@ -16,7 +16,7 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Mount, Route
 from starlette.types import ASGIApp
 
-from robovast.errors import InputError
+from robovast.errors import InputError, RobovastError
 from robovast.evaluation.bag_timeline import read_timeline
 from robovast.evaluation.columns import columns
 from robovast.evaluation.compare import compare
@@ -28,6 +28,7 @@ from robovast.evaluation.run import read_run
 from robovast.evaluation.server.answers import Data, error, send_file
 from robovast.evaluation.server.guard import Guard
 from robovast.evaluation.server.live import events
+from robovast.evaluation.server.notebooks import NotebookPages
 from robovast.evaluation.tables import read_table, read_usage
 
 _TYPES = {
@@ -38,11 +39,14 @@ _TYPES = {
 }
 
 
-def make_app(library: Library, token: str, closing: asyncio.Event) -> ASGIApp:
+def make_app(
+    library: Library, notebooks: NotebookPages, token: str, closing: asyncio.Event
+) -> ASGIApp:
     """The server's application.
 
     Args:
         library: the campaigns.
+        notebooks: answers about their notebooks.
         token: secret that is the first part of every path.
         closing: is set when the server ends; open streams end then.
     """
@@ -57,6 +61,8 @@ def make_app(library: Library, token: str, closing: asyncio.Event) -> ASGIApp:
         Route("/events", pages.events),
         Route("/log", pages.log),
         Route("/table", pages.table),
+        Route("/notebooks", notebooks.listed),
+        Route("/notebook", notebooks.executed, methods=["POST"]),
         Route("/timeline", pages.timeline),
         Route("/usage", pages.usage),
     ]
@@ -64,10 +70,11 @@ def make_app(library: Library, token: str, closing: asyncio.Event) -> ASGIApp:
         routes=[
             Mount("/api", routes=api, middleware=[Middleware(GZipMiddleware, compresslevel=3)]),
             Route("/files/{path:path}", pages.file),
+            Route("/notebooks/{key}", notebooks.shown),
             *(Route(path, answer) for path, answer in _assets().items()),
         ],
         exception_handlers={
-            InputError: _refuse,
+            RobovastError: _refuse,
             HTTPException: _refuse_http,
             Exception: _own_fault,
         },

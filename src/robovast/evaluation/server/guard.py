@@ -25,6 +25,7 @@ POLICY = "; ".join(
         "img-src 'self'",
         "media-src 'self'",
         "connect-src 'self'",
+        "frame-src 'self'",
         "base-uri 'none'",
         "form-action 'none'",
         "frame-ancestors 'none'",
@@ -74,8 +75,8 @@ class Guard:
             headers.get("sec-fetch-mode") != "navigate"
         ):
             return PlainTextResponse("Another site's request is not answered.", 403)
-        if scope["method"] not in {"GET", "HEAD"}:
-            return PlainTextResponse("Nothing can be changed here.", 405)
+        if scope["method"] not in {"GET", "HEAD"} and (scope["method"] != "POST" or not origin):
+            return PlainTextResponse("Only the page itself may ask for that.", 405)
         given = scope["path"].removeprefix("/").partition("/")[0]
         if not secrets.compare_digest(given.encode(), self._token.encode()):
             return PlainTextResponse(

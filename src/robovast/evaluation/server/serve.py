@@ -16,19 +16,30 @@ import uvicorn
 
 from robovast.errors import InputError
 from robovast.evaluation.library import Library
+from robovast.evaluation.notebooks.runner import TIMEOUT, Runner
 from robovast.evaluation.server.app import make_app
 from robovast.evaluation.server.live import versions
+from robovast.evaluation.server.notebooks import NotebookPages
 
 HOST = "127.0.0.1"
 
 
-def serve(results: Path, port: int | None, ready: Callable[[str], None]) -> None:
+def serve(
+    results: Path,
+    port: int | None,
+    ready: Callable[[str], None],
+    *,
+    override: Path | None = None,
+    notebook_timeout: float = TIMEOUT,
+) -> None:
     """Show a results folder until Ctrl-C.
 
     Args:
         results: the results folder.
         port: on the loopback interface; any free one when None.
         ready: is called with the page's address as soon as it answers.
+        override: a .vast file whose notebooks stand in place of each campaign's own.
+        notebook_timeout: for all cells of a notebook [s].
 
     Raises:
         InputError: the folder cannot be read, or the port is taken.
@@ -38,8 +49,10 @@ def serve(results: Path, port: int | None, ready: Callable[[str], None]) -> None
     listener = _listen(port)
     token = secrets.token_urlsafe(24)
     closing = asyncio.Event()
+    runner = Runner(notebook_timeout)
+    pages = NotebookPages(library.results, runner, override)
     config = uvicorn.Config(
-        make_app(library, token, closing),
+        make_app(library, pages, token, closing),
         log_level="debug" if logging.getLogger().isEnabledFor(logging.DEBUG) else "critical",
         access_log=False,
         server_header=False,
@@ -48,29 +61,36 @@ def serve(results: Path, port: int | None, ready: Callable[[str], None]) -> None
         timeout_graceful_shutdown=2,
     )
     Thread(target=versions, args=(library,), daemon=True, name="read-ahead").start()
-    server = _Server(config, closing, lambda: ready(f"http://{HOST}:{_port(listener)}/{token}/"))
+
+    def started() -> None:
+        ready(f"http://{HOST}:{_port(listener)}/{token}/")
+
+    def ending() -> None:
+        closing.set()
+        runner.close()
+
     with listener, suppress(KeyboardInterrupt):
-        server.run(sockets=[listener])
+        _Server(config, started, ending).run(sockets=[listener])
 
 
 class _Server(uvicorn.Server):
-    """Says when it answers, and ends open streams when it is told to end."""
+    """Says when it answers, and when it is told to end, so that nothing keeps it from that."""
 
     def __init__(
-        self, config: uvicorn.Config, closing: asyncio.Event, ready: Callable[[], None]
+        self, config: uvicorn.Config, started: Callable[[], None], ending: Callable[[], None]
     ) -> None:
         super().__init__(config)
-        self._closing = closing
-        self._ready = ready
+        self._started = started
+        self._ending = ending
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Begin to answer."""
         await super().startup(sockets)
-        self._ready()
+        self._started()
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """End."""
-        self._closing.set()
+        self._ending()
         super().handle_exit(sig, frame)
 
 

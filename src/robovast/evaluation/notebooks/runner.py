@@ -1,0 +1,254 @@
+"""Executes notebooks, a few at once, and keeps what they gave until something changes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Lock
+
+from robovast.errors import CannotRunError, InputError, StorageError
+from robovast.evaluation.inside import open_inside, read_small
+from robovast.evaluation.notebooks.workloads import Notebook, Target
+from robovast.evaluation.untrusted import mapping, parse_json
+from robovast.execution.local.process_environment import cache_folder
+from robovast.postprocessing.content import RECORD, scan, signature
+
+AT_ONCE = 2
+"""Notebooks that are executed at the same time."""
+TIMEOUT = 600.0
+"""For all cells of a notebook [s]."""
+GRACE = 60
+"""What a kernel may need to start, and rendering, beside that [s]."""
+MOST_KEPT = 200
+"""Results; the oldest are removed."""
+
+_FORMAT = 1
+_KEY = re.compile(r"[0-9a-f]{64}")
+_OWN = (RECORD, ".cache", ".running")
+
+
+@dataclass(frozen=True)
+class Result:
+    """What executing a notebook gave."""
+
+    key: str
+    fault: str
+    """What went wrong, and in which cell; empty when nothing did."""
+    seconds: float
+    ended: float
+    """When it ended, since the epoch [s]."""
+    has_output: bool
+
+
+@dataclass(frozen=True)
+class Task:
+    """A notebook, and the data that it is executed on."""
+
+    notebook: Path
+    data_dir: Path
+    key: str
+    """Equal for equal notebooks, folders and time stamps of the files below."""
+
+
+def data_key(target: Target) -> str:
+    """A digest that is equal when no file of a target changed since.
+
+    Raises:
+        InputError: its folder cannot be read.
+    """
+    try:
+        return signature(scan(target.folder, _OWN))
+    except OSError as error:
+        raise InputError(f"{error.filename}: cannot be read: {error.strerror}.") from None
+
+
+def make_task(notebook: Notebook, target: Target, data: str) -> Task:
+    """What is to be executed; `data` is the target's `data_key`.
+
+    Raises:
+        InputError: there is no such notebook.
+    """
+    path = notebook.file()
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}.") from None
+    parts = [str(_FORMAT), sys.executable, str(path), str(target.folder), data]
+    digest = hashlib.sha256(content)
+    digest.update("\0".join(parts).encode("utf-8", "surrogateescape"))
+    return Task(path, target.folder, digest.hexdigest())
+
+
+class Runner:
+    """Executes tasks in processes of their own; threads may share it."""
+
+    def __init__(self, timeout: float = TIMEOUT, cache: Path | None = None) -> None:
+        self._timeout = timeout
+        self._cache = cache or cache_folder() / "notebooks"
+        self._pool = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="notebook")
+        self._waiting: dict[str, Future[Result]] = {}
+        self._children: set[subprocess.Popen[bytes]] = set()
+        self._closed = False
+        self._lock = Lock()
+
+    def is_waiting(self, key: str) -> bool:
+        """Whether a task is being executed, or waits for its turn."""
+        return key in self._waiting
+
+    def kept(self, key: str) -> Result | None:
+        """What executing a task gave before; None when it was not executed."""
+        try:
+            content = read_small(self._cache.resolve(), f"{_checked(key)}/result.json")
+        except InputError:
+            return None
+        data = mapping(parse_json(content))
+        return Result(
+            key,
+            str(data.get("fault", "")),
+            float(data.get("seconds", 0)),
+            float(data.get("ended", 0)),
+            (self._cache / key / "output.html").is_file(),
+        )
+
+    def html(self, key: str) -> bytes:
+        """The document that executing a task gave.
+
+        Raises:
+            InputError: there is none.
+        """
+        with open_inside(self._cache.resolve(), f"{_checked(key)}/output.html") as file:
+            return file.read()
+
+    def execute(self, task: Task, again: bool = False) -> Future[Result]:
+        """Execute a task as soon as others leave room; once, however often it is asked for.
+
+        Args:
+            task: what to do.
+            again: even though it was executed before.
+
+        Raises:
+            CannotRunError: the extra is missing, or this was closed.
+        """
+        require_extra()
+        with self._lock:
+            waiting = self._waiting.get(task.key)
+            if waiting is not None:
+                return waiting
+            kept = None if again else self.kept(task.key)
+            if kept is not None:
+                return _done(kept)
+            if self._closed:
+                raise CannotRunError("The server is about to end.")
+            future = self._pool.submit(self._execute, task)
+            self._waiting[task.key] = future
+        future.add_done_callback(lambda _: self._waiting.pop(task.key, None))
+        return future
+
+    def close(self) -> None:
+        """Stop what is being executed; nothing more is started."""
+        self._closed = True
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        for child in tuple(self._children):
+            child.terminate()
+
+    def _execute(self, task: Task) -> Result:
+        with TemporaryDirectory(prefix="robovast-notebook-") as name:
+            folder = Path(name)
+            request = {
+                "notebook": str(task.notebook),
+                "data_dir": str(task.data_dir),
+                "timeout": self._timeout,
+            }
+            (folder / "request.json").write_text(json.dumps(request))
+            self._run_child(folder)
+            self._keep(task.key, folder)
+        kept = self.kept(task.key)
+        if kept is None:
+            raise StorageError(f"{self._cache / task.key} has gone.")
+        return kept
+
+    def _run_child(self, folder: Path) -> None:
+        """Let a process execute the request in a folder.
+
+        Raises:
+            CannotRunError: it left no result.
+        """
+        command = [sys.executable, "-m", "robovast.evaluation.notebooks.child", str(folder)]
+        log = folder / "child.log"
+        with (
+            log.open("wb") as out,
+            subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=out) as child,
+        ):
+            self._children.add(child)
+            try:
+                if self._closed:
+                    child.terminate()
+                child.wait(self._timeout + GRACE)
+            except subprocess.TimeoutExpired:
+                child.terminate()
+                _wait_or_kill(child)
+            finally:
+                self._children.discard(child)
+        if not (folder / "result.json").is_file():
+            said = log.read_bytes()[-2000:].decode(errors="replace").strip()
+            raise CannotRunError(f"The notebook was not executed to its end. {said}")
+
+    def _keep(self, key: str, folder: Path) -> None:
+        """Make the result in a folder the kept one."""
+        target = self._cache / key
+        try:
+            self._cache.mkdir(mode=0o700, parents=True, exist_ok=True)
+            shutil.rmtree(target, ignore_errors=True)
+            target.mkdir()
+            for name in ("output.html", "result.json"):  # complete when the last is there
+                with suppress(FileNotFoundError):
+                    shutil.copyfile(folder / name, target / f"{name}.part")
+                    os.replace(target / f"{name}.part", target / name)
+            _remove_oldest(self._cache)
+        except OSError as error:
+            raise StorageError(f"{target} cannot be written: {error.strerror}.") from None
+
+
+def require_extra() -> None:
+    """Raise a CannotRunError when the extra is missing."""
+    for module in ("nbclient", "nbconvert", "ipykernel"):
+        if find_spec(module) is None:
+            raise CannotRunError(
+                f"Notebooks need {module}; install the extra: pip install 'robovast[notebooks]'."
+            )
+
+
+def _checked(key: str) -> str:
+    if not _KEY.fullmatch(key):
+        raise InputError(f"{key!r} is the key of no result.")
+    return key
+
+
+def _done(result: Result) -> Future[Result]:
+    future: Future[Result] = Future()
+    future.set_result(result)
+    return future
+
+
+def _wait_or_kill(child: subprocess.Popen[bytes]) -> None:
+    try:
+        child.wait(10)
+    except subprocess.TimeoutExpired:
+        child.kill()
+
+
+def _remove_oldest(cache: Path) -> None:
+    newest = sorted(cache.iterdir(), key=lambda path: path.stat().st_mtime, reverse=True)
+    for path in newest[MOST_KEPT:]:
+        shutil.rmtree(path, ignore_errors=True)

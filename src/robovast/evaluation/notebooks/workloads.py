@@ -1,0 +1,154 @@
+"""Which notebooks a campaign has, and for what."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from robovast.errors import InputError
+from robovast.evaluation.campaigns import is_campaign
+from robovast.evaluation.inside import MissingError, OutsideError, read_small, resolved
+from robovast.evaluation.untrusted import mapping, parse_yaml
+
+SCOPES = ("campaign", "config", "run")
+"""What a notebook is for, by how many folders its data lies below the campaign's."""
+
+
+@dataclass(frozen=True)
+class Notebook:
+    """One notebook of a workload."""
+
+    workload: str
+    scope: str
+    path: str
+    """Relative to the .vast file's folder."""
+    folder: Path
+    """Of the .vast file, without links."""
+
+    def file(self) -> Path:
+        """Where it is, without links.
+
+        Raises:
+            InputError: there is none, or it lies outside of the .vast file's folder.
+        """
+        try:
+            return resolved(self.folder, self.path)
+        except MissingError:
+            raise MissingError(
+                f"{self.folder} holds no {self.path}, which `{self.workload}` names for a "
+                f"{self.scope}; name a .vast file that is up to date with `-o`."
+            ) from None
+        except OutsideError:
+            raise OutsideError(
+                f"{self.path} is outside of the .vast file's folder {self.folder}."
+            ) from None
+
+
+@dataclass(frozen=True)
+class Target:
+    """What is analyzed: a campaign, a configuration of it, or a run."""
+
+    results: Path
+    """The results folder, without links."""
+    names: tuple[str, ...]
+    """Of the campaign, then of the configuration, then the run's number."""
+
+    @property
+    def scope(self) -> str:
+        """One of `SCOPES`."""
+        return SCOPES[len(self.names) - 1]
+
+    @property
+    def folder(self) -> Path:
+        """What `DATA_DIR` is set to.
+
+        Raises:
+            InputError: there is no such campaign, configuration or run.
+        """
+        path = resolved(self.results, "/".join(self.names))
+        campaign = self.results / self.names[0]
+        if path.relative_to(self.results).parts != self.names or not path.is_dir():
+            raise MissingError(f"{path} is no folder of results.")
+        if not is_campaign(campaign):
+            raise MissingError(f"{campaign} is no campaign.")
+        return path
+
+
+def target_of(path: Path) -> Target:
+    """The target that a folder holds.
+
+    Raises:
+        InputError: it holds none.
+    """
+    folder = path.resolve()
+    for results in reversed(folder.parents[: len(SCOPES)]):  # a configuration looks like one too
+        names = folder.relative_to(results).parts
+        if is_campaign(results / names[0]):
+            return Target(results, names)
+    raise InputError(f"{path} is the folder of no campaign, configuration or run.")
+
+
+def find_notebooks(target: Target, override: Path | None) -> list[Notebook]:
+    """The notebooks for a target, in the order of the .vast file.
+
+    Args:
+        target: what is analyzed.
+        override: a .vast file in place of the campaign's own.
+
+    Raises:
+        InputError: there are several .vast files, or one that cannot be read.
+    """
+    document = override.resolve() if override else _own_document(target)
+    if document is None:
+        return []
+    folder = document.parent
+    data = parse_yaml(read_small(folder, document.name))
+    if not isinstance(data, dict):
+        raise InputError(f"{document} is no YAML file with keys.")
+    return [
+        Notebook(workload, target.scope, path, folder)
+        for workload, scopes in _workloads(data)
+        if isinstance(path := scopes.get(target.scope), str)
+    ]
+
+
+def find_notebook(target: Target, workload: str | None, override: Path | None) -> Notebook:
+    """The notebook of one workload; the only one when none is named.
+
+    Raises:
+        InputError: there is none, or there are several.
+    """
+    found = find_notebooks(target, override)
+    matching = [one for one in found if workload in (None, one.workload)]
+    if len(matching) == 1:
+        return matching[0]
+    known = ", ".join(f"`{one.workload}`" for one in found)
+    if not found:
+        raise MissingError(
+            f"`evaluation.visualization` of {target.names[0]} names no notebook for a "
+            f"{target.scope}."
+        )
+    raise MissingError(f"Name one of the workloads {known}; not {workload or 'none'}.")
+
+
+def _own_document(target: Target) -> Path | None:
+    """The campaign's .vast file; None when it has none, as one that was aborted early."""
+    folder = target.results / target.names[0] / "_config"
+    found = sorted(folder.glob("*.vast"))
+    if not found:
+        return None
+    if len(found) > 1:
+        raise InputError(f"{folder} holds {len(found)} .vast files; name the one to use with `-o`.")
+    return resolved(target.results, str(found[0].relative_to(target.results)))
+
+
+def _workloads(document: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Notebooks by scope, of each workload, under either spelling; a later one replaces."""
+    found: dict[str, Mapping[str, Any]] = {}
+    for section in ("evaluation", "analysis"):
+        workloads = mapping(document.get(section)).get("visualization")
+        for workload in workloads if isinstance(workloads, list) else []:
+            found |= {name: mapping(scopes) for name, scopes in mapping(workload).items()}
+    yield from found.items()

@@ -1,0 +1,96 @@
+"""Notebooks: which there are, executing one, and what one gave."""
+
+from __future__ import annotations
+
+import asyncio
+import shlex
+from pathlib import Path
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
+
+from robovast.errors import InputError
+from robovast.evaluation.notebooks.runner import Runner, Task, data_key, make_task
+from robovast.evaluation.notebooks.workloads import (
+    Notebook,
+    Target,
+    find_notebook,
+    find_notebooks,
+)
+from robovast.evaluation.server.answers import Data
+
+POLICY = "; ".join(
+    (
+        "default-src 'none'",
+        "style-src 'unsafe-inline'",
+        "img-src data:",
+        "font-src data:",
+        "media-src data:",
+        "base-uri 'none'",
+        "form-action 'none'",
+        "frame-ancestors 'self'",
+        "sandbox",
+    )
+)
+"""What a notebook's output may do: look as it likes. No script, no request, no other origin."""
+
+
+class NotebookPages:
+    """Answers about the notebooks of a results folder."""
+
+    def __init__(self, results: Path, runner: Runner, override: Path | None) -> None:
+        self._results = results
+        self._runner = runner
+        self._override = override
+
+    def listed(self, request: Request) -> Response:
+        """The notebooks for a campaign, a configuration or a run; executes none."""
+        target = self._target(request)
+        found = find_notebooks(target, self._override)
+        data = data_key(target) if found else ""
+        return Data([self._entry(notebook, target, data) for notebook in found])
+
+    async def executed(self, request: Request) -> Response:
+        """What executing the notebook of `workload` gave; `again` even though it was before."""
+        task = await run_in_threadpool(self._task, request)
+        again = "again" in request.query_params
+        future = self._runner.execute(task, again)
+        return Data(await asyncio.shield(asyncio.wrap_future(future)))
+
+    def shown(self, request: Request) -> Response:
+        """The output, as a document for a frame without any rights."""
+        headers = {"content-security-policy": POLICY, "x-frame-options": "SAMEORIGIN"}
+        content = self._runner.html(request.path_params["key"])
+        return Response(content, headers=headers, media_type="text/html; charset=utf-8")
+
+    def _target(self, request: Request) -> Target:
+        asked = (request.query_params.get(key) for key in ("campaign", "variant", "run"))
+        names = tuple(name for name in asked if name)
+        if not names:
+            raise InputError("The request names no `campaign`.")
+        return Target(self._results, names)
+
+    def _task(self, request: Request) -> Task:
+        target = self._target(request)
+        workload = request.query_params.get("workload")
+        notebook = find_notebook(target, workload, self._override)
+        return make_task(notebook, target, data_key(target))
+
+    def _entry(self, notebook: Notebook, target: Target, data: str) -> dict[str, object]:
+        entry = {
+            "workload": notebook.workload,
+            "path": notebook.path,
+            "command": self._command(notebook, target),
+        }
+        try:
+            key = make_task(notebook, target, data).key
+        except InputError as error:
+            return {**entry, "fault": str(error)}
+        running = self._runner.is_waiting(key)
+        return {**entry, "running": running, "result": self._runner.kept(key)}
+
+    def _command(self, notebook: Notebook, target: Target) -> str:
+        words = ["vast", "evaluation", "notebook", str(target.folder), notebook.workload]
+        override = ["-o", str(self._override.resolve())] if self._override else []
+        return shlex.join(words + override)
