@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import shutil
+import signal
 import subprocess
 from collections.abc import Iterator
 from http.client import HTTPConnection
 from pathlib import Path
+from subprocess import PIPE
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -17,7 +19,20 @@ from finished_campaigns import finished_campaign
 from mcp_clients import VAST, Assistant, Refusal, over_http, over_stdio, session
 from stored_campaigns import NAME, write, write_campaign
 
+from robovast.errors import InputError
+from robovast.mcp import question
+
 SECRET = "not for everyone"
+INITIALIZE = {
+    "jsonrpc": "2.0",
+    "id": 1,
+    "method": "initialize",
+    "params": {
+        "protocolVersion": "2025-06-18",
+        "capabilities": {},
+        "clientInfo": {"name": "t", "version": "1"},
+    },
+}
 PLUGIN = '''
 from fastmcp import FastMCP
 
@@ -120,9 +135,7 @@ def test_a_failing_run_is_found_and_explained(assistant: Assistant) -> None:
     assert NAME in assistant.prompt("explain_failures", campaign=NAME)
 
 
-def test_tables_are_queried_and_cannot_be_changed(results: Path, assistant: Assistant) -> None:
-    tables = results / TABLED / "_execution" / "tables.duckdb"
-    before = tables.read_bytes()
+def test_tables_are_queried_and_no_other_file(results: Path, assistant: Assistant) -> None:
     listed = assistant.call("list_run_data_tables")
     assert {"runs", "out"} <= {table["table"] for table in listed["tables"]}
     found = assistant.call("query_run_data", sql="SELECT max(v) AS most FROM out")
@@ -130,13 +143,15 @@ def test_tables_are_queried_and_cannot_be_changed(results: Path, assistant: Assi
     many = assistant.call("query_run_data", sql="SELECT * FROM range(1000000)")
     assert "more than 1000 rows" in many["cut"]
     assert len(many["rows"]) == 1000
-    for sql in (
-        "DROP TABLE campaign_0.out",
-        f"SELECT * FROM '{results.parent}/secret.csv'",  # noqa: S608
-        "SET enable_external_access = true",
-    ):
-        assert isinstance(assistant.call("query_run_data", sql=sql), Refusal), sql
-    assert tables.read_bytes() == before
+    stolen = f"SELECT * FROM read_text('{results.parent}/secret')"  # noqa: S608
+    assert "disabled" in assistant.call("query_run_data", sql=stolen).message
+
+
+def test_a_query_without_end_is_ended(results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(question, "PATIENCE", 1.0)
+    query = "SELECT (COUNT(*) AS ?n) { ?a ?b ?c . ?d ?e ?f . ?g ?h ?i . ?j ?k ?l }"
+    with pytest.raises(InputError, match="ended after 1 s"):
+        question.answer("sparql", [results / TABLED], query)
 
 
 def test_provenance_is_queried_and_no_other_machine(assistant: Assistant) -> None:
@@ -180,11 +195,11 @@ def test_tables_and_graphs_that_are_links_out_are_not_opened(
     (trap / "_execution").mkdir(parents=True)
     for file in ("_execution/tables.duckdb", "metadata.prov.json"):
         (trap / file).symlink_to(results.parent / "secret")
-    for tool, question in (
+    for tool, asked in (
         ("query_run_data", {"sql": "SELECT 1"}),
         ("query_provenance", {"query": "ASK { ?s ?p ?o }"}),
     ):
-        refusal = assistant.call(tool, campaign=trap.name, **question)
+        refusal = assistant.call(tool, campaign=trap.name, **asked)
         assert "leads out" in refusal.message
     shutil.rmtree(trap)
 
@@ -215,6 +230,19 @@ def test_plugins_add_tools_and_a_broken_one_is_reported(assistant: Assistant, lo
     assert "Traceback" not in said
 
 
+def test_ctrl_c_ends_a_server_that_waits_for_a_line(results: Path) -> None:
+    command = [VAST, "mcp", "-r", results, "--debug"]
+    with subprocess.Popen(command, stdin=PIPE, stdout=PIPE, stderr=PIPE) as server:
+        assert server.stdin is not None
+        assert server.stdout is not None
+        server.stdin.write(json.dumps(INITIALIZE).encode() + b"\n")
+        server.stdin.flush()
+        assert b"RoboVAST" in server.stdout.readline()
+        server.send_signal(signal.SIGINT)
+        assert server.wait(5) == -signal.SIGINT
+        assert b"initialize" in server.stderr.read()  # --debug
+
+
 def test_http_needs_the_token_and_this_machine(results: Path) -> None:
     with over_http(results) as line:
         url, token = line.split()[-5], line.split()[-1]
@@ -231,15 +259,9 @@ def test_http_needs_the_token_and_this_machine(results: Path) -> None:
 
 
 def _post(place: Any, headers: dict[str, str]) -> int:
-    params = {
-        "protocolVersion": "2025-06-18",
-        "capabilities": {},
-        "clientInfo": {"name": "t", "version": "1"},
-    }
-    body = {"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": params}
     accepted = {"Accept": "application/json, text/event-stream", "Content-Type": "application/json"}
     connection = HTTPConnection(place.hostname, place.port, timeout=10)
-    connection.request("POST", place.path, json.dumps(body), {**accepted, **headers})
+    connection.request("POST", place.path, json.dumps(INITIALIZE), {**accepted, **headers})
     status = connection.getresponse().status
     connection.close()
     return status

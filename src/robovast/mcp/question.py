@@ -15,6 +15,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
+from threading import BoundedSemaphore
 from typing import Any, Literal
 
 from robovast.errors import CannotRunError, InputError, RobovastError
@@ -22,10 +23,13 @@ from robovast.mcp.bounds import MOST_BYTES, fitted, page
 
 PATIENCE = 60.0
 """How long an answer may take [s]."""
-MEMORY = 8 << 30
+MEMORY = 4 << 30
 """Address space of the process [bytes]."""
 MOST_ROWS = 1000
 """Rows of an answer that are read."""
+
+_SEATS = BoundedSemaphore(2)
+"""Questions that are answered at a time."""
 
 _ESCAPE = re.compile(r"\\u([0-9A-Fa-f]{4})|\\U(000[0-9A-Fa-f]{5})")
 
@@ -51,13 +55,14 @@ def answer(kind: Kind, campaigns: Sequence[Path], text: str = "") -> dict[str, A
         )
     question = {"kind": kind, "campaigns": [str(path) for path in campaigns], "text": text}
     try:
-        done = subprocess.run(
-            [sys.executable, "-m", __name__],
-            input=json.dumps(question).encode(),
-            capture_output=True,
-            timeout=PATIENCE,
-            check=False,
-        )
+        with _SEATS:
+            done = subprocess.run(
+                [sys.executable, "-m", __name__],
+                input=json.dumps(question).encode(),
+                capture_output=True,
+                timeout=PATIENCE,
+                check=False,
+            )
     except subprocess.TimeoutExpired:
         raise InputError(
             f"the query was ended after {PATIENCE:.0f} s; ask fewer campaigns or for less."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import signal
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -36,7 +37,7 @@ class OneToken(TokenVerifier):
 
 
 def serve_stdio(results: Path, debug: bool = False) -> None:
-    """Serve a results folder until standard input ends.
+    """Serve a results folder until standard input ends, or Ctrl-C ends the process.
 
     Args:
         results: the results folder.
@@ -46,8 +47,9 @@ def serve_stdio(results: Path, debug: bool = False) -> None:
         InputError: the folder cannot be read.
     """
     server = _server(results, None, debug)
-    with suppress(KeyboardInterrupt):
-        anyio.run(lambda: server.run_stdio_async(show_banner=False, log_level=_level(debug)))
+    # A thread waits for standard input, and nothing else would end it before the next line.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    anyio.run(lambda: server.run_stdio_async(show_banner=False, log_level=_level(debug)))
 
 
 def serve_http(

@@ -44,6 +44,8 @@ def ask(campaigns: Sequence[Path], sql: str, most: int | None = None) -> Answer:
     with _attached(campaigns) as connection:
         try:
             found = connection.execute(sql)
+            if found is None:  # blanks and comments alone
+                raise InputError("the query is empty.")
             columns = [column[0] for column in found.description or ()]
             if not columns:
                 return Answer([], [])

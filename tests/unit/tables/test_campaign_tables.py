@@ -153,6 +153,7 @@ def test_all_campaigns_are_asked_at_once(tmp_path: Path) -> None:
     [
         ("SELECT verdct FROM runs", "verdict"),
         ("SELEC 1", "syntax error"),
+        ("  -- nothing", "empty"),
         ("DELETE FROM runs", "delete"),
         ("INSERT INTO campaign_0.out VALUES ('a', 1, 1)", "read-only"),
         ("SELECT * FROM read_csv('/etc/passwd')", "disabled"),
