@@ -122,6 +122,18 @@ def test_nothing_is_worked_twice_and_only_what_changed_again(tmp_path: Path) -> 
     assert (calls(campaign, "each"), calls(campaign, "metrics")) == (12, 4)
 
 
+def test_what_a_command_on_the_whole_campaign_made_is_made_again_when_it_is_removed(
+    tmp_path: Path,
+) -> None:
+    campaign = finished_campaign(tmp_path, 2, BOTH, PLUGINS)
+    work(campaign)
+    (campaign / "c-1/1/metrics.csv").unlink()
+    work(campaign)
+    assert (campaign / "c-1/1/metrics.csv").exists()
+    assert calls(campaign, "metrics") == 2
+    assert work(campaign).worked == set()
+
+
 def test_parameters_and_code_are_part_of_the_cache(tmp_path: Path) -> None:
     campaign = finished_campaign(tmp_path, 1, BOTH, PLUGINS)
     work(campaign)

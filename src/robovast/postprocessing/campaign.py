@@ -37,7 +37,8 @@ def look(survey: Survey, state: State, runs: Iterable[str], *, force: bool) -> d
     units = survey.look_at_all([OWN, *runs], known)
     whole = known.get(WHOLE, Unit(WHOLE))
     inputs = _inputs(units)
-    units[WHOLE] = whole if whole.inputs == inputs else Unit(WHOLE, inputs=inputs)
+    holds = whole.inputs == inputs and not _spoilt(units, known)
+    units[WHOLE] = whole if holds else Unit(WHOLE, inputs=inputs)
     if force:
         units = {path: replace(unit, done=frozenset()) for path, unit in units.items()}
     gone = known.keys() - units.keys()
@@ -46,6 +47,12 @@ def look(survey: Survey, state: State, runs: Iterable[str], *, force: bool) -> d
         state.remove(gone)
         state.store(moved)
     return units
+
+
+def _spoilt(units: Mapping[str, Unit], known: Mapping[str, Unit]) -> bool:
+    """Whether a file that a command made, in whatever folder, was removed or altered."""
+    before = ((unit, known.get(path)) for path, unit in units.items())
+    return any(old is not None and unit.made != old.made for unit, old in before)
 
 
 def per_run_keys(commands: Iterable[Command], survey: Survey, workers: Workers) -> set[str]:
