@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from cluster_lab import QUICK, VAST, Lab, buckets
+from cluster_lab import QUICK, VAST, Lab, buckets, eventually
 from local_campaigns import make_campaign
 from robovast_testbed import images
 
@@ -167,27 +167,32 @@ def test_configurations_show_entries_and_add_runs(lab: Lab) -> None:
 def test_a_deleted_campaign_leaves_nothing_behind_but_what_it_was_told_to(
     lab: Lab, retention: str
 ) -> None:
-    """Deleted while it runs and after its end; the bucket stays or goes."""
-    for phase in ("running", "finished"):
+    """Deleted in every phase; the bucket stays or goes."""
+    for phase in ("new", "suspended", "running", "finished"):
         name = f"gone-{phase}"
-        script = "sleep 600\n" if phase == "running" else "true\n"
-        lab.quick(name, script, storage={"retention": retention})
-        if phase == "running":
-            lab.kubectl(
-                *("wait", f"campaign/{name}", "--for=jsonpath={.status.runs.active}=3"),
-                "--timeout=60s",
-            )
-        else:
-            lab.wait(name)
-        bucket = lab.campaign(name)["status"]["bucket"]
+        script = "true\n" if phase == "finished" else "sleep 600\n"
+        suspend = {"suspend": True} if phase == "suspended" else {}
+        lab.quick(name, script, storage={"retention": retention}, **suspend)
+        reach(lab, name, phase)
+        bucket = lab.campaign(name).get("status", {}).get("bucket", "none")
         lab.kubectl("delete", "campaign", name, "--timeout=200s")
         for kind in ("jobs", "configurations", "pods"):
             lab.kubectl("wait", kind, "--all", "--for=delete", "--timeout=150s")
-        left = lab.kubectl("get", "configmaps", "--output=name")
-        assert name not in left
+        eventually(lambda: "gone-" not in lab.kubectl("get", "configmaps", "-o", "name"), 60)
         if phase == "finished":
-            there = bucket in buckets(lab)
-            assert there == (retention == "Retain")
+            assert (bucket in buckets(lab)) == (retention == "Retain")
+
+
+def reach(lab: Lab, name: str, phase: str) -> None:
+    """Wait until a campaign is in a phase."""
+    if phase == "suspended":
+        state = "--for=jsonpath={.status.state}=Suspended"
+        lab.kubectl("wait", f"campaign/{name}", state, "--timeout=60s")
+    elif phase == "running":
+        active = "--for=jsonpath={.status.runs.active}=3"
+        lab.kubectl("wait", f"campaign/{name}", active, "--timeout=60s")
+    elif phase == "finished":
+        lab.wait(name)
 
 
 def test_results_are_worked_up_in_the_cluster_when_that_is_asked_for(lab: Lab) -> None:
