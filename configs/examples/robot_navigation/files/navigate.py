@@ -1,0 +1,105 @@
+#!/usr/bin/env python3
+"""Drives a simulated robot to its goal, with nodes of ROS 2 that record what they say.
+
+Exit code 0 at the goal, 1 elsewhere; `rosbag2` and `outcome.csv` are written to the output folder.
+"""
+
+from __future__ import annotations
+
+import ast
+import csv
+import os
+import re
+import socket
+import sys
+from pathlib import Path
+
+import rclpy
+from follower import Follower
+from grid import Grid
+from rclpy.executors import SingleThreadedExecutor
+from recorder import Recorder
+from simulator import STEP, Simulator
+
+DOMAINS = range(1, 102)
+"""Those that every Linux has free ports for."""
+
+
+def main() -> int:
+    given = options(sys.argv[1:])
+    output = Path(given["output"])
+    start, goal = (place(ast.literal_eval(given[name])) for name in ("start", "goal"))
+    radius = float(given["diameter"]) / 2
+    grid = world = Grid.read(Path(given["map"]))
+    for obstacle in ast.literal_eval(given["obstacles"]):
+        world = world.with_box(*place(obstacle["spawn_pose"]), *size(obstacle))
+    lock, domain = own_domain()
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    rclpy.init(args=["--ros-args", "--disable-external-lib-logs"], domain_id=domain)
+    recorder = Recorder(output / "rosbag2")
+    follower = Follower(goal, radius + float(given["margin"]), float(given["speed"]))
+    simulator = Simulator(grid, world, start, goal, radius, float(given["limit"]))
+    executor = SingleThreadedExecutor()
+    for node in (recorder, follower, simulator):
+        executor.add_node(node)
+    try:
+        while not (simulator.outcome or follower.outcome):
+            executor.spin_once()
+        for _ in range(20):  # the recorder takes what was said last
+            executor.spin_once(timeout_sec=0.01)
+    finally:
+        recorder.close()
+        lock.close()
+    outcome = simulator.outcome or follower.outcome
+    with (output / "outcome.csv").open("w", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(["outcome", "seconds", "x", "y"])
+        seconds = round(simulator.steps * STEP, 1)
+        table.writerow([outcome, seconds, round(simulator.x, 3), round(simulator.y, 3)])
+    return 0 if outcome == "arrived" else 1
+
+
+def own_domain() -> tuple[socket.socket, int]:
+    """A ROS domain that no other run on this machine uses, while the socket is open."""
+    for domain in DOMAINS:
+        lock = socket.socket(socket.AF_UNIX)
+        try:
+            lock.bind(f"\0robot_navigation/{domain}")
+        except OSError:
+            lock.close()
+        else:
+            return lock, domain
+    raise SystemExit("no ROS domain is free: too many runs at a time on this machine")
+
+
+def options(words: list[str]) -> dict[str, str]:
+    """`--name value value …` by name; a value may be any number of words."""
+    found: dict[str, list[str]] = {}
+    for word in words:
+        if word.startswith("--"):
+            found[word[2:]] = values = []
+        else:
+            values.append(word)
+    return {name: " ".join(values) for name, values in found.items()}
+
+
+def place(pose) -> tuple[float, float, float]:
+    """x, y, yaw [m, rad]."""
+    return tuple(
+        float(value)
+        for value in (
+            pose["position"]["x"],
+            pose["position"]["y"],
+            pose.get("orientation", {}).get("yaw", 0.0),
+        )
+    )
+
+
+def size(obstacle) -> tuple[float, float]:
+    """Length and width of an obstacle [m]."""
+    found = dict(re.findall(r"(\w+):=([0-9.]+)", obstacle["xacro_arguments"]))
+    return float(found["length"]), float(found["width"])
+
+
+if __name__ == "__main__":
+    sys.exit(main())
