@@ -49,6 +49,8 @@ def install(cluster: Cluster) -> None:
         "agent.image": images.AGENT,
         "storage.embedded.image": images.S3,
         "storage.embedded.size": "1Gi",
+        "page.enabled": "true",
+        "page.every": "3",
     }
     given = [word for name, value in values.items() for word in ("--set", f"{name}={value}")]
     helm(

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
+import urllib.request
 from pathlib import Path
 
 import pytest
 import yaml
-from cluster_lab import QUICK, VAST, Lab, buckets, eventually
+from cluster_lab import QUICK, SYSTEM, VAST, Lab, buckets, eventually
 from local_campaigns import make_campaign
-from robovast_testbed import images
+from robovast_testbed import images, programs
 
 GROWTH = Path(__file__).parents[2] / "configs/examples/growth_sim/growth_sim.vast"
 
@@ -215,6 +217,37 @@ def test_results_are_worked_up_in_the_cluster_when_that_is_asked_for(lab: Lab) -
     assert {"metadata.yaml", "metadata.prov.json"} <= {p.name for p in home.iterdir()}
     asked = lab.vast("results", "sparql", "test-results", "-r", home, "-o", "json").stdout
     assert json.loads(asked)
+
+
+def test_the_page_in_the_cluster_shows_what_is_in_the_storage(lab: Lab) -> None:
+    """At the address that its log says, through `kubectl port-forward`."""
+    lab.quick("shown", "true\n")
+    lab.wait("shown")
+    name = lab.campaign("shown")["status"]["bucket"]
+    system = ("--namespace", SYSTEM)
+    said = lab.cluster.kubectl(*system, "logs", "deployment/robovast-page", "--container", "page")
+    found = re.search(r"http://\S+", said)
+    assert found, said
+    kubectl = (programs.kubelite(), "kubectl", f"--kubeconfig={lab.cluster.kubeconfig}")
+    forward = subprocess.Popen(
+        [*kubectl, *system, "port-forward", "deployment/robovast-page", "8400"],
+        stdout=subprocess.DEVNULL,
+    )
+
+    address = f"{found[0].rstrip('/')}/api/campaigns"
+
+    def campaigns() -> str:
+        try:
+            with urllib.request.urlopen(address, timeout=5) as page:  # noqa: S310 - see above
+                return str(page.read().decode())
+        except OSError:
+            return ""
+
+    try:
+        eventually(lambda: name in campaigns(), 60, said)
+    finally:
+        forward.terminate()
+        forward.wait()
 
 
 def test_a_suspended_campaign_stops_and_goes_on(lab: Lab) -> None:

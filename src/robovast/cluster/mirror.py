@@ -1,0 +1,68 @@
+"""`python -m robovast.cluster.mirror`: campaigns of an S3 server in a folder, kept up to date.
+
+The page of `vast evaluation gui` reads folders; in a cluster this brings it the campaigns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import time
+from pathlib import Path
+
+from robovast.cluster.endpoint import Credentials, Endpoint
+from robovast.cluster.storage import ObjectStore
+from robovast.common.execution import is_campaign_dir
+from robovast.errors import StorageError
+from robovast.results.download import Silent, download_campaign
+
+LOGGER = logging.getLogger(__name__)
+
+
+def mirror(store: ObjectStore, results: Path) -> list[str]:
+    """Bring what is new of every campaign into a results folder.
+
+    Args:
+        store: the S3 server.
+        results: existing folder; a campaign's folder is called as its bucket.
+
+    Returns:
+        Buckets that could not be read whole; the others are here.
+
+    Raises:
+        StorageError: the server does not answer.
+    """
+    failed = []
+    for bucket in store.buckets():
+        if not is_campaign_dir(bucket):
+            continue
+        try:
+            download_campaign(store, bucket, results / bucket, Silent())
+        except StorageError as error:
+            LOGGER.warning("%s: %s", bucket, error)
+            failed.append(bucket)
+    return failed
+
+
+def main() -> None:
+    """Mirror for ever."""
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--endpoint", required=True, help="URL of the S3 server")
+    parser.add_argument("--region", default="")
+    parser.add_argument("--credentials", type=Path, required=True, help="folder with the keys")
+    parser.add_argument("--into", type=Path, required=True, help="results folder")
+    parser.add_argument("--every", type=float, default=60, help="time between two looks [s]")
+    options = parser.parse_args()
+    endpoint = Endpoint.parse(options.endpoint, options.region)
+    store = ObjectStore(endpoint, Credentials.from_folder(options.credentials))
+    while True:
+        try:
+            mirror(store, options.into)
+        except StorageError as error:
+            LOGGER.warning("%s", error)
+        time.sleep(options.every)
+
+
+if __name__ == "__main__":
+    main()
