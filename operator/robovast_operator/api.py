@@ -153,15 +153,10 @@ class Api:
                 self._metrics.request(method, path, response.status)
             if response.status in {429, 503}:
                 return {}, float(response.headers.get("Retry-After") or 1)
-            data = await response.json(content_type=None)
+            text = await response.text()
             if response.status >= 400:
-                data = data if isinstance(data, dict) else {}
-                raise ApiError(
-                    response.status,
-                    data.get("reason", ""),
-                    data.get("message", f"{method} {path}"),
-                )
-            return data, None
+                raise _refusal(response.status, text, f"{method} {path}")
+            return json.loads(text), None
 
     def _authorization(self) -> dict[str, str]:
         token = self._info.token
@@ -176,6 +171,15 @@ class Api:
             timeout = aiohttp.ClientTimeout(total=30, connect=10)
             self._session = aiohttp.ClientSession(connector=connector, timeout=timeout)
         return self._session
+
+
+def _refusal(code: int, text: str, request: str) -> ApiError:
+    """What the server says against a request; of an API group that it lacks it says plain text."""
+    try:
+        data = json.loads(text)
+        return ApiError(code, data.get("reason", ""), data.get("message") or request)
+    except (ValueError, AttributeError):
+        return ApiError(code, "", f"{request}: {text.strip()[:200]}")
 
 
 _MANAGED = {"fieldManager": FIELD_MANAGER}

@@ -39,8 +39,11 @@ def namespace(fake_cluster: Cluster) -> Iterator[str]:
 
 
 @pytest.fixture
-def operator(fake_cluster: Cluster, tmp_path: Path) -> Iterator[OperatorProcess]:
-    made = OperatorProcess(fake_cluster, tmp_path, ROBOVAST_LEASE_SECONDS="2")
+def operator(fake_cluster: Cluster, namespace: str, tmp_path: Path) -> Iterator[OperatorProcess]:
+    """An operator for the test's namespace: other tests leave Campaigns in theirs."""
+    made = OperatorProcess(
+        fake_cluster, tmp_path, ROBOVAST_LEASE_SECONDS="2", ROBOVAST_NAMESPACES=namespace
+    )
     made.start()
     yield made
     made.stop()
@@ -80,7 +83,11 @@ def test_an_admin_sees_health_and_figures_but_no_series_per_campaign(
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     operator = OperatorProcess(
-        fake_cluster, tmp_path, ROBOVAST_LEASE_SECONDS="2", ROBOVAST_PORT=str(port)
+        fake_cluster,
+        tmp_path,
+        ROBOVAST_LEASE_SECONDS="2",
+        ROBOVAST_PORT=str(port),
+        ROBOVAST_NAMESPACES=namespace,
     )
     operator.start()
 
@@ -108,7 +115,13 @@ def test_an_admin_sees_health_and_figures_but_no_series_per_campaign(
 def test_a_leader_that_is_killed_is_followed_by_the_other_replica(
     fake_cluster: Cluster, namespace: str, operator: OperatorProcess, tmp_path: Path
 ) -> None:
-    other = OperatorProcess(fake_cluster, tmp_path, "two", ROBOVAST_LEASE_SECONDS="2")
+    other = OperatorProcess(
+        fake_cluster,
+        tmp_path,
+        "two",
+        ROBOVAST_LEASE_SECONDS="2",
+        ROBOVAST_NAMESPACES=namespace,
+    )
     other.start()
     eventually(lambda: "leads" in operator.log.read_text() + other.log.read_text(), 30)
     operator.kill()
@@ -149,6 +162,23 @@ def test_a_job_that_somebody_deletes_is_made_again(
     first = eventually(uid, 30, operator.log.read_text)
     fake_cluster.kubectl("--namespace", namespace, "delete", "job", "--all")
     eventually(lambda: uid() not in {"", first}, 30, operator.log.read_text)
+
+
+def test_a_queue_that_is_not_there_is_said_and_harms_nothing(
+    fake_cluster: Cluster, namespace: str, operator: OperatorProcess
+) -> None:
+    fake_cluster.apply(campaign("few", namespace, 3, 2, queueName="robovast"))
+    eventually(
+        lambda: (
+            condition(status(fake_cluster, namespace, "few"), "QuotaReserved").get("reason")
+            == "NoQueue"
+        ),
+        60,
+        operator.log.read_text,
+    )
+    state = status(fake_cluster, namespace, "few")
+    assert state["state"] == "Queued"
+    assert "Kueue" in condition(state, "QuotaReserved")["message"]
 
 
 def test_what_the_operator_may_do_is_what_it_needs(fake_cluster: Cluster) -> None:
