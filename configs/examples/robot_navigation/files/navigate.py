@@ -64,7 +64,7 @@ def own_domain() -> tuple[socket.socket, int]:
     for domain in DOMAINS:
         lock = socket.socket(socket.AF_UNIX)
         try:
-            lock.bind(f"\0robot_navigation/{domain}")
+            lock.bind(f"\0ros_domain/{domain}")
         except OSError:
             lock.close()
         else:

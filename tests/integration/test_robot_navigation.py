@@ -1,0 +1,128 @@
+"""The examples with nodes of ROS 2, from a campaign to tables, queries and notebooks."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from local_campaigns import EXAMPLES, ROOT
+
+VAST = Path(sys.executable).with_name("vast")
+NAVIGATION = EXAMPLES / "robot_navigation" / "robot_navigation.vast"
+BASIC = EXAMPLES / "ros2_basic" / "ros2_basic.vast"
+MANY_OBSTACLES = "drive-?-1-2-?"
+OUTCOMES = {
+    "drive-1-1-2-1": "collision",
+    "drive-1-1-2-2": "arrived",
+    "drive-2-1-2-1": "collision",
+    "drive-2-1-2-2": "no way to the goal",
+}
+
+
+def vast(*arguments: object, **environment: str) -> str:
+    done = subprocess.run(
+        [str(VAST), *map(str, arguments)],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0 or "exec" in arguments, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def ros_environment() -> str:
+    """Folder of the environment that the README says how to make."""
+    command = [str(ROOT / "scripts" / "ros-environment")]
+    environment = {**os.environ, "PYTHON": sys.executable}
+    done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
+    return done.stdout.strip()
+
+
+def execute(path: Path, out: Path, ros_environment: str, select: str) -> Path:
+    """Folder of a campaign that was executed in part."""
+    options = ("--runtime", "process", "-c", select, out)
+    vast("-V", path, "exec", "local", "run", *options, ROBOVAST_PROCESS_ENV=ros_environment)
+    (campaign,) = out.iterdir()
+    return campaign
+
+
+@pytest.fixture(scope="module")
+def campaign(ros_environment: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four drives, postprocessed."""
+    out = tmp_path_factory.mktemp("navigation") / "results"
+    folder = execute(NAVIGATION, out, ros_environment, MANY_OBSTACLES)
+    vast("results", "postprocess", "-r", out)
+    return folder
+
+
+def query(campaign: Path, sql: str) -> list[dict[str, object]]:
+    return json.loads(vast("results", "query", sql, "-r", campaign, "-o", "json"))
+
+
+@pytest.mark.parametrize(("path", "count"), [(NAVIGATION, 16), (BASIC, 3)])
+def test_the_configurations_of_an_example_are_listed(path: Path, count: int) -> None:
+    listed = json.loads(vast("-V", path, "config", "list", "-o", "json"))
+    assert len(listed) == count
+
+
+def test_a_drive_ends_as_the_readme_says(campaign: Path) -> None:
+    rows = query(campaign, "SELECT config, outcome FROM outcome")
+    assert {row["config"]: row["outcome"] for row in rows} == OUTCOMES
+    rows = query(campaign, "SELECT config FROM runs WHERE verdict = 'passed'")
+    assert [row["config"] for row in rows] == ["drive-1-1-2-2"]
+
+
+def test_what_was_recorded_agrees_with_what_was_simulated(campaign: Path) -> None:
+    (row,) = query(
+        campaign,
+        'SELECT o.x, o.y, max_by(p."position.x", p.timestamp) AS bag_x,'
+        ' max_by(p."position.y", p.timestamp) AS bag_y, count(*) AS poses,'
+        " any_value(o.seconds) AS s"
+        " FROM outcome o JOIN poses p USING (config, run) WHERE config = 'drive-1-1-2-2'"
+        " GROUP BY o.x, o.y",
+    )
+    assert (row["bag_x"], row["bag_y"]) == pytest.approx((row["x"], row["y"]), abs=0.001)
+    assert row["poses"] == round(float(str(row["s"])) * 10) + 1
+    logged = query(campaign, "SELECT config FROM rosout WHERE level_name = 'ERROR' ORDER BY config")
+    assert [row["config"] for row in logged] == [
+        config for config, outcome in OUTCOMES.items() if outcome != "arrived"
+    ]
+
+
+def test_failures_are_counted_by_floor_plan(campaign: Path) -> None:
+    text = vast("results", "sparql", "failure-rate", "-r", campaign, "-o", "json")
+    found = {Path(row["env_model"]).stem: float(row["result"]) for row in json.loads(text)}
+    assert found == {"depot": 50.0, "flat": 100.0}
+
+
+@pytest.mark.parametrize(
+    ("scope", "folder", "pictures"),
+    [("run", "drive-1-1-2-2/0", 1), ("config", "drive-1-1-2-2", 1), ("campaign", ".", 3)],
+)
+def test_a_notebook_draws_the_drives(
+    campaign: Path, tmp_path: Path, scope: str, folder: str, pictures: int
+) -> None:
+    request = {
+        "notebook": str(campaign / "_config" / "analysis" / f"{scope}.ipynb"),
+        "data_dir": str(campaign / folder),
+        "timeout": 120,
+    }
+    (tmp_path / "request.json").write_text(json.dumps(request))
+    command = [sys.executable, "-m", "robovast.evaluation.notebooks.child", str(tmp_path)]
+    subprocess.run(command, capture_output=True, check=True)
+    assert json.loads((tmp_path / "result.json").read_text())["fault"] == ""
+    shown = (tmp_path / "output.html").read_text().count('src="data:image/svg+xml')
+    assert shown == pictures
+
+
+def test_a_listener_hears_every_message(ros_environment: str, tmp_path: Path) -> None:
+    campaign = execute(BASIC, tmp_path / "results", ros_environment, "chat-3")
+    for run in ("0", "1"):
+        lines = (campaign / "chat-3" / run / "heard.csv").read_text().splitlines()[1:]
+        assert [int(line.split(",")[0]) for line in lines] == list(range(20))
