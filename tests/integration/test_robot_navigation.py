@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from local_campaigns import EXAMPLES, ROOT
+from robovast_testbed import cache
 
 VAST = Path(sys.executable).with_name("vast")
 NAVIGATION = EXAMPLES / "robot_navigation" / "robot_navigation.vast"
@@ -39,7 +40,7 @@ def vast(*arguments: object, **environment: str) -> str:
 def ros_environment() -> str:
     """Folder of the environment that the README says how to make."""
     command = [str(ROOT / "scripts" / "ros-environment")]
-    environment = {**os.environ, "PYTHON": sys.executable}
+    environment = {**os.environ, "PYTHON": sys.executable, "XDG_CACHE_HOME": str(cache.root())}
     done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
     return done.stdout.strip()
 

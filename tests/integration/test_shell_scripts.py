@@ -15,7 +15,7 @@ SCRIPTS = [
     *sorted(ROOT.glob("src/robovast/execution/contract/*.sh")),
     *sorted(ROOT.glob("src/robovast/postprocessing/tools/*.sh")),
     *sorted(ROOT.glob("configs/examples/*/files/*.sh")),
-    *(ROOT / "scripts" / name for name in ("example", "lock", "setup", "test")),
+    *(ROOT / "scripts" / name for name in ("example", "lock", "ros-environment", "setup", "test")),
     ROOT / "src/robovast/agent/start.sh",
     ROOT / "src/robovast/execution/local/run.sh.in",
     ROOT / "container/build.sh",
