@@ -8,8 +8,18 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from robovast.plain import dump_yaml
+
 START = datetime(2026, 3, 4, 13, 24, 44, tzinfo=UTC).timestamp()
 NAME = "hall-2026-03-04-132444"
+
+MOVES = {
+    "map_file": "maps/hall.yaml",
+    "start": {"x": 1.0, "y": 1.0},
+    "goals": [{"x": 3.0, "y": 1.0}],
+    "path": [[1.0, 1.0], [3.0, 1.0]],
+    "obstacles": [{"x": 2.0, "y": 2.0, "radius": 0.2}],
+}
 
 Judge = Callable[[Mapping[str, Any], int], str]
 """Verdict of a run, by parameters and number."""
@@ -127,3 +137,28 @@ def write(path: Path, text: str) -> None:
 
 def _iso(seconds: float) -> str:
     return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="milliseconds")
+
+
+def add_map(root: Path, variant: str) -> Path:
+    """Let a configuration move on a map of its own; returns the map's folder."""
+    import numpy as np
+
+    from robovast.navigation.occupancy import OccupancyMap, write_map
+
+    folder = root / variant / "_config" / "maps"
+    folder.mkdir()
+    free = np.ones((30, 40), bool)
+    write_map(OccupancyMap(free, ~free, 0.1, (0.0, 0.0)), folder / "hall.yaml")
+    record_moves(root, variant, MOVES)
+    return folder
+
+
+def record_moves(root: Path, variant: str, record: Any) -> None:
+    """What navigation variations have recorded of a configuration, among others."""
+    configs = [
+        {"name": "another", "_navigation": {"map_file": "another.yaml"}},
+        {"name": variant, "config": {"a": f"- name: {variant}"}, "_navigation": record},
+        {"name": f"{variant}0", "_navigation": {}},
+    ]
+    listed = dump_yaml({"vast": "hall.vast", "configs": configs})
+    write(root / "_transient" / "configurations.yaml", listed)

@@ -18,7 +18,7 @@ from local_campaigns import make_campaign
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 from robovast_testbed import debian
 from shown_page import VAST, ShownPage, shown
-from stored_campaigns import NAME, SYSTEM_LOG, write, write_campaign, write_run
+from stored_campaigns import NAME, SYSTEM_LOG, add_map, write, write_campaign, write_run
 
 WEB = Path(__file__).parents[2] / "web"
 LATER = "hall-2026-03-05-090000"
@@ -41,6 +41,7 @@ SCREENS = {
     "parameters": f"#/campaign/{NAME}/hall-9/0?tab=parameters",
     "pictures": f"#/campaign/{NAME}/hall-9/0?tab=video",
     "bag": f"#/campaign/{NAME}/hall-9/0?tab=bag",
+    "map": f"#/campaign/{NAME}/hall-9/0?tab=map",
     "files": f"#/campaign/{NAME}/hall-9/0?tab=files",
     "compare": f"#/compare?a={NAME}&b={LATER}",
     "nothing": "#/campaign/none",
@@ -77,6 +78,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_campaign(folder, LATER, variants=VARIANTS, runs=4, judge=judge(2, 0.5), outputs=False)
     run = root / "hall-9" / "0"
     write(run / "rosbag2" / "metadata.yaml", BAG)
+    add_map(root, "hall-9")
     (run / "camera.png").write_bytes(PIXEL)
     return folder
 
@@ -261,6 +263,12 @@ def test_a_campaign_that_runs_needs_no_reload(page: Page, tmp_path: Path) -> Non
         page.go_back()
         fcntl.flock(lock, fcntl.LOCK_UN)
         expect(page.get_by_role("heading", level=1)).to_contain_text("finished")
+
+
+def test_a_configuration_is_drawn_on_its_map(page: Page, server: ShownPage) -> None:
+    page.goto(f"{server.address}{SCREENS['map']}")
+    picture = page.get_by_role("img", name="Map of hall-9")
+    expect(picture).to_have_js_property("naturalWidth", 800)
 
 
 def test_a_comparison_says_what_got_worse(page: Page, server: ShownPage) -> None:

@@ -12,9 +12,10 @@ from urllib.parse import quote
 
 import pytest
 from shown_page import VAST, ShownPage, shown
-from stored_campaigns import NAME, write, write_campaign, write_run
+from stored_campaigns import NAME, add_map, write, write_campaign, write_run
 
 EVIL = "<img src=x onerror=alert(1)>"
+PICTURE = f"api/map/{NAME}/hall-1"
 
 
 def judge(parameters, number) -> str:
@@ -32,6 +33,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write(run / "page.html", "<script>alert(1)</script>")
     write(run / "picture.svg", "<svg xmlns='http://www.w3.org/2000/svg' onload='alert(1)'/>")
     (run / "film.webm").write_bytes(bytes(range(256)))
+    add_map(root, "hall-1")
     write_run(root, EVIL, 0, 4, {EVIL: 1, "speed": EVIL}, lambda *_: "passed")
     return folder
 
@@ -57,6 +59,13 @@ def test_the_page_shows_campaigns_runs_and_logs(page: ShownPage) -> None:
     assert len(usage["time"]) == len(usage["cpu"]) > 4
     table = page.get(f"api/table?path={NAME}/hall-2/0/poses.csv&column=timestamp").data
     assert (table["rows"], list(table["columns"])) == (200, ["timestamp"])
+
+
+def test_a_configuration_is_drawn_on_its_map(page: ShownPage) -> None:
+    answer = page.get(PICTURE)
+    assert answer.headers["content-type"].startswith("image/svg+xml")
+    assert answer.body.startswith(b"<svg")
+    assert page.get(f"api/map/{NAME}/hall-2").status == 404
 
 
 def test_lists_are_compressed(page: ShownPage) -> None:
@@ -132,7 +141,14 @@ def test_no_name_of_a_campaign_leaves_it_either(page: ShownPage, path: str) -> N
 
 
 def test_every_answer_forbids_what_the_page_does_not_need(page: ShownPage) -> None:
-    for path in ("", "page.js", "api/campaigns", "nothing", f"files/{NAME}/hall-1/0/page.html"):
+    for path in (
+        "",
+        "page.js",
+        "api/campaigns",
+        "nothing",
+        f"files/{NAME}/hall-1/0/page.html",
+        PICTURE,
+    ):
         headers = page.get(path).headers
         policy = headers["content-security-policy"]
         assert policy.startswith("default-src 'none'")

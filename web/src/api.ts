@@ -89,6 +89,7 @@ export interface RunDetails {
   bags: Bag[];
   origins: { path: string; command: string; sources: string[] }[];
   command: string;
+  on_map: boolean;
   failure: string;
 }
 

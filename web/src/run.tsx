@@ -31,7 +31,7 @@ export function RunPage({ campaign, variant, run, query }: RunProps) {
       <Head data={data} title={`${variant}/${run}`} />
       <Siblings {...{ campaign, variant, run }} siblings={answer.data.siblings} />
       <Tabs
-        tabs={[...tabsOf(data, query), notebooksOf({ campaign, variant, run })]}
+        tabs={[...tabsOf(data, query), ...(data.on_map ? [mapOf(campaign, variant)] : []), notebooksOf({ campaign, variant, run })]}
         chosen={query.get("tab") ?? "log"}
         onChoose={(tab) => choose({ tab: tab === "log" ? "" : tab })}
       />
@@ -137,6 +137,23 @@ function tabsOf(data: RunDetails, query: URLSearchParams): Tab[] {
     { id: "files", label: `Files`, show: () => <Files data={data} /> },
   ];
   return tabs.filter((tab) => tab !== false);
+}
+
+/** The configuration on its map, as it was planned. */
+function mapOf(campaign: string, variant: string): Tab {
+  const source = address(["map", campaign, variant]);
+  const show = () => (
+    <figure>
+      <img src={source} alt={`Map of ${variant} with start, goals, path and obstacles`} />
+      <figcaption>
+        Start (S), goals (1, 2, …), shortest path and obstacles, as they were planned.{" "}
+        <a href={source} download={`${variant}.svg`}>
+          Save SVG
+        </a>
+      </figcaption>
+    </figure>
+  );
+  return { id: "map", label: "Map", show };
 }
 
 function notebooksOf(target: { campaign: string; variant: string; run: string }): Tab {

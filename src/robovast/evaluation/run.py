@@ -12,6 +12,7 @@ from typing import Any
 from robovast.errors import InputError
 from robovast.evaluation.files import FileEntry, list_files
 from robovast.evaluation.inside import read_small, resolved
+from robovast.evaluation.map_picture import has_map
 from robovast.evaluation.untrusted import LONGEST, mapping, parse_json, read_yaml
 from robovast.results.layout import RUN_RECORD, TEST_RESULT
 
@@ -64,6 +65,8 @@ class RunDetails:
     """Shell command that executes this variant again on this machine."""
     origins: list[Origin] = field(default_factory=list)
     """Of the files that postprocessing made."""
+    on_map: bool = False
+    """Whether there is a picture of its configuration on a map."""
     failure: str = ""
     """What test.xml says in full, when the run did not pass."""
 
@@ -90,6 +93,7 @@ def read_run(results: Path, campaign: str, variant: str, number: int) -> RunDeta
         bags=list(_bags(results, files)),
         origins=list(_origins(results, campaign, place)),
         command=repeat_command(results, campaign, variant, record),
+        on_map=has_map(results, campaign, variant),
         failure=_failure(results, place),
     )
 

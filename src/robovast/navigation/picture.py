@@ -68,7 +68,7 @@ def to_svg(occupancy: OccupancyMap, found: Sequence[Mark], title: str) -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{paper.width}" height="{paper.height}"'
         f' viewBox="0 0 {paper.width} {paper.height}">',
         f"<title>{escape(title)}</title>",
-        f'<image width="{paper.width}" height="{paper.height}" style="image-rendering:pixelated"'
+        f'<image width="{paper.width}" height="{paper.height}" image-rendering="pixelated"'
         f' href="data:image/png;base64,{data}"/>',
         *(_svg(mark, paper) for mark in found),
         "</svg>",

@@ -36,6 +36,16 @@ class Data(JSONResponse):
         return text.encode("utf-8", "replace")
 
 
+class Picture(Response):
+    """An SVG picture, in which nothing is executed even when it is opened by itself."""
+
+    media_type = "image/svg+xml"
+
+    def __init__(self, content: str) -> None:
+        policy = "default-src 'none'; img-src data:; sandbox"
+        super().__init__(content, headers={"content-security-policy": policy})
+
+
 def _as_dict(value: Any) -> Any:
     if dataclasses.is_dataclass(value):
         return {

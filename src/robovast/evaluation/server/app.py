@@ -23,9 +23,10 @@ from robovast.evaluation.compare import compare
 from robovast.evaluation.inside import OutsideError, open_inside
 from robovast.evaluation.library import Library
 from robovast.evaluation.logs import LogQuestion, read_log
+from robovast.evaluation.map_picture import draw_map
 from robovast.evaluation.metrics import metric, metric_columns
 from robovast.evaluation.run import read_run
-from robovast.evaluation.server.answers import Data, error, send_file
+from robovast.evaluation.server.answers import Data, Picture, error, send_file
 from robovast.evaluation.server.guard import Guard
 from robovast.evaluation.server.live import events
 from robovast.evaluation.server.notebooks import NotebookPages
@@ -57,6 +58,7 @@ def make_app(
         Route("/campaigns/{campaign}/metrics", pages.metrics),
         Route("/campaigns/{campaign}/metric", pages.metric),
         Route("/campaigns/{campaign}/{variant}/{run:int}", pages.run),
+        Route("/map/{campaign}/{variant}", pages.map),
         Route("/compare", pages.compare),
         Route("/events", pages.events),
         Route("/log", pages.log),
@@ -132,6 +134,12 @@ class Pages:
         runs = next((v.runs for v in index.variants if v.name == names["variant"]), ())
         siblings = [(run.number, run.verdict) for run in runs]
         return Data({"details": found, "siblings": siblings})
+
+    def map(self, request: Request) -> Response:
+        """A picture of a configuration on its map."""
+        names = request.path_params
+        drawn = draw_map(self._library.results, names["campaign"], names["variant"])
+        return Picture(drawn)
 
     def compare(self, request: Request) -> Response:
         """Two campaigns, `a` and `b`."""

@@ -1,0 +1,102 @@
+"""The picture of a configuration that moves on a map, from what its campaign holds."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from robovast.errors import InputError
+from robovast.evaluation.inside import MissingError, open_inside, read_small
+from robovast.evaluation.untrusted import LONGEST, MOST_VALUES, mapping, parse_yaml
+from robovast.plain import dump_yaml
+
+_RECORD = "_navigation"
+_LARGEST_FILE = 64 << 20
+_MOST_CELLS = 16_000_000
+
+
+def has_map(results: Path, campaign: str, variant: str) -> bool:
+    """Whether a variation type has recorded on which map a configuration moves."""
+    return isinstance(_record(results, campaign, variant).get("map_file"), str)
+
+
+def draw_map(results: Path, campaign: str, variant: str) -> str:
+    """Map, start, goals, path and obstacles of a configuration as SVG.
+
+    Raises:
+        InputError: it has no map, or what is recorded of it cannot be drawn.
+        CannotRunError: the extra `nav` is missing.
+    """
+    from robovast.navigation.extra import nav_extra
+
+    record = _record(results, campaign, variant)
+    with nav_extra("The picture of a configuration"):
+        from robovast.navigation.occupancy import read_map
+        from robovast.navigation.picture import marks, to_svg
+    with TemporaryDirectory(prefix="robovast-") as folder:
+        try:
+            occupancy = read_map(_copy_map(results, campaign, variant, record, Path(folder)))
+            return to_svg(occupancy, list(marks(record)), variant)
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            raise InputError(f"{campaign}/{variant}: its map cannot be drawn: {error}.") from None
+
+
+def _record(results: Path, campaign: str, variant: str) -> Mapping[str, Any]:
+    """What navigation variations have recorded of a configuration; empty when they have not.
+
+    The file may be large: only the part of this configuration is parsed.
+    """
+    first = dump_yaml([{"name": variant}])
+    lines: list[str] = []
+    try:
+        with open_inside(results, f"{campaign}/_transient/configurations.yaml") as file:
+            text = io.TextIOWrapper(file, encoding="utf-8", errors="replace")
+            for line in iter(partial(text.readline, LONGEST), ""):
+                if len(lines) > MOST_VALUES or (lines and not line.startswith(" ")):
+                    break
+                if lines or line == first:
+                    lines.append(line)
+    except MissingError:
+        return {}
+    found = parse_yaml("".join(lines).encode())
+    entry = mapping(found[0]) if isinstance(found, list) and found else {}
+    return mapping(entry.get(_RECORD))
+
+
+def _copy_map(
+    results: Path, campaign: str, variant: str, record: Mapping[str, Any], folder: Path
+) -> Path:
+    """The map's two files in a folder of our own: the one must not name the other elsewhere."""
+    name = str(record.get("map_file", "")).removeprefix("/config/")
+    place = f"{campaign}/{variant}/_config/{name}"
+    try:
+        content = read_small(results, place)
+    except MissingError:
+        place = f"{campaign}/_config/{name}"
+        content = read_small(results, place)
+    data = dict(mapping(parse_yaml(content)))
+    image = str(data.get("image", ""))
+    pixels = read_small(results, str(PurePosixPath(place).parent / image), _LARGEST_FILE)
+    _check_size(pixels, image)
+    data["image"] = f"map{PurePosixPath(image).suffix}"
+    (folder / data["image"]).write_bytes(pixels)
+    path = folder / "map.yaml"
+    path.write_text(dump_yaml(data))
+    return path
+
+
+def _check_size(pixels: bytes, name: str) -> None:
+    """Raise InputError for an image that would not fit into memory, or is none."""
+    from PIL import Image
+
+    try:
+        with Image.open(io.BytesIO(pixels)) as image:
+            width, height = image.size
+    except (OSError, ValueError, Image.DecompressionBombError) as error:
+        raise InputError(f"{name} is no image: {error}.") from None
+    if width * height > _MOST_CELLS:
+        raise InputError(f"{name} has more than {_MOST_CELLS:,} cells.")
