@@ -69,7 +69,9 @@ class NotebookPages:
         names = tuple(name for name in asked if name)
         if not names:
             raise InputError("The request names no `campaign`.")
-        return Target(self._results, names)
+        target = Target(self._results, names)
+        _ = target.folder  # nothing is said of what is no folder of results
+        return target
 
     def _task(self, request: Request) -> Task:
         target = self._target(request)
