@@ -156,7 +156,7 @@ class Runner:
         return future
 
     def close(self) -> None:
-        """Stop what is being executed; nothing more is started."""
+        """Stop what is being executed; nothing more is started. A signal handler may call it."""
         self._closed = True
         self._pool.shutdown(wait=False, cancel_futures=True)
         for child in tuple(self._children):
@@ -182,7 +182,7 @@ class Runner:
         """Let a process execute the request in a folder.
 
         Raises:
-            CannotRunError: it left no result.
+            CannotRunError: it left no result, or was stopped by `close`.
         """
         command = [sys.executable, "-m", "robovast.evaluation.notebooks.child", str(folder)]
         log = folder / "child.log"
@@ -200,6 +200,8 @@ class Runner:
                 _wait_or_kill(child)
             finally:
                 self._children.discard(child)
+        if self._closed:
+            raise CannotRunError("The server ended while the notebook was executed.")
         if not (folder / "result.json").is_file():
             said = log.read_bytes()[-2000:].decode(errors="replace").strip()
             raise CannotRunError(f"The notebook was not executed to its end. {said}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import shlex
+from concurrent.futures import Future
 from pathlib import Path
 
 from starlette.concurrency import run_in_threadpool
@@ -11,7 +12,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from robovast.errors import InputError
-from robovast.evaluation.notebooks.runner import Runner, Task, data_key, make_task
+from robovast.evaluation.notebooks.runner import Result, Runner, data_key, make_task
 from robovast.evaluation.notebooks.workloads import (
     Notebook,
     Target,
@@ -53,9 +54,7 @@ class NotebookPages:
 
     async def executed(self, request: Request) -> Response:
         """What executing the notebook of `workload` gave; `again` even though it was before."""
-        task = await run_in_threadpool(self._task, request)
-        again = "again" in request.query_params
-        future = self._runner.execute(task, again)
+        future = await run_in_threadpool(self._execute, request)
         return Data(await asyncio.shield(asyncio.wrap_future(future)))
 
     def shown(self, request: Request) -> Response:
@@ -73,11 +72,12 @@ class NotebookPages:
         _ = target.folder  # nothing is said of what is no folder of results
         return target
 
-    def _task(self, request: Request) -> Task:
+    def _execute(self, request: Request) -> Future[Result]:
         target = self._target(request)
         workload = request.query_params.get("workload")
         notebook = find_notebook(target, workload, self._override)
-        return make_task(notebook, target, data_key(target))
+        task = make_task(notebook, target, data_key(target))
+        return self._runner.execute(task, again="again" in request.query_params)
 
     def _entry(self, notebook: Notebook, target: Target, data: str) -> dict[str, object]:
         entry = {
