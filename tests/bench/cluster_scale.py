@@ -78,6 +78,7 @@ def told(what: str, counts: dict[str, int], runs: int) -> None:
 def measure(cluster: Cluster, folder: Path, runs: int, parallelism: int) -> None:
     operator = OperatorProcess(cluster, folder)
     operator.start()
+    eventually(lambda: "leads" in operator.log.read_text(), 60)
     begin = cluster.audit_log.stat().st_size
     try:
         cluster.apply(campaign("ours", SPACE, VARIANTS, runs // VARIANTS, parallelism=parallelism))
