@@ -16,7 +16,7 @@ from robovast.execution.resources import cpus, memory, resolve_per_context
 from robovast_operator.campaign import Accepted, Object
 from robovast_operator.settings import Settings
 
-WORK: Object = {"name": "work", "mountPath": "/work"}
+WORK: Object = {"name": "work", "mountPath": "/robovast/work"}
 PLAN: Object = {"name": "plan", "mountPath": "/robovast/plan", "readOnly": True}
 FILES: Object = {"name": "files", "mountPath": "/robovast/files", "readOnly": True}
 CREDENTIALS: Object = {
@@ -192,8 +192,8 @@ def _own(settings: Settings, name: str, arguments: list[str], mounts: list[Objec
         "resources": OWN_RESOURCES,
         "securityContext": _confined(restricted=True) | {"readOnlyRootFilesystem": True},
         "env": [
-            {"name": "HOME", "value": "/work"},
-            {"name": "TMPDIR", "value": "/work"},
+            {"name": "HOME", "value": WORK["mountPath"]},
+            {"name": "TMPDIR", "value": WORK["mountPath"]},
             {"name": "NODE_NAME", "valueFrom": {"fieldRef": {"fieldPath": "spec.nodeName"}}},
         ],
         "terminationMessagePolicy": "FallbackToLogsOnError",

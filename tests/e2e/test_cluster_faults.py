@@ -163,7 +163,7 @@ def test_a_container_that_is_killed_for_its_memory_costs_one_run_of_its_pack(lab
 def test_a_run_sees_no_credentials_no_token_and_no_other_runs_results(lab: Lab) -> None:
     script = (
         'look() { ls -d "$@" 2>/dev/null; }\n'
-        "{ look /robovast/credentials /robovast/plan /work /var/run/secrets/kubernetes.io\n"
+        "{ look /robovast /var/run/secrets/kubernetes.io\n"
         '  env | grep -iE "key|token|secret"; cat /proc/*/environ 2>/dev/null | tr "\\0" "\\n" |'
         ' grep -iE "secret|accesskey"; } >"$3/seen"\n'
         'touch /config/planted 2>/dev/null && echo config >>"$3/seen"\n'

@@ -16,7 +16,7 @@ class Folders:
     """Files that belong to the document; need not exist."""
     credentials: Path = Path("/robovast/credentials")
     """`accessKey` and `secretKey`."""
-    work: Path = Path("/work")
+    work: Path = Path("/robovast/work")
     """The pod's own volume."""
     message: Path = Path("/dev/termination-log")
     """Where the termination message goes, when the file exists."""
