@@ -1,0 +1,27 @@
+"""The Campaign that docs/kubernetes.md shows is one that the operator takes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+from operator_world import SETTINGS
+
+from robovast_operator.accept import accept, inline_files
+from robovast_operator.campaign import Accepted
+
+PAGE = Path(__file__).parents[3] / "docs" / "kubernetes.md"
+
+
+def test_the_documented_campaign_is_accepted_and_has_four_runs() -> None:
+    blocks = PAGE.read_text(encoding="utf-8").split("```yaml\n")[1:]
+    (obj,) = (yaml.safe_load(block.partition("```")[0]) for block in blocks)
+    obj["metadata"] |= {
+        "namespace": "default",
+        "uid": "0123-4567",
+        "creationTimestamp": "2026-11-21T07:00:00Z",
+    }
+    made = accept(obj, inline_files(obj["spec"]), SETTINGS)
+    assert isinstance(made, Accepted), made
+    assert [(entry.name, entry.variants) for entry in made.entries] == [("greeting", 2)]
+    assert made.runs == 2
