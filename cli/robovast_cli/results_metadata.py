@@ -1,12 +1,10 @@
 """`vast results metadata`: metadata.yaml and the provenance graph of campaigns."""
 
-from pathlib import Path
-from typing import Annotated
-
 import typer
 
 from robovast.errors import ExitCode
 from robovast_cli.lazy import new_app
+from robovast_cli.results_options import ResultsDir
 
 app = new_app("Write metadata.yaml and the provenance graph of campaigns.")
 
@@ -14,16 +12,7 @@ app = new_app("Write metadata.yaml and the provenance graph of campaigns.")
 @app.command()
 def metadata(
     ctx: typer.Context,
-    results_dir: Annotated[
-        Path | None,
-        typer.Option(
-            "-r",
-            "--results-dir",
-            metavar="PATH",
-            help="Folder of campaigns, or one campaign; the project's results folder when omitted.",
-            show_default=False,
-        ),
-    ] = None,
+    results_dir: ResultsDir = None,
 ) -> ExitCode:
     """Write metadata.yaml and metadata.prov.json (PROV-O) of campaigns.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -18,6 +18,11 @@ ResultsDir = Annotated[
         help="Folder of campaigns, or one campaign; the project's results folder when omitted.",
         show_default=False,
     ),
+]
+
+AnswerFormat = Annotated[
+    Literal["table", "csv", "json"],
+    typer.Option("-o", "--output", help="How to print the answer."),
 ]
 
 Campaigns = Annotated[

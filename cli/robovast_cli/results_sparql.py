@@ -1,11 +1,11 @@
 """`vast results sparql`: ask the provenance graphs of campaigns."""
 
-from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
 from robovast_cli.lazy import new_app
+from robovast_cli.results_options import AnswerFormat, ResultsDir
 
 app = new_app("Ask the provenance graphs of campaigns with SPARQL.")
 
@@ -21,20 +21,8 @@ def sparql(
             show_default=False,
         ),
     ] = None,
-    results_dir: Annotated[
-        Path | None,
-        typer.Option(
-            "-r",
-            "--results-dir",
-            metavar="PATH",
-            help="Folder of campaigns, or one campaign; the project's results folder when omitted.",
-            show_default=False,
-        ),
-    ] = None,
-    output: Annotated[
-        Literal["table", "csv", "json"],
-        typer.Option("-o", "--output", help="How to print the answer."),
-    ] = "table",
+    results_dir: ResultsDir = None,
+    output: AnswerFormat = "table",
     list_queries: Annotated[
         bool, typer.Option("--list", help="List the queries of the package and exit.")
     ] = False,

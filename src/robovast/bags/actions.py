@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from pydantic import Field
 
-from robovast.bags.job import Context, FileName, Job, nothing_on
+from robovast.bags.job import Context, FileName, Job
 from robovast.bags.source import Consumer, Topic
-from robovast.bags.topics import MessageTable
+from robovast.bags.topics import MessageTable, TableWorker
 
 
 class ActionToCsv(Job):
@@ -30,26 +28,16 @@ def _joined(name: str) -> str:
     return name.replace("]", "").replace("[", "_").replace(".", "_")
 
 
-class _ActionWorker:
+class _ActionWorker(TableWorker):
     def __init__(self, context: Context, action: str, prefix: str) -> None:
-        self._context = context
-        self._tables = {
+        tables = {
             f"/{action}/_action/{part}": MessageTable(
                 context, f"{prefix}_{part}.csv", ["timestamp"], _joined
             )
             for part in ("feedback", "status")
         }
+        super().__init__(context, tables)
 
     def subscribe(self, topic: Topic) -> Consumer | None:
         table = self._tables.get(topic.name)
         return table.timed_consumer(topic) if table else None
-
-    def finish(self) -> list[Path]:
-        for topic, table in self._tables.items():
-            if table.empty:
-                self._context.warn(nothing_on(self._context, topic))
-        return [table.close() for table in self._tables.values()]
-
-    def discard(self) -> None:
-        for table in self._tables.values():
-            table.discard()

@@ -11,12 +11,13 @@ import multiprocessing
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robovast.errors import CannotRunError, RobovastError
+from robovast.errors import RobovastError
+from robovast.extras import needing
 from robovast.results.layout import Layout
 from rosbags_common import find_rosbags
 
@@ -142,23 +143,9 @@ def rosbags_to_webm(
     return _convert("rosbags_to_webm", results_dir, config_dir, {"topic": topic, "fps": fps})
 
 
-@contextmanager
-def ros_extra() -> Iterator[None]:
-    """Where packages of the extra are imported: one that is missing is reported by the extra.
-
-    Raises:
-        CannotRunError: a package of the extra is not installed.
-    """
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        package = (error.name or "").partition(".")[0]
-        if package not in _PACKAGES:
-            raise
-        raise CannotRunError(
-            f"reading ROS bags needs the extra `ros` ({package} is not installed): "
-            "pip install 'robovast[ros]'."
-        ) from None
+def ros_extra() -> AbstractContextManager[None]:
+    """Where packages of the extra `ros` are imported."""
+    return needing("ros", _PACKAGES, "reading ROS bags")
 
 
 def _convert(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from pydantic import Field, field_validator
@@ -65,6 +65,26 @@ class MessageTable:
         return self._context.columns(self._topics[variant], shape)
 
 
+class TableWorker:
+    """Writes a table for each of some topics; how a message becomes a row, subclasses say."""
+
+    def __init__(self, context: Context, tables: Mapping[str, MessageTable]) -> None:
+        self._context = context
+        self._tables = tables
+
+    def finish(self) -> list[Path]:
+        """The tables; of a topic without messages that is said."""
+        for topic, table in self._tables.items():
+            if table.empty:
+                self._context.warn(nothing_on(self._context, topic))
+        return [table.close() for table in self._tables.values()]
+
+    def discard(self) -> None:
+        """Leave nothing behind."""
+        for table in self._tables.values():
+            table.discard()
+
+
 class TopicsToCsv(Job):
     """Each topic as `<bag>_<topic>.csv`, its slashes as underscores."""
 
@@ -86,28 +106,17 @@ class TopicsToCsv(Job):
         return _TopicsWorker(context, self.topics)
 
 
-class _TopicsWorker:
+class _TopicsWorker(TableWorker):
     def __init__(self, context: Context, topics: tuple[str, ...]) -> None:
-        self._context = context
-        self._tables = {topic: self._open(topic) for topic in dict.fromkeys(topics)}
-
-    def _open(self, topic: str) -> MessageTable:
-        name = f"{topic_file(self._context, topic)}.csv"
-        return MessageTable(self._context, name, ["timestamp", "type"])
+        columns = ["timestamp", "type"]
+        names = {topic: f"{topic_file(context, topic)}.csv" for topic in dict.fromkeys(topics)}
+        super().__init__(
+            context, {topic: MessageTable(context, name, columns) for topic, name in names.items()}
+        )
 
     def subscribe(self, topic: Topic) -> Consumer | None:
         table = self._tables.get(topic.name)
         return table.consumer(topic) if table else None
-
-    def finish(self) -> list[Path]:
-        for topic, table in self._tables.items():
-            if table.empty:
-                self._context.warn(nothing_on(self._context, topic))
-        return [table.close() for table in self._tables.values()]
-
-    def discard(self) -> None:
-        for table in self._tables.values():
-            table.discard()
 
 
 def topic_file(context: Context, topic: str) -> str:
