@@ -146,14 +146,15 @@ def _checked(
 
 def _is_pure(spec: CampaignSpec) -> bool:
     """Whether all variation types of a document are built in and compute only."""
-    calls = (
-        call
-        for entry in spec.vast.get("configuration") or []
-        if isinstance(entry, dict)
-        for call in entry.get("variations") or []
-    )
-    names = (call if isinstance(call, str) else next(iter(call), "") for call in calls)
+    entries = (e for e in _items(spec.vast.get("configuration")) if isinstance(e, dict))
+    calls = (call for entry in entries for call in _items(entry.get("variations")))
+    names = (next(iter(call), "") if isinstance(call, dict) else call for call in calls)
     return all(_is_pure_name(str(name)) for name in names)
+
+
+def _items(value: object) -> list[object]:
+    """A list as it is; anything else, which checking the document refuses, as none."""
+    return value if isinstance(value, list) else []
 
 
 def _is_pure_name(name: str) -> bool:

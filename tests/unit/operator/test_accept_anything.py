@@ -1,0 +1,50 @@
+"""Whatever the API server lets through: a Campaign is accepted or told why not."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from operator_world import SCENARIO, SETTINGS, campaign
+
+from robovast_operator.accept import accept
+from robovast_operator.campaign import Accepted, Rejected
+
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=12),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=12), inner, max_size=3)
+    ),
+    max_leaves=6,
+)
+
+
+def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """The path of every value below."""
+    items: Any = ()
+    if isinstance(value, dict):
+        items = value.items()
+    elif isinstance(value, list):
+        items = enumerate(value)
+    return [path, *(place for key, item in items for place in places(item, (*path, key)))]
+
+
+SPEC = campaign()["spec"]
+PLACES = [path for path in places(SPEC) if path]
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.sampled_from(PLACES), anything)
+def test_any_value_anywhere_is_taken_or_explained(path: tuple[Any, ...], value: Any) -> None:
+    obj = campaign()
+    spec = obj["spec"] = copy.deepcopy(SPEC)
+    for key in path[:-1]:
+        spec = spec[key]
+    spec[path[-1]] = value
+    found = accept(obj, {"scenario.osc": SCENARIO.encode()}, SETTINGS)
+    assert isinstance(found, Accepted | Rejected)
+    if isinstance(found, Rejected):
+        assert found.reason
+        assert found.message
