@@ -16,8 +16,11 @@ LOGGER = logging.getLogger(__name__)
 
 NAME = "robovast-operator"
 
-RENEWALS = 5
-"""How often the Lease is renewed within its duration."""
+RENEWALS = 3
+"""How often the Lease is renewed within its duration; each is a write to the API server."""
+
+ATTEMPTS = 15
+"""How often that is tried within its duration while it does not succeed."""
 
 
 class Leadership:
@@ -43,9 +46,10 @@ class Leadership:
     async def keep(self) -> None:
         """Try to get the Lease and to keep it, for ever."""
         while True:
-            asked = now()
+            asked, attempts = now(), ATTEMPTS
             try:
                 if await self._renew():
+                    attempts = RENEWALS
                     if not self.leading:
                         LOGGER.info("%s leads", self._settings.identity)
                     # counted from before the request: others count from what they read
@@ -53,7 +57,7 @@ class Leadership:
                     self._acquired.set()
             except (ApiError, OSError) as error:
                 LOGGER.warning("the Lease cannot be renewed: %s", error)
-            await asyncio.sleep(self._settings.lease_seconds / RENEWALS)
+            await asyncio.sleep(self._settings.lease_seconds / attempts)
 
     async def release(self) -> None:
         """Let another replica lead at once."""
