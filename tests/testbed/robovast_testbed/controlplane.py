@@ -53,9 +53,11 @@ STORAGE_CLASS = "standard"
 VOLUMES = 8
 
 
-def start(bed: Bed) -> Cluster:
+def start(bed: Bed, manager_requests: int = 20) -> Cluster:
     """Start a control plane without nodes and wait until it serves pods.
 
+    :param manager_requests: requests that the controller manager may make in a second; 20 is
+        its own default.
     :raises Unavailable: when the machine lacks root, Go or a Debian package.
     :raises StartFailed: when it is not ready within 60 s.
     """
@@ -66,7 +68,7 @@ def start(bed: Bed) -> Cluster:
     programs.spawn(bed, "etcd", _etcd(cluster.folder))
     api = programs.spawn(bed, "kube-apiserver", _api_server(cluster, authority))
     wait_for("kube-apiserver", lambda: _ready(cluster), timeout=60, failed=api.failure)
-    arguments = _controller_manager(cluster.folder, authority)
+    arguments = _controller_manager(cluster.folder, authority, manager_requests)
     manager = programs.spawn(bed, "kube-controller-manager", arguments)
     programs.spawn(bed, "kube-scheduler", _scheduler(cluster.folder))
     wait_for(
@@ -191,11 +193,14 @@ def _api_server(cluster: Cluster, authority: pki.Authority) -> list[str]:
         f"--service-account-signing-key-file={key}",
         f"--audit-policy-file={policy}",
         f"--audit-log-path={cluster.audit_log}",
+        "--audit-log-maxsize=8192",  # [MB]: whoever counts requests needs one file
     ]
 
 
-def _controller_manager(folder: Path, authority: pki.Authority) -> list[str]:
+def _controller_manager(folder: Path, authority: pki.Authority, requests: int) -> list[str]:
     return [
+        f"--kube-api-qps={requests}",
+        f"--kube-api-burst={requests * 3 // 2}",
         f"--kubeconfig={folder}/controller-manager.kubeconfig",
         "--leader-elect=false",
         "--secure-port=0",
