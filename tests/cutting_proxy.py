@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 
@@ -20,8 +20,18 @@ class CuttingProxy:
         """How many connections were cut so far."""
         self._limits: dict[str, int] = {}
 
-    def cut_once(self, *, sent: int | None = None, received: int | None = None) -> None:
-        """Cut the next connection that carries so many bytes, from or to the client."""
+    def cut_once(
+        self,
+        *,
+        sent: int | None = None,
+        received: int | None = None,
+        first: Callable[[], object] = lambda: None,
+    ) -> None:
+        """Cut the next connection that carries so many bytes, from or to the client.
+
+        What shall happen right before that is `first`.
+        """
+        self._first = first
         limits = {"sent": sent, "received": received}
         self._limits = {way: limit for way, limit in limits.items() if limit is not None}
 
@@ -51,6 +61,7 @@ class CuttingProxy:
                 if carried > self._limits.get(way, carried):
                     del self._limits[way]
                     self.cuts += 1
+                    self._first()
                     for end in (source, target):
                         end.shutdown(socket.SHUT_RDWR)
                     return

@@ -13,6 +13,7 @@ from types import ModuleType
 from robovast.agent.exit_codes import AgentExit, exit_code_of_error
 from robovast.agent.folders import Folders
 from robovast.agent.messages import write_error
+from robovast.cluster.endpoint import Endpoint
 from robovast.errors import RobovastError
 
 INDEX = "JOB_COMPLETION_INDEX"
@@ -25,6 +26,7 @@ _COMMANDS = {
     "finish": "complete a campaign's results and sum them up",
     "process": "work a campaign's results up: tables, metadata, provenance",
     "purge": "remove a campaign's results",
+    "share": "pack a campaign's results and upload them to a share",
 }
 """Each is a function of the module of its name."""
 
@@ -49,6 +51,9 @@ def _carry_out(options: argparse.Namespace, folders: Folders) -> AgentExit:
     if options.command == "fetch":
         index = int(os.environ.get(INDEX, "0"))
         arguments.append(module.Request(options.first_pack, index, options.attempt, options.runs))
+    elif options.command == "share":
+        place = Endpoint.parse(options.endpoint, options.region)
+        arguments.append(module.Request(options.campaign, options.bucket, place))
     code: AgentExit = getattr(module, options.command)(*arguments)
     return code
 
@@ -68,19 +73,28 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
     for name, text in _COMMANDS.items():
         command = commands.add_parser(name, help=text, description=text)
-        for folder in ("plan", "files", "credentials", "work", "message"):
+        for folder in ("plan", "files", "credentials", "share", "work", "message"):
             command.add_argument(f"--{folder}", type=Path, metavar="PATH")
         for seen in ("config-seen", "out-seen"):
             command.add_argument(f"--{seen}", metavar="PATH", help="as runs see it")
         if name == "fetch":
-            _add_request(command)
+            _add_runs(command)
+        elif name == "share":
+            _add_results(command)
     return parser
 
 
-def _add_request(fetch: argparse.ArgumentParser) -> None:
+def _add_runs(fetch: argparse.ArgumentParser) -> None:
     fetch.add_argument("--first-pack", type=int, default=0, help=f"the pack of ${INDEX} 0")
     fetch.add_argument("--attempt", type=int, default=1, help="which repetition it is, from 1")
     fetch.add_argument("--runs", help="ids of the runs to repeat, as `17,204-206`")
+
+
+def _add_results(share: argparse.ArgumentParser) -> None:
+    share.add_argument("--campaign", required=True, help="name of its results folder")
+    share.add_argument("--bucket", required=True, help="where its results are")
+    share.add_argument("--endpoint", required=True, help="URL of the S3 server")
+    share.add_argument("--region", help="of the S3 server, where it has any")
 
 
 if __name__ == "__main__":

@@ -16,6 +16,8 @@ class Folders:
     """Files that belong to the document; need not exist."""
     credentials: Path = Path("/robovast/credentials")
     """`accessKey` and `secretKey`."""
+    share: Path = Path("/robovast/share")
+    """What a share's provider needs: each variable is a file."""
     work: Path = Path("/robovast/work")
     """The pod's own volume."""
     message: Path = Path("/dev/termination-log")

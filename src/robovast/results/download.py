@@ -83,6 +83,11 @@ class DownloadPlan:
     """Runs that are not stored yet."""
 
     @property
+    def objects(self) -> list[StoredObject]:
+        """All of these files."""
+        return [*self.files, *(item for run in self.runs for item in run.objects)]
+
+    @property
     def count(self) -> int:
         """Number of files."""
         return sum(len(run.objects) for run in self.runs) + len(self.files)
@@ -90,8 +95,7 @@ class DownloadPlan:
     @property
     def size(self) -> int:
         """[byte]"""
-        items = [*self.files, *(item for run in self.runs for item in run.objects)]
-        return sum(item.size for item in items)
+        return sum(item.size for item in self.objects)
 
 
 @dataclass(frozen=True)
@@ -276,13 +280,19 @@ class _Fetching:
 
 def _link_job(run: Path) -> None:
     """Restore what S3 cannot hold: the link to the job that executed the run."""
+    target, link = job_link(run / RUN_RECORD), run / "job"
+    if target is not None and not os.path.lexists(link):
+        link.symlink_to(target)
+
+
+def job_link(record: Path) -> Path | None:
+    """Where the link `job` of a run leads to; None when its record does not say."""
     try:
-        job = json.loads((run / RUN_RECORD).read_text(encoding="utf-8"))["job"]
+        job = json.loads(record.read_text(encoding="utf-8"))["job"]
     except (ValueError, TypeError, KeyError):
-        return  # a record of another version; the files are all here
-    link = run / "job"
-    if isinstance(job, str) and _JOB.fullmatch(job) and not os.path.lexists(link):
-        link.symlink_to(Path("..") / ".." / "_jobs" / job)
+        return None  # a record of another version; the files are all here
+    named = isinstance(job, str) and _JOB.fullmatch(job)
+    return Path("..", "..", "_jobs", job) if named else None
 
 
 @contextlib.contextmanager

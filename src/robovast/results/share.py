@@ -73,6 +73,26 @@ class Share:
             )
         return [known[name] for name in dict.fromkeys(wanted)] if names else list(known.values())
 
+    def verify(self) -> None:
+        """Raise when archives cannot be uploaded, as far as that can be told before."""
+        with self._explained("be used"):
+            self.provider.verify_access()
+
+    def has(self, campaign: str) -> bool:
+        """True when the archive of a campaign is there."""
+        with self._explained(f"look for {campaign}"):
+            return self.provider.archive_exists_on_share(f"{campaign}{SUFFIX}")
+
+    def put(self, archive: Path, progress: Callable[[int, int], None]) -> None:
+        """Upload an archive under its own name, in place of one that is there.
+
+        Args:
+            archive: the file.
+            progress: is told how many bytes are sent, of how many.
+        """
+        with self._explained(f"take {archive.name}"):
+            self.provider.upload_archive(str(archive), archive.name, progress)
+
     def remove(self, campaign: SharedCampaign) -> None:
         """Remove a campaign from the share."""
         with self._explained(f"remove {campaign.archive}"):
@@ -132,7 +152,7 @@ def open_share(folder: Path | None = None) -> Iterator[Share]:
                 f"there is no share: set {SHARE_TYPE} to one of "
                 f"{', '.join(sorted(plugins_of(GROUP)))}, in the environment or a `.env` file."
             )
-        share = Share(_provider(kind, folder or Path.cwd()))
+        share = Share(load_provider(kind, folder or Path.cwd()))
         check_variables(share.provider)
         yield share
 
@@ -194,7 +214,17 @@ def _bring(
             archive.unlink()
 
 
-def _provider(kind: str, folder: Path) -> BaseShareProvider:
+def load_provider(kind: str, folder: Path) -> BaseShareProvider:
+    """The provider of a kind of share.
+
+    Args:
+        kind: value of `ROBOVAST_SHARE_TYPE`: a plugin's name, or `<path>.py:<class>`.
+        folder: what such a path is relative to.
+
+    Raises:
+        InputError: there is no such provider, or it cannot be made.
+        CannotRunError: packages that it needs are missing.
+    """
     try:
         provider_class = load_plugin(kind, GROUP, folder)
     except InputError as error:

@@ -53,13 +53,12 @@ class BaseShareProvider(ABC):
             Exception: it could not be uploaded; `RobovastError` with a message for the user.
         """
 
-    def verify_access(self) -> None:
+    def verify_access(self) -> None:  # noqa: B027 - a provider may have nothing to check
         """Raise when the share cannot be used as configured; cheap.
 
-        Raises:
-            InputError: a variable is not set; a subclass also asks the share.
+        It is called on the user's machine, and again in the pod with the variables of
+        `build_pod_env`. Without a subclass that asks the share, nothing is checked.
         """
-        check_variables(self)
 
     def list_campaign_archives_with_size(self) -> list[tuple[str, int]]:
         """Names of the archives on the share, each with its size [byte]."""

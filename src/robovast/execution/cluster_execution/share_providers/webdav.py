@@ -53,7 +53,6 @@ class WebDavShareProvider(BaseShareProvider):
 
     def verify_access(self) -> None:
         """Write a small file and remove it."""
-        super().verify_access()
         probe = f"{self._folder}.robovast-access"
         self._client.request("PUT", probe, attempt="write to the folder", body=lambda: b"")
         self._client.request("DELETE", probe, attempt="remove from the folder")

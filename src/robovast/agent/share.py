@@ -1,0 +1,116 @@
+"""`share`: pack a campaign's results, straight from the bucket, and upload them to a share."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from robovast.agent.campaign import PATIENCE
+from robovast.agent.exit_codes import AgentExit
+from robovast.agent.folders import Folders
+from robovast.agent.messages import write_message
+from robovast.cluster.endpoint import Credentials, Endpoint
+from robovast.cluster.storage import ObjectStore
+from robovast.common.progress import fmt_size
+from robovast.errors import InputError
+from robovast.http_client import HttpError
+from robovast.pauses import BUSY
+from robovast.results.packing import pack_bucket
+from robovast.results.share import SHARE_TYPE, SUFFIX, Share, load_provider
+
+PAUSE = 5.0
+"""Least time between two lines on progress [s]."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """Results that are stored."""
+
+    campaign: str
+    """Name of the results folder."""
+    bucket: str
+    endpoint: Endpoint
+
+
+def share(folders: Folders, request: Request) -> AgentExit:
+    """Upload a campaign as `<campaign>.tar.gz`, in place of one that is on the share.
+
+    Whether the share can be used is asked before anything is packed. The termination message is
+    `{"archive": …, "size": …}`.
+
+    Raises:
+        InputError: the share refuses, or is not described as it must be.
+        StorageError: the bucket, the share or the pod's disk cannot be read or written.
+    """
+    opened = _open(folders.share)
+    archive = folders.work / f"{request.campaign}{SUFFIX}"
+    with _final_refusals():
+        opened.verify()
+        print(f"The share `{opened.provider.SHARE_TYPE}` can be used.")  # noqa: T201
+        _pack(folders, request, archive)
+        opened.put(archive, Progress("uploaded"))
+    size = archive.stat().st_size
+    archive.unlink()
+    print(f"{archive.name} is on the share ({fmt_size(size)}).")  # noqa: T201
+    write_message(folders.message, {"archive": archive.name, "size": size})
+    return AgentExit.PASSED
+
+
+def _open(folder: Path) -> Share:
+    """The share that a mounted Secret describes; its variables go into the environment.
+
+    Files that are called as no variable can be are the provider's own.
+    """
+    paths = [path for path in folder.iterdir() if path.name.isidentifier() and path.is_file()]
+    variables = {path.name: path.read_text(encoding="utf-8") for path in paths}
+    if SHARE_TYPE not in variables:
+        raise InputError(f"{folder}: the Secret that describes the share has no {SHARE_TYPE}.")
+    os.environ.update(variables)
+    return Share(load_provider(variables[SHARE_TYPE], folder))
+
+
+def _pack(folders: Folders, request: Request, archive: Path) -> None:
+    credentials = Credentials.from_folder(folders.credentials)
+    store = ObjectStore(request.endpoint, credentials, patience=PATIENCE)
+    pack_bucket(store, request.bucket, request.campaign, archive, Progress("packed"))
+
+
+@contextmanager
+def _final_refusals() -> Iterator[None]:
+    """What a server refuses for good is a mistake in the share's description, or in the share."""
+    try:
+        yield
+    except HttpError as error:
+        if error.status in BUSY:
+            raise
+        raise InputError(str(error)) from error
+
+
+class Progress:
+    """Tells the pod's log how far something is; a progress callback.
+
+    Args:
+        word: what has happened to the bytes that are done.
+        clock: the time [s].
+    """
+
+    def __init__(self, word: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self._word = word
+        self._clock = clock
+        self._told = clock()
+        self._line = ""
+
+    def __call__(self, done: int, total: int) -> None:
+        """So many bytes are done, of how many."""
+        now = self._clock()
+        if done < total and now - self._told < PAUSE:
+            return
+        ratio = done / total if total else 1.0
+        line = f"{self._word} {ratio:.0%} ({fmt_size(done)} of {fmt_size(total)})"
+        if line != self._line:
+            print(line)  # noqa: T201
+        self._told, self._line = now, line

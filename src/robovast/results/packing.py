@@ -1,0 +1,124 @@
+"""A campaign's archive, made of its bucket: what a download would bring, in one file."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import tarfile
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing, contextmanager
+from itertools import count
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+
+from robovast.cluster.storage import ObjectStore, StoredObject
+from robovast.errors import InputError
+from robovast.results.appearing import appearing_file
+from robovast.results.download import THREADS, job_link, plan_download
+from robovast.results.layout import RUN_RECORD
+
+
+def pack_bucket(
+    store: ObjectStore,
+    bucket: str,
+    campaign: str,
+    archive: Path,
+    progress: Callable[[int, int], None] = lambda _done, _total: None,
+) -> None:
+    """Write the `.tar.gz` of a campaign that is in a bucket.
+
+    Equal buckets make equal archives. Files are fetched some at a time and verified, so that the
+    disk needs room for the archive, and little more.
+
+    Args:
+        store: the S3 server.
+        bucket: the campaign's bucket.
+        campaign: name of the campaign's folder in the archive.
+        archive: the file; it appears when it is complete.
+        progress: is told how many bytes of the campaign are in it, of how many.
+
+    Raises:
+        InputError: the bucket is empty.
+        StorageError: the bucket cannot be read, or the archive cannot be written.
+    """
+    plan = plan_download(store.objects(bucket), archive.parent / campaign, force=True)
+    objects = sorted(plan.objects, key=lambda item: item.key)
+    if not objects:
+        raise InputError(f"the bucket {bucket} of {campaign} is empty: there is nothing to pack.")
+    records = {f"{run.path}/{RUN_RECORD}" for run in plan.runs}
+    done = 0
+    with (
+        appearing_file(archive) as part,
+        _written(part) as tar,
+        closing(_fetched(store, bucket, objects, archive.parent)) as files,
+    ):
+        for item, path in files:
+            _add(tar, f"{campaign}/{item.key}", path, int(item.modified))
+            if item.key in records:
+                _add_link(tar, PurePosixPath(campaign, item.key).parent, path, int(item.modified))
+            path.unlink()
+            done += item.size
+            progress(done, plan.size)
+
+
+@contextmanager
+def _written(path: Path) -> Iterator[tarfile.TarFile]:
+    """A compressed tar file that says nothing of when and where it was made."""
+    with (
+        path.open("wb") as file,
+        gzip.GzipFile("", "wb", fileobj=file, mtime=0) as compressed,
+        tarfile.open(fileobj=compressed, mode="w", format=tarfile.PAX_FORMAT) as tar,
+    ):
+        yield tar
+
+
+def _fetched(
+    store: ObjectStore, bucket: str, objects: Sequence[StoredObject], folder: Path
+) -> Generator[tuple[StoredObject, Path], None, None]:
+    """Each object, in order, with a file of its content; the next ones are on their way."""
+    with TemporaryDirectory(prefix=".packing-", dir=folder) as scratch:
+        names = count()
+
+        def fetch(item: StoredObject) -> tuple[StoredObject, Path]:
+            path = Path(scratch, str(next(names)))
+            store.get_file(bucket, item, path)
+            return item, path
+
+        pool = ThreadPoolExecutor(THREADS, "pack")
+        coming: deque[Future[tuple[StoredObject, Path]]] = deque()
+        try:
+            for item in objects:
+                coming.append(pool.submit(fetch, item))
+                if len(coming) > THREADS:
+                    yield coming.popleft().result()
+            while coming:
+                yield coming.popleft().result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _add(tar: tarfile.TarFile, name: str, path: Path, modified: int) -> None:
+    found = path.stat()
+    entry = _entry(name, modified)
+    entry.size = found.st_size
+    entry.mode = 0o755 if found.st_mode & 0o100 else 0o644
+    with path.open("rb") as file:
+        tar.addfile(entry, file)
+
+
+def _add_link(tar: tarfile.TarFile, run: PurePosixPath, record: Path, modified: int) -> None:
+    """What S3 cannot hold: the link to the job that executed the run."""
+    target = job_link(record)
+    if target is not None:
+        entry = _entry(f"{run}/job", modified)
+        entry.type = tarfile.SYMTYPE
+        entry.linkname = target.as_posix()
+        tar.addfile(entry, io.BytesIO())
+
+
+def _entry(name: str, modified: int) -> tarfile.TarInfo:
+    entry = tarfile.TarInfo(name)
+    entry.mtime = modified
+    return entry
