@@ -1,6 +1,11 @@
-{{- define "robovast.labels" -}}
+{{- define "robovast.selector" -}}
 app.kubernetes.io/name: robovast
 app.kubernetes.io/instance: {{ .Release.Name }}
+{{- end }}
+
+{{- /* Not for pods: they would be made anew by every version of the chart. */ -}}
+{{- define "robovast.labels" -}}
+{{ include "robovast.selector" . }}
 app.kubernetes.io/version: {{ .Chart.AppVersion | quote }}
 helm.sh/chart: {{ .Chart.Name }}-{{ .Chart.Version }}
 {{- end }}
@@ -17,19 +22,41 @@ http://robovast-s3.{{ .Release.Namespace }}.svc:9000
 {{ .Values.storage.credentials.existingSecret | default "robovast-storage" }}
 {{- end }}
 
-{{- /* Restricted Pod Security for our own containers. */ -}}
+{{- /* Namespaces that campaigns are prepared for, as a JSON list. */ -}}
+{{- define "robovast.namespaces" -}}
+{{- concat (list .Release.Namespace) .Values.operator.namespaces .Values.storage.credentials.namespaces | uniq | toJson }}
+{{- end }}
+
+{{- /* What all of the chart's pods share, Pod Security `restricted` included. */ -}}
+{{- define "robovast.pod" -}}
+enableServiceLinks: false
+securityContext:
+  runAsNonRoot: true
+  runAsUser: 1000
+  runAsGroup: 1000
+  fsGroup: 1000
+  seccompProfile:
+    type: RuntimeDefault
+{{- with .Values.imagePullSecrets }}
+imagePullSecrets: {{- toYaml . | nindent 2 }}
+{{- end }}
+{{- with .Values.scheduling.nodeSelector }}
+nodeSelector: {{- toYaml . | nindent 2 }}
+{{- end }}
+{{- with .Values.scheduling.tolerations }}
+tolerations: {{- toYaml . | nindent 2 }}
+{{- end }}
+{{- with .Values.scheduling.affinity }}
+affinity: {{- toYaml . | nindent 2 }}
+{{- end }}
+{{- with .Values.scheduling.priorityClassName }}
+priorityClassName: {{ . }}
+{{- end }}
+{{- end }}
+
 {{- define "robovast.confined" -}}
 allowPrivilegeEscalation: false
 readOnlyRootFilesystem: true
 capabilities:
   drop: [ALL]
-{{- end }}
-
-{{- define "robovast.user" -}}
-runAsNonRoot: true
-runAsUser: 1000
-runAsGroup: 1000
-fsGroup: 1000
-seccompProfile:
-  type: RuntimeDefault
 {{- end }}
