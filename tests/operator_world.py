@@ -119,6 +119,7 @@ class FakeJob:
             reason="FailedIndexes" if finished == "Failed" else "",
             message="",
             deleting=False,
+            size=self.size,
         )
 
 

@@ -52,9 +52,9 @@ class Api:
         if self._session is not None:
             await self._session.close()
 
-    async def get(self, path: str) -> Object:
-        """Read an object."""
-        return await self._request("GET", path)
+    async def get(self, path: str, *, tries: int = TRIES) -> Object:
+        """Read an object; a server that is busy or away is asked `tries` times."""
+        return await self._request("GET", path, tries=tries)
 
     async def list(self, path: str, **parameters: str) -> AsyncIterator[Object]:
         """Read the objects of a collection, a page at a time.
@@ -117,12 +117,13 @@ class Api:
         body: Object | None = None,
         kind: str = "application/json",
         query: Mapping[str, str] | None = None,
+        tries: int = TRIES,
     ) -> Object:
-        for attempt in range(TRIES):
+        for attempt in range(tries):
             try:
                 answer, retry = await self._once(method, path, body, kind, query or {})
             except (aiohttp.ClientConnectionError, TimeoutError) as error:
-                if attempt == TRIES - 1:
+                if attempt == tries - 1:
                     raise ApiError(0, "Unreachable", f"{method} {path}: {error}") from error
                 retry = 2.0**attempt / 4
             else:

@@ -32,6 +32,8 @@ class Facts:
     aborted: Why | None = None
     trouble: Why | None = None
     quota: Why | None = None
+    helpless: bool = False
+    """Whether it gets no quota until somebody helps."""
     unprocessed: Why | None = None
     """Why the results could not be worked up."""
 
@@ -153,7 +155,7 @@ def _reconciling(facts: Facts) -> Found:
 
 
 def _stalled(facts: Facts) -> Found:
-    cause = facts.aborted or facts.trouble
+    cause = facts.aborted or facts.trouble or (facts.quota if facts.helpless else None)
     if cause is not None and not (facts.indexed and facts.aborted is None):
         return ("Stalled", "True", *cause)
     return ("Stalled", "False", "Progressing", "")

@@ -12,6 +12,7 @@ from datetime import datetime, timedelta
 from robovast.cluster.status import CampaignStatus
 from robovast_operator.picture import Observed, Picture
 from robovast_operator.shards import ShardPlan, next_shards
+from robovast_operator.store import JobState
 from robovast_operator.tell import tell
 from robovast_operator.times import parse_time
 
@@ -55,6 +56,9 @@ class DeleteJob:
     job: str
 
 
+DEFAULT_QUEUE = "default"
+"""Kueue puts Jobs without a queue into the one of this name, where there is one."""
+
 Action = CreateShard | CreateTask | SuspendJob | ResizeJob | DeleteJob
 
 
@@ -86,22 +90,48 @@ def _open_jobs(picture: Picture) -> list[Action]:
     spec = picture.observed.accepted.spec
     if picture.over:
         return []
-    wrong = [job for job in picture.open if job.suspended != spec.suspend and not job.deleting]
-    if spec.queue_name is not None:  # Kueue owns the field: it is asked, not overruled
-        wrong = [job for job in wrong if spec.suspend]
+    wrong = [job for job in picture.open if _is_wrong(picture, job) and not job.deleting]
     actions: list[Action] = [SuspendJob(job.name, spec.suspend) for job in wrong]
-    stuck = [DeleteJob(job.name) for job in picture.open if job.name in picture.observed.stuck]
+    stuck = [DeleteJob(job.name) for job in picture.open if _is_to_be_made_anew(picture, job)]
     return [*actions, *stuck, *_resize(picture)]
+
+
+def _is_wrong(picture: Picture, job: JobState) -> bool:
+    """Whether a Job is to be stopped or resumed; Kueue owns the field of those in its queues."""
+    suspend = picture.observed.accepted.spec.suspend
+    if not job.queue:
+        return job.suspended != suspend
+    return suspend != (job.name in picture.observed.parked) and (suspend or job.suspended)
+
+
+def _is_to_be_made_anew(picture: Picture, job: JobState) -> bool:
+    """Whether a Job holds pods that are to go, or waits in a queue that is not its own any more."""
+    queue = picture.observed.accepted.spec.queue_name
+    right = {"", DEFAULT_QUEUE} if queue is None else {queue}
+    return job.name in picture.observed.stuck or (job.suspended and job.queue not in right)
 
 
 def _resize(picture: Picture) -> list[Action]:
     """The only open Job follows `parallelism`; Kueue has counted on what it admitted."""
     spec = picture.observed.accepted.spec
-    if spec.queue_name is not None or len(picture.open) != 1 or picture.waiting:
+    if any(job.queue for job in picture.open):
+        return _shrink(picture)
+    if len(picture.open) != 1 or picture.waiting:
         return []
     (job,) = picture.open
-    size = next(shard.size for shard in picture.shards if shard.job == job.name)
-    wanted = min(size, spec.parallelism)
+    wanted = min(job.size, spec.parallelism)
+    return [] if job.parallelism == wanted else [ResizeJob(job.name, wanted)]
+
+
+def _shrink(picture: Picture) -> list[Action]:
+    """A Job that waits asks for no more pods than its queue can ever give, nor than it may have."""
+    waiting, spec = picture.observed.waiting, picture.observed.accepted.spec
+    job = next((job for job in picture.open if waiting and job.name == waiting.job), None)
+    if waiting is None or job is None:
+        return []
+    others = sum(other.parallelism for other in picture.open if other is not job)
+    limits = [job.parallelism, spec.parallelism - others]
+    wanted = max(1, min(limits if waiting.fits is None else [*limits, waiting.fits]))
     return [] if job.parallelism == wanted else [ResizeJob(job.name, wanted)]
 
 
@@ -112,6 +142,8 @@ def _new_jobs(picture: Picture) -> list[Action]:
     if not picture.over:
         pods = [job.parallelism for job in picture.open]
         chosen = next_shards(picture.waiting, pods, spec.parallelism)
+        if spec.queue_name is not None:  # one waits at most: others have their turn, too
+            chosen = [] if any(job.suspended for job in picture.open) else chosen[:1]
         return [CreateShard(shard) for shard in chosen]
     return [] if picture.indexed or _cancel(picture) else _last_jobs(picture)
 

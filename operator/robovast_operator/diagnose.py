@@ -6,7 +6,7 @@ import time
 from collections.abc import AsyncIterator, Mapping
 
 from robovast_operator import paths
-from robovast_operator.api import Api, ApiError
+from robovast_operator.api import Api
 from robovast_operator.campaign import Accepted, Object
 from robovast_operator.memory import Memory
 from robovast_operator.picture import Trouble
@@ -46,7 +46,6 @@ class Diagnosis:
         for job in jobs.values():
             await self._final(memory, job)
         waits.append(await self._stalled(accepted, memory, jobs))
-        waits.append(await self._quota(accepted, memory, jobs))
         return min((wait for wait in waits if wait is not None), default=None)
 
     def pods_of(self, job: JobState, **parameters: str) -> AsyncIterator[Object]:
@@ -126,50 +125,6 @@ class Diagnosis:
             found = trouble_of_events([event async for event in _first_page(told)])
         return found
 
-    async def _quota(
-        self, accepted: Accepted, memory: Memory, jobs: Mapping[str, JobState]
-    ) -> float | None:
-        """Why Kueue has not admitted a Job yet."""
-        memory.quota = None
-        if accepted.spec.queue_name is None or accepted.spec.suspend:
-            return None
-        waiting = [
-            job
-            for job in jobs.values()
-            if job.role == "shard" and job.open and job.suspended and not job.deleting
-        ]
-        if not waiting:
-            return None
-        workload = await self._workload(accepted, waiting[0])
-        if workload is None:
-            memory.quota = Trouble(
-                "NoQueue", f"Kueue has no workload for it: is there a queue "
-                f"`{accepted.spec.queue_name}`, and is Kueue installed?"
-            )  # fmt: skip
-        else:
-            memory.quota = _quota_trouble(workload)
-        return self._settings.stall_seconds
-
-    async def activate(self, accepted: Accepted, job: str, *, active: bool) -> None:
-        """Take a Job from Kueue, or give it back."""
-        state = JobState.of(await self._api.get(f"{paths.jobs(accepted.identity.namespace)}/{job}"))
-        workload = await self._workload(accepted, state)
-        if workload is not None and workload["spec"].get("active", True) != active:
-            path = f"{paths.workloads(state.namespace)}/{workload['metadata']['name']}"
-            await self._api.patch(path, {"spec": {"active": active}})
-
-    async def _workload(self, accepted: Accepted, job: JobState) -> Object | None:
-        """Kueue's Workload of a Job."""
-        selector = f"kueue.x-k8s.io/job-uid={job.uid}"
-        path = paths.workloads(accepted.identity.namespace)
-        try:
-            found = [item async for item in self._api.list(path, labelSelector=selector)]
-        except ApiError as error:
-            if error.code == 404:
-                return None
-            raise
-        return found[0] if found else None
-
 
 async def _first_page(pods: AsyncIterator[Object]) -> AsyncIterator[Object]:
     count = 0
@@ -178,12 +133,3 @@ async def _first_page(pods: AsyncIterator[Object]) -> AsyncIterator[Object]:
         count += 1
         if count >= int(SAMPLE):
             return
-
-
-def _quota_trouble(workload: Object) -> Trouble | None:
-    """What Kueue says of a workload that waits."""
-    conditions = {c["type"]: c for c in (workload.get("status") or {}).get("conditions") or ()}
-    reserved = conditions.get("QuotaReserved", {})
-    if reserved.get("status") == "True":
-        return None
-    return Trouble(reserved.get("reason", "Pending"), reserved.get("message", "waits in the queue"))

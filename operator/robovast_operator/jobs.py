@@ -10,9 +10,12 @@ from robovast_operator.campaign import Accepted, Identity, Object
 from robovast_operator.pods import inline_items, run_pod, task_pod
 from robovast_operator.settings import Settings
 from robovast_operator.shards import ShardPlan
-from robovast_operator.store import ATTEMPT_ANNOTATION, ROLE_LABEL, RUNS_ANNOTATION
-
-QUEUE_LABEL = "kueue.x-k8s.io/queue-name"
+from robovast_operator.store import (
+    ATTEMPT_ANNOTATION,
+    QUEUE_LABEL,
+    ROLE_LABEL,
+    RUNS_ANNOTATION,
+)
 
 RETRIES_PER_INDEX = 6
 """A pack that loses its pod goes on after its last stored run this often."""

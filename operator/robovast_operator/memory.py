@@ -10,6 +10,7 @@ from robovast_operator.campaign import Accepted, Rejected, Revision
 from robovast_operator.picture import Final, Trouble
 from robovast_operator.store import JobState
 from robovast_operator.verdicts import Report
+from robovast_operator.waiting import Waiting
 
 
 @dataclass
@@ -30,7 +31,15 @@ class Memory:
     stuck: set[str] = field(default_factory=set)
     """Jobs that hold pods which are to go."""
     trouble: Trouble | None = None
-    quota: Trouble | None = None
+    waiting: Waiting | None = None
+    parked: set[str] = field(default_factory=set)
+    """Jobs that are known to be out of their queue because the campaign is suspended."""
+    queue_job: tuple[object, ...] = ()
+    """The Job that waits, as it was when Kueue was first asked about it."""
+    queued: float = 0.0
+    """When that was."""
+    queue_looked: float = 0.0
+    """When Kueue was last asked."""
     problems: dict[str, str] = field(default_factory=dict)
     """By Configuration, why its runs cannot be added."""
     picture: tuple[object, ...] = ()

@@ -40,6 +40,17 @@ def workloads(namespace: str) -> str:
     return f"/apis/kueue.x-k8s.io/v1beta1{_in(namespace)}/workloads"
 
 
+def local_queue(namespace: str, name: str) -> str:
+    """A LocalQueue of Kueue."""
+    return f"/apis/kueue.x-k8s.io/v1beta1{_in(namespace)}/localqueues/{name}"
+
+
+def pending_workloads(namespace: str, queue: str) -> str:
+    """What waits in a LocalQueue, in order, as Kueue's visibility server answers."""
+    version = "/apis/visibility.kueue.x-k8s.io/v1beta1"
+    return f"{version}{_in(namespace)}/localqueues/{queue}/pendingworkloads"
+
+
 def leases(namespace: str) -> str:
     """Leases of a namespace."""
     return f"/apis/coordination.k8s.io/v1{_in(namespace)}/leases"

@@ -14,6 +14,7 @@ from robovast_operator.conditions import is_true
 from robovast_operator.shards import ShardPlan, first_attempts, repetitions, run_ids
 from robovast_operator.store import JobState
 from robovast_operator.verdicts import Report, Verdicts, combine, shard_verdicts
+from robovast_operator.waiting import Waiting
 
 
 @dataclass(frozen=True)
@@ -57,8 +58,10 @@ class Observed:
     """By finish Job, what it found."""
     failures: Mapping[str, Trouble] = field(default_factory=dict)
     """By Job that failed as a whole, why."""
-    quota: Trouble | None = None
-    """Why Kueue has not admitted the oldest open Job."""
+    waiting: Waiting | None = None
+    """Why Kueue has not admitted the oldest Job that waits."""
+    parked: frozenset[str] = frozenset()
+    """Jobs that are out of their queue because the campaign was suspended."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +119,11 @@ class Picture:
             and not self.ended(shard)
             and (shard.attempt == 1 or shard.job in self.records)
         ]
+
+    @property
+    def held(self) -> Waiting | None:
+        """Why the campaign waits for quota, unless a part of it has some."""
+        return self.observed.waiting if all(job.suspended for job in self.open) else None
 
     @property
     def all_ended(self) -> bool:

@@ -31,6 +31,7 @@ from robovast_operator.memory import Memory
 from robovast_operator.picture import Observed
 from robovast_operator.pod_facts import composed_of
 from robovast_operator.purge import Purge
+from robovast_operator.queues import Queues
 from robovast_operator.settings import Settings
 from robovast_operator.statuses import Statuses
 from robovast_operator.store import JobState, Store
@@ -52,6 +53,7 @@ class Reconciler:
         self._inputs = Inputs(api, store, settings)
         self._statuses = Statuses(api, store, queue, settings)
         self._diagnosis = Diagnosis(api, settings)
+        self._queues = Queues(api, store, settings)
         self._purge = Purge(api, settings)
 
     async def __call__(self, key: Key) -> None:
@@ -120,6 +122,7 @@ class Reconciler:
         memory.notice(jobs)
         status = CampaignStatus.model_validate(obj.get("status") or {})
         again = await self._diagnosis.update(accepted, memory, jobs)
+        queued = await self._queues.update(memory, jobs, suspended=accepted.spec.suspend)
         observed = Observed(
             accepted=accepted,
             generation=obj["metadata"]["generation"],
@@ -136,12 +139,13 @@ class Reconciler:
                 for name, job in jobs.items()
                 if job.uid in memory.final_trouble
             },
-            quota=memory.quota,
+            waiting=memory.waiting,
+            parked=frozenset(memory.parked),
         )
         decision = decide(observed)
         await self._carry_out(obj, accepted, decision, memory)
         await self._statuses.configurations(accepted, revisions[-1], decision.status, memory)
-        for delay in (again, decision.again):
+        for delay in (again, queued, decision.again):
             if delay is not None:
                 self._queue.add((accepted.identity.namespace, accepted.identity.name), delay)
 
@@ -174,14 +178,14 @@ class Reconciler:
     ) -> None:
         """Act, then remember in the status, then remove what is remembered there."""
         for action in decision.actions:
-            await self._act(accepted, action)
+            await self._act(accepted, action, memory)
         written = await self._statuses.write(obj, decision.status, memory)
         if not written:
             return
         for action in decision.later:
-            await self._act(accepted, action)
+            await self._act(accepted, action, memory)
 
-    async def _act(self, accepted: Accepted, action: Action) -> None:
+    async def _act(self, accepted: Accepted, action: Action, memory: Memory) -> None:
         namespace = accepted.identity.namespace
         match action:
             case CreateShard(shard):
@@ -189,21 +193,20 @@ class Reconciler:
             case CreateTask(command, name, plan):
                 await self._create_job(task_job(accepted, self._settings, command, name, plan))
             case SuspendJob(job, suspend):
-                await self._suspend(accepted, job, suspend)
+                await self._suspend(accepted, job, suspend, memory)
             case ResizeJob(job, parallelism):
                 patch = {"spec": {"parallelism": parallelism}}
                 self._saw(await self._api.patch(f"{paths.jobs(namespace)}/{job}", patch))
             case DeleteJob(job):
                 await self._api.delete(f"{paths.jobs(namespace)}/{job}")
 
-    async def _suspend(self, accepted: Accepted, job: str, suspend: bool) -> None:
-        """Stop or resume a Job; one that Kueue has admitted is taken from it."""
-        namespace = accepted.identity.namespace
-        if accepted.spec.queue_name is None:
+    async def _suspend(self, accepted: Accepted, name: str, suspend: bool, memory: Memory) -> None:
+        """Stop or resume a Job; of one that Kueue looks after, it is asked to."""
+        identity = accepted.identity
+        job = self._store.jobs_of((identity.namespace, identity.name), identity.uid)[name]
+        if not await self._queues.park(job, memory, parked=suspend):
             patch: Object = {"spec": {"suspend": suspend}}
-            self._saw(await self._api.patch(f"{paths.jobs(namespace)}/{job}", patch))
-            return
-        await self._diagnosis.activate(accepted, job, active=not suspend)
+            self._saw(await self._api.patch(f"{paths.jobs(identity.namespace)}/{name}", patch))
 
     async def _create_job(self, job: Object) -> None:
         """Make a Job and know it at once, as if it had been seen."""

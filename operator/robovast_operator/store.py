@@ -14,6 +14,9 @@ ROLE_LABEL = "robovast.io/role"
 RUNS_ANNOTATION = "robovast.io/runs"
 """Ids of the runs that a Job executes once more."""
 
+QUEUE_LABEL = "kueue.x-k8s.io/queue-name"
+"""Of a Job: the LocalQueue that it stands in."""
+
 ATTEMPT_ANNOTATION = "robovast.io/attempt"
 """Which attempt a Job belongs to."""
 
@@ -48,6 +51,12 @@ class JobState:
     reason: str
     message: str
     deleting: bool
+    size: int = 1
+    """Number of completion indexes."""
+    queue: str = ""
+    """Kueue's LocalQueue that it stands in; Kueue may have chosen one itself."""
+    started: str = ""
+    """When its pods were last allowed to start; empty while they are not."""
 
     @property
     def key(self) -> Key:
@@ -87,6 +96,9 @@ class JobState:
             reason=end.get("reason", ""),
             message=end.get("message", ""),
             deleting="deletionTimestamp" in meta,
+            size=spec.get("completions", 1),
+            queue=labels.get(QUEUE_LABEL, ""),
+            started=status.get("startTime", ""),
         )
 
 

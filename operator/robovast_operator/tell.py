@@ -38,6 +38,7 @@ def tell(picture: Picture, created: Sequence[ShardPlan]) -> CampaignStatus:
         failing=list(failing),
         shards=records,
         finished_shards=picture.ended_shards if indexed else old.finished_shards,
+        queue=picture.held and picture.held.place,
         start_time=started,
         completion_time=(old.completion_time or ended) if ended else None,
     )
@@ -56,7 +57,7 @@ def _attempt(picture: Picture, records: Sequence[Shard]) -> int:
 
 
 def _facts(picture: Picture, runs: Runs, *, active: bool) -> Facts:
-    observed = picture.observed
+    observed, held = picture.observed, picture.held
     return Facts(
         generation=observed.generation,
         now=format_time(observed.now),
@@ -67,7 +68,8 @@ def _facts(picture: Picture, runs: Runs, *, active: bool) -> Facts:
         indexed=picture.indexed,
         aborted=_why(picture.aborted),
         trouble=_why(observed.trouble),
-        quota=_why(observed.quota),
+        quota=None if held is None else (held.reason, held.message),
+        helpless=held is not None and held.helpless,
         unprocessed=_why(observed.failures.get(picture.process_name)),
     )
 

@@ -75,6 +75,7 @@ def campaign_crd() -> Schema:
             _column("Verdict", "string", '.status.conditions[?(@.type=="Passed")].status'),
             _column("Age", "date", ".metadata.creationTimestamp"),
             _column("Queue", "string", ".spec.queueName", wide=True),
+            _column("Place", "string", ".status.queue.summary", wide=True),
             _column("Results", "string", ".status.bucket", wide=True),
             _column(
                 "Reason", "string", '.status.conditions[?(@.type=="Reconciling")].reason', wide=True

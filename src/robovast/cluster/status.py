@@ -88,6 +88,19 @@ class Shard(_Status):
     """ConfigMap with its plan."""
 
 
+class QueuePlace(_Status):
+    """Where a campaign that waits stands in its Kueue queue."""
+
+    position: int
+    """1 for the next one, of all that wait in the ClusterQueue."""
+    pending: int
+    """How many wait there, as far as this namespace's last one."""
+    estimated_start: str | None = None
+    """When it will start, if those before it go on as so far; absent when that is not known."""
+    summary: str = ""
+    """`3 of 7, about 12 min`, for people."""
+
+
 class CampaignStatus(_Status):
     """What is known about a campaign."""
 
@@ -121,6 +134,8 @@ class CampaignStatus(_Status):
     """The Jobs so far."""
     finished_shards: int = 0
     """How many shards the index in the bucket covers."""
+    queue: QueuePlace | None = None
+    """Its place in the queue, while all of it waits there."""
     start_time: str | None = None
     """When the first Job was made."""
     completion_time: str | None = None

@@ -1,0 +1,168 @@
+"""Jobs in queues of Kueue: looked at only while they wait, and never started or stopped past it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+
+from robovast.cluster.status import QueuePlace
+from robovast_operator import paths
+from robovast_operator.api import Api, ApiError
+from robovast_operator.campaign import Object
+from robovast_operator.memory import Memory
+from robovast_operator.settings import Settings
+from robovast_operator.store import JobState, Store
+from robovast_operator.times import now
+from robovast_operator.waiting import PARKED, Waiting, place_of, waiting_of
+
+LOOK_SECONDS = 30.0
+"""Between two looks at a Job that waits: each may cost a write of the status."""
+FIRST_SECONDS = 2.0
+"""The same while Kueue has not said much yet."""
+ANSWER_SECONDS = 10.0
+"""How long an answer about a queue serves all campaigns that wait in it."""
+QUEUE_SECONDS = 600.0
+"""How long it is remembered which ClusterQueue a LocalQueue belongs to."""
+
+
+class Queues:
+    """Fills the memory of a campaign with what Kueue says of it."""
+
+    def __init__(self, api: Api, store: Store, settings: Settings) -> None:
+        self._api = api
+        self._store = store
+        self._settings = settings
+        self._answers: dict[str, tuple[float, Object | None]] = {}
+
+    async def update(
+        self, memory: Memory, jobs: Mapping[str, JobState], *, suspended: bool
+    ) -> float | None:
+        """Learn why a campaign waits; returns when to look again [s], None when events will tell.
+
+        Args:
+            memory: of the campaign.
+            jobs: its Jobs.
+            suspended: whether it is not to run now.
+        """
+        held = [job for job in jobs.values() if self._is_held(job, memory)]
+        if suspended:
+            memory.waiting = None
+            if all(job.name in memory.parked for job in held):
+                return None
+            new = memory.still_for() < self._settings.stall_seconds
+            return FIRST_SECONDS if new else LOOK_SECONDS  # Kueue has not seen it yet
+        if not held:
+            memory.waiting, memory.queue_job = None, ()
+            return None
+        job, moment = held[0], time.monotonic()
+        if memory.queue_job != (job.uid, job.parallelism):
+            memory.queue_job, memory.queued = (job.uid, job.parallelism), moment
+        elif memory.queue_looked + self._pause(memory) > moment:
+            return memory.queue_looked + self._pause(memory) - moment
+        memory.waiting = await self._look(job, memory)
+        memory.queue_looked = moment
+        if memory.waiting is not None and memory.waiting.parked:
+            memory.parked.add(job.name)
+        return self._pause(memory)
+
+    def _is_held(self, job: JobState, memory: Memory) -> bool:
+        """Whether a Job waits; one without a queue may just be about to be resumed."""
+        if job.role != "shard" or not job.open or not job.suspended or job.deleting:
+            return False
+        return bool(job.queue) or memory.still_for() > self._settings.stall_seconds
+
+    def _pause(self, memory: Memory) -> float:
+        waiting = memory.waiting
+        clear = waiting is not None and (waiting.helpless or waiting.place is not None)
+        new = time.monotonic() - memory.queued < LOOK_SECONDS
+        return FIRST_SECONDS if new and not clear else LOOK_SECONDS
+
+    async def _look(self, job: JobState, memory: Memory) -> Waiting | None:
+        workload = await self._workload(job)
+        if workload is None:
+            return self._nothing(job, memory)
+        found = waiting_of(workload, job)
+        if found is None or found.helpless or found.parked:
+            return found
+        place = await self._place(job)
+        if place is None:
+            return found
+        known = memory.waiting and memory.waiting.place
+        if known and known.summary == place.summary:
+            place = known  # a start that is expected a moment earlier or later is no news
+        message = f"place {place.summary} in the queue {job.queue}"
+        return replace(found, message=message, place=place)
+
+    def _nothing(self, job: JobState, memory: Memory) -> Waiting | None:
+        """Kueue has made no Workload."""
+        if not job.queue:
+            return None
+        if memory.still_for() < self._settings.stall_seconds:
+            return Waiting(job.name, "Waiting", f"waits in the queue {job.queue}")
+        message = (
+            f"nobody admits it to the queue {job.queue}: is Kueue installed, and does it look "
+            f"after the namespace {job.namespace}? Without spec.queueName none is needed."
+        )
+        return Waiting(job.name, "NoKueue", message, helpless=True)
+
+    async def _place(self, job: JobState) -> QueuePlace | None:
+        path = paths.pending_workloads(job.namespace, job.queue)
+        answer = await self._answer(path, ANSWER_SECONDS)
+        if answer is None:
+            return None
+        return place_of(answer.get("items") or (), job, await self._running(job), now())
+
+    async def _running(self, waiting: JobState) -> list[JobState]:
+        """Jobs that we know to have quota of the same ClusterQueue."""
+        known = [job for jobs in self._store.jobs.values() for job in jobs.values()]
+        busy = [job for job in known if job.queue and job.open and not job.suspended]
+        queue = await self._cluster_queue(waiting)
+        return [job for job in busy if await self._cluster_queue(job) == queue]
+
+    async def _cluster_queue(self, job: JobState) -> str:
+        answer = await self._answer(paths.local_queue(job.namespace, job.queue), QUEUE_SECONDS)
+        return str(answer["spec"]["clusterQueue"]) if answer else ""
+
+    async def _answer(self, path: str, seconds: float) -> Object | None:
+        """What is at a path, or was there a moment ago; None when it cannot be had."""
+        moment = time.monotonic()
+        asked, answer = self._answers.get(path, (0.0, None))
+        if path in self._answers and moment - asked < seconds:
+            return answer
+        try:
+            answer = await self._api.get(path, tries=1)
+        except ApiError:
+            answer = None  # a place in the queue is a courtesy: without it a campaign waits as well
+        young = {p: kept for p, kept in self._answers.items() if moment - kept[0] < QUEUE_SECONDS}
+        self._answers = {**young, path: (moment, answer)}
+        return answer
+
+    async def park(self, job: JobState, memory: Memory, *, parked: bool) -> bool:
+        """Take a Job out of its queue, or give it back; False when Kueue does not look after it.
+
+        What somebody else took out stays out.
+        """
+        workload = await self._workload(job)
+        if workload is None:
+            return bool(job.queue)
+        ours = PARKED in (workload["metadata"].get("annotations") or {})
+        if ours != parked:
+            mark = {"metadata": {"annotations": {PARKED: "true" if parked else None}}}
+            path = f"{paths.workloads(job.namespace)}/{workload['metadata']['name']}"
+            await self._api.patch(path, {**mark, "spec": {"active": not parked}})
+        (memory.parked.add if parked else memory.parked.discard)(job.name)
+        memory.queue_job = ()
+        return True
+
+    async def _workload(self, job: JobState) -> Object | None:
+        """Kueue's Workload of a Job."""
+        selector = f"kueue.x-k8s.io/job-uid={job.uid}"
+        path = paths.workloads(job.namespace)
+        try:
+            found = [item async for item in self._api.list(path, labelSelector=selector)]
+        except ApiError as error:
+            if error.code == 404:
+                return None
+            raise
+        return found[0] if found else None
