@@ -66,21 +66,29 @@ class ShownPage:
 
 
 @contextmanager
-def shown(results: Path, *options: str, postprocess: bool = False) -> Iterator[ShownPage]:
-    """Serve a results folder; ends it with Ctrl-C and wants it to end well."""
+def shown(
+    results: Path,
+    *options: str,
+    postprocess: bool = False,
+    cwd: Path | None = None,
+    end: signal.Signals = signal.SIGINT,
+) -> Iterator[ShownPage]:
+    """Serve a results folder; ends it, with Ctrl-C or as told, and wants it to end well."""
     command = [VAST, "evaluation", "gui", "-r", results, "--no-browser", *options]
     if not postprocess:
         command.append("--skip-postprocessing")
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     assert process.stdout is not None
     line = next((line for line in process.stdout if "http://" in line), "")
     try:
         assert line, process.communicate()
         yield ShownPage(line.split()[-1].partition("#")[0], process)
-        process.send_signal(signal.SIGINT)
-        _, complaints = process.communicate(timeout=10)
+        process.send_signal(end)
+        _, complaints = process.communicate(timeout=30)
         assert not complaints, complaints
-        assert process.returncode == 0
+        assert process.returncode == (0 if end == signal.SIGINT else -end)
     finally:
         process.kill()
         process.communicate()

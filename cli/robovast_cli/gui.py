@@ -1,19 +1,29 @@
 """`vast evaluation gui`: results in the browser."""
 
 import os
+import sys
 import webbrowser
 from pathlib import Path
 from threading import Thread
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 from urllib.parse import quote
 
 import typer
 
-from robovast.errors import CannotRunError, ExitCode
+from robovast.errors import CannotRunError, ExitCode, InputError
 from robovast_cli.lazy import new_app
 from robovast_cli.output import say
+from robovast_cli.workspace import Workspace
+
+if TYPE_CHECKING:
+    from robovast.evaluation.server.launches import Starting
 
 app = new_app("Look at results in the browser.")
+
+NO_START = (
+    "This page only shows results (`--no-start`). On your machine, `vast exec local run` runs a "
+    "campaign there and `vast exec cluster run` one in a cluster."
+)
 
 
 @app.command()
@@ -73,6 +83,9 @@ def gui(
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Print the address only, open no browser.")
     ] = False,
+    no_start: Annotated[
+        bool, typer.Option("--no-start", help="Let no campaign be started from the page.")
+    ] = False,
 ) -> int:
     """Look at results in the browser, those of a campaign that is still running too.
 
@@ -100,9 +113,34 @@ def gui(
         if not no_browser and (os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}):
             Thread(target=webbrowser.open, args=(page,), daemon=True).start()  # some block
 
-    shown = root.parent if campaign else root
-    serve(shown, port, show, override=override, notebook_timeout=notebook_timeout)
+    serve(
+        root.parent if campaign else root,
+        port,
+        show,
+        starting=_starting(ctx.obj, override, no_start, not skip_postprocessing),
+        override=override and override.absolute(),
+        notebook_timeout=notebook_timeout,
+    )
     return ExitCode.OK
+
+
+def _starting(
+    workspace: Workspace, override: Path | None, no_start: bool, postprocess: bool
+) -> "Starting":
+    """What campaigns can be started from the page: those of the override, else the project's."""
+    from robovast.evaluation.server.launches import Starting
+
+    program = [sys.executable, "-P", "-m", "robovast_cli"]  # no module of this folder in its place
+    document, refusal = override, ""
+    if no_start:
+        program, document, refusal = [], None, NO_START
+    elif document is None:
+        try:
+            document = workspace.path
+        except InputError as error:
+            refusal = f"No campaign can be started here: {error}"
+    absolute = None if document is None else document.absolute()
+    return Starting(program, absolute, refusal, postprocess, say)
 
 
 def _postprocess(folder: Path, force: bool, override: Path | None) -> bool:

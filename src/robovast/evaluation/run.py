@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import xml.etree.ElementTree as ET  # entities are refused below
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ from typing import Any
 from robovast.errors import InputError
 from robovast.evaluation.files import FileEntry, list_files
 from robovast.evaluation.inside import read_small, resolved
+from robovast.evaluation.launch.commands import as_shell, repeat_words
 from robovast.evaluation.map_picture import has_map
 from robovast.evaluation.untrusted import LONGEST, mapping, parse_json, read_yaml
 from robovast.results.layout import RUN_RECORD, TEST_RESULT
@@ -79,7 +79,7 @@ def read_run(results: Path, campaign: str, variant: str, number: int) -> RunDeta
     """
     place = f"{campaign}/{variant}/{number}"
     files = list_files(results, place)
-    record = _record(results, place)
+    record = run_record(results, place)
     job = _job_folder(results, campaign, place, record)
     job_files = list_files(results, job) if job else []
     return RunDetails(
@@ -92,34 +92,14 @@ def read_run(results: Path, campaign: str, variant: str, number: int) -> RunDeta
         sysinfo=_sysinfo(results, place, job),
         bags=list(_bags(results, files)),
         origins=list(_origins(results, campaign, place)),
-        command=repeat_command(results, campaign, variant, record),
+        command=as_shell(repeat_words(results, campaign, variant, record)),
         on_map=has_map(results, campaign, variant),
         failure=_failure(results, place),
     )
 
 
-def repeat_command(results: Path, campaign: str, variant: str, record: Mapping[str, Any]) -> str:
-    """The command that executes a variant once more, with the image that the run had.
-
-    Empty when the campaign holds no .vast file.
-    """
-    try:
-        documents = sorted(resolved(results, f"{campaign}/_config").glob("*.vast"))
-    except InputError:
-        return ""
-    if not documents:
-        return ""
-    words = ["vast", "-V", str(documents[0]), "exec", "local", "run", f"--config={variant}"]
-    words.append("--runs=1")
-    image = str(record.get("image") or "")
-    if record.get("runtime") == "process":
-        words.append("--runtime=process")
-    elif image:
-        words.append(f"--image={image}")
-    return shlex.join(words)
-
-
-def _record(results: Path, place: str) -> Mapping[str, Any]:
+def run_record(results: Path, place: str) -> Mapping[str, Any]:
+    """Content of the run.json below `place`; empty when there is none."""
     try:
         return mapping(parse_json(read_small(results, f"{place}/{RUN_RECORD}")))
     except InputError:

@@ -10,7 +10,8 @@ from stored_campaigns import NAME, write, write_campaign
 
 from robovast.errors import InputError
 from robovast.evaluation.files import list_files
-from robovast.evaluation.run import read_run, repeat_command
+from robovast.evaluation.launch.commands import as_shell, repeat_words
+from robovast.evaluation.run import read_run
 
 
 @pytest.fixture
@@ -46,7 +47,7 @@ def test_the_command_names_the_variant_and_its_image(root: Path) -> None:
 
 def test_the_command_of_a_malicious_campaign_is_one_command(root: Path) -> None:
     record = {"image": "x; rm -rf ~ $(id)\n`id`"}
-    words = shlex.split(repeat_command(root.parent, NAME, "--help; id", record))
+    words = shlex.split(as_shell(repeat_words(root.parent, NAME, "--help; id", record)))
     assert words[6:] == ["--config=--help; id", "--runs=1", f"--image={record['image']}"]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib.resources import files
 from pathlib import PurePosixPath
 
@@ -21,6 +21,7 @@ from robovast.evaluation.bag_timeline import read_timeline
 from robovast.evaluation.columns import columns
 from robovast.evaluation.compare import compare
 from robovast.evaluation.inside import OutsideError, open_inside
+from robovast.evaluation.launch.launcher import BusyError
 from robovast.evaluation.library import Library
 from robovast.evaluation.logs import LogQuestion, read_log
 from robovast.evaluation.map_picture import draw_map
@@ -28,6 +29,7 @@ from robovast.evaluation.metrics import metric, metric_columns
 from robovast.evaluation.run import read_run
 from robovast.evaluation.server.answers import Data, Picture, error, send_file
 from robovast.evaluation.server.guard import Guard
+from robovast.evaluation.server.launches import LaunchPages
 from robovast.evaluation.server.live import events
 from robovast.evaluation.server.notebooks import NotebookPages
 from robovast.evaluation.tables import read_table, read_usage
@@ -40,18 +42,26 @@ _TYPES = {
 }
 
 
+_STATUS: Mapping[type[Exception], int] = {OutsideError: 403, BusyError: 409}
+
+
 def make_app(
-    library: Library, notebooks: NotebookPages, token: str, closing: asyncio.Event
+    library: Library,
+    notebooks: NotebookPages,
+    launches: LaunchPages,
+    token: str,
+    closing: asyncio.Event,
 ) -> ASGIApp:
     """The server's application.
 
     Args:
         library: the campaigns.
         notebooks: answers about their notebooks.
+        launches: answers about campaigns that are started from the page.
         token: secret that is the first part of every path.
         closing: is set when the server ends; open streams end then.
     """
-    pages = Pages(library, closing)
+    pages = Pages(library, launches, closing)
     api = [
         Route("/campaigns", pages.campaigns),
         Route("/campaigns/{campaign}", pages.campaign),
@@ -65,6 +75,11 @@ def make_app(
         Route("/table", pages.table),
         Route("/notebooks", notebooks.listed),
         Route("/notebook", notebooks.executed, methods=["POST"]),
+        Route("/offer", launches.offered),
+        Route("/expansion", launches.expanded, methods=["POST"]),
+        Route("/start", launches.started, methods=["POST"]),
+        Route("/repeat", launches.repeated, methods=["POST"]),
+        Route("/stop", launches.stopped, methods=["POST"]),
         Route("/timeline", pages.timeline),
         Route("/usage", pages.usage),
     ]
@@ -87,8 +102,9 @@ def make_app(
 class Pages:
     """Answers to requests about one library."""
 
-    def __init__(self, library: Library, closing: asyncio.Event) -> None:
+    def __init__(self, library: Library, launches: LaunchPages, closing: asyncio.Event) -> None:
         self._library = library
+        self._launches = launches
         self._closing = closing
 
     def campaigns(self, _: Request) -> Response:
@@ -148,7 +164,7 @@ class Pages:
 
     async def events(self, _: Request) -> Response:
         """Changes as they happen."""
-        stream = events(self._library, self._closing)
+        stream = events(self._library, self._launches, self._closing)
         return StreamingResponse(stream, media_type="text/event-stream")
 
     def log(self, request: Request) -> Response:
@@ -216,7 +232,7 @@ def _number(text: str | None) -> float | None:
 
 
 def _refuse(_: Request, cause: Exception) -> Response:
-    return error(str(cause), 403 if isinstance(cause, OutsideError) else 404)
+    return error(str(cause), _STATUS.get(type(cause), 404))
 
 
 def _refuse_http(_: Request, cause: Exception) -> Response:

@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import json
 from collections.abc import AsyncIterator, Mapping
 from typing import Any
 
 from robovast.errors import InputError
 from robovast.evaluation.library import Library
+from robovast.evaluation.server.launches import LaunchPages, News
 
 PERIOD = 1.0
 """How often changes are looked for [s]."""
 
 
-async def events(library: Library, closing: asyncio.Event) -> AsyncIterator[str]:
-    """Changes of the versions of all campaigns, each `{name: version}`; None for one that is gone.
+async def events(
+    library: Library, launches: LaunchPages, closing: asyncio.Event
+) -> AsyncIterator[str]:
+    """What happens, until the server is closing.
 
-    The first event has all campaigns. Ends when the server is closing.
+    Changes of the versions of all campaigns, each `{name: version}`; None for one that is gone. The
+    first event has all campaigns. Events of the kind `launch` tell of a campaign that was started
+    from the page, see `News`.
     """
     sent: dict[str, int] = {}
+    told: News | None = None
     first = True
     while not closing.is_set():
         now = await asyncio.to_thread(versions, library)
@@ -29,6 +36,9 @@ async def events(library: Library, closing: asyncio.Event) -> AsyncIterator[str]
             yield _event(changes)
         else:
             yield ": nothing new\n\n"  # a connection that is gone is noticed by this
+        if news := launches.news(told):
+            yield _event(dataclasses.asdict(news), "launch")
+            told = news
         sent, first = now, False
         try:
             await asyncio.wait_for(closing.wait(), PERIOD)
@@ -52,5 +62,5 @@ def _version(library: Library, name: str) -> int:
         return 0
 
 
-def _event(data: Mapping[str, Any]) -> str:
-    return f"data: {json.dumps(data)}\n\n"
+def _event(data: Mapping[str, Any], kind: str = "message") -> str:
+    return f"event: {kind}\ndata: {json.dumps(data)}\n\n"

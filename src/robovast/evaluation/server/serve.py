@@ -18,6 +18,7 @@ from robovast.errors import InputError
 from robovast.evaluation.library import Library
 from robovast.evaluation.notebooks.runner import TIMEOUT, Runner
 from robovast.evaluation.server.app import make_app
+from robovast.evaluation.server.launches import LaunchPages, Starting
 from robovast.evaluation.server.live import versions
 from robovast.evaluation.server.notebooks import NotebookPages
 
@@ -29,6 +30,7 @@ def serve(
     port: int | None,
     ready: Callable[[str], None],
     *,
+    starting: Starting,
     override: Path | None = None,
     notebook_timeout: float = TIMEOUT,
 ) -> None:
@@ -38,6 +40,7 @@ def serve(
         results: the results folder.
         port: on the loopback interface; any free one when None.
         ready: is called with the page's address as soon as it answers.
+        starting: what campaigns can be started from the page.
         override: a .vast file whose notebooks stand in place of each campaign's own.
         notebook_timeout: for all cells of a notebook [s].
 
@@ -50,9 +53,10 @@ def serve(
     token = secrets.token_urlsafe(24)
     closing = asyncio.Event()
     runner = Runner(notebook_timeout)
-    pages = NotebookPages(library.results, runner, override)
+    notebooks = NotebookPages(library.results, runner, override)
+    launches = LaunchPages(library.results, starting, override)
     config = uvicorn.Config(
-        make_app(library, pages, token, closing),
+        make_app(library, notebooks, launches, token, closing),
         log_level="debug" if logging.getLogger().isEnabledFor(logging.DEBUG) else "critical",
         access_log=False,
         server_header=False,
@@ -70,23 +74,33 @@ def serve(
         runner.close()
 
     with listener, suppress(KeyboardInterrupt):
-        _Server(config, started, ending).run(sockets=[listener])
+        _Server(config, started, ending, launches.end).run(sockets=[listener])
 
 
 class _Server(uvicorn.Server):
     """Says when it answers, and when it is told to end, so that nothing keeps it from that."""
 
     def __init__(
-        self, config: uvicorn.Config, started: Callable[[], None], ending: Callable[[], None]
+        self,
+        config: uvicorn.Config,
+        started: Callable[[], None],
+        ending: Callable[[], None],
+        ended: Callable[[], None],
     ) -> None:
         super().__init__(config)
         self._started = started
         self._ending = ending
+        self._ended = ended
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Begin to answer."""
         await super().startup(sockets)
         self._started()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Answer no longer; while it lasts, signals do not end the process."""
+        await super().shutdown(sockets)
+        await asyncio.to_thread(self._ended)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """End."""

@@ -1,0 +1,184 @@
+"""Starting campaigns: what they would run, running one, and what it says meanwhile."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from asyncio.subprocess import DEVNULL, PIPE, Process
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+from robovast.errors import CannotRunError, InputError
+from robovast.evaluation.columns import columns
+from robovast.evaluation.launch.commands import (
+    expansion_words,
+    postprocessing_words,
+    read_choices,
+    repeat_words,
+    run_words,
+)
+from robovast.evaluation.launch.launcher import Launch, Launcher
+from robovast.evaluation.run import run_record
+from robovast.evaluation.server.answers import Data
+from robovast.evaluation.summaries import VariantRuns
+from robovast.evaluation.untrusted import mapping, parse_yaml, plain
+
+
+@dataclass(frozen=True)
+class Starting:
+    """What is needed to start campaigns from the page."""
+
+    program: Sequence[str]
+    """Words that `vast` is called with; nothing can be started when there are none."""
+    document: Path | None
+    """The .vast file that can be run."""
+    refusal: str
+    """Why there is none, or why nothing can be started."""
+    postprocess: bool
+    """Whether the tables of the results are brought up to date after a campaign."""
+    message: Callable[[str], None]
+    """Tells the one who started the server."""
+
+
+@dataclass(frozen=True)
+class News:
+    """What happened to a task."""
+
+    launch: Launch
+    first: int
+    """Number of the first of the lines, from 0."""
+    lines: list[str]
+    """What it has printed."""
+
+    @property
+    def end(self) -> int:
+        """Number of the line to come."""
+        return self.first + len(self.lines)
+
+
+class LaunchPages:
+    """Answers about campaigns that are started from the page."""
+
+    def __init__(self, results: Path, starting: Starting, override: Path | None) -> None:
+        self._results = results
+        self._starting = starting
+        self._override = override
+        self._launcher = Launcher(starting.program)
+        self._expanding = asyncio.Lock()
+
+    def offered(self, _: Request) -> Response:
+        """The document that can be run, or why none can; reads no more than its `runs`."""
+        document = self._starting.document
+        return Data(
+            {
+                "document": None if document is None else str(document),
+                "runs": None if document is None else _runs(document),
+                "refusal": self._starting.refusal,
+                "repeat": bool(self._starting.program),
+            }
+        )
+
+    async def expanded(self, _: Request) -> Response:
+        """The configurations of the document, by a process of their own: that executes plugins."""
+        words = expansion_words(self._document())
+        async with self._expanding:
+            said = await _output([*self._starting.program, *words])
+        return Data(columns([_variant(item) for item in json.loads(said)])["variants"])
+
+    def started(self, request: Request) -> Response:
+        """Run the document's campaign."""
+        choices = read_choices(request.query_params)
+        return self._start(run_words(self._document(), self._results, choices))
+
+    def repeated(self, request: Request) -> Response:
+        """Execute the configuration of a run once more."""
+        asked = request.query_params
+        campaign, variant, run = (asked.get(key, "") for key in ("campaign", "variant", "run"))
+        record = run_record(self._results, f"{campaign}/{variant}/{run}")
+        words = repeat_words(self._results, campaign, variant, record)
+        if not record or not words:
+            raise InputError(f"How {variant}/{run} of {campaign} was executed is not known.")
+        return self._start([*words, f"--output={self._results}"])
+
+    def stopped(self, _: Request) -> Response:
+        """Tell what is being executed to end."""
+        self._launcher.stop()
+        return Data(self._launcher.launch)
+
+    def news(self, known: News | None) -> News | None:
+        """What is there beside what is known; None when nothing is."""
+        launch = self._launcher.launch
+        if launch is None:
+            return None
+        is_same = known is not None and known.launch.number == launch.number
+        first, lines = self._launcher.output(known.end if known and is_same else 0)
+        if known and known.launch == launch and not lines:
+            return None
+        return News(launch, first, lines)
+
+    def end(self) -> None:
+        """Stop what is being executed, and wait for that."""
+        launch = self._launcher.launch
+        if launch is not None and launch.ended is None:
+            self._starting.message("Stopping the campaign that was started from the page …")
+            self._launcher.end()
+
+    def _document(self) -> Path:
+        if self._starting.document is None:
+            raise CannotRunError(self._starting.refusal)
+        return self._starting.document
+
+    def _start(self, words: Sequence[str]) -> Response:
+        if not self._starting.program:
+            raise CannotRunError(self._starting.refusal)
+        then = postprocessing_words(self._results, self._override)
+        return Data(self._launcher.start(words, then if self._starting.postprocess else ()))
+
+
+def _runs(document: Path) -> int:
+    """Runs of each configuration as a document says, unless it is wrong."""
+    try:
+        data = mapping(parse_yaml(document.read_bytes()))
+    except OSError:
+        return 1
+    runs = mapping(data.get("execution")).get("runs")
+    return runs if isinstance(runs, int) else 1
+
+
+def _variant(item: Mapping[str, Any]) -> VariantRuns:
+    try:
+        parameters = mapping(plain(item["config"]))
+    except ValueError:  # too large for a table
+        parameters = {}
+    return VariantRuns(str(item["name"]), str(item["_config_name"]), parameters, ())
+
+
+async def _output(words: Sequence[str]) -> bytes:
+    """What a command prints.
+
+    Raises:
+        InputError: it fails, with its words.
+    """
+    try:
+        process = await asyncio.create_subprocess_exec(
+            *words, stdin=DEVNULL, stdout=PIPE, stderr=PIPE, start_new_session=True
+        )
+    except OSError as error:
+        raise CannotRunError(f"{words[0]} cannot be started: {error}.") from None
+    out, complaints = await _ended(process)
+    if process.returncode:
+        raise InputError(complaints.decode("utf-8", "replace").strip())
+    return out
+
+
+async def _ended(process: Process) -> tuple[bytes, bytes]:
+    try:
+        return await process.communicate()
+    finally:
+        if process.returncode is None:  # the server ends
+            process.terminate()

@@ -1,0 +1,227 @@
+"""Campaigns that are started from the page: as `vast` runs them, and by its user alone."""
+
+from __future__ import annotations
+
+import json
+import signal
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote, urlencode
+
+import pytest
+from local_campaigns import make_campaign
+from shown_page import ShownPage, shown
+from stored_campaigns import NAME, write_campaign
+
+FAIL_SECOND = 'echo "no goal for $1"; [ "$1" != 2 ]\n'
+SLOW = "sleep 60\n"
+QUICK = {"runtime": "process"}
+
+
+@contextmanager
+def started_in(folder: Path, *options: str, **settings: Any) -> Iterator[ShownPage]:
+    """The page of the results folder in `folder`, of a server that was started there."""
+    (folder / "results").mkdir(exist_ok=True)
+    with shown(folder / "results", *options, cwd=folder, **settings) as page:
+        yield page
+
+
+@contextmanager
+def events(page: ShownPage) -> Iterator[Iterator[dict[str, Any]]]:
+    """What the server tells of campaigns that were started from the page."""
+    host, _, port = page.address.split("/")[2].partition(":")
+    with socket.create_connection((host, int(port)), 60) as connection:
+        request = f"GET {page.base}api/events HTTP/1.1\r\nHost: localhost\r\n\r\n"
+        connection.sendall(request.encode())
+        lines = iter(connection.makefile("r"))
+        told = (next(lines) for line in lines if line == "event: launch\n")
+        yield (json.loads(line.removeprefix("data: ")) for line in told)
+
+
+def ended(page: ShownPage) -> tuple[dict[str, Any], list[str]]:
+    """The task when it has ended, and all that it printed."""
+    lines: list[str] = []
+    with events(page) as told:
+        for news in told:
+            lines += news["lines"]
+            if news["launch"]["ended"]:
+                return news["launch"], lines
+    raise AssertionError("the server told of no end")
+
+
+def start(page: ShownPage, **choices: str) -> Any:
+    return page.post(f"api/start?{urlencode(QUICK | choices)}")
+
+
+def wait_for(condition: Callable[[], bool], seconds: float = 60) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen in time"
+        time.sleep(0.05)
+
+
+def running(folder: Path) -> bool:
+    return any((folder / "results").glob("*/.running/job-*/out/*"))
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a document whose second configuration fails."""
+    folder = tmp_path_factory.mktemp("project")
+    make_campaign(folder / "in", FAIL_SECOND)
+    for path in (folder / "in").iterdir():
+        path.rename(folder / path.name)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(project: Path) -> Iterator[ShownPage]:
+    with started_in(project) as page:
+        yield page
+
+
+def test_what_a_document_expands_to_is_shown_before(page: ShownPage, project: Path) -> None:
+    offer = page.get("api/offer").data
+    assert (offer["document"], offer["runs"]) == (str(project / "test.vast"), 1)
+    variants = page.post("api/expansion").data
+    assert variants == {
+        "name": ["one-1", "one-2", "one-3"],
+        "entry": ["one", "one", "one"],
+        "values": {"x": [1, 2, 3]},
+    }
+
+
+def test_a_campaign_is_run_watched_and_one_run_of_it_repeated(page: ShownPage) -> None:
+    launch = start(page, config="one-[12]", runs="1", jobs="2").data
+    assert "'--config=one-[12]' --runs=1 --jobs=2 --runtime=process" in launch["command"]
+    end, lines = ended(page)
+    assert (end["number"], end["code"]) == (launch["number"], 1)
+    assert "2 runs: 1 passed, 1 failed." in lines
+    (name,) = page.get("api/campaigns").data["campaigns"]
+    assert f"Results: results/{name}" in lines
+
+    again = page.post(f"api/repeat?campaign={name}&variant=one-2&run=0").data
+    assert "--config=one-2 --runs=1 --runtime=process" in again["command"]
+    end, lines = ended(page)  # as a page does that is loaded again
+    assert (end["number"], end["code"]) == (launch["number"] + 1, 1)
+    assert "1 run: 1 failed." in lines
+    assert len(page.get("api/campaigns").data["campaigns"]) == 2
+
+
+@pytest.mark.parametrize("pattern", ["--output=/etc", "one-1 --runs=9", "$(id)"])
+def test_a_pattern_is_a_pattern_whatever_it_looks_like(page: ShownPage, pattern: str) -> None:
+    launch = start(page, config=pattern).data
+    end, lines = ended(page)
+    assert (end["number"], end["code"]) == (launch["number"], 2)
+    assert lines[0].startswith(f"error: no configuration matches `{pattern}`. There are 3")
+
+
+@pytest.mark.parametrize(
+    "choices",
+    [
+        {"runtime": "--image=x"},
+        {"runs": "0"},
+        {"runs": "1 --output=/etc"},
+        {"jobs": "-1"},
+        {"config": "a\n--output=/etc"},
+        {"config": "a\0"},
+    ],
+)
+def test_what_is_no_choice_is_refused(page: ShownPage, choices: dict[str, str]) -> None:
+    answer = start(page, **choices)
+    assert answer.status == 404
+    assert answer.data["error"]
+
+
+@pytest.mark.parametrize("what", ["start?runtime=process", "expansion", "stop", "repeat"])
+def test_another_site_starts_and_stops_nothing(page: ShownPage, what: str) -> None:
+    path = f"api/{what}"
+    assert page.post(path, Origin="http://evil.example").status == 403
+    assert page.post(path, Origin=None).status == 405
+    assert page.post(path, Host="evil.example").status == 421
+    assert page.get(path).status == 405
+    assert page.ask(f"/wrong/{path}", {"Origin": "http://127.0.0.1"}, "POST").status in {403, 405}
+
+
+@pytest.mark.parametrize(
+    ("campaign", "variant"), [("..", "in"), ("none", "one-1"), ("", ""), ("/etc", "passwd")]
+)
+def test_what_was_not_executed_is_not_repeated(
+    page: ShownPage, campaign: str, variant: str
+) -> None:
+    answer = page.post(f"api/repeat?campaign={quote(campaign)}&variant={quote(variant)}&run=0")
+    assert answer.status == 404
+
+
+def test_one_campaign_at_a_time_and_stop_ends_it(tmp_path: Path) -> None:
+    make_campaign(tmp_path / "in", SLOW)
+    with started_in(tmp_path, "-o", "in/test.vast") as page:
+        start(page, jobs="1")
+        refused = start(page)
+        assert refused.status == 409
+        assert refused.data["error"].startswith("A campaign is being run from this page")
+        wait_for(lambda: running(tmp_path))
+        page.post("api/stop")
+        end, lines = ended(page)
+        assert (end["code"], end["stopping"]) == (130, True)
+        assert any(line.startswith("Continue: vast exec local run --resume") for line in lines)
+        (summary,) = page.get("api/campaigns").data["campaigns"].values()
+        assert summary["state"] == "incomplete"
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+def test_a_server_that_ends_stops_what_it_runs(tmp_path: Path, end: signal.Signals) -> None:
+    make_campaign(tmp_path / "in", SLOW)
+    with started_in(tmp_path, "-o", "in/test.vast", end=end) as page:
+        start(page, jobs="1")
+        wait_for(lambda: running(tmp_path))
+    assert not running(tmp_path)
+    (record,) = (tmp_path / "results").glob("*/one-1/0/run.json")
+    assert json.loads(record.read_text())["verdict"] == "interrupted"
+
+
+def test_a_document_that_is_wrong_is_told_as_the_command_line_tells_it(tmp_path: Path) -> None:
+    (tmp_path / "wrong.vast").write_text("version: 1\nconfiguration: 7\n")
+    with started_in(tmp_path) as page:
+        said = page.post("api/expansion").data["error"]
+        assert "wrong.vast:2:" in said
+        assert "error: " in said.splitlines()[-1]
+        start(page)
+        end, lines = ended(page)
+        assert (end["code"], lines) == (2, said.splitlines())
+
+
+def test_where_nothing_can_be_started_the_page_says_why(tmp_path: Path) -> None:
+    with started_in(tmp_path) as page:
+        offer = page.get("api/offer").data
+        assert offer["document"] is None
+        assert offer["repeat"]
+        assert "there is no .vast file here" in offer["refusal"]
+        for what in ("start", "expansion"):
+            assert page.post(f"api/{what}").data == {"error": offer["refusal"]}
+
+
+def test_a_page_that_only_shows_starts_nothing(tmp_path: Path) -> None:
+    write_campaign(tmp_path / "results", outputs=False)
+    make_campaign(tmp_path / "in", FAIL_SECOND)
+    with started_in(tmp_path, "--no-start", "-o", "in/test.vast") as page:
+        offer = page.get("api/offer").data
+        assert (offer["document"], offer["repeat"]) == (None, False)
+        assert "only shows results" in offer["refusal"]
+        for what in ("start", "expansion", f"repeat?campaign={NAME}&variant=hall-1&run=0"):
+            assert page.post(f"api/{what}").data == {"error": offer["refusal"]}
+        assert [path.name for path in (tmp_path / "results").iterdir()] == [NAME]
+
+
+def test_tables_are_made_when_the_campaign_has_ended(tmp_path: Path) -> None:
+    make_campaign(tmp_path / "in", 'printf "a,b\\n1,2\\n" > "$3/numbers.csv"\n')
+    with started_in(tmp_path, "-o", "in/test.vast", postprocess=True) as page:
+        start(page, config="one-1")
+        end, _ = ended(page)
+        assert end["code"] == 0
+        (name,) = page.get("api/campaigns").data["campaigns"]
+        assert page.get(f"api/campaigns/{name}/metrics").data == {"numbers": ["a", "b"]}
