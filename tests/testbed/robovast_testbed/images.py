@@ -17,6 +17,7 @@ SLIM = f"{REPOSITORY}:testbed-slim"
 WRONG_COMPAT = f"{REPOSITORY}:testbed-wrong-compat"
 NO_COMPAT = f"{REPOSITORY}:testbed-no-compat"
 
+ROS = f"{REPOSITORY}:testbed-ros-slim"
 AGENT = f"{REPOSITORY}:testbed-agent"
 S3 = f"{REPOSITORY}:testbed-s3"
 
@@ -45,6 +46,23 @@ def archive() -> Path:
     return cache.once(f"images/{key}", make) / "images.tar"
 
 
+def ros_archive() -> Path:
+    """Return the cached archive of the slim run image with ROS 2's wheels.
+
+    :raises Unavailable: when the machine cannot build it.
+    """
+
+    def make(folder: Path) -> None:
+        with bed.session(f"ros-{os.getpid()}") as scratch:
+            engine, context = docker.start(scratch), scratch.folder / "context"
+            _build_slim(engine, context, "testbed-ros", "requirements-ros.txt", "ROS_WHEELS=true")
+            engine.run("save", "--output", folder / "images.tar", ROS)
+
+    recipe = [CONTAINER / "slim", CONTAINER / "build.sh"]
+    key = cache.digest(recipe, debian.SUITE, debian.ROOTFS_VERSION)
+    return cache.once(f"images/ros-{key}", make) / "images.tar"
+
+
 def agent_archive() -> Path:
     """Return the cached archive of our own image and of an S3 gateway's, built when code changes.
 
@@ -63,7 +81,7 @@ def agent_archive() -> Path:
     return cache.once(f"images/agent-{key}", make) / "images.tar"
 
 
-_LOCK = ROOT / "requirements/agent-core.txt"
+_LOCK = ROOT / "requirements/agent.txt"
 _DEPENDENCIES = f"{REPOSITORY}-testbed-agent-dependencies:{debian.SUITE}"
 _OFFLINE = (
     *("--network", "none"),
@@ -79,7 +97,7 @@ def _build_agent(engine: docker.Docker, context: Path, output: Path) -> None:
     build = context / "container/build.sh"
     options = ("--cache-from", _DEPENDENCIES, *_OFFLINE)  # which saves their installation
     run(
-        [build, "--agent", "--core", "--base", BASE, "--tag", "testbed", "--", *options],
+        [build, "--agent", "--base", BASE, "--tag", "testbed", "--", *options],
         env=os.environ | engine.env,
     )
     engine.run("save", "--output", output, AGENT, S3)
@@ -121,27 +139,31 @@ def _build_s3(engine: docker.Docker, context: Path) -> None:
     engine.run("build", "--network", "none", "--tag", S3, context)
 
 
-def load(engine: docker.Docker) -> None:
-    """Give a Docker daemon the run images, unless it has them."""
-    path = archive()
+def load(engine: docker.Docker, path: Path) -> None:
+    """Give a Docker daemon the images of an archive, unless it has them."""
     stamp = engine.folder / f"loaded-{path.parent.name}"
     if not stamp.exists():
         engine.run("load", "--quiet", "--input", path)
         stamp.touch()
 
 
-def _build(engine: docker.Docker, context: Path, output: Path) -> None:
+def _build_slim(
+    engine: docker.Docker, context: Path, tag: str, requirements: str, *arguments: str
+) -> None:
+    """Build container/slim as `TAG-slim`, without a network."""
     engine.run("import", debian.rootfs(), BASE)
     shutil.copytree(CONTAINER, context)
-    _fetch_wheels(context / "slim")
+    slim = context / "slim"
+    _download([slim / "requirements-build.txt", slim / requirements], slim / "wheels")
+    given = [word for argument in arguments for word in ("--build-arg", argument)]
     run(
-        [
-            *(context / "build.sh", "--slim", "--base", BASE, "--tag", "testbed"),
-            *("--", "--network", "none"),
-            *("--build-arg", "PIP_NO_INDEX=1", "--build-arg", "PIP_FIND_LINKS=/build/wheels"),
-        ],
+        [context / "build.sh", "--slim", "--base", BASE, "--tag", tag, "--", *_OFFLINE, *given],
         env=os.environ | engine.env,
     )
+
+
+def _build(engine: docker.Docker, context: Path, output: Path) -> None:
+    _build_slim(engine, context, "testbed", "requirements.txt")
     for image, command in SPOILT.items():
         recipe = f"FROM {SLIM}\nUSER 0\nRUN {command}\nUSER 1000\n"
         spoilt = context / "spoilt"
@@ -149,12 +171,6 @@ def _build(engine: docker.Docker, context: Path, output: Path) -> None:
         (spoilt / "Dockerfile").write_text(recipe)
         engine.run("build", "--network", "none", "--tag", image, spoilt)
     engine.run("save", "--output", output, SLIM, *SPOILT)
-
-
-def _fetch_wheels(folder: Path) -> None:
-    """Download what the slim image installs into `wheels/`."""
-    files = [folder / "requirements-build.txt", folder / "requirements.txt"]
-    _download(files, folder / "wheels")
 
 
 def _download(requirements: list[Path], folder: Path) -> None:

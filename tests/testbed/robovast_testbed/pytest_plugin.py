@@ -46,8 +46,16 @@ def docker_daemon() -> Iterator[docker.Docker]:
 def slim_image(docker_daemon: docker.Docker) -> str:
     """The name of the run image without ROS, built from container/slim."""
     with skipped_when_unavailable():
-        images.load(docker_daemon)
+        images.load(docker_daemon, images.archive())
     return images.SLIM
+
+
+@pytest.fixture(scope="session")
+def ros_image(docker_daemon: docker.Docker) -> str:
+    """The name of the run image with ROS 2's wheels, built from container/slim."""
+    with skipped_when_unavailable():
+        images.load(docker_daemon, images.ros_archive())
+    return images.ROS
 
 
 @pytest.fixture(scope="session")
