@@ -256,3 +256,45 @@ def download_cleanup(
     from robovast_cli import cluster_control
 
     cluster_control.download_cleanup(context, namespace, campaign, ask=not yes)
+
+
+@app.command()
+def upload_to_share(
+    campaign: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-i",
+            "--campaign",
+            metavar="NAME",
+            help="Only this campaign: its name, or that of its results folder. May be repeated; "
+            "all finished campaigns of the namespace when omitted.",
+            show_default=False,
+        ),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("-f", "--force", help="Replace what is on the share.")
+    ] = False,
+    detach: Annotated[
+        bool, typer.Option("--detach", help="Return as soon as the cluster has begun.")
+    ] = False,
+    image: Annotated[
+        str | None,
+        typer.Option(
+            "--image",
+            help="Image of RoboVAST's agent, as one with a share provider of your own; that of "
+            "the campaigns' Jobs when omitted.",
+            show_default=False,
+        ),
+    ] = None,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> int:
+    """Upload results of finished campaigns from the cluster to the share.
+
+    The cluster does it; Ctrl-C only ends the following. The share is described by
+    ROBOVAST_SHARE_TYPE and the variables of its kind, in the environment or a `.env` file in this
+    folder or above; docs/publication.md has them all. What is on the share is not uploaded again.
+    """
+    from robovast_cli.cluster_share import How, upload_to_share
+
+    return upload_to_share(context, namespace, campaign or [], How(force, detach, image))

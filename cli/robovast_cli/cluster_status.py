@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from functools import cached_property
 from typing import Any
 
-from robovast.cluster.resources import Storage
+from robovast.cluster.resources import Scheduling, Storage
 from robovast.cluster.status import CampaignStatus, Condition
 from robovast.errors import ExitCode, InputError
 
@@ -41,6 +41,11 @@ class CampaignState:
     def storage(self) -> Storage:
         """Where its results go."""
         return Storage.model_validate(self.resource["spec"].get("storage") or {})
+
+    @cached_property
+    def scheduling(self) -> Scheduling:
+        """Where and how its pods are scheduled."""
+        return Scheduling.model_validate(self.resource["spec"].get("scheduling") or {})
 
     @property
     def attempt(self) -> int:

@@ -49,7 +49,9 @@ def download_campaigns(
     """
     with connect(context, namespace) as kube:
         known = [CampaignState(item) for item in kube.campaigns()]
-        chosen = [_results(kube, known, name) for name in names] if names else _all(kube, known)
+        chosen = (
+            [named_results(kube, known, name) for name in names] if names else _all(kube, known)
+        )
         failed = [
             results.name for results in chosen if not _try(kube, results, output, force=force)
         ]
@@ -64,21 +66,31 @@ def _all(kube: Kubernetes, known: Sequence[CampaignState]) -> list[Results]:
             f"no campaign in the namespace {kube.namespace} has results. `--namespace` chooses "
             "another one, `--campaign` also finds results whose Campaign was removed."
         )
-    return [_results_of(campaign) for campaign in stored]
+    return [results_of(campaign) for campaign in stored]
 
 
-def _results(kube: Kubernetes, known: Sequence[CampaignState], name: str) -> Results:
-    """Results by name, also those whose Campaign was removed."""
+def named_results(kube: Kubernetes, known: Sequence[CampaignState], name: str) -> Results:
+    """Results by name, also those whose Campaign was removed.
+
+    Raises:
+        InputError: there are none.
+        CannotRunError: nothing is stored yet.
+    """
     place = installed_place(kube, known)
     if lookup(known, name) is None and place.endpoint:
         bucket = bucket_name(name)
         with open_store(kube, place) as store:
             if bucket in store.buckets():
                 return Results(name, bucket, place)
-    return _results_of(find_campaign(known, name, kube.namespace))
+    return results_of(find_campaign(known, name, kube.namespace))
 
 
-def _results_of(campaign: CampaignState) -> Results:
+def results_of(campaign: CampaignState) -> Results:
+    """Results of a campaign.
+
+    Raises:
+        CannotRunError: nothing is stored yet.
+    """
     status = campaign.status
     if not status.bucket:
         raise CannotRunError(

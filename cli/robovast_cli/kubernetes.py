@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Callable, Coroutine, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -23,6 +23,8 @@ PATIENCE = 20.0
 """How long an API server may take to answer [s]."""
 
 Json = dict[str, Any]
+
+BATCH = "batch/v1"
 
 KUEUE = "kueue.x-k8s.io"
 """API group of Kueue, which admits Jobs when there is room for them."""
@@ -48,8 +50,7 @@ class Kubernetes:
 
     def campaigns(self) -> list[Json]:
         """All Campaigns of the namespace, the oldest first."""
-        found: list[Json] = self._call("GET", "campaigns", API_VERSION)["items"]
-        return sorted(found, key=lambda item: str(item["metadata"].get("creationTimestamp")))
+        return self._list("campaigns", API_VERSION, {})
 
     def campaign(self, name: str) -> Json | None:
         """A Campaign; None when there is none of this name."""
@@ -95,9 +96,44 @@ class Kubernetes:
 
     def has_pods(self, labels: Mapping[str, str]) -> bool:
         """True when the namespace has pods with all these labels, or Jobs that make some."""
-        kinds = {"jobs": "batch/v1", "pods": "v1"}
-        lists = (self._call("GET", kind, kinds[kind], params=_with(labels)) for kind in kinds)
-        return any(found["items"] for found in lists)
+        return bool(self.jobs(labels) or self.pods(labels))
+
+    def pods(self, labels: Mapping[str, str]) -> list[Json]:
+        """The namespace's pods with all these labels, the oldest first."""
+        return self._list("pods", "v1", labels)
+
+    def log_end(self, pod: str, lines: int) -> str:
+        """The last lines of the log of a pod with one container."""
+        url, params = f"pods/{quote(pod)}/log", {"tailLines": str(lines)}
+        text: str = self._run(partial(self._text, "GET", url, params=params))
+        return text
+
+    def jobs(self, labels: Mapping[str, str]) -> list[Json]:
+        """The namespace's Jobs with all these labels, the oldest first."""
+        return self._list("jobs", BATCH, labels)
+
+    def job(self, name: str) -> Json | None:
+        """A Job; None when there is none of this name."""
+        return self._find("jobs", name, BATCH)
+
+    def create_job(self, job: Json) -> Json:
+        """Create a Job."""
+        return self._call("POST", "jobs", BATCH, body=job)
+
+    def start_job(self, name: str) -> Json:
+        """Let a Job that was created suspended begin."""
+        body = {"spec": {"suspend": False}}
+        return self._call("PATCH", f"jobs/{quote(name)}", BATCH, body=body)
+
+    def delete_job(self, name: str) -> None:
+        """Delete a Job; its pods, and what it owns, disappear after it."""
+        options = {"propagationPolicy": "Background"}
+        with suppress(NotFoundError):
+            self._call("DELETE", f"jobs/{quote(name)}", BATCH, body=options)
+
+    def create_secret(self, secret: Json) -> None:
+        """Create a Secret."""
+        self._call("POST", "secrets", body=secret)
 
     @contextmanager
     def forward(self, service: Json, target: int | str) -> Iterator[int]:
@@ -125,6 +161,11 @@ class Kubernetes:
         finally:
             self._run(forward.stop)
 
+    def _list(self, kind: str, version: str, labels: Mapping[str, str]) -> list[Json]:
+        params = _with(labels) if labels else None
+        found: list[Json] = self._call("GET", kind, version, params=params)["items"]
+        return sorted(found, key=lambda item: str(item["metadata"].get("creationTimestamp")))
+
     def _find(
         self, kind: str, name: str, version: str = "v1", namespace: str | None = None
     ) -> Json | None:
@@ -137,7 +178,11 @@ class Kubernetes:
         answer: Json = self._run(partial(self._request, method, url, version, **details))
         return answer
 
-    async def _request(
+    async def _request(self, method: str, url: str, version: str = "v1", **details: Any) -> Json:
+        answer: Json = json.loads(await self._text(method, url, version, **details))
+        return answer
+
+    async def _text(
         self,
         method: str,
         url: str,
@@ -146,7 +191,7 @@ class Kubernetes:
         namespace: str | None = None,
         body: Any = None,
         params: Mapping[str, str] | None = None,
-    ) -> Json:
+    ) -> str:
         kind = "merge-patch+json" if method == "PATCH" else "json"
         async with self._api.call_api(
             method,
@@ -158,8 +203,8 @@ class Kubernetes:
             headers={"content-type": f"application/{kind}"},
             params=params,
         ) as response:
-            answer: Json = response.json()
-            return answer
+            text: str = response.text
+            return text
 
     def _run(self, action: Callable[[], Coroutine[Any, Any, Any]]) -> Any:
         try:

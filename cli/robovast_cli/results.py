@@ -15,7 +15,8 @@ COMMANDS: Mapping[str, Lazy] = {
     ),
     "query": Lazy("robovast_cli.results_query:app", "Ask the tables of campaigns with SQL."),
     "download": Lazy(
-        "robovast_cli.results_download:app", "Bring results home from the cluster's storage."
+        "robovast_cli.results_download:app",
+        "Bring results home from the cluster's storage, or from the share.",
     ),
     "publish": Lazy(
         "robovast_cli.results_publish:app",

@@ -1,16 +1,17 @@
-"""`vast results download`."""
+"""`vast results download`: from the cluster's storage, or from the share."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from robovast_cli.cluster_options import Context, Namespace
 from robovast_cli.lazy import new_app
 
-app = new_app("Bring results home from the cluster's storage.")
+app = new_app("Bring results home from the cluster's storage, or from the share.")
 
 
 @app.command()
@@ -23,7 +24,7 @@ def download(
             "--campaign",
             metavar="NAME",
             help="Only this campaign: its name, or that of its results folder. May be repeated; "
-            "all campaigns of the namespace when omitted.",
+            "all when omitted.",
             show_default=False,
         ),
     ] = None,
@@ -40,18 +41,51 @@ def download(
     force: Annotated[
         bool, typer.Option("-f", "--force", help="Fetch everything, also what is here.")
     ] = False,
+    source: Annotated[
+        Literal["cluster", "share"] | None,
+        typer.Option(
+            "--from",
+            help="Where from; the share where ROBOVAST_SHARE_TYPE is set and neither a context "
+            "nor a namespace is given, else the cluster's storage.",
+            show_default=False,
+        ),
+    ] = None,
+    keep_archive: Annotated[
+        bool,
+        typer.Option("--keep-archive", help="Also leave the `.tar.gz` that came from the share."),
+    ] = False,
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
-    """Bring results home: in parallel, verified, each run complete or not at all.
+    """Bring results home: verified, each run, or each archive, complete or not at all.
 
     What is here already is not fetched again, so that it can be repeated at any time: while the
-    campaign runs, after an interruption, after more runs were added.
+    campaign runs, after an interruption, after more runs were added. From the share, a campaign
+    that is here stays as it is, unless `--force` replaces it.
     """
+    output = output or ctx.obj.results
+    names = campaign or []
+    cluster_is_meant = source == "cluster" or (source is None and (context or namespace))
+    if source == "share" or (not cluster_is_meant and has_share()):
+        from robovast_cli.share_download import download_shared
+
+        download_shared(names, output, force=force, keep_archive=keep_archive)
+        return
     from robovast_cli.kubernetes import cluster_extra
 
     with cluster_extra():
         from robovast_cli.downloading import download_campaigns
 
-    output = output or ctx.obj.results
-    download_campaigns(context, namespace, campaign or [], output, force=force)
+    download_campaigns(context, namespace, names, output, force=force)
+
+
+def has_share() -> bool:
+    """True when a share is described, in the environment or a `.env` file."""
+    from robovast.environment import environment
+    from robovast.errors import CannotRunError
+    from robovast.results.share import SHARE_TYPE
+
+    try:
+        return bool(environment().get(SHARE_TYPE))
+    except CannotRunError:  # there is a file that cannot be read here: it may be about other things
+        return bool(os.environ.get(SHARE_TYPE))

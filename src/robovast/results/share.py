@@ -38,6 +38,10 @@ class SharedCampaign:
         return campaign_of_archive(self.archive)
 
 
+class NotOnShareError(InputError):
+    """A share has no campaign of this name."""
+
+
 class Share:
     """A share through its provider; every fault is one for the user."""
 
@@ -61,13 +65,13 @@ class Share:
         """The named campaigns, or all.
 
         Raises:
-            InputError: one is not on the share.
+            NotOnShareError: one is not on the share.
         """
         known = {item.name: item for item in self.campaigns()}
         wanted = [name.removesuffix(SUFFIX) for name in names]
         unknown = next((name for name in wanted if name not in known), None)
         if unknown:
-            raise InputError(
+            raise NotOnShareError(
                 f"there is no campaign `{unknown}` on the share; it has "
                 f"{', '.join(known) or 'none'}."
             )
