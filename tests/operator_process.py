@@ -8,10 +8,12 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
+import pytest
 import yaml
 from robovast_testbed import kwok
 from robovast_testbed.helm import helm
@@ -59,9 +61,9 @@ def finish_stage(campaign: str, total: int) -> str:
     return FINISH_STAGE.format(campaign=campaign, message=message)
 
 
-def prepare(cluster: Cluster, nodes: int, stages: list[str]) -> None:
+def prepare(cluster: Cluster, nodes: int, stages: list[str], *, tainted: bool = False) -> None:
     """Fake nodes, the resource definitions, and the operator's account with the chart's rights."""
-    kwok.start(cluster, nodes, stages=stages)
+    kwok.start(cluster, nodes, stages=stages, tainted=tainted)
     cluster.kubectl("create", "namespace", SYSTEM)
     rendered = helm(
         cluster,
@@ -79,11 +81,40 @@ def prepare(cluster: Cluster, nodes: int, stages: list[str]) -> None:
     )
 
 
+FINISHED = {"many": 200, "few": 6, "hunted": 300}
+"""Runs of the campaigns that come to their end on fake nodes, by name."""
+
+
+@pytest.fixture(scope="session")
+def fake_cluster(control_plane: Cluster) -> Cluster:
+    """A control plane with fake nodes on which pods end at once."""
+    prepare(control_plane, 4, [finish_stage(*campaign) for campaign in FINISHED.items()])
+    return control_plane
+
+
+@pytest.fixture
+def namespace(fake_cluster: Cluster) -> Iterator[str]:
+    """A namespace of the test's own."""
+    name = f"lab-{uuid4().hex[:6]}"
+    fake_cluster.kubectl("create", "namespace", name)
+    yield name
+    fake_cluster.kubectl("delete", "namespace", name, "--wait=false")
+
+
 class OperatorProcess:
     """An operator that can be killed and started."""
 
-    def __init__(self, cluster: Cluster, folder: Path, name: str = "one", **settings: str) -> None:
+    def __init__(
+        self,
+        cluster: Cluster,
+        folder: Path,
+        name: str = "one",
+        *,
+        server: str | None = None,
+        **settings: str,
+    ) -> None:
         self._cluster = cluster
+        self._server = server
         self._folder = folder
         self._name = name
         self._settings = settings
@@ -96,6 +127,8 @@ class OperatorProcess:
         )
         config = yaml.safe_load(self._cluster.kubeconfig.read_text())
         config["users"][0]["user"] = {"token": token.strip()}
+        if self._server is not None:
+            config["clusters"][0]["cluster"] = {"server": self._server}
         path = self._folder / f"{self._name}.kubeconfig"
         path.write_text(yaml.safe_dump(config))
         environment = {
@@ -122,6 +155,17 @@ class OperatorProcess:
         self._process.kill()
         self._process.wait()
 
+    def signal(self, number: int) -> None:
+        """Send a signal: SIGSTOP pauses it, SIGCONT lets it go on."""
+        assert self._process is not None
+        self._process.send_signal(number)
+
+    def memory(self) -> int:
+        """Memory that it occupies now [byte]."""
+        assert self._process is not None
+        pages = Path(f"/proc/{self._process.pid}/statm").read_text().split()[1]
+        return int(pages) * os.sysconf("SC_PAGE_SIZE")
+
     def stop(self) -> None:
         if self._process is not None and self._process.poll() is None:
             self._process.terminate()
@@ -134,15 +178,20 @@ class OperatorProcess:
     def usage(self) -> tuple[float, int]:
         """CPU time so far [s] and peak memory [byte]."""
         assert self._process is not None
-        stat = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
-        ticks = int(stat[11]) + int(stat[12])
-        status = Path(f"/proc/{self._process.pid}/status").read_text()
-        peak = next(line for line in status.splitlines() if line.startswith("VmHWM"))
-        return ticks / os.sysconf("SC_CLK_TCK"), int(peak.split()[1]) * 1024
+        return usage(self._process.pid)
 
 
-def writes(cluster: Cluster, since: int = 0) -> Counter[str]:
-    """Write requests by user, from the audit log; `since` is an offset in it."""
+def usage(pid: int) -> tuple[float, int]:
+    """CPU time of a process so far [s] and its peak memory [byte]."""
+    stat = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    ticks = int(stat[11]) + int(stat[12])
+    status = Path(f"/proc/{pid}/status").read_text()
+    peak = next(line for line in status.splitlines() if line.startswith("VmHWM"))
+    return ticks / os.sysconf("SC_CLK_TCK"), int(peak.split()[1]) * 1024
+
+
+def write_requests(cluster: Cluster, since: int = 0) -> Counter[str]:
+    """Write requests by "USER RESOURCE", from the audit log; `since` is an offset in it."""
     found: Counter[str] = Counter()
     with cluster.audit_log.open("rb") as file:
         file.seek(since)
@@ -150,7 +199,17 @@ def writes(cluster: Cluster, since: int = 0) -> Counter[str]:
             entry = json.loads(line)
             done = entry.get("stage") == "ResponseComplete"
             if done and entry["verb"] in {"create", "update", "patch", "delete"}:
-                found[entry["user"]["username"]] += 1
+                about = entry.get("objectRef", {})
+                parts = (about.get("resource", "-"), about.get("subresource", ""))
+                found[f"{entry['user']['username']} {'/'.join(filter(None, parts))}"] += 1
+    return found
+
+
+def writes(cluster: Cluster, since: int = 0) -> Counter[str]:
+    """Write requests by user."""
+    found: Counter[str] = Counter()
+    for key, count in write_requests(cluster, since).items():
+        found[key.partition(" ")[0]] += count
     return found
 
 

@@ -1,130 +1,196 @@
 #!/usr/bin/env python3
-"""What the operator adds: a campaign beside one bare Indexed Job of the same pods, on fake nodes.
+"""What a campaign costs a cluster, beside its peers, on fake nodes.
 
-    python tests/bench/cluster_scale.py [--runs 1000] [--parallelism 1000] [--nodes 20]
+    python tests/bench/cluster_scale.py [--runs 1000] [--cells PATTERN] [--results FILE] [--list]
 
-Brings up a control plane of its own, with the controllers' default limits. Prints the time until
-all runs have a verdict, write requests to the API server by user and per run (from its audit log),
-each beside the bare Job; CPU time and peak memory of the operator; the size of the Campaign object.
+Peers execute the same pods: one bare Indexed Job (the limit of Kubernetes), one Job for each run,
+and Argo Workflows. Each cell has a control plane of its own, with the controllers' default limits
+unless it is called *tuned*. Write requests are counted by user from the audit log. Prints a table
+of all cells and one of the goals. Cells that `--results` has are not executed again.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import os
+import re
 import sys
-import time
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any
 
 sys.path[:0] = [str(Path(__file__).parents[1] / part) for part in (".", "testbed")]
 
-from operator_process import (  # noqa: E402
-    ACCOUNT,
-    OperatorProcess,
-    campaign,
-    eventually,
-    finish_stage,
-    prepare,
-    status,
-    writes,
-)
-from robovast_testbed import bed, controlplane  # noqa: E402
-from robovast_testbed.kubernetes import Cluster  # noqa: E402
+from scale_cells import CONTROLLERS, Cell, Result, measure  # noqa: E402
 
-SPACE = "bench"
-VARIANTS = 50
+PACKS = (1, 20, 200)
 
 
-def bare_job(job: dict[str, Any], runs: int, parallelism: int) -> dict[str, Any]:
-    """The Job of a shard, made into one Job of all runs that nobody looks after."""
-    spec = {
-        key: value
-        for key, value in job["spec"].items()
-        if key in {"completionMode", "backoffLimitPerIndex", "podFailurePolicy", "template"}
-    }
-    kept = {k: v for k, v in spec["template"]["metadata"]["labels"].items() if "robovast" in k}
-    spec["template"]["metadata"] = {"labels": kept}
-    return {
-        "apiVersion": "batch/v1",
-        "kind": "Job",
-        "metadata": {"name": "bare", "namespace": SPACE},
-        "spec": {
-            **spec,
-            "completions": runs,
-            "parallelism": parallelism,
-            "maxFailedIndexes": runs,
-        },
-    }
+def cells(runs: int) -> list[Cell]:
+    """All cells for so many runs; the slowest last."""
+    packed = [Cell(shape, runs, pack) for pack in PACKS[:0:-1] for shape in ("ours", "bare")]
+    queued = [Cell("ours", runs, pack, kueue=True) for pack in PACKS[::-1]]
+    return [
+        *packed,
+        *queued[:-1],
+        Cell("ours", runs, limits="tuned", failing=True),
+        Cell("bare", runs, limits="tuned"),
+        Cell("ours", runs, limits="tuned"),
+        Cell("ours", runs),
+        Cell("bare", runs),
+        queued[-1],
+        Cell("argo", runs),
+        Cell("jobs", runs, kueue=True),
+        Cell("jobs", runs),
+    ]
 
 
-def wait(cluster: Cluster, kind: str, name: str, path: str, wanted: str) -> float:
-    """Seconds until a field has a value."""
-    begin = time.perf_counter()
-    query = f"--for=jsonpath={{{path}}}={wanted}"
-    cluster.kubectl("--namespace", SPACE, "wait", f"{kind}/{name}", query, "--timeout=60m")
-    return time.perf_counter() - begin
+class Table:
+    """Results, found by what they measured."""
+
+    def __init__(self, results: Iterable[Result]) -> None:
+        self._results = {result.cell: result for result in results}
+
+    def of(self, cell: Cell) -> Result | None:
+        return self._results.get(cell)
+
+    def show(self) -> None:
+        print(
+            "| shape | runs | by | limits | Kueue | time | pods/s | writes/pod | own/run "
+            "| etcd | own object | CPU/run | memory | stale |\n" + "| --- " * 14 + "|"
+        )
+        for result in self._results.values():
+            print(_row(result))
 
 
-def told(what: str, counts: dict[str, int], runs: int) -> None:
-    total = sum(counts.values())
-    print(f"{what}: {total} writes, {total / runs:.2f} per run")
-    for user, count in sorted(counts.items(), key=lambda item: -item[1])[:6]:
-        print(f"    {count / runs:8.3f} per run  {user}")
-
-
-def measure(cluster: Cluster, folder: Path, runs: int, parallelism: int) -> None:
-    operator = OperatorProcess(cluster, folder)
-    operator.start()
-    eventually(lambda: "leads" in operator.log.read_text(), 60)
-    begin = cluster.audit_log.stat().st_size
-    try:
-        cluster.apply(campaign("ours", SPACE, VARIANTS, runs // VARIANTS, parallelism=parallelism))
-        ours = wait(cluster, "campaign", "ours", ".status.progress", f"{runs}/{runs}")
-        own_writes = writes(cluster, begin)
-        eventually(lambda: status(cluster, SPACE, "ours")["state"] == "Finished", 60)
-        cpu, peak = operator.usage()
-        size = len(json.dumps(cluster.get("campaign", "ours", f"--namespace={SPACE}")))
-    finally:
-        operator.stop()
-    jobs: Any = cluster.get("jobs", f"--namespace={SPACE}", "--selector=robovast.io/role=shard")
-    template = jobs["items"][0]
-    shards = len(jobs["items"])
-    cluster.kubectl(
-        *("--namespace", SPACE, "delete", "campaign", "ours", "--cascade=foreground"),
-        "--timeout=20m",
+def _row(result: Result) -> str:
+    cell = result.cell
+    own = result.written(CONTROLLERS[cell.shape]) if cell.shape in CONTROLLERS else 0
+    return (
+        "| "
+        + " | ".join(
+            [
+                cell.shape + (", 5 % fail" if cell.failing else ""),
+                f"{cell.runs:,}",
+                str(cell.pack),
+                cell.limits,
+                "yes" if cell.kueue else "no",
+                f"{result.seconds:.1f} s",
+                f"{cell.pods / result.seconds:.1f}",
+                f"{result.written() / cell.pods:.2f}",
+                f"{own / cell.runs:.4f}" if own else "–",
+                f"{result.etcd / 1e6:.0f} MB",
+                f"{result.own_object / 1e3:.1f} kB",
+                f"{1000 * result.cpu / cell.runs:.2f} ms" if result.cpu else "–",
+                f"{result.memory / 2**20:.0f} MiB" if result.memory else "–",
+                f"{result.stale:.1f} s" if result.stale else "–",
+            ]
+        )
+        + " |"
     )
-    begin = cluster.audit_log.stat().st_size
-    cluster.apply(bare_job(template, runs, parallelism))
-    bare = wait(cluster, "job", "bare", ".status.succeeded", str(runs))
-    bare_writes = writes(cluster, begin)
-    print(f"makespan: ours {ours:.1f} s, bare Indexed Job {bare:.1f} s, ratio {ours / bare:.2f}")
-    told(f"ours ({shards} shards)", dict(own_writes), runs)
-    told("bare Indexed Job", dict(bare_writes), runs)
-    print(
-        f"our operator's own writes: {own_writes[ACCOUNT] / runs:.3f} per run, its Lease included"
-    )
-    print(
-        f"operator: {cpu:.2f} s of CPU ({1000 * cpu / runs:.2f} ms per run), "
-        f"peak memory {peak / 2**20:.0f} MiB"
-    )
-    print(f"Campaign object: {size / 1000:.1f} kB")
+
+
+def goals(table: Table, runs: int) -> None:
+    """The goals, each with the figures that are known."""
+
+    def told(cell: Cell, figure: Callable[[Result], float | None], form: str) -> str:
+        result = table.of(cell)
+        found = figure(result) if result else None
+        return form.format(found) if found is not None else "–"
+
+    def ratio(one: Cell, other: Cell) -> str:
+        first, second = table.of(one), table.of(other)
+        return f"{first.seconds / second.seconds:.2f}" if first and second else "–"
+
+    ours, jobs = Cell("ours", runs), Cell("jobs", runs)
+    argo, failing = Cell("argo", runs), Cell("ours", runs, limits="tuned", failing=True)
+    queued = Cell("ours", runs, kueue=True)
+    own = CONTROLLERS["ours"]
+    memory = "{:.0f} MiB"
+    rows = [
+        ("time, of the bare Indexed Job's", "≤ 1.05", ratio(ours, Cell("bare", runs)), "1"),
+        *(
+            (
+                f"… packed by {pack}",
+                "≤ 1.05",
+                ratio(Cell("ours", runs, pack), Cell("bare", runs, pack)),
+                "1",
+            )
+            for pack in PACKS[1:]
+        ),
+        ("times as fast as a Job per run", "≥ 3", ratio(jobs, ours), f"Argo {ratio(jobs, argo)}"),
+        ("… packed by 20", "≥ 40", ratio(jobs, Cell("ours", runs, 20)), "–"),
+        (
+            "own writes per run",
+            "≤ 0.05",
+            told(ours, lambda r: r.written(own) / runs, "{:.4f}"),
+            "Argo " + told(argo, lambda r: r.written(CONTROLLERS["argo"]) / runs, "{:.2f}"),
+        ),
+        (
+            "all writes per pod with Kueue",
+            "≤ 6.8",
+            told(queued, lambda r: r.written() / runs, "{:.2f}"),
+            "Job per run "
+            + told(Cell("jobs", runs, kueue=True), lambda r: r.written() / runs, "{:.2f}"),
+        ),
+        (
+            "peak memory",
+            "≤ 120 MiB at 10,000, 200 at 100,000",
+            told(ours, lambda r: r.memory / 2**20, memory),
+            "Argo " + told(argo, lambda r: r.memory / 2**20, memory),
+        ),
+        (
+            "CPU per run",
+            "≤ 1 ms",
+            told(ours, lambda r: 1000 * r.cpu / runs, "{:.2f} ms"),
+            "Argo " + told(argo, lambda r: 1000 * r.cpu / runs, "{:.2f} ms"),
+        ),
+        (
+            "own object, 5 % failed",
+            "≤ 16 kB at 10,000",
+            told(failing, lambda r: r.own_object / 1e3, "{:.1f} kB"),
+            "Argo " + told(argo, lambda r: r.own_object / 1e3, "{:.0f} kB, none failed"),
+        ),
+        (
+            "restart until the status is right",
+            "≤ 5 s",
+            told(failing, lambda r: r.restart, "{:.1f} s"),
+            "–",
+        ),
+        ("writes about a finished campaign", "0", told(ours, lambda r: r.idle, "{}"), "–"),
+    ]
+    print("\n| goal | | ours | peer |\n| --- | --- | --- | --- |")
+    for row in rows:
+        print("| " + " | ".join(row) + " |")
+
+
+def known(file: Path | None) -> list[Result]:
+    """Results of earlier executions."""
+    lines = file.read_text().splitlines() if file and file.exists() else []
+    return [Result.from_json(line) for line in lines]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--runs", type=int, default=1000)
-    parser.add_argument("--parallelism", type=int, default=1000)
-    parser.add_argument("--nodes", type=int, default=20)
+    parser.add_argument("--cells", default="", help="a regular expression for names of cells")
+    parser.add_argument("--results", type=Path, help="JSON lines, read first and added to")
+    parser.add_argument("--list", action="store_true", help="print the cells' names only")
     options = parser.parse_args()
-    runs = max(VARIANTS, options.runs // VARIANTS * VARIANTS)
-    with bed.session(f"scale-{os.getpid()}") as own, TemporaryDirectory() as folder:
-        cluster = controlplane.start(own)
-        prepare(cluster, options.nodes, [finish_stage("ours", runs)])
-        cluster.kubectl("create", "namespace", SPACE)
-        measure(cluster, Path(folder), runs, min(options.parallelism, 10_000))
+    wanted = [cell for cell in cells(options.runs) if re.search(options.cells, str(cell))]
+    if options.list:
+        print(*wanted, sep="\n")
+        return
+    results = known(options.results)
+    for cell in wanted:
+        if any(result.cell == cell for result in results):
+            continue
+        print(cell, file=sys.stderr, flush=True)
+        results.append(measure(cell))
+        if options.results:
+            with options.results.open("a") as stream:
+                stream.write(results[-1].to_json() + "\n")
+    table = Table(results)
+    table.show()
+    goals(table, options.runs)
 
 
 if __name__ == "__main__":
