@@ -22,11 +22,12 @@ import pytest
 import yaml
 from robovast_testbed.kubernetes import Cluster
 from robovast_testbed.s3 import Server
+from share_servers import PASSWORD, USER, webdav_server
 
 from robovast.cluster.endpoint import Credentials, Endpoint
 from robovast.cluster.storage import ObjectStore
 from robovast.errors import InputError
-from robovast_cli import cluster_run
+from robovast_cli import cluster_run, share_jobs
 from robovast_cli.kubernetes import connect
 from robovast_cli.main import command
 
@@ -519,3 +520,122 @@ def test_many_files_go_into_an_archive_in_the_store(
     credentials = Credentials(s3_server.access_key, s3_server.secret_key)
     store = ObjectStore(Endpoint.parse(endpoint), credentials, patience=20)
     assert store.digest("robovast-bundles", bundle["key"]) == bundle["sha256"]
+
+
+@pytest.fixture
+def shared(
+    vast: Vast,
+    operator: Operator,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> Iterator[Path]:
+    """A finished campaign `hall-2026`, and a share; gives the folder of the share."""
+    vast("run", "--detach")
+    (name,) = operator.names()
+    results = {"bucket": "hall-2026", "campaign": "hall-2026", "endpoint": "http://s3.ns.svc:9000"}
+    operator.report(name, state="Finished", runs={"passed": 26}, **results)
+    (tmp_path / "share").mkdir()
+    with webdav_server(tmp_path / "share") as address:
+        monkeypatch.setenv("ROBOVAST_SHARE_TYPE", "webdav")
+        monkeypatch.setenv("ROBOVAST_WEBDAV_URL", f"http://{address}")
+        monkeypatch.setenv("ROBOVAST_WEBDAV_USER", USER)
+        monkeypatch.setenv("ROBOVAST_WEBDAV_PASSWORD", PASSWORD)
+        monkeypatch.setattr(share_jobs, "INTERVAL", 0.2)
+        yield tmp_path / "share"
+
+
+def test_an_upload_is_begun_once_and_leaves_nothing_when_it_cannot_begin(
+    vast: Vast,
+    shared: Path,
+    known_cluster: Cluster,
+    namespace: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    inside = f"--namespace={namespace}"
+
+    def uid() -> str:
+        (job,) = known_cluster.get("jobs", inside)["items"]
+        return str(job["metadata"]["uid"])
+
+    def made() -> list[str]:
+        return known_cluster.kubectl("get", "jobs,secrets", inside, "--output=name").split()
+
+    upload = ("upload-to-share", "--image", "agent:1")
+    outcome = vast("upload-to-share")
+    assert (outcome.code, made()) == (3, [])
+    assert "Name it with `--image`" in outcome.err
+
+    known_cluster.kubectl("create", "quota", "none", inside, "--hard=count/secrets=0")
+    wait_until(lambda: "used" in known_cluster.get("quota", "none", inside)["status"])
+    outcome = vast(*upload, "--detach")
+    assert (outcome.code, made()) == (3, [])
+    assert "exceeded quota" in outcome.err
+    known_cluster.kubectl("delete", "quota", "none", inside)
+
+    outcome = vast(*upload, "--detach")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert "logs job/hall-2026-share" in outcome.out
+    first = uid()
+    assert "another upload of it is in progress" in vast(*upload, "--detach").out
+    assert uid() == first
+    # as a client leaves it that ends before the Secret is there
+    known_cluster.kubectl(
+        "patch", "job/hall-2026-share", inside, '--patch={"spec":{"suspend":true}}'
+    )
+    assert "in progress" not in vast(*upload, "--detach").out
+    assert uid() != first
+
+    (shared / "hall-2026.tar.gz").touch()
+    outcome = vast(*upload)
+    assert (outcome.code, outcome.out) == (
+        0,
+        "hall-2026: is on the share; `--force` replaces it.\n",
+    )
+    monkeypatch.delenv("ROBOVAST_WEBDAV_USER")
+    outcome = vast(*upload)
+    assert outcome.code == 2
+    assert "ROBOVAST_WEBDAV_USER: name of the account" in outcome.err
+
+
+def test_a_failed_upload_says_what_its_pod_said(
+    vast: Vast, shared: Path, known_cluster: Cluster, namespace: str
+) -> None:
+    inside = f"--namespace={namespace}"
+    ended = {"exitCode": 65, "reason": "Error", "message": "the share is full", "startedAt": None}
+    container = {"name": "share", "state": {"terminated": ended}, "image": "a", "imageID": "a"}
+    status = {
+        "phase": "Failed",
+        "containerStatuses": [container | {"ready": False, "restartCount": 0}],
+    }
+
+    def fail() -> None:
+        wait_until(lambda: bool(known_cluster.get("pods", inside)["items"]))
+        time.sleep(1)  # the client sees it wait for a node
+        (pod,) = known_cluster.get("pods", inside)["items"]
+        known_cluster.kubectl(
+            *("patch", f"pod/{pod['metadata']['name']}", inside, "--subresource=status"),
+            f"--patch={json.dumps({'status': status})}",
+        )
+
+    thread = threading.Thread(target=fail)
+    thread.start()
+    outcome = vast("upload-to-share", "--image", "agent:1")
+    thread.join()
+    assert outcome.code == 2
+    assert "hall-2026: its pod waits: " in outcome.out
+    assert "hall-2026 was not uploaded: the share is full\n    Its log: kubectl" in outcome.err
+
+
+def test_an_unfinished_campaign_is_not_uploaded(
+    vast: Vast, shared: Path, operator: Operator
+) -> None:
+    before = set(operator.names())
+    vast("run", "--detach")
+    (running,) = set(operator.names()) - before
+    operator.report(running, runs={"passed": 3})
+    outcome = vast("upload-to-share", "--image", "agent:1", "-i", running)
+    assert outcome.code == 2
+    assert f"{running}: is not finished; its state is Running" in outcome.err
+    outcome = vast("upload-to-share", "--image", "agent:1", "--detach")
+    assert f"{running}: is not finished, and not uploaded." in outcome.out
+    assert "hall-2026: is being uploaded" in outcome.out
