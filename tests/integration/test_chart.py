@@ -1,0 +1,241 @@
+"""The chart, judged by Helm and by an API server."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from chart_rendering import Object, of_kind, rendered, template
+from operator_process import campaign, eventually
+from operator_world import SCENARIO, SETTINGS
+from operator_world import campaign as campaign_object
+from robovast_testbed.errors import StartFailed
+from robovast_testbed.kubernetes import Cluster
+
+from robovast_operator.accept import accept
+from robovast_operator.campaign import Accepted
+from robovast_operator.jobs import shard_job, task_job
+from robovast_operator.revisions import next_revision
+from robovast_operator.shards import first_attempts
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        ({"operator": {"replcas": 2}}, "at '/operator': additional properties 'replcas'"),
+        ({"storge": {}}, "additional properties 'storge' not allowed"),
+        ({"storage": {"embedded": {"size": "10 GB"}}}, "/storage/embedded/size': '10 GB'"),
+        ({"kueue": {"share": 110}}, "/kueue/share': maximum: got 110, want 100"),
+        ({"operator": {"resources": {"limit": {}}}}, "'limit' not allowed"),
+        ({"scheduling": {"hostNetwork": True}}, "'hostNetwork' not allowed"),
+        ({"storage": {"embedded": {"enabled": False}}}, "storage.external.endpoint is needed"),
+        (
+            {"metrics": {"enabled": False, "serviceMonitor": {"enabled": True}}},
+            "metrics.serviceMonitor and metrics.prometheusRule need metrics.enabled",
+        ),
+    ],
+)
+def test_helm_refuses_a_mistake_in_the_values_and_says_where(values: Object, told: str) -> None:
+    with pytest.raises(ValueError, match="Error: ") as refusal:
+        template(values)
+    assert told in str(refusal.value)
+
+
+def test_the_chart_as_part_of_another_takes_that_ones_globals() -> None:
+    assert rendered({"global": {"site": "lab"}}) != []
+
+
+def test_pods_of_the_chart_go_where_the_admin_says() -> None:
+    scheduling = {
+        "nodeSelector": {"pool": "system"},
+        "tolerations": [{"key": "system", "operator": "Exists"}],
+        "affinity": {"nodeAffinity": {}},
+        "priorityClassName": "high",
+    }
+    secrets = [{"name": "registry"}]
+    values = {"scheduling": scheduling, "page": {"enabled": True}, "imagePullSecrets": secrets}
+    for pod in pods_of_chart(values).values():
+        assert {key: pod[key] for key in scheduling} == scheduling
+        assert pod["imagePullSecrets"] == secrets
+        assert pod["enableServiceLinks"] is False
+
+
+def test_a_new_version_of_the_chart_alone_restarts_nothing() -> None:
+    """Results are stored all the time; only a change of the S3 server itself may stop it."""
+    for workload in workloads({"page": {"enabled": True}}).values():
+        labels = workload["spec"]["template"]["metadata"]["labels"]
+        assert not {"helm.sh/chart", "app.kubernetes.io/version"} & labels.keys()
+
+
+def test_a_drain_waits_for_a_second_operator_and_for_a_protected_server() -> None:
+    def budgets(values: Object) -> dict[str, Any]:
+        found = of_kind(rendered(values), "PodDisruptionBudget")
+        return {name: obj["spec"] for name, obj in found.items()}
+
+    alone = budgets({})
+    assert alone.keys() == {"robovast-s3"}
+    assert alone["robovast-s3"]["maxUnavailable"] == 1
+    protected = {"operator": {"replicas": 2}, "storage": {"embedded": {"maxUnavailable": 0}}}
+    both = budgets(protected)
+    assert both["robovast-operator"]["minAvailable"] == 1
+    assert both["robovast-s3"]["maxUnavailable"] == 0
+    for spec in both.values():
+        assert spec["unhealthyPodEvictionPolicy"] == "AlwaysAllow"
+
+
+def test_namespaces_of_the_operator_get_credentials_queue_and_limits() -> None:
+    values = {
+        "operator": {"namespaces": ["a"]},
+        "storage": {"credentials": {"namespaces": ["a", "b"]}},
+        "kueue": {"enabled": True},
+        "networkPolicy": {"runs": True},
+    }
+    objects = rendered(values)
+    everywhere = {"system", "a", "b"}
+    assert of_kind(objects, "Secret").keys() == {f"{n}/robovast-storage" for n in everywhere}
+    assert of_kind(objects, "LocalQueue").keys() == {f"{n}/robovast" for n in everywhere}
+    runs = {name for name in of_kind(objects, "NetworkPolicy") if name.endswith("/robovast-runs")}
+    assert runs == {f"{n}/robovast-runs" for n in everywhere}
+    secrets = of_kind(objects, "Secret").values()
+    assert len({obj["stringData"]["secretKey"] for obj in secrets}) == 1
+
+
+def workloads(values: Object) -> dict[str, Object]:
+    objects = rendered(values)
+    return of_kind(objects, "Deployment") | of_kind(objects, "StatefulSet")
+
+
+def pods_of_chart(values: Object) -> dict[str, Object]:
+    return {n: obj["spec"]["template"]["spec"] for n, obj in workloads(values).items()}
+
+
+def pods_of_campaigns() -> dict[str, Object]:
+    """One pod of each kind of Job, by what it is."""
+    found = {}
+    for name, source in {
+        "inline": {"inline": {"files": {"scenario.osc": SCENARIO}}},
+        "configMap": {"configMap": {"name": "mine"}},
+    }.items():
+        obj = campaign_object(source=source)
+        obj["spec"]["vast"]["execution"]["secondary_containers"] = ["simulation"]
+        made = accept(obj, {"scenario.osc": SCENARIO.encode()}, SETTINGS)
+        assert isinstance(made, Accepted)
+        revision = next_revision(made, (), (), "plan-0")
+        assert revision is not None
+        (shard,) = first_attempts(made.identity, [revision])
+        jobs = {"shard": shard_job(made, SETTINGS, shard)}
+        for command in ("compose", "finish", "purge"):
+            jobs[command] = task_job(made, SETTINGS, command, command, "plan-0")
+        for role, job in jobs.items():
+            found[f"{role}-{name}".lower()] = job["spec"]["template"]["spec"]
+    return found
+
+
+@pytest.fixture
+def restricted(fake_cluster: Cluster, namespace: str) -> str:
+    label = "pod-security.kubernetes.io/enforce=restricted"
+    fake_cluster.kubectl("label", "namespace", namespace, label)
+    fake_cluster.kubectl(
+        "create", "serviceaccount", "robovast-operator", f"--namespace={namespace}"
+    )
+    return namespace
+
+
+def test_restricted_pod_security_admits_every_pod_of_ours(
+    fake_cluster: Cluster, restricted: str
+) -> None:
+    def pod(name: str, spec: Object) -> Object:
+        meta = {"name": name, "namespace": restricted}
+        return {"apiVersion": "v1", "kind": "Pod", "metadata": meta, "spec": spec}
+
+    ours = pods_of_chart({"page": {"enabled": True}}) | pods_of_campaigns()
+    assert len(ours) == 3 + 2 * 4
+    items = {
+        "apiVersion": "v1",
+        "kind": "List",
+        "items": [pod(name, spec) for name, spec in ours.items()],
+    }
+    fake_cluster.kubectl("create", "--dry-run=server", "--filename=-", stdin=json.dumps(items))
+    free = pod("free", {"containers": [{"name": "free", "image": "any"}]})
+    with pytest.raises(StartFailed, match="violates PodSecurity"):
+        fake_cluster.kubectl("create", "--dry-run=server", "--filename=-", stdin=json.dumps(free))
+
+
+def test_policies_of_the_site_refuse_campaigns_with_a_message(
+    fake_cluster: Cluster, namespace: str
+) -> None:
+    policies = {"registries": ["ghcr.io/acme", "registry.lab:5000"], "queueRequired": True}
+    values = {"policies": policies, "operator": {"namespaces": [namespace]}}
+    assert not [obj for obj in rendered() if "Validating" in obj["kind"]]
+    objects = [o for o in rendered(values, namespace=namespace) if "Validating" in o["kind"]]
+    assert len(objects) == 2
+
+    def apply(name: str, **spec: Any) -> None:
+        fake_cluster.apply(campaign(name, namespace, 1, 1, suspend=True, **spec))
+
+    apply("before")
+    fake_cluster.apply(*objects)
+    try:
+        numbers = itertools.count()
+        eventually(lambda: refused(lambda: apply(f"early-{next(numbers)}")), 30)
+        for image in ("ghcr.io/acme-evil/runs:1", "docker.io/ghcr.io/acme/runs", "fake"):
+            told = refused(lambda: apply("wrong", image=image, queueName="robovast"))  # noqa: B023
+            assert f"the image {image} comes from none of: ghcr.io/acme, registry.lab" in told
+        told = refused(lambda: apply("wrong", image="ghcr.io/acme/runs:1"))
+        assert "a Campaign must name its queue here, by spec.queueName" in told
+        apply("right", image="registry.lab:5000/team/runs:1", queueName="robovast")
+        fake_cluster.kubectl(f"--namespace={namespace}", "label", "campaign/before", "looked=at")
+        assert "comes from none of" in refused(lambda: apply("before", parallelism=2))
+    finally:
+        names = [f"{obj['kind']}/{obj['metadata']['name']}" for obj in objects]
+        fake_cluster.kubectl("delete", *names)
+
+
+def refused(act: Callable[[], None]) -> str:
+    """What the API server says against it; nothing when it does not."""
+    try:
+        act()
+    except StartFailed as refusal:
+        return str(refusal)
+    return ""
+
+
+def test_the_queue_is_as_large_as_the_nodes_that_take_pods(fake_cluster: Cluster) -> None:
+    names = [node["metadata"]["name"] for node in nodes(fake_cluster)]
+    fake_cluster.kubectl("cordon", names[0])
+    fake_cluster.kubectl("taint", "node", names[1], "gpu=only:NoSchedule")
+    try:
+        left = [n["status"]["allocatable"] for n in nodes(fake_cluster)[2:]]
+        assert {(a["cpu"], a["memory"]) for a in left} == {("64", "256Gi")}
+        values = {"kueue": {"enabled": True, "share": 50}}
+        expected = {"cpu": f"{len(left) * 32_000}m", "memory": f"{len(left) * 128 * 1024}Mi"}
+        assert quota(values, fake_cluster) == expected
+    finally:
+        fake_cluster.kubectl("uncordon", names[0])
+        fake_cluster.kubectl("taint", "node", names[1], "gpu-")
+
+
+def test_the_queue_is_as_large_as_it_is_said_to_be(fake_cluster: Cluster) -> None:
+    given = {"cpu": "64", "memory": "256Gi", "nvidia.com/gpu": 4}
+    assert quota({"kueue": {"enabled": True, "resources": given}}, fake_cluster) == {
+        **given,
+        "nvidia.com/gpu": "4",
+    }
+    assert quota({"kueue": {"enabled": True}}, None) == {"cpu": "4", "memory": "8Gi"}
+
+
+def nodes(cluster: Cluster) -> list[Any]:
+    found: Any = cluster.get("nodes")["items"]
+    return list(found)
+
+
+def quota(values: Object, cluster: Cluster | None) -> dict[str, str]:
+    """What the ClusterQueue offers, by resource."""
+    (queue,) = of_kind(rendered(values, cluster), "ClusterQueue").values()
+    (group,) = queue["spec"]["resourceGroups"]
+    offered = {r["name"]: r["nominalQuota"] for r in group["flavors"][0]["resources"]}
+    assert sorted(offered) == group["coveredResources"]
+    return offered
