@@ -19,6 +19,7 @@ PACKAGES = {
     "iptables": "iptables",
     "nsenter": "util-linux",
     "openssl": "openssl",
+    "redis-server": "redis-server",
     "runc": "runc",
     "shellcheck": "shellcheck",
     "Xvfb": "xvfb",

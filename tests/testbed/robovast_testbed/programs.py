@@ -9,6 +9,8 @@ from .gobuild import Program, build_own
 KUBERNETES = "1.36.3"
 _KUBERNETES_STAMP = "k8s.io/component-base/version"
 
+# Of 3.3 and newer the nested module gitops-engine is not published in the version they need.
+ARGOCD = Program("argocd", "github.com/argoproj/argo-cd/v3", "v3.2.11", "./cmd")
 COMPOSE = Program(
     name="docker-compose",
     module="github.com/docker/compose/v2",

@@ -1,0 +1,318 @@
+"""Campaigns that Argo CD syncs from Git, by the page docs/argocd.md; the nodes are fake."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import pytest
+import yaml
+from operator_process import (
+    FINISH_STAGE,
+    OperatorProcess,
+    campaign,
+    eventually,
+    prepare,
+    status,
+)
+from robovast_testbed import argocd, bed, controlplane
+from robovast_testbed.argocd import ArgoCd
+from robovast_testbed.pytest_plugin import skipped_when_unavailable
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs/argocd.md"
+CUSTOMIZATIONS = ROOT / "helm/robovast/files/argocd/argocd-cm.yaml"
+
+
+def finds(campaign: str, shards: int, total: int, failed: str = "") -> str:
+    """A Stage of fake nodes: what the finish Job after so many shards of a campaign finds."""
+    bad = failed.split(",") if failed else []
+    found = {
+        "total": total,
+        "passed": total - len(bad),
+        "failed": len(bad),
+        "errored": 0,
+        "failedRuns": failed,
+        "failing": [f"one-1/{run}" for run in bad],
+    }
+    stage = yaml.safe_load(FINISH_STAGE.format(campaign=campaign, message=json.dumps(found)))
+    stage["metadata"]["name"] += f"-{shards}"
+    number = '.metadata.labels["batch.kubernetes.io/job-name"] | split("-") | last'
+    chosen = {"key": number, "operator": "In", "values": [str(shards)]}
+    stage["spec"]["selector"]["matchExpressions"].append(chosen)
+    return yaml.safe_dump(stage)
+
+
+STAGES = [
+    finds("hello", 1, 4),
+    finds("hello", 2, 6),
+    finds("broken", 1, 4, failed="1,3"),
+    finds("broken", 2, 4),
+    finds("many", 1, 200),
+]
+
+
+def documented(kind: str) -> dict[str, Any]:
+    """The first object of this kind on the page."""
+    blocks = PAGE.read_text(encoding="utf-8").split("```yaml\n")[1:]
+    objects = (yaml.safe_load(block.partition("```")[0]) for block in blocks)
+    return next(obj for obj in objects if obj.get("kind") == kind)
+
+
+@dataclass(frozen=True)
+class Team:
+    """A Git repository of campaigns, and the page's Application that syncs it."""
+
+    argo: ArgoCd
+    folder: Path
+    name: str
+    """Of the Application and of its namespace."""
+
+    def start(self) -> None:
+        self.argo.cluster.kubectl("create", "namespace", self.name)
+        self._git("init", "--quiet", "--initial-branch=main")
+        self._commit({})
+        application = documented("Application")
+        application["metadata"]["name"] = self.name
+        application["spec"]["source"]["repoURL"] = f"file://{self.folder}"
+        application["spec"]["destination"]["namespace"] = self.name
+        self.argo.cluster.apply(application)
+
+    def commit(self, **campaigns: dict[str, Any] | None) -> None:
+        """Write files of campaigns, or remove them, and make Argo CD look now."""
+        self._commit(campaigns)
+        self.argo.application(self.name, refresh=True)
+
+    def _commit(self, campaigns: dict[str, dict[str, Any] | None]) -> None:
+        folder = self.folder / "campaigns"
+        folder.mkdir(exist_ok=True)
+        (folder / "README.md").write_text("What our robots have to show.\n")
+        for name, obj in campaigns.items():
+            file = folder / f"{name}.yaml"
+            if obj is None:
+                file.unlink()
+            else:
+                file.write_text(yaml.safe_dump(obj))
+        self._git("add", "--all")
+        self._git("commit", "--quiet", "--message=Campaigns")
+
+    def _git(self, *arguments: str) -> None:
+        who = ("-c", "user.name=Team", "-c", "user.email=team@example.org")
+        subprocess.run(["git", *who, *arguments], cwd=self.folder, check=True)
+
+    def becomes(self, sync: str, health: str, seconds: float = 60) -> None:
+        """Wait for the Application."""
+
+        def state() -> tuple[str, str]:
+            found = self.argo.application(self.name)["status"]
+            return found["sync"]["status"], found["health"]["status"]
+
+        eventually(lambda: state() == (sync, health), seconds, self.argo.application(self.name))
+
+    def health(self, campaign: str) -> dict[str, str]:
+        """Status and message that Argo CD shows for a campaign."""
+        nodes = self.argo.tree(self.name)
+        shown = (n for n in nodes if (n["kind"], n["name"]) == ("Campaign", campaign))
+        return dict(next(shown, {}).get("health") or {})
+
+    def shows(self, campaign: str, wanted: str, seconds: float = 60) -> str:
+        """Wait for a campaign's health; return its message."""
+        eventually(
+            lambda: self.health(campaign).get("status") == wanted,
+            seconds,
+            self.argo.tree(self.name),
+        )
+        return self.health(campaign).get("message", "")
+
+    def click(self, campaign: str, action: str) -> None:
+        """Use an action of a campaign as soon as it is offered."""
+        resource = {
+            "group": "robovast.io",
+            "version": "v1alpha1",
+            "kind": "Campaign",
+            "namespace": self.name,
+            "resourceName": campaign,
+        }
+        eventually(lambda: self.argo.actions(self.name, resource).get(action), 30, action)
+        self.argo.run_action(self.name, resource, action)
+
+    def jobs(self) -> set[str]:
+        """Unique ids of the Jobs."""
+        query = "--output=jsonpath={.items[*].metadata.uid}"
+        return set(
+            self.argo.cluster.kubectl("get", "jobs", f"--namespace={self.name}", query).split()
+        )
+
+
+@pytest.fixture(scope="module")
+def argo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ArgoCd]:
+    """Argo CD and the operator on a control plane of their own."""
+    folder = tmp_path_factory.mktemp("argo")
+    with skipped_when_unavailable(), bed.session(f"pytest-{os.getpid()}-argocd") as own:
+        cluster = controlplane.start(own, manager_requests=200)
+        prepare(cluster, 4, STAGES)
+        operator = OperatorProcess(cluster, folder, ROBOVAST_LEASE_SECONDS="2")
+        operator.start()
+        try:
+            yield argocd.start(cluster, CUSTOMIZATIONS)
+        finally:
+            operator.stop()
+        assert "a fault of the operator" not in operator.log.read_text()
+
+
+def judged(kind: str, status: dict[str, Any], **spec: Any) -> tuple[str, str]:
+    """What Argo CD says of an object with such a status; conditions are "True" or "False"."""
+    found = status.pop("conditions", {})
+    conditions = [
+        {"type": name, "status": truth, "message": f"{name} is {truth}"}
+        for name, truth in found.items()
+    ]
+    obj = {
+        "apiVersion": "robovast.io/v1alpha1",
+        "kind": kind,
+        "metadata": {"name": "any", "namespace": "any", "generation": 2},
+        "spec": spec,
+        "status": {"observedGeneration": 2, **status, "conditions": conditions},
+    }
+    with skipped_when_unavailable():
+        return argocd.health(obj, CUSTOMIZATIONS)
+
+
+FINISHED = {"Stalled": "False", "Succeeded": "True", "ResultsAvailable": "True"}
+
+
+@pytest.mark.parametrize(
+    ("status", "spec", "wanted"),
+    [
+        ({"observedGeneration": 1, "conditions": FINISHED}, {}, "Progressing"),
+        ({"conditions": {"Stalled": "False"}}, {"suspend": True}, "Suspended"),
+        ({"conditions": {**FINISHED, "Passed": "True"}}, {"suspend": True}, "Healthy"),
+        ({"conditions": {"Stalled": "True"}}, {}, "Degraded"),
+        ({"conditions": {"Stalled": "False", "Succeeded": "False"}}, {}, "Degraded"),
+        ({"conditions": {**FINISHED, "Passed": "False"}}, {}, "Degraded"),
+        ({"conditions": {"Passed": "Unknown", "QuotaReserved": "True"}}, {}, "Progressing"),
+    ],
+)
+def test_the_conditions_of_a_campaign_make_its_health(
+    status: dict[str, Any], spec: dict[str, Any], wanted: str
+) -> None:
+    assert judged("Campaign", status, **spec)[0] == wanted
+
+
+def test_a_campaign_that_waits_says_for_what() -> None:
+    status = {"state": "Queued", "progress": "0/20", "conditions": {"QuotaReserved": "False"}}
+    assert judged("Campaign", status) == (
+        "Progressing",
+        "Queued, 0/20 runs; QuotaReserved is False",
+    )
+
+
+@pytest.mark.parametrize(
+    ("status", "wanted"),
+    [
+        ({"conditions": {"Accepted": "False"}}, "Degraded"),
+        ({"runs": {"total": 4, "passed": 1}}, "Progressing"),
+        ({"runs": {"total": 4, "passed": 1, "failed": 3}}, "Healthy"),
+    ],
+)
+def test_a_configuration_is_healthy_when_its_runs_have_ended(
+    status: dict[str, Any], wanted: str
+) -> None:
+    assert judged("Configuration", status)[0] == wanted
+
+
+@pytest.fixture
+def team(argo: ArgoCd, tmp_path: Path) -> Team:
+    made = Team(argo, tmp_path, f"team-{uuid4().hex[:6]}")
+    made.start()
+    return made
+
+
+def test_health_is_the_verdict_and_a_click_repeats_the_bad_runs(team: Team) -> None:
+    team.commit(hello=documented("Campaign"))
+    assert team.shows("hello", "Healthy") == "4 of 4 runs passed; needed are 1 of all"
+    team.becomes("Synced", "Healthy")
+
+    team.commit(broken=campaign("broken", team.name, 2, 2))
+    message = team.shows("broken", "Degraded")
+    assert message.startswith("2 of 4 runs passed")
+    assert message.endswith("one-1/1, one-1/3")
+    team.becomes("Synced", "Degraded")
+    team.click("broken", "retry")
+    team.shows("broken", "Healthy")
+    team.becomes("Synced", "Healthy")
+    assert status(team.argo.cluster, team.name, "broken")["attempt"] == 2
+
+
+def test_what_a_click_changes_is_not_healed(team: Team) -> None:
+    held = campaign("held", team.name, 2, 2, scheduling={"nodeSelector": {"no": "node"}})
+    team.commit(held=held)
+    eventually(lambda: team.health("held").get("message", "").endswith("0/4 runs"), 30)
+    team.shows("held", "Progressing")
+    team.click("held", "suspend")
+    team.shows("held", "Suspended")
+    team.argo.application(team.name, refresh=True)
+    team.becomes("Synced", "Suspended")
+    team.click("held", "resume")
+    team.shows("held", "Progressing")
+    team.becomes("Synced", "Progressing")
+
+
+def test_growth_expiry_and_removal(team: Team) -> None:
+    hello = documented("Campaign")
+    hello["spec"]["ttlSecondsAfterFinished"] = 1
+    team.commit(hello=hello)
+    team.shows("hello", "Healthy")
+    eventually(lambda: not team.jobs(), 60)
+    before = status(team.argo.cluster, team.name, "hello")
+    team.argo.application(team.name, refresh=True)
+    team.becomes("Synced", "Healthy")
+    assert not team.jobs()
+    assert status(team.argo.cluster, team.name, "hello") == before
+
+    hello["spec"] |= {"runs": 3, "ttlSecondsAfterFinished": None}
+    team.commit(hello=hello)
+    eventually(lambda: "6 of 6" in team.health("hello").get("message", ""), 60)
+    shards = status(team.argo.cluster, team.name, "hello")["shards"]
+    assert [shard["packs"] for shard in shards] == ["0-3", "4-5"]
+    assert len(team.jobs()) == 2  # of the new runs, and the index
+
+    # Argo CD never prunes the last object of an Application by itself.
+    other = campaign("other", team.name, 1, 1, suspend=True)
+    team.commit(hello=None, other=other)
+    team.shows("other", "Suspended")
+    eventually(lambda: not team.health("hello"), 60)
+    eventually(lambda: not team.jobs(), 30)
+
+
+def test_comparisons_follow_health_not_runs(team: Team) -> None:
+    log = team.argo.controller_log
+    begin = log.stat().st_size
+    team.commit(many=campaign("many", team.name, 20, 10, parallelism=100))
+    team.shows("many", "Healthy", 120)
+    team.becomes("Synced", "Healthy")
+    with log.open("rb") as lines:
+        lines.seek(begin)
+        entries = [e for e in map(json.loads, lines) if e.get("application") == team.name]
+    asked = Counter(
+        f"{entry['kind']} {entry['comparison-level']}"
+        for entry in entries
+        if entry["msg"] == "Requesting app refresh caused by object update"
+    )
+    done = Counter(
+        str(entry["comparison-level"])
+        for entry in entries
+        if entry["msg"] == "Reconciliation completed"
+    )
+    trees = done.pop("0")  # what the Application consists of, without a look into Git
+    assert done.total() <= 10, done
+    assert trees <= asked.total(), asked
+    assert asked["Pod 0"] <= 3 * 200, asked
+    assert asked["Campaign 1"] <= 4, asked
