@@ -44,9 +44,18 @@ execution:
 def install(cluster: Cluster) -> None:
     """Install RoboVAST, S3 server included, by its chart."""
     containerd.of(cluster.bed).load(images.agent_archive())
+    label = {"pod-security.kubernetes.io/enforce": "restricted"}
+    metadata = {"name": SYSTEM, "labels": label}
+    cluster.apply({"apiVersion": "v1", "kind": "Namespace", "metadata": metadata})
+    install_chart(cluster, ROOT / "helm/robovast")
+
+
+def install_chart(cluster: Cluster, chart: Path) -> None:
+    """Install or upgrade from a chart, with images that the cluster's node has."""
     values = {
         "operator.image": images.AGENT,
         "agent.image": images.AGENT,
+        "example.image": images.SLIM,
         "storage.embedded.image": images.S3,
         "storage.embedded.size": "1Gi",
         "page.enabled": "true",
@@ -55,8 +64,8 @@ def install(cluster: Cluster) -> None:
     given = [word for name, value in values.items() for word in ("--set", f"{name}={value}")]
     helm(
         cluster,
-        *("upgrade", "--install", "robovast", ROOT / "helm/robovast", "--namespace", SYSTEM),
-        *("--create-namespace", "--wait", "--timeout", "5m", *given),
+        *("upgrade", "--install", "robovast", chart, "--namespace", SYSTEM),
+        *("--wait", "--timeout", "5m", *given),
     )
 
 
@@ -189,6 +198,12 @@ def eventually(condition: Callable[[], Any], seconds: float = 120, what: str = "
         assert time.monotonic() < deadline, f"it did not happen in time: {what}"
         time.sleep(0.3)
     return found
+
+
+def files(campaign: Path) -> set[str]:
+    """Every file and link of a campaign that does not depend on when or how it was run."""
+    found = (path.relative_to(campaign).as_posix() for path in campaign.rglob("*"))
+    return {name for name in found if not name.startswith("_execution/")}
 
 
 def buckets(lab: Lab) -> list[str]:
