@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Iterator
+from itertools import chain, repeat
 from typing import Any
 
 import kopf
@@ -14,7 +15,7 @@ from robovast.cluster.resources import GROUP, MANAGED_BY, MANAGED_LABEL, VERSION
 from robovast.errors import RobovastError
 from robovast_operator.api import connection_info
 from robovast_operator.operator import Operator
-from robovast_operator.settings import read_settings
+from robovast_operator.settings import Settings, read_settings
 
 LOGGER = logging.getLogger(__name__)
 
@@ -22,14 +23,14 @@ LOGGER = logging.getLogger(__name__)
 class Handlers:
     """What kopf calls: it only passes on what it is told, and never raises."""
 
-    def __init__(self, start: Callable[[], Operator]) -> None:
-        self._start = start
+    def __init__(self, own: Settings) -> None:
+        self._own = own
         self._operator: Operator | None = None
 
     async def startup(self, settings: kopf.OperatorSettings, **_: Any) -> None:
         """Begin to work, before the first event."""
-        configure(settings)
-        self._operator = self._start()
+        configure(settings, self._own)
+        self._operator = Operator(self._own)
         await self._operator.start()
 
     async def cleanup(self, **_: Any) -> None:
@@ -56,13 +57,22 @@ class Handlers:
             LOGGER.exception("an event could not be taken")
 
 
-def configure(settings: kopf.OperatorSettings) -> None:
+class Patience:
+    """How long the shell waits between tries of a request [s]: never long, and for ever."""
+
+    def __iter__(self) -> Iterator[float]:
+        return chain((0.5, 1.0, 2.0), repeat(4.0))
+
+
+def configure(settings: kopf.OperatorSettings, own: Settings) -> None:
     """Kopf as a shell only: no finalizers, no annotations, no events, no peering by it."""
     settings.posting.enabled = False
     settings.scanning.disabled = True
     settings.peering.standalone = True
     settings.networking.request_timeout = 15
+    settings.networking.error_backoffs = Patience()
     settings.watching.server_timeout = 600
+    settings.watching.inactivity_timeout = own.silence_seconds
     settings.watching.initial_streaming = os.environ.get("ROBOVAST_STREAMING_LISTS") != "false"
     settings.watching.label_selectors["jobs"] = f"{MANAGED_LABEL}={MANAGED_BY}"
     logging.getLogger("kopf.objects").setLevel(logging.WARNING)
@@ -78,7 +88,7 @@ def main() -> None:
         own = read_settings()
     except RobovastError as error:
         sys.exit(f"robovast-operator: {error}")
-    handlers = Handlers(lambda: Operator(own))
+    handlers = Handlers(own)
     registry = kopf.OperatorRegistry()
     kopf.on.startup(registry=registry)(handlers.startup)
     kopf.on.cleanup(registry=registry)(handlers.cleanup)

@@ -8,7 +8,7 @@ import json
 import os
 import ssl
 import tempfile
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
 from typing import Any
 
 import aiohttp
@@ -42,9 +42,23 @@ class ApiError(Exception):
 class Api:
     """A client of one API server."""
 
-    def __init__(self, info: kopf.ConnectionInfo, metrics: Any = None) -> None:
+    def __init__(
+        self,
+        info: kopf.ConnectionInfo,
+        metrics: Any = None,
+        may_write: Callable[[], bool] = lambda: True,
+    ) -> None:
+        """Make a client.
+
+        Args:
+            info: where the server is, and who we are.
+            metrics: count requests, if given.
+            may_write: asked before each request that changes anything, so that a replica that
+                slept while another took over does nothing more.
+        """
         self._info = info
         self._metrics = metrics
+        self._may_write = may_write
         self._session: aiohttp.ClientSession | None = None
 
     async def close(self) -> None:
@@ -122,7 +136,7 @@ class Api:
         for attempt in range(tries):
             try:
                 answer, retry = await self._once(method, path, body, kind, query or {})
-            except (aiohttp.ClientConnectionError, TimeoutError) as error:
+            except (aiohttp.ClientError, TimeoutError) as error:
                 if attempt == tries - 1:
                     raise ApiError(0, "Unreachable", f"{method} {path}: {error}") from error
                 retry = 2.0**attempt / 4
@@ -141,6 +155,8 @@ class Api:
         query: Mapping[str, str],
     ) -> tuple[Object, float | None]:
         """The answer, or how long the server asks to wait."""
+        if method != "GET" and not self._may_write():
+            raise ApiError(0, "NotLeading", f"{method} {path}: another replica may lead by now")
         session = await self._connected()
         headers = {"Content-Type": kind, "Accept": "application/json", **self._authorization()}
         async with session.request(
@@ -153,7 +169,7 @@ class Api:
             if self._metrics is not None:
                 self._metrics.request(method, path, response.status)
             if response.status in {429, 503}:
-                return {}, float(response.headers.get("Retry-After") or 1)
+                return {}, _seconds(response.headers.get("Retry-After", ""))
             text = await response.text()
             if response.status >= 400:
                 raise _refusal(response.status, text, f"{method} {path}")
@@ -172,6 +188,11 @@ class Api:
             timeout = aiohttp.ClientTimeout(total=30, connect=10)
             self._session = aiohttp.ClientSession(connector=connector, timeout=timeout)
         return self._session
+
+
+def _seconds(retry_after: str) -> float:
+    """How long to wait; a date, which proxies may give, is as good as nothing."""
+    return float(retry_after) if retry_after.isdecimal() else 1.0
 
 
 def _refusal(code: int, text: str, request: str) -> ApiError:

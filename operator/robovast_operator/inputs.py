@@ -98,7 +98,7 @@ class Inputs:
             if wanted["metadata"]["name"] not in names:
                 made = await self._api.create(paths.configurations(identity.namespace), wanted)
                 if made is not None:
-                    self._store.configurations[identity.namespace, made["metadata"]["name"]] = made
+                    self._store.put_configuration(made)
         added = [
             item
             for item in there

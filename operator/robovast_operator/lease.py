@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from datetime import datetime, timedelta
+import time
+from math import inf
 
 from robovast_operator import paths
 from robovast_operator.api import Api, ApiError
 from robovast_operator.campaign import Object
 from robovast_operator.settings import Settings
-from robovast_operator.times import now, parse_time
+from robovast_operator.times import now
 
 LOGGER = logging.getLogger(__name__)
 
@@ -29,13 +30,15 @@ class Leadership:
     def __init__(self, api: Api, settings: Settings) -> None:
         self._api = api
         self._settings = settings
-        self._until = datetime.min.replace(tzinfo=now().tzinfo)
+        self._until = -inf
+        self._read_first: tuple[object, float] = (None, 0.0)
+        """Holder and time as the Lease last told them, and when that was read first."""
         self._acquired = asyncio.Event()
 
     @property
     def leading(self) -> bool:
         """Whether this replica may work now."""
-        return now() < self._until
+        return time.monotonic() < self._until
 
     async def wait(self) -> None:
         """Wait until this replica leads."""
@@ -46,14 +49,16 @@ class Leadership:
     async def keep(self) -> None:
         """Try to get the Lease and to keep it, for ever."""
         while True:
-            asked, attempts = now(), ATTEMPTS
+            asked, attempts = time.monotonic(), ATTEMPTS
             try:
-                if await self._renew():
+                async with asyncio.timeout(self._settings.lease_seconds / RENEWALS):
+                    held = await self._renew()
+                if held:
                     attempts = RENEWALS
                     if not self.leading:
                         LOGGER.info("%s leads", self._settings.identity)
                     # counted from before the request: others count from what they read
-                    self._until = asked + timedelta(seconds=self._settings.lease_seconds * 2 / 3)
+                    self._until = asked + self._settings.lease_seconds * 2 / 3
                     self._acquired.set()
             except (ApiError, OSError) as error:
                 LOGGER.warning("the Lease cannot be renewed: %s", error)
@@ -62,7 +67,7 @@ class Leadership:
     async def release(self) -> None:
         """Let another replica lead at once."""
         if self.leading:
-            self._until = now()
+            self._until = -inf
             lease = await self._read()
             if lease is not None and lease["spec"].get("holderIdentity") == self._settings.identity:
                 lease["spec"]["holderIdentity"] = None
@@ -92,7 +97,7 @@ class Leadership:
             return await self._api.create(self._collection, made) is not None
         spec = lease["spec"]
         mine = spec.get("holderIdentity") == self._settings.identity
-        if not mine and not _expired(spec, now()):
+        if not mine and not self._expired(spec):
             return False
         lease["spec"] = self._claim(spec)
         try:
@@ -102,6 +107,14 @@ class Leadership:
                 return False  # another replica was faster
             raise
         return True
+
+    def _expired(self, spec: Object) -> bool:
+        """Whether the holder has not renewed it for its duration: by our clock, never by theirs."""
+        told = (spec.get("holderIdentity"), spec.get("renewTime"))
+        if told != self._read_first[0]:
+            self._read_first = (told, time.monotonic())
+        duration = spec.get("leaseDurationSeconds") or 1
+        return not told[0] or time.monotonic() - self._read_first[1] > duration
 
     def _claim(self, spec: Object) -> Object:
         moment = now().strftime("%Y-%m-%dT%H:%M:%S.%fZ")
@@ -113,11 +126,3 @@ class Leadership:
             "renewTime": moment,
             "leaseTransitions": spec.get("leaseTransitions", 0) + (0 if mine else 1),
         }
-
-
-def _expired(spec: Object, moment: datetime) -> bool:
-    renewed = spec.get("renewTime")
-    if not spec.get("holderIdentity") or renewed is None:
-        return True
-    duration = timedelta(seconds=spec.get("leaseDurationSeconds") or 1)
-    return parse_time(renewed) + duration < moment

@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import random
 from collections.abc import Coroutine
+from functools import partial
 from typing import Any
 
 from robovast.cluster.resources import MANAGED_BY, MANAGED_LABEL
@@ -16,9 +16,10 @@ from robovast_operator.campaign import Key, Object
 from robovast_operator.lease import Leadership
 from robovast_operator.metrics import Metrics
 from robovast_operator.reconcile import Reconciler
+from robovast_operator.resync import Kind, Resync
 from robovast_operator.serve import serve
 from robovast_operator.settings import Settings
-from robovast_operator.store import JobState, Store
+from robovast_operator.store import Id, JobState, Store, id_of
 from robovast_operator.work_queue import WorkQueue, work
 
 LOGGER = logging.getLogger(__name__)
@@ -34,18 +35,19 @@ class Operator:
         self.store = Store()
         self.queue = WorkQueue()
         self.metrics = Metrics()
-        self.api = Api(connection_info(), self.metrics)
-        self.leadership = Leadership(self.api, settings)
+        server = connection_info()
+        self._lease_api = Api(server, self.metrics)
+        self.leadership = Leadership(self._lease_api, settings)
+        self.api = Api(server, self.metrics, may_write=lambda: self.leadership.leading)
         self._reconcile = Reconciler(self.api, self.store, self.queue, settings)
         self._tasks: list[asyncio.Task[None]] = []
-        self._dead_watch = ""
-        self._misses = 0
+        self._resync = Resync(self.api, settings, self._kinds())
 
     async def start(self) -> None:
         """Begin to work."""
         self._spawn(serve(self, self._settings.port))
         self._spawn(self.leadership.keep())
-        self._spawn(self._resync())
+        self._spawn(self._resync.keep())
         for _ in range(WORKERS):
             self._spawn(work(self.queue, self._look))
 
@@ -56,45 +58,58 @@ class Operator:
         await asyncio.gather(*self._tasks, return_exceptions=True)
         with contextlib.suppress(ApiError, OSError):
             await self.leadership.release()
+        await self._lease_api.close()
         await self.api.close()
 
     def healthy(self) -> str:
         """What is wrong with this process so that it must be started anew; empty when nothing."""
         dead = next((task for task in self._tasks if task.done()), None)
-        return f"the task {dead.get_name()} has ended" if dead else self._dead_watch
+        return f"the task {dead.get_name()} has ended" if dead else self._resync.dead_watch
 
     def campaign_event(self, kind: str | None, obj: Object) -> None:
         """A Campaign has changed."""
-        self.metrics.seen()
-        key = (obj["metadata"]["namespace"], obj["metadata"]["name"])
+        self._heard(kind)
         if kind == "DELETED":
-            known = self.store.campaigns.get(key)
-            if known is not None and known["metadata"]["uid"] == obj["metadata"]["uid"]:
-                del self.store.campaigns[key]
-        elif not self.store.put_campaign(obj):
-            return
-        self.queue.add(key)
+            self._forget_campaign(id_of(obj))
+        elif self.store.put_campaign(obj):
+            self.queue.add((obj["metadata"]["namespace"], obj["metadata"]["name"]))
 
     def configuration_event(self, kind: str | None, obj: Object) -> None:
         """A Configuration has changed."""
-        self.metrics.seen()
-        namespace, name = obj["metadata"]["namespace"], obj["metadata"]["name"]
+        self._heard(kind)
         if kind == "DELETED":
-            self.store.configurations.pop((namespace, name), None)
-        else:
-            obj["metadata"].pop("managedFields", None)
-            self.store.configurations[namespace, name] = obj
-        self.queue.add((namespace, str((obj.get("spec") or {}).get("campaign"))))
+            self._forget_configuration(id_of(obj))
+        elif self.store.put_configuration(obj):
+            self.queue.add(_campaign_of(obj))
 
     def job_event(self, kind: str | None, obj: Object) -> None:
         """A Job has changed."""
-        self.metrics.seen()
-        job = JobState.of(obj)
+        self._heard(kind)
         if kind == "DELETED":
-            self.store.drop_job(job)
+            self._forget_job(id_of(obj))
         else:
+            job = JobState.of(obj)
             self.store.put_job(job)
-        self.queue.add(job.key)
+            self.queue.add(job.key)
+
+    def _heard(self, kind: str | None) -> None:
+        self.metrics.seen()
+        if kind is None:
+            self._resync.listed()
+
+    def _forget_campaign(self, id_: Id) -> None:
+        if self.store.drop_campaign(id_) is not None:
+            self.queue.add(id_[:2])
+
+    def _forget_configuration(self, id_: Id) -> None:
+        known = self.store.drop_configuration(id_)
+        if known is not None:
+            self.queue.add(_campaign_of(known))
+
+    def _forget_job(self, id_: Id) -> None:
+        key = self.store.drop_job(id_)
+        if key is not None:
+            self.queue.add(key)
 
     def _spawn(self, coroutine: Coroutine[Any, Any, None]) -> None:
         task = asyncio.create_task(coroutine)
@@ -107,54 +122,37 @@ class Operator:
         with self.metrics.reconciles.time():
             await self._reconcile(key)
 
-    async def _resync(self) -> None:
-        """Compare what is known with what is there: a watch that missed something shows."""
-        while True:
-            await asyncio.sleep(self._settings.resync_seconds * random.uniform(0.9, 1.1))  # noqa: S311
-            try:
-                await self.compare()
-            except (ApiError, OSError) as error:
-                LOGGER.warning("the objects cannot be listed: %s", error)
+    def _kinds(self) -> tuple[Kind, ...]:
+        """What is watched, and compared now and then."""
+        return (
+            Kind(
+                "Campaigns",
+                paths.campaigns,
+                self.store.campaign_versions,
+                partial(self.campaign_event, "MODIFIED"),
+                self._forget_campaign,
+            ),
+            Kind(
+                "Configurations",
+                paths.configurations,
+                self.store.configuration_versions,
+                partial(self.configuration_event, "MODIFIED"),
+                self._forget_configuration,
+            ),
+            Kind(
+                "Jobs",
+                paths.jobs,
+                self.store.job_versions,
+                partial(self.job_event, "MODIFIED"),
+                self._forget_job,
+                {"labelSelector": f"{MANAGED_LABEL}={MANAGED_BY}"},
+            ),
+        )
 
-    async def compare(self) -> None:
-        """Forget what is gone, learn what was missed, and look at both."""
-        spaces = self._settings.namespaces or (None,)
-        managed = {"labelSelector": f"{MANAGED_LABEL}={MANAGED_BY}"}
-        jobs: dict[tuple[str, str], Object] = {}
-        campaigns: dict[tuple[str, str], Object] = {}
-        known_jobs = [job for found in self.store.jobs.values() for job in found.values()]
-        known_campaigns = list(self.store.campaigns.items())
-        for space in spaces:
-            async for obj in self.api.list(paths.campaigns(space), resourceVersion="0"):
-                campaigns[obj["metadata"]["namespace"], obj["metadata"]["name"]] = obj
-            async for obj in self.api.list(paths.jobs(space), resourceVersion="0", **managed):
-                jobs[obj["metadata"]["namespace"], obj["metadata"]["name"]] = obj
-        for job in known_jobs:
-            if (job.namespace, job.name) not in jobs:
-                self.store.drop_job(job)
-                self.queue.add(job.key)
-        for key, known in known_campaigns:
-            if key not in campaigns:
-                self.campaign_event("DELETED", known)
-        self._learn(campaigns, jobs)
 
-    def _learn(self, campaigns: dict[Key, Object], jobs: dict[Key, Object]) -> None:
-        missed = []
-        for key, obj in campaigns.items():
-            if key not in self.store.campaigns:
-                missed.append(("Campaigns", obj["metadata"]["uid"]))
-                self.campaign_event("ADDED", obj)
-        for obj in jobs.values():
-            job = JobState.of(obj)
-            known = self.store.jobs.get(job.key, {}).get(job.name)
-            if known is None or known.uid != job.uid:
-                missed.append(("Jobs", job.uid))
-                self.job_event("ADDED", obj)
-        for kind, uid in missed:
-            LOGGER.warning("the watch of %s did not tell of %s", kind, uid)
-        self._misses = self._misses + 1 if missed else 0
-        if self._misses > 1:  # once may be chance: the list was newer than the stream
-            self._dead_watch = f"the watch of {missed[0][0]} is dead"
+def _campaign_of(configuration: Object) -> Key:
+    spec = configuration.get("spec") or {}
+    return configuration["metadata"]["namespace"], str(spec.get("campaign"))
 
 
 def _log_end(task: asyncio.Task[None]) -> None:

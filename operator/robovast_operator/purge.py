@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 
 from robovast_operator import paths
@@ -10,6 +11,8 @@ from robovast_operator.campaign import Accepted, Object, Rejected
 from robovast_operator.jobs import task_job
 from robovast_operator.settings import Settings
 from robovast_operator.store import JobState
+
+LOGGER = logging.getLogger(__name__)
 
 FINALIZER = "robovast.io/purge"
 
@@ -58,6 +61,14 @@ class Purge:
             made = task_job(accepted, self._settings, "purge", name, plan)
             await self._api.create(paths.jobs(namespace), made)
         return 15.0
+
+    async def give_up(self, obj: Object) -> None:
+        """Let a Campaign go whose namespace is being deleted: no Job can be made there."""
+        finalizers = list(obj["metadata"].get("finalizers") or ())
+        if "deletionTimestamp" in obj["metadata"] and FINALIZER in finalizers:
+            await self._set(obj, [name for name in finalizers if name != FINALIZER])
+            bucket = (obj.get("status") or {}).get("bucket")
+            LOGGER.warning("the bucket %s stays: its namespace is being deleted", bucket)
 
     async def _set(self, obj: Object, finalizers: list[str]) -> None:
         meta = obj["metadata"]

@@ -72,12 +72,15 @@ class Reconciler:
             self._queue.succeeded(key)
 
     async def _let_go(self, key: Key) -> None:
-        """Remove the Jobs of a namespace that is being deleted: they may hold its last pods."""
-        for name in self._store.jobs.get(key, {}):
-            try:
+        """Hold nothing in a namespace that is being deleted: Jobs may hold its last pods."""
+        try:
+            for name in list(self._store.jobs.get(key, {})):
                 await self._api.delete(f"{paths.jobs(key[0])}/{name}")
-            except ApiError as error:
-                LOGGER.warning("%s/%s: %s", key[0], name, error)
+            obj = self._store.campaigns.get(key)
+            if obj is not None:
+                await self._purge.give_up(obj)
+        except ApiError as error:
+            LOGGER.warning("%s/%s: %s", *key, error)
 
     async def _reconcile(self, key: Key) -> None:
         obj = self._store.campaigns.get(key)

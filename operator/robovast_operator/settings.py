@@ -35,6 +35,8 @@ class Settings:
     """Least time between two writes of one status, unless a condition changes."""
     resync_seconds: float = 600.0
     """Time between two comparisons of what is known with what is there."""
+    silence_seconds: float = 70.0
+    """How long a watch may be silent before it is begun anew; a server speaks once a minute."""
     lease_seconds: float = 15.0
     """How long a leader that has gone is waited for."""
 
@@ -72,5 +74,6 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         stall_seconds=number("ROBOVAST_STALL_SECONDS", 15),
         status_seconds=number("ROBOVAST_STATUS_SECONDS", 5),
         resync_seconds=number("ROBOVAST_RESYNC_SECONDS", 600),
+        silence_seconds=number("ROBOVAST_SILENCE_SECONDS", 70),
         lease_seconds=number("ROBOVAST_LEASE_SECONDS", 15),
     )

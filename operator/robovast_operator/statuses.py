@@ -127,4 +127,4 @@ class Statuses:
             },
         )
         if written is not None:
-            self._store.configurations[meta["namespace"], meta["name"]] = written
+            self._store.put_configuration(written)

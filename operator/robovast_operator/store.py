@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from robovast.cluster.resources import CAMPAIGN_LABEL, SHARD_LABEL, UID_LABEL
@@ -19,6 +19,10 @@ QUEUE_LABEL = "kueue.x-k8s.io/queue-name"
 
 ATTEMPT_ANNOTATION = "robovast.io/attempt"
 """Which attempt a Job belongs to."""
+
+
+Id = tuple[str, str, str]
+"""Namespace, name and uid of an object."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,15 +123,33 @@ class Store:
 
     def put_campaign(self, obj: Object) -> bool:
         """Know a Campaign as it is now; False when something newer is known."""
-        meta = obj["metadata"]
-        key = (meta["namespace"], meta["name"])
-        known = self.campaigns.get(key)
-        same = known is not None and known["metadata"]["uid"] == meta["uid"]
-        if known is not None and same and not _newer(_version(obj), _version(known)):
-            return False
-        meta.pop("managedFields", None)  # a third of the object, and of no use here
-        self.campaigns[key] = obj
-        return True
+        return _put(self.campaigns, obj)
+
+    def drop_campaign(self, id_: Id) -> Object | None:
+        """Forget a Campaign, and return it; its successor of the same name stays."""
+        return _drop(self.campaigns, id_)
+
+    def put_configuration(self, obj: Object) -> bool:
+        """Know a Configuration as it is now; False when something newer is known."""
+        return _put(self.configurations, obj)
+
+    def drop_configuration(self, id_: Id) -> Object | None:
+        """Forget a Configuration, and return it; its successor of the same name stays."""
+        return _drop(self.configurations, id_)
+
+    def campaign_versions(self) -> Iterator[tuple[Id, str]]:
+        """All Campaigns with their resource versions."""
+        return ((id_of(obj), _version(obj)) for obj in self.campaigns.values())
+
+    def configuration_versions(self) -> Iterator[tuple[Id, str]]:
+        """All Configurations with their resource versions."""
+        return ((id_of(obj), _version(obj)) for obj in self.configurations.values())
+
+    def job_versions(self) -> Iterator[tuple[Id, str]]:
+        """All Jobs with their resource versions."""
+        for jobs in self.jobs.values():
+            for job in jobs.values():
+                yield (job.namespace, job.name, job.uid), job.resource_version
 
     def put_job(self, job: JobState) -> None:
         """Know a Job as it is now; what is older than what is known is ignored."""
@@ -137,14 +159,16 @@ class Store:
         if not same or known is None or _newer(job.resource_version, known.resource_version):
             jobs[job.name] = job
 
-    def drop_job(self, job: JobState) -> None:
-        """Forget a Job; its successor of the same name stays."""
-        jobs = self.jobs.get(job.key, {})
-        known = jobs.get(job.name)
-        if known is not None and known.uid == job.uid:
-            del jobs[job.name]
-        if not jobs:
-            self.jobs.pop(job.key, None)
+    def drop_job(self, id_: Id) -> Key | None:
+        """Forget a Job, and return whose it was; its successor of the same name stays."""
+        namespace, name, uid = id_
+        for key, jobs in self.jobs.items():
+            if key[0] == namespace and name in jobs and jobs[name].uid == uid:
+                del jobs[name]
+                if not jobs:
+                    del self.jobs[key]
+                return key
+        return None
 
     def jobs_of(self, key: Key, uid: str) -> dict[str, JobState]:
         """The Jobs of a Campaign by name, those of a predecessor of its name left out."""
@@ -162,6 +186,31 @@ class Store:
         return sorted(
             found, key=lambda o: (o["metadata"]["creationTimestamp"], o["metadata"]["name"])
         )
+
+
+def id_of(obj: Object) -> Id:
+    """What tells an object from all others."""
+    meta = obj["metadata"]
+    return meta["namespace"], meta["name"], meta["uid"]
+
+
+def _put(objects: dict[Key, Object], obj: Object) -> bool:
+    namespace, name, uid = id_of(obj)
+    known = objects.get((namespace, name))
+    same = known is not None and known["metadata"]["uid"] == uid
+    if known is not None and same and not _newer(_version(obj), _version(known)):
+        return False
+    obj["metadata"].pop("managedFields", None)  # a third of the object, and of no use here
+    objects[namespace, name] = obj
+    return True
+
+
+def _drop(objects: dict[Key, Object], id_: Id) -> Object | None:
+    namespace, name, _ = id_
+    known = objects.get((namespace, name))
+    if known is None or id_of(known) != id_:
+        return None
+    return objects.pop((namespace, name))
 
 
 def _version(obj: Object) -> str:

@@ -7,7 +7,6 @@ import socket
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
-from uuid import uuid4
 
 import pytest
 from operator_process import (
@@ -16,26 +15,10 @@ from operator_process import (
     campaign,
     condition,
     eventually,
-    finish_stage,
-    prepare,
     status,
     writes,
 )
 from robovast_testbed.kubernetes import Cluster
-
-
-@pytest.fixture(scope="module")
-def fake_cluster(control_plane: Cluster) -> Cluster:
-    prepare(control_plane, 4, [finish_stage("many", 200), finish_stage("few", 6)])
-    return control_plane
-
-
-@pytest.fixture
-def namespace(fake_cluster: Cluster) -> Iterator[str]:
-    name = f"lab-{uuid4().hex[:6]}"
-    fake_cluster.kubectl("create", "namespace", name)
-    yield name
-    fake_cluster.kubectl("delete", "namespace", name, "--wait=false")
 
 
 @pytest.fixture
@@ -179,30 +162,3 @@ def test_a_queue_that_is_not_there_is_said_and_harms_nothing(
     state = status(fake_cluster, namespace, "few")
     assert state["state"] == "Queued"
     assert "Kueue" in condition(state, "QuotaReserved")["message"]
-
-
-def test_what_the_operator_may_do_is_what_it_needs(fake_cluster: Cluster) -> None:
-    def may(verb: str, kind: str) -> bool:
-        try:
-            answer = fake_cluster.kubectl(
-                *("auth", "can-i", verb, kind, f"--as={ACCOUNT}", "--namespace=default")
-            )
-        except Exception as refusal:
-            answer = str(refusal)
-        return answer.strip().startswith("yes")
-
-    assert may("create", "jobs.batch")
-    assert may("patch", "campaigns.robovast.io/status")
-    for verb, kind in (
-        ("get", "secrets"),
-        ("list", "secrets"),
-        ("create", "pods"),
-        ("create", "pods/exec"),
-        ("delete", "campaigns.robovast.io"),
-        ("delete", "configmaps"),
-        ("update", "configmaps"),
-        ("create", "roles.rbac.authorization.k8s.io"),
-        ("impersonate", "users"),
-        ("get", "nodes"),
-    ):
-        assert not may(verb, kind), (verb, kind)

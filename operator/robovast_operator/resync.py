@@ -1,0 +1,93 @@
+"""Comparing what is known with what is there: what a watch has missed shows."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import random
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from robovast_operator.api import Api, ApiError
+from robovast_operator.campaign import Object
+from robovast_operator.settings import Settings
+from robovast_operator.store import Id, id_of
+
+LOGGER = logging.getLogger(__name__)
+
+SETTLING_SECONDS = 2.0
+"""A list has come to its end when nothing of it came for so long."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of objects that is watched."""
+
+    name: str
+    path: Callable[[str | None], str]
+    """Of the collection in a namespace, or in all."""
+    known: Callable[[], Iterator[tuple[Id, str]]]
+    """What is known now, each with its resource version."""
+    learn: Callable[[Object], None]
+    forget: Callable[[Id], None]
+    selection: Mapping[str, str] = field(default_factory=dict)
+    """Parameters of the list."""
+
+
+class Resync:
+    """Compares all kinds now and then, and soon after a watch had to begin with a list."""
+
+    def __init__(self, api: Api, settings: Settings, kinds: tuple[Kind, ...]) -> None:
+        self._api = api
+        self._settings = settings
+        self._kinds = kinds
+        self._listed = asyncio.Event()
+        self._misses = 0
+        self.dead_watch = ""
+        """Which watch has told nothing twice in a row, if any."""
+
+    def listed(self) -> None:
+        """A list tells of an object: what was deleted before it, it cannot tell."""
+        self._listed.set()
+
+    async def keep(self) -> None:
+        """Compare, for ever."""
+        while True:
+            period = self._settings.resync_seconds * random.uniform(0.9, 1.1)  # noqa: S311
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._listed.wait(), period)
+            while self._listed.is_set():
+                self._listed.clear()
+                await asyncio.sleep(SETTLING_SECONDS)
+            try:
+                await self.compare()
+            except (ApiError, OSError) as error:
+                LOGGER.warning("the objects cannot be listed: %s", error)
+
+    async def compare(self) -> None:
+        """Forget what is gone, learn what was missed."""
+        missed = [kind.name for kind in self._kinds if await self._compare(kind)]
+        self._misses = self._misses + 1 if missed else 0
+        if self._misses > 1:  # once may be chance: the list was newer than the stream
+            self.dead_watch = f"the watch of {missed[0]} is dead"
+
+    async def _compare(self, kind: Kind) -> bool:
+        """Whether the watch of a kind has missed anything."""
+        before = dict(kind.known())
+        there: dict[Id, str] = {}
+        new = False
+        # Not from the server's cache: what is missing in the answer is taken for gone.
+        for space in self._settings.namespaces or (None,):
+            async for obj in self._api.list(kind.path(space), **kind.selection):
+                id_ = id_of(obj)
+                there[id_] = obj["metadata"]["resourceVersion"]
+                if before.get(id_) != there[id_]:
+                    kind.learn(obj)
+                    new = new or id_ not in before
+        gone = [id_ for id_ in before if id_ not in there]
+        for id_ in gone:
+            kind.forget(id_)
+        if gone:
+            LOGGER.info("%d %s went while no watch told of it", len(gone), kind.name)
+        return new

@@ -1,0 +1,251 @@
+"""The operator behind an API server that breaks: nothing lost, nothing twice, no ghosts."""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from faulty_api import (
+    Action,
+    FaultyApi,
+    cut_answer,
+    cut_first_event,
+    cut_in_the_middle,
+    delay,
+    fail_after,
+    faulty_api,
+    hold,
+    refuse,
+    watch_error,
+)
+from operator_process import (
+    OperatorProcess,
+    campaign,
+    condition,
+    eventually,
+    status,
+)
+from robovast_testbed.kubernetes import Cluster
+
+NOWHERE = {"scheduling": {"nodeSelector": {"no": "node"}}}
+"""Runs that wait for ever."""
+
+
+@pytest.fixture
+def proxy(fake_cluster: Cluster) -> Iterator[FaultyApi]:
+    with faulty_api(fake_cluster) as made:
+        yield made
+
+
+Start = Callable[..., OperatorProcess]
+
+
+@pytest.fixture
+def start(
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, tmp_path: Path
+) -> Iterator[Start]:
+    """Start an operator behind the proxy."""
+    begun: list[OperatorProcess] = []
+
+    def begin(**settings: str) -> OperatorProcess:
+        defaults = {"ROBOVAST_LEASE_SECONDS": "3", "ROBOVAST_NAMESPACES": namespace}
+        operator = OperatorProcess(
+            fake_cluster, tmp_path, server=proxy.address, **{**defaults, **settings}
+        )
+        operator.start()
+        begun.append(operator)
+        return operator
+
+    yield begin
+    proxy.mend()
+    for operator in begun:
+        operator.stop()
+        text = operator.log.read_text()
+        assert "a fault of the operator" not in text, text
+        assert "Traceback" not in text, text
+
+
+def finished(cluster: Cluster, namespace: str) -> bool:
+    state = status(cluster, namespace, "few")
+    return condition(state, "ResultsAvailable").get("status") == "True"
+
+
+def created(cluster: Cluster, namespace: str, kind: str) -> Counter[str]:
+    """How often objects were created, by name, as the audit log tells."""
+    found: Counter[str] = Counter()
+    for line in cluster.audit_log.read_text().splitlines():
+        if f'"namespace":"{namespace}"' not in line or '"verb":"create"' not in line:
+            continue
+        entry = json.loads(line)
+        about = entry["objectRef"]
+        done = entry["stage"] == "ResponseComplete" and entry["responseStatus"]["code"] == 201
+        if done and about["resource"] == kind and "subresource" not in about:
+            found[about.get("name", "")] += 1
+    return found
+
+
+def assert_right(cluster: Cluster, namespace: str) -> None:
+    """Each of the six runs has been executed once, and the Campaign says so."""
+    state = status(cluster, namespace, "few")
+    assert (state["progress"], state["state"]) == ("6/6", "Finished")
+    assert condition(state, "Passed")["status"] == "True"
+    jobs = created(cluster, namespace, "jobs")
+    assert sorted(jobs.values()) == [1, 1], jobs
+    assert created(cluster, namespace, "pods").total() == 6 + 1
+
+
+def watching(proxy: FaultyApi) -> bool:
+    """Whether all three streams are there."""
+    return len(proxy.open_watches("resourceVersion=\\d|sendInitialEvents")) >= 3
+
+
+def test_watches_that_die_silently_are_noticed(
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
+) -> None:
+    operator = start(ROBOVAST_SILENCE_SECONDS="3")
+    eventually(lambda: watching(proxy), 30, operator.log.read_text)
+    assert proxy.silence_watches() >= 3
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    eventually(lambda: finished(fake_cluster, namespace), 30, operator.log.read_text)
+    assert_right(fake_cluster, namespace)
+
+
+def test_watches_that_are_cut_again_and_again_tell_all_the_same(
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
+) -> None:
+    operator = start()
+    eventually(lambda: watching(proxy), 30, operator.log.read_text)
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    cuts = 0
+    deadline = time.monotonic() + 60
+    while not finished(fake_cluster, namespace):
+        assert time.monotonic() < deadline, operator.log.read_text()
+        cuts += proxy.cut_watches()
+        time.sleep(0.3)
+    assert cuts > 5
+    assert_right(fake_cluster, namespace)
+
+
+def test_a_first_list_that_is_cut_off_hides_no_campaign(
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
+) -> None:
+    names = [f"waits-{number}" for number in reversed(range(5))]
+    fake_cluster.apply(*(campaign(name, namespace, 1, 1, suspend=True) for name in names))
+    cut = proxy.break_("GET", "/campaigns.*watch=true", cut_first_event, 1)
+    operator = start()
+    for name in names:
+        eventually(
+            lambda name=name: status(fake_cluster, namespace, name), 20, operator.log.read_text
+        )
+    assert cut.hits == 1
+
+
+def test_what_was_deleted_while_history_was_lost_leaves_no_ghost(
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
+) -> None:
+    operator = start(ROBOVAST_RESYNC_SECONDS="5")
+    fake_cluster.apply(campaign("few", namespace, 3, 2, **NOWHERE))
+    fake_cluster.apply(campaign("gone", namespace, 1, 1, **NOWHERE))
+    added = {
+        "apiVersion": "robovast.io/v1alpha1",
+        "kind": "Configuration",
+        "metadata": {"name": "more", "namespace": namespace},
+        "spec": {"campaign": "few", "name": "more", "parameters": [{"x": 7}]},
+    }
+
+    def total(runs: int) -> bool:
+        return bool(status(fake_cluster, namespace, "few").get("runs", {}).get("total") == runs)
+
+    def jobs() -> dict[str, str]:
+        found: Any = fake_cluster.get("jobs", f"--namespace={namespace}")
+        return {job["metadata"]["name"]: job["metadata"]["uid"] for job in found["items"]}
+
+    eventually(lambda: total(6) and len(jobs()) == 2, 30, operator.log.read_text)
+    fake_cluster.apply(added)
+    eventually(lambda: total(8) and len(jobs()) == 3, 30, operator.log.read_text)
+    back = threading.Event()
+    expired = proxy.break_("GET", "watch=true", hold(back, watch_error(410, "Expired")), 3)
+    assert proxy.cut_watches() >= 3
+    eventually(lambda: expired.hits == 3, 10)
+    before = jobs()
+    fake_cluster.kubectl(
+        *(
+            "--namespace",
+            namespace,
+            "delete",
+            "campaign/gone",
+            "configuration/more",
+            "--ignore-not-found",
+        ),
+        *(f"job/{name}" for name in before),
+    )
+    back.set()
+    told = time.monotonic()
+    eventually(lambda: jobs() and not jobs().items() & before.items(), 15, operator.log.read_text)
+    print("NOTICED after", time.monotonic() - told)
+
+
+def test_every_busy_answer_is_waited_for_as_long_as_it_says(
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
+) -> None:
+    faults = [
+        proxy.break_("POST", "/jobs", refuse(429, 2), 2),
+        proxy.break_("PATCH", "/status", refuse(429, 2), 2),
+        proxy.break_("GET", "/configmaps", refuse(429, 2), 2),
+        proxy.break_("GET", "watch=true", refuse(429, 1), 3),
+    ]
+    operator = start()
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    eventually(lambda: finished(fake_cluster, namespace), 60, operator.log.read_text)
+    assert [fault.times for fault in faults] == [0, 0, 0, 0]
+    assert_right(fake_cluster, namespace)
+    last: dict[tuple[str, str], float] = {}
+    for moment, method, path, code in proxy.seen:
+        if (method, path) in last and re.search("/jobs$|/status$|/configmaps$", path):
+            assert moment - last.pop((method, path)) >= 1.9, (method, path)
+        if code == 429:
+            last[method, path] = moment
+
+
+LOST: dict[str, tuple[str, str, Action, int]] = {
+    "a Job's answer is cut off": ("POST", "/jobs", cut_answer, 2),
+    "a Job's answer breaks off": ("POST", "/jobs", cut_in_the_middle, 2),
+    "a Job is made, a time-out told": ("POST", "/jobs", fail_after(504), 2),
+    "a plan's answer is cut off": ("POST", "/configmaps", cut_answer, 2),
+    "a plan is made, an error told": ("POST", "/configmaps", fail_after(500), 2),
+    "a status' answer is cut off": ("PATCH", "/status", cut_answer, 2),
+    "a status is written, an error told": ("PATCH", "/status", fail_after(500), 2),
+    "an event's answer breaks off": ("POST", "/events", cut_in_the_middle, 2),
+    "the Lease's answer breaks off": ("PUT", "/leases", cut_in_the_middle, 2),
+}
+
+
+def test_writes_whose_answers_are_lost_make_nothing_twice(
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
+) -> None:
+    faults = [proxy.break_(*fault) for fault in LOST.values()]
+    operator = start()
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    eventually(lambda: finished(fake_cluster, namespace), 90, operator.log.read_text)
+    missed = [name for name, fault in zip(LOST, faults, strict=True) if not fault.hits]
+    assert not missed
+    assert_right(fake_cluster, namespace)
+
+
+def test_a_slow_server_makes_it_slow_and_nothing_else(
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
+) -> None:
+    for method in ("POST", "PATCH", "PUT"):
+        proxy.break_(method, "", delay(1.5))
+    operator = start(ROBOVAST_LEASE_SECONDS="15")
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    eventually(lambda: finished(fake_cluster, namespace), 90, operator.log.read_text)
+    assert_right(fake_cluster, namespace)
+    assert operator.log.read_text().count("one leads") == 1
