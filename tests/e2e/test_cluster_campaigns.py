@@ -11,17 +11,11 @@ from pathlib import Path
 
 import pytest
 import yaml
-from cluster_lab import QUICK, SYSTEM, VAST, Lab, buckets, eventually
+from cluster_lab import QUICK, SYSTEM, VAST, Lab, buckets, eventually, files
 from local_campaigns import make_campaign
 from robovast_testbed import images, programs
 
 GROWTH = Path(__file__).parents[2] / "configs/examples/growth_sim/growth_sim.vast"
-
-
-def files(campaign: Path) -> set[str]:
-    """Every file and link of a campaign that does not depend on when or how it was run."""
-    found = (path.relative_to(campaign).as_posix() for path in campaign.rglob("*"))
-    return {name for name in found if not name.startswith("_execution/")}
 
 
 def test_growth_sim_gives_the_same_results_by_client_by_kubectl_and_on_this_machine(

@@ -1,0 +1,52 @@
+"""The example with nodes of ROS 2 in the slim image: on this machine and on a cluster."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from cluster_lab import Lab, files
+from local_campaigns import EXAMPLES
+from robovast_testbed import containerd, images
+
+VAST = EXAMPLES / "robot_navigation" / "robot_navigation.vast"
+OUTCOMES = {"drive-1-1-2-2/0": "arrived", "drive-2-1-2-2/0": "no way to the goal"}
+SELECT = ("-c", "drive-?-1-2-2", "-i", images.ROS)
+VERDICT = {"arrived": "passed"}
+
+
+@pytest.fixture
+def docker_lab(lab: Lab, docker_daemon, ros_image: str) -> Lab:
+    """A namespace of a cluster and a Docker daemon, both with the image that has ROS 2."""
+    containerd.of(lab.cluster.bed).load(images.ros_archive())
+    lab.env = {**lab.env, **docker_daemon.env}
+    return lab
+
+
+def outcomes(campaign: Path) -> dict[str, str]:
+    """How each drive ended, by run."""
+    return {
+        path.parent.relative_to(campaign).as_posix(): row["outcome"]
+        for path in campaign.glob("*/*/outcome.csv")
+        for row in csv.DictReader(path.read_text().splitlines())
+    }
+
+
+def test_a_robot_drives_in_docker_and_on_a_cluster_as_the_readme_says(docker_lab: Lab) -> None:
+    """The same file, the same drives, the same files; the tables and the graph come home too."""
+    lab, here = docker_lab, docker_lab.folder / "here"
+    lab.vast("-V", VAST, "exec", "local", "run", "--runtime", "docker", *SELECT, here, code=1)
+    (mine,) = here.iterdir()
+    lab.vast("-V", VAST, "exec", "cluster", "run", "-n", lab.namespace, *SELECT, code=1)
+    (campaign,) = lab.get("campaigns")["items"]
+    theirs = lab.download(campaign["metadata"]["name"])
+    assert outcomes(mine) == outcomes(theirs) == OUTCOMES
+    assert lab.verdicts(mine) == lab.verdicts(theirs)
+    assert lab.verdicts(mine) == {run: VERDICT.get(o, "failed") for run, o in OUTCOMES.items()}
+    assert files(mine) == files(theirs)
+    lab.vast("results", "postprocess", "-r", theirs)
+    asked = lab.vast("results", "sparql", "failure-rate", "-r", theirs, "-o", "json").stdout
+    rates = {Path(row["env_model"]).stem: float(row["result"]) for row in json.loads(asked)}
+    assert rates == {"depot": 0.0, "flat": 100.0}
