@@ -138,16 +138,20 @@ def health(obj: Manifest, customizations: Path) -> tuple[str, str]:
 
 
 def _install(cluster: Cluster, manifests: Path, customizations: tuple[Path, ...]) -> None:
-    crds = (manifests / "crds").glob("app*-crd.yaml")
+    crds = list((manifests / "crds").glob("app*-crd.yaml"))
     settings = (manifests / "base/config").glob("argocd-*.yaml")
     apply = ("apply", "--server-side", f"--namespace={NAMESPACE}")
     cluster.kubectl("create", "namespace", NAMESPACE)
     cluster.kubectl(*apply, *(f"--filename={file}" for file in (*crds, *settings)))
     for file in customizations:
         cluster.kubectl(*apply, "--field-manager=robovast", f"--filename={file}")
-    established = 'jsonpath={.status.conditions[?(@.type=="Established")].status}=True'
-    cluster.kubectl("wait", f"--for={established}", "--timeout=30s", "crd", "--all")
+    wait_for("argocd", lambda: _knows(cluster, len(crds)), timeout=30, failed=lambda: None)
     cluster.apply(PROJECT)
+
+
+def _knows(cluster: Cluster, kinds: int) -> bool:
+    served = cluster.kubectl("api-resources", "--api-group=argoproj.io", "--output=name")
+    return len(served.split()) == kinds
 
 
 def _answers(argo: ArgoCd) -> bool:
