@@ -205,6 +205,7 @@ def is_news(old: CampaignStatus, new: CampaignStatus) -> bool:
         facts(old) != facts(new)
         or shards(old) != shards(new)
         or (old.attempt, old.observed_generation) != (new.attempt, new.observed_generation)
+        or old.notified != new.notified
     )
 
 

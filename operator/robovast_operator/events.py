@@ -47,9 +47,17 @@ def messages(old: Iterable[Condition], new: Iterable[Condition]) -> Iterator[Mes
         yield Message(kind, condition.reason, condition.message or condition.type)
 
 
-def event(identity: Identity, message: Message, now: str) -> Object:
-    """The Event object of a message about a Campaign."""
-    mark = hashlib.sha256(f"{identity.uid}{message.reason}{now}".encode()).hexdigest()[:12]
+def event(identity: Identity, message: Message, now: str, about: str = "") -> Object:
+    """The Event object of a message about a Campaign.
+
+    Args:
+        identity: of the Campaign.
+        message: what is told.
+        now: the time.
+        about: what it is about, where that is told once whenever it is noticed.
+    """
+    text = f"{identity.uid}{message.reason}{about or now}"
+    mark = hashlib.sha256(text.encode()).hexdigest()[:12]
     return {
         "apiVersion": "v1",
         "kind": "Event",

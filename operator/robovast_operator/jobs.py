@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from robovast.cluster.names import BUNDLES_BUCKET
+from robovast.cluster.notice import Order
 from robovast.cluster.plan import Bundle, CampaignPlan, Entry, GitSource, PlanSpec
-from robovast.cluster.resources import SHARD_LABEL
+from robovast.cluster.resources import SHARD_LABEL, Scheduling
 from robovast.execution.resources import cpus, memory
 from robovast_operator.campaign import Accepted, Identity, Object
-from robovast_operator.pods import inline_items, run_pod, task_pod
+from robovast_operator.pods import inline_items, notify_pod, run_pod, task_pod
 from robovast_operator.settings import Settings
 from robovast_operator.shards import ShardPlan
 from robovast_operator.store import (
     ATTEMPT_ANNOTATION,
+    NOTIFY_ROLE,
     QUEUE_LABEL,
     ROLE_LABEL,
     RUNS_ANNOTATION,
@@ -21,6 +23,13 @@ RETRIES_PER_INDEX = 6
 """A pack that loses its pod goes on after its last stored run this often."""
 
 TASK_RETRIES = 20
+
+NOTIFY_RETRIES = 6
+"""Of one receiver; the Job waits for 10 s, 20 s, … in between."""
+NOTIFY_DEADLINE = 1800
+"""When sending is given up, whatever keeps it [s]."""
+NOTIFY_KEEP = 3600
+"""For how long a notification's Job and its pods stay to be looked at [s]."""
 
 _QUIET = {"argocd.argoproj.io/ignore-resource-updates": "true"}
 """A GitOps tool need not look at an application again for each change of a Job or pod."""
@@ -78,6 +87,31 @@ def task_job(accepted: Accepted, settings: Settings, command: str, name: str, pl
         },
     }
     job["spec"]["template"]["spec"] = task_pod(accepted, settings, plan, command)
+    return job
+
+
+def notify_job(
+    identity: Identity, settings: Settings, scheduling: Scheduling, name: str, order: Order
+) -> Object:
+    """The Job that sends a notice: a completion index for each receiver."""
+    job = _job(identity, name, NOTIFY_ROLE, {})
+    number = len(order.receivers)
+    job["spec"] |= {
+        "completionMode": "Indexed",
+        "completions": number,
+        "parallelism": number,
+        "backoffLimitPerIndex": NOTIFY_RETRIES,
+        "activeDeadlineSeconds": NOTIFY_DEADLINE,
+        "ttlSecondsAfterFinished": NOTIFY_KEEP,
+        "podReplacementPolicy": "Failed",
+        "podFailurePolicy": {
+            "rules": [
+                _on_exit("FailIndex", NOTIFY_ROLE, [64, 65]),
+                {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]},
+            ]
+        },
+    }
+    job["spec"]["template"]["spec"] = notify_pod(settings, scheduling, order)
     return job
 
 

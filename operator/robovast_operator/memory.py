@@ -48,6 +48,8 @@ class Memory:
     looked: float = 0.0
     """When pods were last looked at."""
     status_written: float = 0.0
+    undelivered: set[str] = field(default_factory=set)
+    """Uids of the Jobs whose notices reached nobody, and were told to have."""
 
     def notice(self, jobs: Mapping[str, JobState]) -> None:
         """Remember when something last moved."""

@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable, Iterator
 from datetime import datetime, timedelta
 
+from robovast.cluster.ranges import parse_ranges
 from robovast.cluster.status import Runs
 from robovast_operator.campaign import Object
 from robovast_operator.picture import Final, Trouble
@@ -181,3 +182,21 @@ def _message(pod: Object, container: str) -> str:
             ended = (status.get("state") or {}).get("terminated") or {}
             return str(ended.get("message") or "")
     return ""
+
+
+def last_words(pods: Iterable[Object], container: str, indexes: str) -> list[str]:
+    """What the last pods of some completion indexes said, by index, each text once.
+
+    Args:
+        pods: of one Job.
+        container: whose words.
+        indexes: as ranges.
+    """
+    said: dict[int, tuple[str, str]] = {}
+    for pod in pods:
+        index = int((pod["metadata"].get("annotations") or {}).get(INDEX_ANNOTATION, "-1"))
+        words = (pod["metadata"].get("creationTimestamp", ""), _message(pod, container).strip())
+        if words[1]:
+            said[index] = max(words, said.get(index, words))
+    wanted = [i for first, last in parse_ranges(indexes) for i in range(first, last + 1)]
+    return list(dict.fromkeys(said[index][1] for index in wanted if index in said))

@@ -6,9 +6,11 @@ secondaries beside our `agent`. Only our own containers see credentials; nobody 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from robovast.cluster.notice import NOTICE_VARIABLE, Order
+from robovast.cluster.resources import Scheduling
 from robovast.common.execution import COMPAT_VERSION
 from robovast.document.model import Nodes, Resources
 from robovast.execution.compat import COMPAT_SCRIPT
@@ -25,6 +27,8 @@ CREDENTIALS: Object = {
     "readOnly": True,
 }
 
+RECEIVERS: Object = {"name": "receivers", "mountPath": "/robovast/receivers", "readOnly": True}
+
 OWN_RESOURCES: Object = {
     "requests": {"cpu": "10m", "memory": "64Mi"},
     "limits": {"memory": "512Mi"},
@@ -39,6 +43,9 @@ TASK_RESOURCES: Object = {
 
 DEADLINE_MARGIN = 3600
 """Beside the runs themselves: pulling images, fetching, storing [s]."""
+
+OWN_USER = 1000
+"""Of our own containers where no run's files are at hand."""
 
 GRACE_SECONDS = 60
 """For runs that are told to end, and for what is just being stored."""
@@ -83,11 +90,59 @@ def task_pod(accepted: Accepted, settings: Settings, plan: str, command: str) ->
     return spec
 
 
+def notify_pod(settings: Settings, scheduling: Scheduling, order: Order) -> Object:
+    """The pod spec that sends a notice; it sees nothing of the campaign, and no S3 credentials."""
+    spec = _confined_pod(OWN_USER, scheduling, {})
+    container = _own(settings, "notify", ["notify"], [WORK, RECEIVERS])
+    container["env"].append({"name": NOTICE_VARIABLE, "value": order.model_dump_json()})
+    spec["containers"] = [container]
+    sources = _receiver_sources(order)
+    projected = {"sources": sources, "defaultMode": 0o440}
+    spec["volumes"] = [
+        {"name": "work", "emptyDir": {}},
+        {"name": "receivers", "projected": projected},
+    ]
+    return spec
+
+
+def _receiver_sources(order: Order) -> list[Object]:
+    """Keys of Secrets as files; one that is missing is told by who looks for it, at once."""
+    wanted = [
+        (secret, f"{index}/{file}")
+        for index, receiver in enumerate(order.receivers)
+        for secret, file in ((receiver.url_from, "url"), (receiver.token_from, "token"))
+        if secret is not None
+    ]
+    return [
+        {
+            "secret": {
+                "name": secret.name,
+                "items": [{"key": secret.key, "path": path}],
+                "optional": True,
+            }
+        }
+        for secret, path in wanted
+    ]
+
+
 def _pod(accepted: Accepted, settings: Settings, plan: str, nodes: Nodes) -> Object:
     """What all pods of a campaign share."""
     del settings
     user = accepted.vast.execution.run_as_user
-    scheduling = accepted.spec.scheduling
+    spec = _confined_pod(user, accepted.spec.scheduling, nodes.node_labels)
+    spec["volumes"] = [
+        {"name": "plan", "configMap": {"name": plan}},
+        {"name": "files", "projected": {"sources": _file_sources(accepted)}},
+        {
+            "name": "credentials",
+            "secret": {"secretName": accepted.spec.storage.secret_name, "defaultMode": 0o440},
+        },
+    ]
+    return spec
+
+
+def _confined_pod(user: int, scheduling: Scheduling, node_labels: Mapping[str, str]) -> Object:
+    """A pod without a token, on the nodes that it may be on."""
     spec: Object = {
         "restartPolicy": "Never",
         "automountServiceAccountToken": False,
@@ -100,17 +155,9 @@ def _pod(accepted: Accepted, settings: Settings, plan: str, nodes: Nodes) -> Obj
             "runAsNonRoot": user != 0,
             "seccompProfile": {"type": "RuntimeDefault"},
         },
-        "volumes": [
-            {"name": "plan", "configMap": {"name": plan}},
-            {"name": "files", "projected": {"sources": _file_sources(accepted)}},
-            {
-                "name": "credentials",
-                "secret": {"secretName": accepted.spec.storage.secret_name, "defaultMode": 0o440},
-            },
-        ],
     }
     given = scheduling.model_dump(by_alias=True, exclude_none=True)
-    selector = {**nodes.node_labels, **given.pop("nodeSelector")}
+    selector = {**node_labels, **given.pop("nodeSelector")}
     spec |= {name: value for name, value in given.items() if value}
     return spec | ({"nodeSelector": selector} if selector else {})
 

@@ -28,6 +28,7 @@ from robovast_operator.diagnose import Diagnosis
 from robovast_operator.inputs import Inputs
 from robovast_operator.jobs import shard_job, task_job
 from robovast_operator.memory import Memory
+from robovast_operator.notifier import Notifier
 from robovast_operator.picture import Observed
 from robovast_operator.pod_facts import composed_of
 from robovast_operator.purge import Purge
@@ -51,8 +52,9 @@ class Reconciler:
         self._settings = settings
         self._memories: dict[Key, Memory] = {}
         self._inputs = Inputs(api, store, settings)
-        self._statuses = Statuses(api, store, queue, settings)
         self._diagnosis = Diagnosis(api, settings)
+        self._notifier = Notifier(api, queue, settings, self._diagnosis)
+        self._statuses = Statuses(api, store, queue, settings, self._notifier)
         self._queues = Queues(api, store, settings)
         self._purge = Purge(api, settings)
 
@@ -94,7 +96,9 @@ class Reconciler:
         jobs = self._store.jobs_of(key, identity.uid)
         if "deletionTimestamp" in obj["metadata"]:
             await self._deleted(obj, memory, jobs)
-        elif not is_settled(obj, jobs, self._store.configurations_of(key)):
+            return
+        await self._notifier.report(identity, self._store.notices_of(key, identity.uid), memory)
+        if not is_settled(obj, jobs, self._store.configurations_of(key)):
             await self._advance(obj, memory, jobs)
 
     async def _advance(self, obj: Object, memory: Memory, jobs: dict[str, JobState]) -> None:

@@ -13,6 +13,7 @@ from robovast_operator.conditions import composing_conditions, is_news, is_true,
 from robovast_operator.configurations import configuration_status
 from robovast_operator.events import event, messages
 from robovast_operator.memory import Memory
+from robovast_operator.notifier import Notifier
 from robovast_operator.settings import Settings
 from robovast_operator.store import Store
 from robovast_operator.times import format_time, now
@@ -22,11 +23,14 @@ from robovast_operator.work_queue import WorkQueue
 class Statuses:
     """Writes what has changed, and not too often."""
 
-    def __init__(self, api: Api, store: Store, queue: WorkQueue, settings: Settings) -> None:
+    def __init__(
+        self, api: Api, store: Store, queue: WorkQueue, settings: Settings, notifier: Notifier
+    ) -> None:
         self._api = api
         self._store = store
         self._queue = queue
         self._settings = settings
+        self._notifier = notifier
 
     async def rejected(self, obj: Object, rejected: Rejected, memory: Memory) -> None:
         """Of a Campaign that cannot be executed as it is."""
@@ -56,6 +60,7 @@ class Statuses:
             bucket=accepted.bucket,
             endpoint=accepted.endpoint,
             image=accepted.image,
+            notified=old.notified,
             conditions=composing_conditions(
                 None if trouble is None else (trouble.reason, trouble.message),
                 generation,
@@ -68,6 +73,7 @@ class Statuses:
     async def write(self, obj: Object, status: CampaignStatus, memory: Memory) -> bool:
         """Write a status that has changed; False when it is put off."""
         old = CampaignStatus.model_validate(obj.get("status") or {})
+        status, notice = self._notifier.next(obj, status)
         if status == old:
             return True
         identity = Identity.of(obj)
@@ -75,6 +81,8 @@ class Statuses:
         if wait > 0 and not is_news(old, status):
             self._queue.add((identity.namespace, identity.name), wait)
             return False
+        if notice is not None:
+            await self._api.create(paths.jobs(identity.namespace), notice)
         path = f"{paths.campaigns(identity.namespace)}/{identity.name}"
         body = {
             "apiVersion": API_VERSION,

@@ -9,7 +9,10 @@ from robovast.cluster.resources import CAMPAIGN_LABEL, SHARD_LABEL, UID_LABEL
 from robovast_operator.campaign import Key, Object
 
 ROLE_LABEL = "robovast.io/role"
-"""`shard`, `compose`, `finish` or `purge`, on Jobs and pods."""
+"""`shard`, `compose`, `finish`, `process`, `purge` or `notify`, on Jobs and pods."""
+
+NOTIFY_ROLE = "notify"
+"""Of Jobs that send a notice: nothing in a campaign depends on them."""
 
 RUNS_ANNOTATION = "robovast.io/runs"
 """Ids of the runs that a Job executes once more."""
@@ -172,8 +175,14 @@ class Store:
 
     def jobs_of(self, key: Key, uid: str) -> dict[str, JobState]:
         """The Jobs of a Campaign by name, those of a predecessor of its name left out."""
-        jobs = self.jobs.get(key, {})
-        return {name: job for name, job in jobs.items() if job.campaign_uid == uid}
+        return {j.name: j for j in self._own_jobs(key, uid) if j.role != NOTIFY_ROLE}
+
+    def notices_of(self, key: Key, uid: str) -> list[JobState]:
+        """The Jobs that send notices of a Campaign."""
+        return [job for job in self._own_jobs(key, uid) if job.role == NOTIFY_ROLE]
+
+    def _own_jobs(self, key: Key, uid: str) -> list[JobState]:
+        return [job for job in self.jobs.get(key, {}).values() if job.campaign_uid == uid]
 
     def configurations_of(self, key: Key) -> list[Object]:
         """The Configurations of a Campaign, oldest first."""

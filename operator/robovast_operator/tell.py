@@ -41,6 +41,7 @@ def tell(picture: Picture, created: Sequence[ShardPlan]) -> CampaignStatus:
         queue=picture.held and picture.held.place,
         start_time=started,
         completion_time=(old.completion_time or ended) if ended else None,
+        notified=old.notified,
     )
     facts = _facts(picture, runs, active=bool(picture.open or created))
     conditions = campaign_conditions(facts, old.conditions)

@@ -24,6 +24,8 @@ FIRST_CONTACT = 5.0
 """For how long a server may be gone that never answered: its address may be wrong [s]."""
 ATTEMPTS = 3
 """How often a long upload is begun again."""
+SILENCE = 120.0
+"""For how long a server may say nothing to a request [s]."""
 CHUNK = 2**20
 """How much of an answer is held in memory [byte]."""
 
@@ -57,6 +59,7 @@ class HttpClient:
         secrets: Collection[str] = (),
         insecure: bool = False,
         patience: float = PATIENCE,
+        timeout: float = SILENCE,
     ) -> None:
         """
         Args:
@@ -66,6 +69,7 @@ class HttpClient:
             secrets: what no message may contain.
             insecure: accept any certificate.
             patience: for how long to ask again [s].
+            timeout: for how long it may say nothing [s].
         """
         self.name = name
         self._headers = dict(headers)
@@ -78,7 +82,7 @@ class HttpClient:
         self._pool = urllib3.PoolManager(
             cert_reqs="CERT_NONE" if insecure else "CERT_REQUIRED",
             ca_certs=None if insecure else os.environ.get("SSL_CERT_FILE") or certifi.where(),
-            timeout=urllib3.Timeout(connect=10, read=120),
+            timeout=urllib3.Timeout(connect=10, read=timeout),
             retries=False,
         )
 

@@ -26,6 +26,7 @@ _COMMANDS = {
     "finish": "complete a campaign's results and sum them up",
     "process": "work a campaign's results up: tables, metadata, provenance",
     "purge": "remove a campaign's results",
+    "notify": "tell somebody outside of the cluster about a campaign",
     "share": "pack a campaign's results and upload them to a share",
 }
 """Each is a function of the module of its name."""
@@ -47,10 +48,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _carry_out(options: argparse.Namespace, folders: Folders) -> AgentExit:
     _spare_administration()
     module = import_module(f"robovast.agent.{options.command}")
-    arguments = [folders]
+    arguments: list[object] = [folders]
+    index = int(os.environ.get(INDEX, "0"))
     if options.command == "fetch":
-        index = int(os.environ.get(INDEX, "0"))
         arguments.append(module.Request(options.first_pack, index, options.attempt, options.runs))
+    elif options.command == "notify":
+        arguments.append(index)
     elif options.command == "share":
         place = Endpoint.parse(options.endpoint, options.region)
         arguments.append(module.Request(options.campaign, options.bucket, place))
@@ -73,7 +76,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
     for name, text in _COMMANDS.items():
         command = commands.add_parser(name, help=text, description=text)
-        for folder in ("plan", "files", "credentials", "share", "work", "message"):
+        for folder in ("plan", "files", "credentials", "share", "receivers", "work", "message"):
             command.add_argument(f"--{folder}", type=Path, metavar="PATH")
         for seen in ("config-seen", "out-seen"):
             command.add_argument(f"--{seen}", metavar="PATH", help="as runs see it")

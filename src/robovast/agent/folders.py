@@ -18,6 +18,8 @@ class Folders:
     """`accessKey` and `secretKey`."""
     share: Path = Path("/robovast/share")
     """What a share's provider needs: each variable is a file."""
+    receivers: Path = Path("/robovast/receivers")
+    """`0/url`, `0/token`, `1/url`, …: what a notice's receivers keep in Secrets."""
     work: Path = Path("/robovast/work")
     """The pod's own volume."""
     message: Path = Path("/dev/termination-log")

@@ -12,7 +12,13 @@ from typing import Any
 from pydantic import BaseModel
 
 from robovast.cluster.names import CAMPAIGN_NAME_LIMIT
-from robovast.cluster.resources import GROUP, VERSION, CampaignSpec, ConfigurationSpec
+from robovast.cluster.resources import (
+    GROUP,
+    ONE_ADDRESS,
+    VERSION,
+    CampaignSpec,
+    ConfigurationSpec,
+)
 from robovast.cluster.status import CampaignStatus, ConfigurationStatus
 from robovast.document.model import Vast
 from robovast.plain import dump_yaml
@@ -58,6 +64,9 @@ def campaign_crd() -> Schema:
             "rule": f"[{named}].filter(x, x).size() <= 1",
             "message": f"a document's files come from one place: one of {', '.join(sources)}",
         }
+    ]
+    spec["properties"]["notifications"]["items"]["x-kubernetes-validations"] = [
+        {"rule": "has(self.url) != has(self.urlFrom)", "message": ONE_ADDRESS}
     ]
     return _crd(
         kind="Campaign",

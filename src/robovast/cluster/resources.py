@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic.alias_generators import to_camel
 
 from robovast.cluster.names import CREDENTIALS_SECRET
@@ -179,6 +179,49 @@ class Scheduling(_Spec):
     """Secrets of the namespace that pull private images."""
 
 
+class SecretKey(_Spec):
+    """One key of a Secret of the namespace."""
+
+    name: ObjectName
+    """Name of the Secret."""
+    key: Annotated[str, Field(pattern=r"^[-._a-zA-Z0-9]+$", max_length=253)]
+    """Key in the Secret."""
+
+
+HttpUrl = Annotated[str, Field(pattern=r"^https?://[!-~]+$", max_length=2048)]
+Subject = Literal["Finished", "Trouble"]
+
+
+class Notification(_Spec):
+    """Somebody who is told when a campaign ends, or when it needs help."""
+
+    kind: Literal["ntfy", "webhook"]
+    """`ntfy` is told in its own way; a `webhook` gets JSON."""
+    url: HttpUrl | None = None
+    """Where to: for ntfy the topic, `https://ntfy.sh/TOPIC`."""
+    url_from: SecretKey | None = None
+    """The same from a Secret, for a URL that nobody may read."""
+    token_from: SecretKey | None = None
+    """Token of an account, from a Secret; sent as `Authorization: Bearer`."""
+    subjects: Annotated[list[Subject], Field(min_length=1, max_length=2)] = Field(
+        default_factory=lambda: list[Subject](["Finished", "Trouble"])
+    )
+    """What about; default both."""
+    link: HttpUrl | None = None
+    """Page that the message leads to."""
+
+    @model_validator(mode="after")
+    def _one_address(self) -> Notification:
+        if (self.url is None) == (self.url_from is None):
+            raise ValueError(ONE_ADDRESS)
+        return self
+
+
+ONE_ADDRESS = "a notification has an address: either `url` or `urlFrom`"
+
+NOTIFICATIONS_LIMIT = 5
+
+
 class CampaignSpec(_Spec):
     """A campaign: a .vast document and how to execute it."""
 
@@ -220,6 +263,10 @@ class CampaignSpec(_Spec):
     """When the campaign is given up."""
     scheduling: Scheduling = Field(default_factory=Scheduling)
     """Where and how pods are scheduled."""
+    notifications: Annotated[list[Notification], Field(max_length=NOTIFICATIONS_LIMIT)] = Field(
+        default_factory=list
+    )
+    """Who is told when the campaign ends, or needs help."""
     ttl_seconds_after_finished: Annotated[int, Field(ge=0)] | None = None
     """When Jobs and pods of a finished campaign are removed [s]; the Campaign stays."""
 

@@ -12,6 +12,8 @@ RANGES_LIMIT = 16_384
 
 SHARDS_LIMIT = 512
 
+NOTIFIED_LIMIT = 50
+
 ConditionType = Literal[
     "Accepted",
     "QuotaReserved",
@@ -140,6 +142,8 @@ class CampaignStatus(_Status):
     """When the first Job was made."""
     completion_time: str | None = None
     """When the last run ended."""
+    notified: Annotated[list[str], Field(max_length=NOTIFIED_LIMIT)] = Field(default_factory=list)
+    """What `spec.notifications` were told, the last of it."""
     conditions: Annotated[list[Condition], Field(max_length=16)] = Field(default_factory=list)
     """Facts that programs wait for."""
 

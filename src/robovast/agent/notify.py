@@ -1,0 +1,154 @@
+"""`notify`: tell somebody outside of the cluster about a campaign."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+from pydantic import ValidationError
+from urllib3.util import make_headers
+
+from robovast.agent.exit_codes import AgentExit, PlanError
+from robovast.agent.folders import Folders
+from robovast.cluster.notice import NOTICE_VARIABLE, Event, Notice, Order
+from robovast.cluster.resources import Notification, SecretKey
+from robovast.errors import InputError
+from robovast.http_client import HttpClient, HttpError
+from robovast.pauses import BUSY
+
+PATIENCE = 60.0
+"""For how long a server may be busy [s]; then the pod ends, and the Job makes another one."""
+TIMEOUT = 20.0
+"""For how long a server may say nothing [s]."""
+
+_PRIORITIES: Mapping[Event, str] = {"GivenUp": "5", "Stalled": "4", "Finished": "3"}
+"""Of ntfy: 5 rings, 3 is usual, 2 makes no sound."""
+_TAGS: Mapping[Event, str] = {"GivenUp": "rotating_light", "Stalled": "warning"}
+"""Of ntfy, which shows them as pictures."""
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where a notice goes."""
+
+    url: str
+    """Without a login."""
+    headers: Mapping[str, str]
+    """That log in."""
+    secrets: tuple[str, ...]
+    """What nobody may read in a message."""
+
+    @property
+    def server(self) -> str:
+        """The server, as messages name it."""
+        parts = urlsplit(self.url)
+        return f"{parts.scheme}://{parts.netloc}"
+
+
+def notify(folders: Folders, index: int) -> AgentExit:
+    """Send a notice to one of its receivers.
+
+    Args:
+        folders: of the pod.
+        index: which of the receivers.
+
+    Raises:
+        PlanError: there is no notice, or none of this version.
+        InputError: the receiver's server refuses it, or is not described as it must be.
+        StorageError: the server is busy, or cannot be reached: it may take it later.
+    """
+    order = _order()
+    receiver, notice = order.receivers[index], order.notice
+    address = _address(receiver, folders.receivers / str(index))
+    headers, body = (_ntfy if receiver.kind == "ntfy" else _webhook)(notice, receiver)
+    client = HttpClient(
+        f"{receiver.kind} at {address.server}",
+        address.headers,
+        secrets=address.secrets,
+        patience=PATIENCE,
+        timeout=TIMEOUT,
+    )
+    try:
+        client.request(
+            "POST",
+            address.url,
+            attempt=f"tell that {notice.title}",
+            body=lambda: body,
+            headers=headers,
+        )
+    except HttpError as error:
+        if error.status in BUSY:
+            raise
+        raise InputError(str(error)) from error
+    print(f"{receiver.kind} at {address.server} was told that {notice.title}.")  # noqa: T201
+    return AgentExit.PASSED
+
+
+def _order() -> Order:
+    try:
+        return Order.model_validate_json(os.environ.get(NOTICE_VARIABLE, ""))
+    except ValidationError as error:
+        raise PlanError(
+            f"${NOTICE_VARIABLE} is no notice of this version: {error}. Operator and agent must "
+            "be of one version; was one of them updated alone?"
+        ) from None
+
+
+def _address(receiver: Notification, folder: Path) -> Address:
+    """Where a receiver is, with what of that is in Secrets."""
+    given = receiver.url or _secret(folder / "url", receiver.url_from)
+    token = _secret(folder / "token", receiver.token_from)
+    try:
+        parts = urlsplit(given)
+        usable = parts.scheme in {"http", "https"} and parts.hostname and parts.port != 0
+    except ValueError:
+        usable = False
+    if not usable:
+        raise InputError(f"the URL of a receiver ({receiver.kind}) is none of http or https.")
+    user, password = unquote(parts.username or ""), unquote(parts.password or "")
+    netloc = parts.netloc.rpartition("@")[2]
+    headers = make_headers(basic_auth=f"{user}:{password}") if user or password else {}
+    if token:
+        headers = {"Authorization": f"Bearer {token}"}
+    secrets = (parts.path, parts.path.strip("/"), parts.query, password, token)
+    return Address(parts._replace(netloc=netloc, fragment="").geturl(), headers, secrets)
+
+
+def _secret(file: Path, named: SecretKey | None) -> str:
+    """The text in a mounted Secret; empty when none is named."""
+    if named is None:
+        return ""
+    try:
+        text = file.read_text(encoding="utf-8").strip()
+    except (OSError, UnicodeDecodeError):
+        text = ""
+    if not (text and text.isascii() and text.isprintable()):
+        raise InputError(
+            f"the Secret `{named.name}` is not there, or has no line of ASCII under the key "
+            f"`{named.key}`: spec.notifications wants it."
+        )
+    return text
+
+
+def _ntfy(notice: Notice, receiver: Notification) -> tuple[dict[str, str], bytes]:
+    """A message as ntfy takes it."""
+    failed = notice.event == "Finished" and notice.verdict == "Failed"
+    headers = {
+        "Title": notice.title,
+        "Priority": "4" if failed else _PRIORITIES.get(notice.event, "3"),
+        "Tags": "x" if failed else _TAGS.get(notice.event, "white_check_mark"),
+        "X-Sequence-ID": notice.id,
+        **({"Click": receiver.link} if receiver.link else {}),
+    }
+    return headers, notice.text.encode()
+
+
+def _webhook(notice: Notice, receiver: Notification) -> tuple[dict[str, str], bytes]:
+    """A message as JSON."""
+    payload = {**notice.payload(), **({"link": receiver.link} if receiver.link else {})}
+    headers = {"Content-Type": "application/json", "Idempotency-Key": notice.id}
+    return headers, json.dumps(payload).encode()
