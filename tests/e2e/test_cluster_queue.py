@@ -1,0 +1,200 @@
+"""Campaigns that share a quota of the real Kueue."""
+
+from __future__ import annotations
+
+import json
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from cluster_lab import SYSTEM, Lab, eventually
+from robovast_testbed import images
+from robovast_testbed.kubernetes import Cluster, Manifest
+
+KUEUE = "kueue.x-k8s.io/v1beta1"
+ONE_RUN = {"cpu": "15m", "memory": "1Gi"}
+"""A pod asks for 10m when its document asks for nothing."""
+
+
+def queue_objects(namespace: str) -> list[Manifest]:
+    """A queue `lab` with quota for one run, in which what is more urgent comes first."""
+    resources = [{"name": name, "nominalQuota": amount} for name, amount in ONE_RUN.items()]
+    group = {
+        "coveredResources": list(ONE_RUN),
+        "flavors": [{"name": namespace, "resources": resources}],
+    }
+    made: list[tuple[str, str, dict[str, Any]]] = [
+        ("ResourceFlavor", namespace, {}),
+        (
+            "ClusterQueue",
+            namespace,
+            {
+                "spec": {
+                    "namespaceSelector": {},
+                    "resourceGroups": [group],
+                    "preemption": {"withinClusterQueue": "LowerPriority"},
+                }
+            },
+        ),
+        ("LocalQueue", "lab", {"spec": {"clusterQueue": namespace}}),
+        ("WorkloadPriorityClass", "urgent", {"value": 1000}),
+    ]
+    return [
+        {
+            "apiVersion": KUEUE,
+            "kind": kind,
+            "metadata": {"name": name, "namespace": namespace},
+            **rest,
+        }
+        for kind, name, rest in made
+    ]
+
+
+@pytest.fixture
+def queue(kueue_cluster: Cluster, lab: Lab) -> Lab:
+    """A namespace with a queue."""
+    for obj in queue_objects(lab.namespace):
+        if obj["kind"] != "LocalQueue":
+            del obj["metadata"]["namespace"]
+        kueue_cluster.apply(obj)
+    return lab
+
+
+def change(lab: Lab, name: str, **spec: Any) -> None:
+    lab.kubectl("patch", "campaign", name, "--type=merge", "--patch", json.dumps({"spec": spec}))
+
+
+def running(lab: Lab, name: str) -> None:
+    """Wait until a campaign has a pod."""
+    active = "--for=jsonpath={.status.runs.active}=1"
+    lab.kubectl("wait", f"campaign/{name}", active, "--timeout=60s")
+
+
+def pods_of(lab: Lab, name: str) -> list[dict[str, Any]]:
+    """The pods of a campaign's runs."""
+    selector = f"--selector=robovast.io/role=shard,robovast.io/campaign={name}"
+    found: list[dict[str, Any]] = lab.get("pods", selector)["items"]
+    return found
+
+
+def workloads_of(lab: Lab, name: str) -> list[dict[str, Any]]:
+    """Kueue's Workloads of a campaign."""
+    return [
+        item
+        for item in lab.get("workloads.kueue.x-k8s.io")["items"]
+        if item["metadata"]["ownerReferences"][0]["name"].startswith(f"{name}-")
+    ]
+
+
+def records(lab: Lab, name: str) -> list[dict[str, Any]]:
+    """The records of a campaign's runs."""
+    return [json.loads(path.read_text()) for path in lab.download(name).glob("*/*/run.json")]
+
+
+def stored(lab: Lab, name: str, run: str) -> str:
+    """A run's record in the storage; empty while there is none."""
+    bucket = lab.campaign(name)["status"]["bucket"]
+    path = f"/data/buckets/{bucket}/{run}/run.json"
+    shown = f"if [ -f {path} ]; then cat {path}; fi"
+    command = ("exec", "robovast-s3-0", "--", "sh", "-c", shown)
+    return lab.cluster.kubectl("--namespace", SYSTEM, *command)
+
+
+def queued(lab: Lab, name: str) -> Any:
+    """A campaign's status as soon as that tells its place in the queue."""
+
+    def told() -> Any:
+        status = lab.campaign(name).get("status", {})
+        return status if status.get("queue") else None
+
+    return eventually(told, 60, f"{name} has a place in the queue")
+
+
+def test_campaigns_take_turns_within_a_quota_for_one_run(queue: Lab) -> None:
+    """With the default parallelism: one waits, one is suspended, one deleted, one misled."""
+    lab = queue
+    lab.quick("one", "sleep 2\n", queueName="lab", select=["one-1", "one-2"])
+    running(lab, "one")
+    lab.quick("two", "true\n", queueName="lab", select=["one-1", "one-2"])
+    status = queued(lab, "two")
+    assert status["state"] == "Queued"
+    assert status["queue"]["position"] == status["queue"]["pending"] == 1
+    assert "1 of 1" in lab.kubectl("get", "campaigns", "--output=wide")
+    seen = lab.vast("exec", "cluster", "monitor", "--once", "-n", lab.namespace).stdout
+    assert "place 1 of 1" in seen
+    assert "Queued" in seen
+    for name in ("paused", "gone"):
+        lab.quick(name, "true\n", queueName="lab", select=["one-1"])
+        assert queued(lab, name)["queue"]["position"] > 1
+    lab.quick("misled", "true\n", queueName="nowhere", select=["one-1"])
+    change(lab, "paused", suspend=True)
+    lab.kubectl("delete", "campaign", "gone", "--timeout=60s")
+    eventually(lambda: not workloads_of(lab, "gone"), 60, "its Workload goes with it")
+    eventually(lambda: [w["spec"]["active"] for w in workloads_of(lab, "paused")] == [False], 30)
+    lab.kubectl("wait", "campaign/misled", "--for=condition=Stalled", "--timeout=60s")
+    for kind in ("Stalled", "QuotaReserved"):
+        message = lab.conditions("misled")[kind]["message"]
+        assert "LocalQueue nowhere doesn't exist" in message
+        assert "spec.queueName" in message
+    change(lab, "misled", queueName="lab")
+    for name in ("one", "two", "misled"):
+        lab.wait(name)
+    assert not pods_of(lab, "paused"), "it was suspended before it had its turn"
+    assert lab.campaign("paused")["status"]["state"] == "Suspended"
+    change(lab, "paused", suspend=False)
+    lab.wait("paused")
+    names = {"one": 2, "two": 2, "misled": 1, "paused": 1}
+    found = {name: records(lab, name) for name in names}
+    assert {name: len(of_one) for name, of_one in found.items()} == names
+    assert {name: len(pods_of(lab, name)) for name in names} == names, "each run in one pod"
+    times = sorted((r["started_at"], r["finished_at"]) for some in found.values() for r in some)
+    for (_, end), (begin, _) in pairwise(times):
+        assert end <= begin, "never two at once"
+    assert "queue" not in lab.campaign("two")["status"]
+
+
+def urgent_job(namespace: str) -> Manifest:
+    """A Job of somebody else that pushes campaigns aside for a moment."""
+    container = {
+        "name": "urgent",
+        "image": images.SLIM,
+        "imagePullPolicy": "Never",
+        "command": ["sleep", "3"],
+        "resources": {"requests": {"cpu": "10m"}},
+    }
+    return {
+        "apiVersion": "batch/v1",
+        "kind": "Job",
+        "metadata": {
+            "name": "urgent",
+            "namespace": namespace,
+            "labels": {
+                "kueue.x-k8s.io/queue-name": "lab",
+                "kueue.x-k8s.io/priority-class": "urgent",
+            },
+        },
+        "spec": {
+            "suspend": True,
+            "template": {"spec": {"restartPolicy": "Never", "containers": [container]}},
+        },
+    }
+
+
+def test_a_campaign_that_is_pushed_aside_goes_on_after_its_last_stored_run(queue: Lab) -> None:
+    """Kueue takes its quota away in the middle of a pack; that costs no try."""
+    lab = queue
+    script = '[ "$1" = 1 ] || sleep 8\n'
+    lab.quick("pushed", script, "  runs_per_job: 3\n", queueName="lab")
+    running(lab, "pushed")
+    first = eventually(lambda: stored(lab, "pushed", "one-1/0"), 60, "the first run is stored")
+    lab.cluster.apply(urgent_job(lab.namespace))
+    lab.kubectl("wait", "campaign/pushed", "--for=jsonpath={.status.state}=Queued", "--timeout=60s")
+    lab.kubectl("wait", "job/urgent", "--for=condition=Complete", "--timeout=90s")
+    lab.wait("pushed")
+    found = records(lab, "pushed")
+    assert [r["verdict"] for r in found] == ["passed"] * 3
+    (pod,) = pods_of(lab, "pushed")
+    assert pod["metadata"]["annotations"]["batch.kubernetes.io/job-index-failure-count"] == "0"
+    assert stored(lab, "pushed", "one-1/0") == first, "it was not repeated"
+    (shard,) = lab.get("jobs", "--selector=robovast.io/role=shard")["items"]
+    assert shard["status"].get("failed", 0) == 0
