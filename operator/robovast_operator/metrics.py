@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
+from robovast_operator.campaign import Object
 from robovast_operator.store import Store
 from robovast_operator.work_queue import WorkQueue
 
@@ -35,6 +37,14 @@ class Metrics:
         )
         self._runs = Gauge(
             "robovast_runs", "Runs of all campaigns by state.", ["state"], registry=self._registry
+        )
+        self._campaigns = Gauge(
+            "robovast_campaigns", "Campaigns by state.", ["state"], registry=self._registry
+        )
+        self._stalled = Gauge(
+            "robovast_campaigns_stalled",
+            "Campaigns that need somebody's help: condition Stalled.",
+            registry=self._registry,
         )
         self._event_age = Gauge(
             "robovast_watch_event_age_seconds",
@@ -67,6 +77,10 @@ class Metrics:
         self._objects.labels("Job").set(sum(len(jobs) for jobs in store.jobs.values()))
         for state in ("active", "passed", "failed", "errored"):
             self._runs.labels(state).set(_runs(store, state))
+        self._campaigns.clear()
+        for status in _statuses(store):
+            self._campaigns.labels(status.get("state") or "Pending").inc()
+        self._stalled.set(sum(_is_stalled(status) for status in _statuses(store)))
         return generate_latest(self._registry)
 
 
@@ -74,6 +88,14 @@ def _collection(parts: list[str]) -> int:
     return 3 if parts[:1] == ["apis"] else 2
 
 
+def _statuses(store: Store) -> Iterator[Object]:
+    return (obj.get("status") or {} for obj in store.campaigns.values())
+
+
 def _runs(store: Store, state: str) -> int:
-    statuses = (obj.get("status") or {} for obj in store.campaigns.values())
-    return sum((status.get("runs") or {}).get(state, 0) for status in statuses)
+    return sum((status.get("runs") or {}).get(state, 0) for status in _statuses(store))
+
+
+def _is_stalled(status: Object) -> bool:
+    conditions = status.get("conditions") or ()
+    return any(c["type"] == "Stalled" and c["status"] == "True" for c in conditions)

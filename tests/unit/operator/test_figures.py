@@ -1,0 +1,36 @@
+"""The figures that an admin watches."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from robovast_operator.metrics import Metrics
+from robovast_operator.store import Store
+from robovast_operator.work_queue import WorkQueue
+
+
+def figures(*statuses: dict[str, Any]) -> str:
+    store = Store()
+    for number, status in enumerate(statuses):
+        meta = {"namespace": "lab", "name": f"drive-{number}", "resourceVersion": "1"}
+        store.put_campaign({"metadata": {**meta, "uid": str(number)}, "status": status})
+    return Metrics().page(store, WorkQueue(), leading=True).decode()
+
+
+def test_campaigns_are_counted_by_state_and_those_that_need_help() -> None:
+    stalled = {"type": "Stalled", "status": "True"}
+    fine = {"type": "Stalled", "status": "False"}
+    text = figures(
+        {"state": "Running", "conditions": [stalled]},
+        {"state": "Running", "conditions": [fine], "runs": {"passed": 3}},
+        {"state": "Finished", "runs": {"passed": 4}},
+        {},
+    )
+    for line in (
+        'robovast_campaigns{state="Running"} 2.0',
+        'robovast_campaigns{state="Finished"} 1.0',
+        'robovast_campaigns{state="Pending"} 1.0',
+        "robovast_campaigns_stalled 1.0",
+        'robovast_runs{state="passed"} 7.0',
+    ):
+        assert line in text.splitlines()
