@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 import json
+import time
 from itertools import pairwise
 from typing import Any
 
 import pytest
-from cluster_lab import SYSTEM, Lab, eventually
+from cluster_lab import QUICK, SYSTEM, Lab, eventually
+from local_campaigns import make_campaign
 from robovast_testbed import images
 from robovast_testbed.kubernetes import Cluster, Manifest
 
 KUEUE = "kueue.x-k8s.io/v1beta1"
-ONE_RUN = {"cpu": "15m", "memory": "1Gi"}
-"""A pod asks for 10m when its document asks for nothing."""
+POD_CPU = 10
+"""CPU that a pod asks for when its document asks for nothing [m]."""
+
+
+def resource_group(namespace: str, pods: int) -> Manifest:
+    """Quota for so many pods."""
+    quota = {"cpu": f"{pods * POD_CPU + POD_CPU // 2}m", "memory": "100Gi"}
+    resources = [{"name": name, "nominalQuota": amount} for name, amount in quota.items()]
+    flavors = [{"name": namespace, "resources": resources}]
+    return {"coveredResources": list(quota), "flavors": flavors}
 
 
 def queue_objects(namespace: str) -> list[Manifest]:
     """A queue `lab` with quota for one run, in which what is more urgent comes first."""
-    resources = [{"name": name, "nominalQuota": amount} for name, amount in ONE_RUN.items()]
-    group = {
-        "coveredResources": list(ONE_RUN),
-        "flavors": [{"name": namespace, "resources": resources}],
-    }
     made: list[tuple[str, str, dict[str, Any]]] = [
         ("ResourceFlavor", namespace, {}),
         (
@@ -31,7 +36,8 @@ def queue_objects(namespace: str) -> list[Manifest]:
             {
                 "spec": {
                     "namespaceSelector": {},
-                    "resourceGroups": [group],
+                    "resourceGroups": [resource_group(namespace, pods=1)],
+                    "queueingStrategy": "StrictFIFO",
                     "preemption": {"withinClusterQueue": "LowerPriority"},
                 }
             },
@@ -198,3 +204,45 @@ def test_a_campaign_that_is_pushed_aside_goes_on_after_its_last_stored_run(queue
     assert stored(lab, "pushed", "one-1/0") == first, "it was not repeated"
     (shard,) = lab.get("jobs", "--selector=robovast.io/role=shard")["items"]
     assert shard["status"].get("failed", 0) == 0
+
+
+def admit(lab: Lab, pods: int) -> None:
+    """Give the queue quota for so many pods."""
+    spec = {"resourceGroups": [resource_group(lab.namespace, pods)]}
+    lab.cluster.kubectl(
+        *("patch", "clusterqueue", lab.namespace, "--type=merge"),
+        *("--patch", json.dumps({"spec": spec})),
+    )
+
+
+def admitted(lab: Lab, name: str) -> int:
+    """How many pods of a campaign have quota."""
+    jobs = lab.get("jobs", f"--selector=robovast.io/campaign={name}")["items"]
+    return sum(job["spec"]["parallelism"] for job in jobs if not job["spec"]["suspend"])
+
+
+def test_twenty_runs_start_soon_behind_ten_thousand(queue: Lab) -> None:
+    """As soon as there is room: the large campaign does not stand in the queue with all it has.
+
+    Its pods stay pending, since no node suits them: a quota is taken all the same.
+    """
+    lab = queue
+    nowhere = {"nodeSelector": {"there": "is-none"}}
+    admit(lab, 25)
+    many = QUICK.replace("[1, 2, 3]", str(list(range(500))))
+    large = make_campaign(lab.folder / "large", "true\n", "  runs: 20\n", many)
+    lab.apply(large, "large", queueName="lab", scheduling=nowhere)
+    eventually(lambda: admitted(lab, "large") == 25, 60, "a part of the large one is admitted")
+    lab.quick(
+        "small", "true\n", "  runs: 20\n", queueName="lab", scheduling=nowhere, parallelism=20
+    )
+    place = queued(lab, "small")["queue"]
+    assert place["position"] == place["pending"] == 2, "a single Job of the large one is before it"
+    begin = time.monotonic()
+    admit(lab, 75)
+    eventually(lambda: admitted(lab, "small") == 20, 30, "the small one is admitted")
+    lab.kubectl(
+        "wait", "campaign/small", "--for=jsonpath={.status.runs.active}=20", "--timeout=30s"
+    )
+    assert time.monotonic() - begin < 30
+    assert admitted(lab, "large") == 50
