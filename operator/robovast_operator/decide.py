@@ -142,7 +142,8 @@ def _new_jobs(picture: Picture) -> list[Action]:
     if not picture.over:
         pods = [job.parallelism for job in picture.open]
         chosen = next_shards(picture.waiting, pods, spec.parallelism)
-        if spec.queue_name is not None:  # one waits at most: others have their turn, too
+        if spec.queue_name is not None or any(job.queue for job in picture.open):
+            # one waits at most: others have their turn, too
             chosen = [] if any(job.suspended for job in picture.open) else chosen[:1]
         return [CreateShard(shard) for shard in chosen]
     return [] if picture.indexed or _cancel(picture) else _last_jobs(picture)

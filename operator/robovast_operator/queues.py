@@ -91,7 +91,7 @@ class Queues:
         known = memory.waiting and memory.waiting.place
         if known and known.summary == place.summary:
             place = known  # a start that is expected a moment earlier or later is no news
-        message = f"place {place.summary} in the queue {job.queue}"
+        message = f"waits in the queue {job.queue}: place {place.summary}"
         return replace(found, message=message, place=place)
 
     def _nothing(self, job: JobState, memory: Memory) -> Waiting | None:

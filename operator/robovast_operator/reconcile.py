@@ -210,8 +210,8 @@ class Reconciler:
     async def _suspend(self, accepted: Accepted, name: str, suspend: bool, memory: Memory) -> None:
         """Stop or resume a Job; of one that Kueue looks after, it is asked to."""
         identity = accepted.identity
-        job = self._store.jobs_of((identity.namespace, identity.name), identity.uid)[name]
-        if not await self._queues.park(job, memory, parked=suspend):
+        jobs = self._store.jobs_of((identity.namespace, identity.name), identity.uid)
+        if name in jobs and not await self._queues.park(jobs[name], memory, parked=suspend):
             patch: Object = {"spec": {"suspend": suspend}}
             self._saw(await self._api.patch(f"{paths.jobs(identity.namespace)}/{name}", patch))
 
