@@ -6,7 +6,7 @@ import contextlib
 import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -20,12 +20,14 @@ from robovast.cluster.submission import (
     prepare_submission,
 )
 from robovast.document import Document
+from robovast.environment import environment
 from robovast.errors import CannotRunError, ExitCode
 from robovast_cli.cluster_remove import remove_finished
 from robovast_cli.cluster_status import CampaignState
 from robovast_cli.cluster_store import installed_place, open_store
 from robovast_cli.cluster_view import follow_view
 from robovast_cli.kubernetes import Kubernetes, connect
+from robovast_cli.notifying import create_secret, receivers, with_notifications
 from robovast_cli.output import say
 from robovast_cli.refusals import ConflictError, UnreachableError
 
@@ -70,28 +72,40 @@ def run(
         detach: do not wait for the end.
         clean_before: remove finished campaigns before.
     """
+    told = receivers(environment())
     with connect(context, namespace) as kube:
         if clean_before:
             remove_finished(kube)
         queue = options.queue or (QUEUE if kube.has_queue(QUEUE) else None)
         chosen = replace(options, context=kube.context, queue=queue)
-        campaign = submit(kube, document, chosen)
+        campaign = submit(kube, document, chosen, told)
         say(f"Campaign {campaign.name} is in the cluster (namespace {kube.namespace}).")
+        create_secret(kube, campaign.resource, told)
         if detach:
             say_how_to_go_on(campaign.name)
             return ExitCode.OK
         return follow(kube, campaign)
 
 
-def submit(kube: Kubernetes, document: Document, options: SubmitOptions) -> CampaignState:
-    """Create the Campaign of a document, its archive in S3 before when it needs one."""
+def submit(
+    kube: Kubernetes, document: Document, options: SubmitOptions, told: Mapping[str, str]
+) -> CampaignState:
+    """Create the Campaign of a document, its archive in S3 before when it needs one.
+
+    Args:
+        kube: the cluster.
+        document: the checked document.
+        options: what counts beside it.
+        told: who is told of its end (`robovast_cli.notifying.receivers`).
+    """
     for attempt in range(ATTEMPTS):
         name = campaign_name(document, unique=True)
         submission = prepare_submission(document, options, name, kube.namespace)
         if submission.archive and not attempt:
             _upload(kube, submission)
         try:
-            return CampaignState(kube.create_campaign(submission.campaign))
+            wanted = with_notifications(submission.campaign, told)
+            return CampaignState(kube.create_campaign(wanted))
         except ConflictError:
             if attempt == ATTEMPTS - 1:
                 raise

@@ -180,6 +180,45 @@ def test_a_detached_run_names_the_campaign_and_what_can_be_done_with_it(
     assert "vast results download -i growth-sim-" in first.out
 
 
+def test_who_is_to_be_told_of_the_end_stands_in_a_secret_of_the_campaign(
+    vast: Vast, operator: Operator, known_cluster: Cluster, namespace: str, tmp_path: Path
+) -> None:
+    lines = ["ROBOVAST_NTFY_TOPIC=alice-9f4e1c", "ROBOVAST_NTFY_TOKEN=tk_hidden"]
+    (tmp_path / ".env").write_text("\n".join([*lines, "ROBOVAST_WEBHOOK_URL=https://a.example/b"]))
+    outcome = vast("run", "--detach")
+    assert outcome.code == 0
+    assert "Told by ntfy and webhook" in outcome.out
+    (name,) = operator.names()
+    spec = json.dumps(operator.spec(name))
+    told = operator.spec(name)["notifications"]
+    secret: Any = known_cluster.get("secret", f"{name}-notify", f"--namespace={namespace}")
+    values = {key: base64.b64decode(text).decode() for key, text in secret["data"].items()}
+    assert values[told[0]["urlFrom"]["key"]] == "https://ntfy.sh/alice-9f4e1c"
+    assert values[told[0]["tokenFrom"]["key"]] == "tk_hidden"
+    assert values[told[1]["urlFrom"]["key"]] == "https://a.example/b"
+    assert {told[0]["urlFrom"]["name"], told[1]["urlFrom"]["name"]} == {f"{name}-notify"}
+    (owner,) = secret["metadata"]["ownerReferences"]
+    assert (owner["kind"], owner["name"]) == ("Campaign", name)
+    said = outcome.out + outcome.err + spec
+    assert "alice-9f4e1c" not in said
+    assert "tk_hidden" not in said
+
+
+@pytest.mark.parametrize(
+    "line", ["ROBOVAST_NTFY_TOPIC=a/b", "ROBOVAST_WEBHOOK_URL=//nowhere.example/secret"]
+)
+def test_a_receiver_that_cannot_be_told_is_refused_before_anything_is_created(
+    vast: Vast, operator: Operator, tmp_path: Path, line: str
+) -> None:
+    (tmp_path / ".env").write_text(line)
+    outcome = vast("run", "--detach")
+    assert outcome.code == 2
+    variable, _, value = line.partition("=")
+    assert variable in outcome.err
+    assert value not in outcome.err
+    assert operator.names() == []
+
+
 @pytest.mark.parametrize(
     ("runs", "state", "conditions", "code", "said"),
     [
@@ -591,6 +630,11 @@ def test_an_upload_is_begun_once_and_leaves_nothing_when_it_cannot_begin(
         0,
         "hall-2026: is on the share; `--force` replaces it.\n",
     )
+    monkeypatch.setenv("ROBOVAST_WEBDAV_PASSWORD", "wrong-one")
+    outcome = vast(*upload, "--force")
+    assert outcome.code == 5
+    assert "Check ROBOVAST_WEBDAV_USER and ROBOVAST_WEBDAV_PASSWORD" in outcome.err
+    assert "wrong-one" not in outcome.err
     monkeypatch.delenv("ROBOVAST_WEBDAV_USER")
     outcome = vast(*upload)
     assert outcome.code == 2
