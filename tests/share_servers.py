@@ -8,6 +8,8 @@ import hashlib
 import json
 import re
 import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,7 +23,13 @@ USER, PASSWORD = "tester", "pass word-92f"
 
 
 @contextmanager
-def webdav_server(root: Path, user: str = USER, password: str = PASSWORD) -> Iterator[str]:
+def webdav_server(
+    root: Path,
+    user: str = USER,
+    password: str = PASSWORD,
+    *,
+    address: tuple[str, int] = ("127.0.0.1", 0),
+) -> Iterator[str]:
     """WsgiDAV behind Cheroot; gives its address."""
     from cheroot import wsgi
     from wsgidav.wsgidav_app import WsgiDAVApp
@@ -36,15 +44,28 @@ def webdav_server(root: Path, user: str = USER, password: str = PASSWORD) -> Ite
             "dir_browser": {"enable": False},
         }
     )
-    server = wsgi.Server(("127.0.0.1", 0), app)
+    server = wsgi.Server(address, app)
     server.prepare()
     thread = threading.Thread(target=server.serve, daemon=True)
     thread.start()
     try:
-        yield f"127.0.0.1:{server.bind_addr[1]}"
+        yield f"{address[0]}:{server.bind_addr[1]}"
     finally:
         server.stop()
         thread.join()
+
+
+@contextmanager
+def webdav_process(root: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """The same in a process of its own; gives that, and its address."""
+    command = [sys.executable, __file__, root, "127.0.0.1", "0"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    with process:
+        try:
+            assert process.stdout is not None
+            yield process, process.stdout.readline().split()[-1]
+        finally:
+            process.kill()
 
 
 @dataclass
@@ -262,3 +283,9 @@ def gcs_server() -> Iterator[Gcs]:
         finally:
             server.shutdown()
             thread.join()
+
+
+if __name__ == "__main__":  # FOLDER HOST PORT: a WebDAV server until it is killed
+    with webdav_server(Path(sys.argv[1]), address=(sys.argv[2], int(sys.argv[3]))) as place:
+        print("serving", place, flush=True)
+        threading.Event().wait()

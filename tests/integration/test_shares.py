@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import resource
 import tarfile
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -12,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from share_places import Place, gcs, sftp, webdav
-from share_servers import Gcs
+from share_servers import PASSWORD, USER, Gcs, webdav_process
 
 from robovast.errors import InputError, RobovastError, StorageError
 from robovast.execution.cluster_execution.share_providers import gcs as gcs_module
@@ -231,6 +232,27 @@ class TestWebDav:
                     share.campaigns()
                 with pytest.raises(StorageError, match=r"409.*Check ROBOVAST_WEBDAV_URL"):
                     share.provider.verify_access()
+
+    def test_a_share_that_is_full_keeps_no_half_archive(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        served = tmp_path / "served"
+        served.mkdir()
+        with webdav_process(served) as (server, address):
+            _, most = resource.prlimit(server.pid, resource.RLIMIT_FSIZE)
+            resource.prlimit(server.pid, resource.RLIMIT_FSIZE, (MIB, most))
+            monkeypatch.setenv("ROBOVAST_SHARE_TYPE", "webdav")
+            monkeypatch.setenv("ROBOVAST_WEBDAV_URL", f"http://{address}")
+            monkeypatch.setenv("ROBOVAST_WEBDAV_USER", USER)
+            monkeypatch.setenv("ROBOVAST_WEBDAV_PASSWORD", PASSWORD)
+            with open_share() as share:
+                share.verify()
+                share.provider._client._patience = 0.1  # type: ignore[attr-defined]
+                with pytest.raises(StorageError, match=f"cannot upload {ARCHIVE} "):
+                    share.put(archive(tmp_path, 4 * MIB), lambda _done, _total: None)
+                assert list(served.iterdir()) == []
+                share.put(archive(tmp_path, 1000), lambda _done, _total: None)
+        assert [path.name for path in served.iterdir()] == [ARCHIVE]
 
 
 class TestSftp:

@@ -6,6 +6,7 @@ import base64
 import os
 import xml.etree.ElementTree as ET  # entities are refused below
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import IO, ClassVar, cast
@@ -19,7 +20,7 @@ from robovast.execution.cluster_execution.share_providers.base import (
     UploadProgressReader,
     accepts_any_certificate,
 )
-from robovast.http_client import HttpClient
+from robovast.http_client import HttpClient, HttpError
 from robovast.http_download import download
 
 URL = "ROBOVAST_WEBDAV_URL"
@@ -29,6 +30,7 @@ PASSWORD = "ROBOVAST_WEBDAV_PASSWORD"  # noqa: S105 - the name of a variable
 _LOOK = b"""<?xml version="1.0"?>
 <propfind xmlns="DAV:"><prop><resourcetype/><getcontentlength/></prop></propfind>"""
 _NOT_THERE = 404
+_REFUSALS = range(300, 600)
 
 
 class WebDavShareProvider(BaseShareProvider):
@@ -65,23 +67,16 @@ class WebDavShareProvider(BaseShareProvider):
     ) -> None:
         """Upload an archive under another name, then rename it."""
         path = Path(archive_path)
-        size = path.stat().st_size
         target = self._url(object_name)
         part = target if self.PUT_IS_ATOMIC else self._url(f".{object_name}.part")
-        with path.open("rb") as stream:
-
-            def body() -> IO[bytes]:
-                stream.seek(0)
-                return cast("IO[bytes]", UploadProgressReader(stream, size, progress_callback))
-
-            self._client.request(
-                "PUT",
-                part,
-                attempt=f"upload {object_name}",
-                body=body,
-                headers={"Content-Length": str(size), "Content-Type": "application/gzip"},
-            )
-        self._check_size(part, object_name, size)
+        try:
+            self._put(path, part, object_name, progress_callback)
+        except HttpError:
+            if part != target:  # a share that is full has no room for halves
+                with suppress(StorageError):
+                    self._client.request("DELETE", part, attempt="tidy up", accept=_REFUSALS)
+            raise
+        self._check_size(part, object_name, path.stat().st_size)
         if part != target:
             self._client.request(
                 "MOVE",
@@ -171,6 +166,22 @@ class WebDavShareProvider(BaseShareProvider):
 
     def _url(self, name: str) -> str:
         return self._folder + quote(name, safe="")
+
+    def _put(self, path: Path, url: str, name: str, progress: ProgressCallback | None) -> None:
+        size = path.stat().st_size
+        with path.open("rb") as stream:
+
+            def body() -> IO[bytes]:
+                stream.seek(0)
+                return cast("IO[bytes]", UploadProgressReader(stream, size, progress))
+
+            self._client.request(
+                "PUT",
+                url,
+                attempt=f"upload {name}",
+                body=body,
+                headers={"Content-Length": str(size), "Content-Type": "application/gzip"},
+            )
 
     def _check_size(self, url: str, name: str, size: int) -> None:
         (found,) = self._look(url, "0", f"look at {name}").values() or [0]
