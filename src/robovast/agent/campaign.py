@@ -18,6 +18,7 @@ from robovast.cluster.plan import CampaignPlan, PlanSpec
 from robovast.cluster.storage import ObjectStore
 from robovast.document import Document, load_document
 from robovast.expansion import Composition, Variant, compose, select_any
+from robovast.expansion.containers import refuse_containers
 from robovast.results.configurations import read_variants
 from robovast.results.layout import Layout
 
@@ -104,7 +105,7 @@ def expand(campaign: Campaign, document: Document, message: Callable[[str], None
     scratch = campaign.folders.scratch
     shutil.rmtree(scratch, ignore_errors=True)
     scratch.mkdir(parents=True)
-    composition = compose(document, scratch, message)
+    composition = compose(document, scratch, message, refuse_containers)
     chosen = select_any(composition.variants, campaign.plan.select)
     return Composition(tuple(chosen), composition.input_files, composition.transient_files)
 

@@ -32,6 +32,7 @@ from robovast.document.model import Resources
 from robovast.errors import InputError
 from robovast.execution.inputs import campaign_files
 from robovast.expansion import compose, select_any
+from robovast.expansion.containers import refuse_containers
 
 INLINE_LIMIT = 700_000
 """Most characters of a document with its files in one Campaign: etcd takes little more."""
@@ -201,7 +202,7 @@ def _per_cluster(resources: Resources) -> bool:
 def _input_files(document: Document, select: str | None) -> dict[str, InputFile]:
     """The document, and what it needs beside it; which files variations read shows in their use."""
     with TemporaryDirectory(prefix="robovast-") as scratch:
-        composition = compose(document, Path(scratch))
+        composition = compose(document, Path(scratch), containers=refuse_containers)
     select_any(composition.variants, [select] if select else [])
     own = Path(document.path.name)
     named = [path for path in campaign_files(document, composition) if path != own]

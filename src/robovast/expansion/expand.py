@@ -15,7 +15,8 @@ from robovast.common.variation import Variation
 from robovast.common.variation.loader import load_variation
 from robovast.document import Document
 from robovast.document.model import NAME_PATTERN, ConfigurationEntry, PluginCall, merge_pairs
-from robovast.errors import InputError, RobovastError
+from robovast.errors import CannotRunError, InputError, RobovastError
+from robovast.expansion.containers import ContainerRunner, Containers
 from robovast.expansion.variant import ConfigFile, Variant, VariationRecord
 from robovast.plain import to_plain
 
@@ -43,7 +44,12 @@ def expand(document: Document, output_dir: Path, progress: Progress | None = Non
     return list(compose(document, output_dir, progress).variants)
 
 
-def compose(document: Document, output_dir: Path, progress: Progress | None = None) -> Composition:
+def compose(
+    document: Document,
+    output_dir: Path,
+    progress: Progress | None = None,
+    containers: Containers = ContainerRunner,
+) -> Composition:
     """All variants of a document, in its order, and the files that came with them.
 
     The same document gives the same variants on every machine, as long as the variation types
@@ -54,9 +60,11 @@ def compose(document: Document, output_dir: Path, progress: Progress | None = No
         output_dir: existing folder where variation types may put files; `Variant.files` point
             into it, so it must live as long as they are needed.
         progress: receives the messages of variation types.
+        containers: starts the containers of those that need one.
 
     Raises:
         InputError: a variation type fails, or makes what no run can use.
+        CannotRunError: one needs a container, and none can be started.
     """
     if document.vast.search is not None:
         raise InputError(
@@ -66,8 +74,9 @@ def compose(document: Document, output_dir: Path, progress: Progress | None = No
     scenario = read_scenario(document.scenario)
     used: list[Variation] = []
     variants: list[Variant] = []
+    surroundings = _Surroundings(document, output_dir, progress or _ignore, containers)
     for entry in document.vast.configuration or [DEFAULT_ENTRY]:
-        variants += _expand_entry(document, scenario, entry, output_dir, progress or _ignore, used)
+        variants += _expand_entry(surroundings, scenario, entry, used)
     _refuse_shared_names(document, variants)
     return Composition(tuple(variants), _input_files(document, used), _transient_files(used))
 
@@ -76,12 +85,29 @@ def _ignore(message: str) -> None:
     del message
 
 
+@dataclass(frozen=True)
+class _Surroundings:
+    """What all variation types of a document get."""
+
+    document: Document
+    output_dir: Path
+    progress: Progress
+    containers: Containers
+
+    def runner(self, kind: type[Variation], parameters: Any) -> tuple[ContainerRunner] | tuple[()]:
+        """What starts the container that a variation type needs; nothing when it needs none."""
+        image = kind.get_required_container(parameters)
+        if image is None:
+            return ()
+        if not isinstance(image, str):
+            raise TypeError(f"get_required_container must name an image, not {image!r}")
+        return (self.containers(image, self.progress),)
+
+
 def _expand_entry(
-    document: Document,
+    surroundings: _Surroundings,
     scenario: Scenario,
     entry: ConfigurationEntry,
-    output_dir: Path,
-    progress: Progress,
     used: list[Variation],
 ) -> Iterable[Variant]:
     parameters = merge_pairs(entry.parameters or [])
@@ -91,7 +117,7 @@ def _expand_entry(
     records: list[VariationRecord] = []
     for call in entry.variations or []:
         started, clock = datetime.now(UTC), time.perf_counter()
-        variation, configs = _apply(document, entry, call, configs, output_dir, progress)
+        variation, configs = _apply(surroundings, entry, call, configs)
         used.append(variation)
         duration = round(time.perf_counter() - clock, 6)
         records.append(VariationRecord(call.name, started.isoformat(), duration))
@@ -100,25 +126,28 @@ def _expand_entry(
 
 
 def _apply(
-    document: Document,
+    surroundings: _Surroundings,
     entry: ConfigurationEntry,
     call: PluginCall,
     configs: list[dict[str, Any]],
-    output_dir: Path,
-    progress: Progress,
 ) -> tuple[Variation, list[dict[str, Any]]]:
     """The configurations that one variation type makes of those before it."""
+    document = surroundings.document
     where = f"configuration `{entry.name}`, variation `{call.name}`"
     try:
-        variation = load_variation(call.name, document.folder)(
+        kind = load_variation(call.name, document.folder)
+        variation = kind(
             str(document.folder),
             call.parameters,
             entry.model_dump(exclude_none=True, exclude={"variations"}),
-            progress,
+            surroundings.progress,
             str(document.scenario),
-            str(output_dir),
+            str(surroundings.output_dir),
+            *surroundings.runner(kind, call.parameters),
         )
         made = variation.variation(configs)
+    except CannotRunError as error:
+        raise CannotRunError(f"{where}: {error}") from error
     except RobovastError:
         raise
     except Exception as error:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from robovast.navigation.floorplan.model import FloorPlan
 
 Files = Annotated[list[str], Field(min_length=1)]
+Container = Annotated[str, Field(min_length=1)] | None
 
 
 class FloorplanGenerationConfig(VariationConfig):
@@ -32,6 +33,8 @@ class FloorplanGenerationConfig(VariationConfig):
     """Scenario parameters that get the map's file and the mesh's, in this order."""
     floorplans: Files
     """Models of floor plans (.fpm), relative to the .vast file; one configuration for each."""
+    container: Container = None
+    """Image of a generator to use instead of the one in this process."""
 
 
 class FloorplanVariationConfig(VariationConfig):
@@ -45,6 +48,8 @@ class FloorplanVariationConfig(VariationConfig):
     """Number of plans to draw for each of the files."""
     seed: int | None = None
     """Seed; without one it follows from the configuration's name."""
+    container: Container = None
+    """Image of a generator to use instead of the one in this process."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +58,11 @@ class _Plan:
 
     name: str
     """Of its files."""
-    plan: FloorPlan
     model: Path
     """Its model."""
     about: dict[str, Any]
+    drawn: FloorPlan | None = None
+    """The plan, when it is already known."""
     base: Path | None = None
     """The model that it was drawn from."""
 
@@ -75,21 +81,45 @@ class _FloorplanVariation(NavigationVariation):
             try:
                 made = list(self._made())
             except DocumentError as error:
-                entry = (self.general_parameters or {}).get("name")
-                where = f"configuration `{entry}`: {type(self).__name__}"
-                raise DocumentError(replace(p, key=where) for p in error.problems) from None
+                raise DocumentError(replace(p, key=self._where) for p in error.problems) from None
+            except InputError as error:
+                raise InputError(f"{self._where}: {error}") from None
         return [
             self._with_plan(config, plan, artefacts)
             for config in in_configs
             for plan, artefacts in made
         ]
 
-    def _made(self) -> Iterator[tuple[_Plan, Artefacts]]:
-        from robovast.navigation.floorplan.artefacts import make_artefacts
+    @property
+    def _where(self) -> str:
+        return f"configuration `{(self.general_parameters or {}).get('name')}`: {self._name}"
 
+    @property
+    def _name(self) -> str:
+        return type(self).__name__
+
+    @classmethod
+    def get_required_container(cls, parameters: Any) -> str | None:
+        """The generator's image, when one is named."""
+        image = parameters.get("container")
+        return image if isinstance(image, str) and image else None
+
+    def _made(self) -> Iterator[tuple[_Plan, Artefacts]]:
+        make = self._generated if self.container_runner else self._made_here
         for plan in self._plans():
             self.progress_update(plan.name)
-            yield plan, make_artefacts(plan.plan, plan.name, self._folder)
+            yield plan, make(plan)
+
+    def _made_here(self, plan: _Plan) -> Artefacts:
+        from robovast.navigation.floorplan.artefacts import make_artefacts
+        from robovast.navigation.floorplan.language import read_floorplan
+
+        return make_artefacts(plan.drawn or read_floorplan(plan.model), plan.name, self._folder)
+
+    def _generated(self, plan: _Plan) -> Artefacts:
+        from robovast.navigation.floorplan.generator import generate
+
+        return generate(self.container_runner, plan.model, plan.name, self._folder)
 
     def get_input_files(self) -> list[str]:
         """The models that are below the .vast file's folder."""
@@ -130,7 +160,7 @@ class _FloorplanVariation(NavigationVariation):
     @cached_property
     def _folder(self) -> Path:
         if self.output_dir is None:
-            raise InputError(f"{type(self).__name__} needs an output folder")
+            raise InputError("an output folder is needed")
         return Path(self.output_dir)
 
     def _is_input(self, path: Path) -> bool:
@@ -141,6 +171,11 @@ class _FloorplanVariation(NavigationVariation):
         if self._is_input(path):
             return f"_config/{path.relative_to(Path(self.base_path).resolve())}"
         return f"_transient/floorplans/{path.name}"
+
+    def _generator(self) -> dict[str, Any]:
+        """What to record of a generator that is not ours."""
+        runner = self.container_runner
+        return {"generator": {"image": runner.image, "digest": runner.digest}} if runner else {}
 
     def _with_plan(self, config: Config, plan: _Plan, artefacts: Artefacts) -> Config:
         files = (artefacts.map_file, artefacts.mesh_file)
@@ -153,6 +188,7 @@ class _FloorplanVariation(NavigationVariation):
             "mesh_file": artefacts.mesh_file,
             "graph": list(artefacts.graph),
             "resolution": artefacts.resolution,
+            **self._generator(),
             **plan.about,
         }
         return self.update_config(
@@ -176,11 +212,12 @@ class FloorplanGeneration(_FloorplanVariation):
             path = (Path(self.base_path) / file).resolve()
             if path.stem in names:
                 raise InputError(
-                    f"{type(self).__name__}: `{names[path.stem]}` and `{file}` have one name, and "
+                    f"`{names[path.stem]}` and `{file}` have one name, and "
                     "their maps would; rename one of them."
                 )
             names[path.stem] = file
-            yield _Plan(path.stem, self._read(path), path, read_about(path))
+            self._models.append(path)
+            yield _Plan(path.stem, path, read_about(path))
 
 
 class FloorplanVariation(_FloorplanVariation):
@@ -218,4 +255,4 @@ class FloorplanVariation(_FloorplanVariation):
         path.write_text(f"// drawn from {os.path.basename(base)}\n{text}", encoding="utf-8")
         self._models.append(path)
         self._drawn.add(path)
-        return _Plan(name, plan, path, about, base)
+        return _Plan(name, path, about, plan, base)

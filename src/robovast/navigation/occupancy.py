@@ -83,6 +83,15 @@ def map_image(path: Path) -> Path:
     return _image_path(path, _read_yaml(path))
 
 
+def read_resolution(path: Path) -> float:
+    """The resolution of a map [m].
+
+    Raises:
+        InputError: the file is no map.
+    """
+    return _positive(path, _read_yaml(path), "resolution")
+
+
 def write_map(occupancy: OccupancyMap, path: Path) -> Path:
     """Write a map as YAML and, beside it, PGM.
 

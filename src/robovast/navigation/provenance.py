@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Any
+from urllib.parse import quote
 
 from robovast import __version__
 from robovast.common.variation import ProvContribution
@@ -58,7 +59,9 @@ class _Graph:
         self._record = record
         self._campaign, self._config = campaign, config
         self._env, self._robovast = Namespace(_ENV), Namespace(_ROBOVAST)
-        self._generator = URIRef(_GENERATOR)
+        self._image = record.get("generator")
+        name = quote(self._image["image"], safe="/:@") if self._image else ""
+        self._generator = URIRef(_GENERATOR + name)
         self._model = campaign[record["model"]]
         self._files = {
             key: config[f"_config/{record[key]}"] for key in ("map_file", "image", "mesh_file")
@@ -126,7 +129,8 @@ class _Graph:
 
         activity = self._config["jsonld_generation/"]
         kinds = [PROV["Agent"], PROV["SoftwareAgent"]]
-        yield {"@id": self._generator, "@type": kinds, DCTERMS["hasVersion"]: __version__}
+        version = self._image["digest"] if self._image else __version__
+        yield {"@id": self._generator, "@type": kinds, DCTERMS["hasVersion"]: version}
         yield self._activity(activity, "FloorPlanTransformation", [self._model])
         for iri in self._graph:
             yield self._generated(iri, "FloorPlanGraphModel", activity)

@@ -7,10 +7,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
+from rdflib import DCTERMS, Namespace
 
 from robovast.document import load_document
 from robovast.execution.generate import write_configurations, write_execution
 from robovast.expansion import compose
+from robovast.navigation.floorplan_variation import FloorplanGeneration
 from robovast.results.layout import Layout
 from robovast_cli.main import command
 
@@ -106,3 +108,23 @@ def test_a_drawn_plan_is_derived_from_its_base(ask, tmp_path: Path) -> None:
     rows = ask(str(query))
     assert len(rows) == 3
     assert names(rows, "base") == {"_config/plans/office.fpm"}
+
+
+def test_a_generator_in_a_container_is_named_with_its_digest() -> None:
+    namespace = Namespace("https://example.org/c/")
+    record = {
+        **{key: f"floorplans/a/{key}" for key in ("map_file", "image", "mesh_file")},
+        "model": "_config/a.fpm",
+        "graph": [],
+        "resolution": 0.05,
+        "modified": "2026-01-02",
+        "creators": [],
+        "contributors": [],
+        "generator": {"image": "my/generator:1", "digest": "sha256:12"},
+    }
+    entry = {"navigation": {"floorplan": record}}
+    found = FloorplanGeneration.collect_prov_metadata(entry, namespace, namespace, "g", "v")
+    assert found is not None
+    (generator,) = [node for node in found.graph_nodes if DCTERMS.hasVersion in node]
+    assert generator["@id"].endswith("/my/generator:1")
+    assert generator[DCTERMS.hasVersion] == "sha256:12"

@@ -5,14 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 
+from robovast.containers import ENGINES, engine_answers
 from robovast.document import Document
 from robovast.errors import CannotRunError, InputError
-from robovast.execution.local.container_runtime import ContainerRuntime, engine_answers
+from robovast.execution.local.container_runtime import ContainerRuntime
 from robovast.execution.local.events import LocalOptions
 from robovast.execution.local.process_runtime import ProcessRuntime
 from robovast.execution.local.runtime import Runtime
 
-RUNTIMES = ("docker", "podman", "process", "auto")
+RUNTIMES = (*ENGINES, "process", "auto")
 
 
 def resolve_image(document: Document, options: LocalOptions) -> str | None:
@@ -50,7 +51,7 @@ def _first_available(
     if image is None:
         message("Running as plain processes: no container image is named.")
         return ProcessRuntime(message)
-    for engine in ("docker", "podman"):
+    for engine in ENGINES:
         if engine_answers(engine):
             message(f"Running in {engine} with {image}.")
             return ContainerRuntime(engine, image, options, message)

@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import ClassVar
 
+from robovast.containers import call, check_engine, fetch_image, image_digest
 from robovast.errors import CannotRunError
 from robovast.execution.compat import VERSION_PATH, check_compat
 from robovast.execution.local import process_tree
@@ -20,15 +21,6 @@ from robovast.plain import dump_yaml
 
 X11_SOCKETS = Path("/tmp/.X11-unix")  # noqa: S108  # where X servers listen
 LABEL = "robovast.job"
-
-
-def engine_answers(engine: str) -> bool:
-    """True when the program is installed and its daemon, if it has one, answers."""
-    if shutil.which(engine) is None:
-        return False
-    return _call([engine, "info", "--format", "{{.Driver}}{{.Store.GraphDriverName}}"]).ok or (
-        _call([engine, "info"]).ok
-    )
 
 
 class ContainerRuntime:
@@ -47,15 +39,15 @@ class ContainerRuntime:
 
     def check(self) -> Identity:
         """Make sure that the engine answers and that the image is here and compatible."""
-        self._check_engine()
+        check_engine(self.name, "use `--runtime process`")
         _ = self._compose
-        self._fetch_image()
+        fetch_image(self.name, self._image, self._message, "build it with container/build.sh")
         command = [self.name, "run", "--rm", "--network", "none", "--entrypoint", "cat"]
-        result = _call([*command, self._image, VERSION_PATH])
+        result = call([*command, self._image, VERSION_PATH])
         if not result.ok and "No such file" not in result.errors:
             raise CannotRunError(f"{self._image} cannot be started: {result.last_error}")
         check_compat(self._image, result.output.strip() if result.ok else None)
-        return Identity(self._image, self._digest())
+        return Identity(self._image, image_digest(self.name, self._image))
 
     def start(self, spec: JobSpec, console: Path) -> subprocess.Popen[bytes]:
         """Start the job's containers; the process ends with the main container's exit code."""
@@ -82,14 +74,14 @@ class ContainerRuntime:
 
     def clean_up_campaign(self, prefix: str) -> None:
         """Remove containers of an execution that was killed."""
-        listing = _call([self.name, "ps", "-aq", "--filter", f"label={LABEL}={prefix}"])
+        listing = call([self.name, "ps", "-aq", "--filter", f"label={LABEL}={prefix}"])
         if listing.ok and listing.output.split():
-            _call([self.name, "rm", "-f", *listing.output.split()])
+            call([self.name, "rm", "-f", *listing.output.split()])
 
     @cached_property
     def _compose(self) -> list[str]:
         standalone = f"{self.name}-compose"
-        if _call([self.name, "compose", "version"]).ok:
+        if call([self.name, "compose", "version"]).ok:
             return [self.name, "compose"]
         if shutil.which(standalone):
             return [standalone]
@@ -97,34 +89,6 @@ class ContainerRuntime:
             f"{self.name} is here, but neither `{self.name} compose` nor `{standalone}`: install "
             f"the compose plugin, or use `--runtime process`."
         )
-
-    def _check_engine(self) -> None:
-        if shutil.which(self.name) is None:
-            raise CannotRunError(
-                f"there is no `{self.name}` here: install it, or use `--runtime process`."
-            )
-        result = _call([self.name, "info"])
-        if not result.ok:
-            raise CannotRunError(
-                f"{self.name} does not answer: {result.last_error}. Is its daemon running, and may "
-                "you use it? Or use `--runtime process`."
-            )
-
-    def _fetch_image(self) -> None:
-        if _call([self.name, "image", "inspect", self._image]).ok:
-            return
-        self._message(f"Pulling {self._image} …")
-        result = _call([self.name, "pull", "--quiet", self._image])
-        if not result.ok:
-            raise CannotRunError(
-                f"the image {self._image} is not on this machine and cannot be pulled: "
-                f"{result.last_error}. Check its name, log in to its registry, or build it with "
-                "container/build.sh."
-            )
-
-    def _digest(self) -> str:
-        pattern = "{{if .RepoDigests}}{{index .RepoDigests 0}}{{else}}{{.Id}}{{end}}"
-        return _call([self.name, "image", "inspect", "-f", pattern, self._image]).output.strip()
 
     def _model(self, spec: JobSpec) -> dict[str, object]:
         volumes = [
@@ -150,7 +114,7 @@ class ContainerRuntime:
         )
 
     def _run_compose(self, spec: JobSpec, *command: str) -> None:
-        _call([*self._project(spec), *command])
+        call([*self._project(spec), *command])
 
     def _project(self, spec: JobSpec) -> list[str]:
         """The command line that speaks of a job's compose project."""
@@ -159,19 +123,3 @@ class ContainerRuntime:
 
     def _compose_file(self, spec: JobSpec) -> Path:
         return spec.work / "compose.yaml"
-
-
-class _Result:
-    def __init__(self, process: subprocess.CompletedProcess[str]) -> None:
-        self.ok = process.returncode == 0
-        self.output = process.stdout
-        self.errors = process.stderr
-
-    @property
-    def last_error(self) -> str:
-        lines = [line for line in self.errors.strip().splitlines() if line.strip()]
-        return lines[-1].strip() if lines else "no message"
-
-
-def _call(command: list[str]) -> _Result:
-    return _Result(subprocess.run(command, capture_output=True, text=True, check=False))

@@ -7,6 +7,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from robovast.navigation.floorplan.source import read_text
+
 _LINE = re.compile(
     r"^//\s*(?P<key>creator|contributor|license|description|modified)\s*:\s*(?P<value>.+?)\s*$",
     re.IGNORECASE,
@@ -18,10 +20,14 @@ def read_about(path: Path) -> dict[str, Any]:
     """`creators` and `contributors` (`{name, orcid}`), `license`, `description`, `modified`.
 
     The last is the day that is written, else the file's own time (ISO 8601, UTC).
+
+    Raises:
+        InputError: the file cannot be read.
     """
+    text = read_text(path)
     changed = datetime.fromtimestamp(int(path.stat().st_mtime), UTC)
     about: dict[str, Any] = {"creators": [], "contributors": [], "modified": changed.isoformat()}
-    for line in path.read_text(encoding="utf-8").splitlines():
+    for line in text.splitlines():
         match = _LINE.match(line)
         if match is None:
             continue

@@ -9,7 +9,8 @@ from typing import Any
 from textx import metamodel_from_file
 from textx.exceptions import TextXError
 
-from robovast.errors import DocumentError, InputError, Place, Problem
+from robovast.errors import DocumentError, Place, Problem
+from robovast.navigation.floorplan.source import read_text
 
 UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "deg": 0.017453292519943295, "rad": 1.0}
 """Factors to metres and radians."""
@@ -32,12 +33,7 @@ class Source:
     def __init__(self, path: Path, grammar: str) -> None:
         self.path = path
         self.problems: list[Problem] = []
-        try:
-            self.text = path.read_text(encoding="utf-8")
-        except FileNotFoundError:
-            raise InputError(f"there is no file {path}.") from None
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{path} cannot be read: {error}") from error
+        self.text = read_text(path)
         try:
             self.model: Any = _metamodel(grammar).model_from_str(self.text)
         except TextXError as error:

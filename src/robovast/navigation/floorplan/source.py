@@ -1,0 +1,21 @@
+"""Reading the files of floor plans."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from robovast.errors import InputError
+
+
+def read_text(path: Path) -> str:
+    """The text of a file.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(f"there is no file {path}.") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} cannot be read: {error}") from error
