@@ -5,7 +5,7 @@ from __future__ import annotations
 from robovast.cluster.names import BUNDLES_BUCKET
 from robovast.cluster.notice import Order
 from robovast.cluster.plan import Bundle, CampaignPlan, Entry, GitSource, PlanSpec
-from robovast.cluster.resources import SHARD_LABEL, Scheduling
+from robovast.cluster.resources import ROLE_LABEL, SHARD_LABEL, Scheduling
 from robovast.execution.resources import cpus, memory
 from robovast_operator.campaign import Accepted, Identity, Object
 from robovast_operator.pods import inline_items, notify_pod, run_pod, task_pod
@@ -15,7 +15,6 @@ from robovast_operator.store import (
     ATTEMPT_ANNOTATION,
     NOTIFY_ROLE,
     QUEUE_LABEL,
-    ROLE_LABEL,
     RUNS_ANNOTATION,
 )
 

@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from robovast.cluster.resources import CAMPAIGN_LABEL, SHARD_LABEL, UID_LABEL
+from robovast.cluster.resources import CAMPAIGN_LABEL, ROLE_LABEL, SHARD_LABEL, UID_LABEL
 from robovast_operator.campaign import Key, Object
-
-ROLE_LABEL = "robovast.io/role"
-"""`shard`, `compose`, `finish`, `process`, `purge` or `notify`, on Jobs and pods."""
 
 NOTIFY_ROLE = "notify"
 """Of Jobs that send a notice: nothing in a campaign depends on them."""

@@ -9,7 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from robovast.cluster.names import CREDENTIALS_SECRET, bucket_name
-from robovast.cluster.resources import API_VERSION, CAMPAIGN_LABEL, UID_LABEL, Scheduling
+from robovast.cluster.resources import (
+    API_VERSION,
+    CAMPAIGN_LABEL,
+    ROLE_LABEL,
+    UID_LABEL,
+    Scheduling,
+)
 from robovast.errors import InputError
 from robovast.execution.cluster_execution.share_providers.base import BaseShareProvider
 from robovast.plugins import split_file_reference
@@ -87,7 +93,7 @@ def share_job(upload: Upload, secret: str) -> Object:
         upload: what it uploads.
         secret: name of the Secret that describes the share.
     """
-    labels = {"app.kubernetes.io/component": ROLE, **_campaign_labels(upload.owner)}
+    labels = {ROLE_LABEL: ROLE, **_campaign_labels(upload.owner)}
     metadata: Object = {"name": upload.job, "labels": labels}
     if upload.owner is not None:
         metadata["ownerReferences"] = [_reference(API_VERSION, "Campaign", upload.owner)]

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from robovast.agent.share import Progress
-from robovast.cluster.resources import MANAGED_LABEL, Scheduling
+from robovast.cluster.resources import MANAGED_LABEL, ROLE_LABEL, Scheduling
 from robovast.cluster.share_job import (
     Upload,
     agent_image,
@@ -51,6 +51,7 @@ def test_the_job_is_suspended_restricted_and_knows_its_results() -> None:
     assert job["metadata"]["name"] == "hall-2026-03-04-132444-share"
     assert job["metadata"]["ownerReferences"][0]["uid"] == "uid-1"
     assert MANAGED_LABEL not in job["metadata"]["labels"]
+    assert job["spec"]["template"]["metadata"]["labels"][ROLE_LABEL] == "share"
     assert job["spec"]["suspend"]
     pod = job["spec"]["template"]["spec"]
     assert pod["nodeSelector"] == {"disk": "large"}
