@@ -90,6 +90,9 @@ def notice(
     passed = _condition(status, "Passed")
     over = transition.event in {"Finished", "GivenUp"}
     told = passed if transition.event == "Finished" and passed else transition.since
+    messages = [told.message]
+    if transition.since.reason == "ProcessingFailed":
+        messages.append(transition.since.message)
     started, ended = status.start_time, status.completion_time
     took = parse_time(ended) if ended else now
     return Notice(
@@ -108,7 +111,7 @@ def notice(
         failing=status.failing,
         seconds=(took - parse_time(started)).total_seconds() if started else None,
         reason=told.reason,
-        message=told.message,
+        message="\n".join(messages),
     )
 
 

@@ -42,6 +42,8 @@ class Notifier:
 
     def next(self, obj: Object, status: CampaignStatus) -> tuple[CampaignStatus, Object | None]:
         """The status that remembers what is told now, and the Job that tells it."""
+        if not (obj.get("spec") or {}).get("notifications"):
+            return status, None
         wanted = _wanted(obj)
         moment, identity = now(), Identity.of(obj)
         lasting = timedelta(seconds=self._settings.notify_seconds)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+from base64 import b64encode
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 from pydantic import ValidationError
-from urllib3.util import make_headers
 
 from robovast.agent.exit_codes import AgentExit, PlanError
 from robovast.agent.folders import Folders
@@ -111,10 +111,10 @@ def _address(receiver: Notification, folder: Path) -> Address:
         raise InputError(f"the URL of a receiver ({receiver.kind}) is none of http or https.")
     user, password = unquote(parts.username or ""), unquote(parts.password or "")
     netloc = parts.netloc.rpartition("@")[2]
-    headers = make_headers(basic_auth=f"{user}:{password}") if user or password else {}
-    if token:
-        headers = {"Authorization": f"Bearer {token}"}
-    secrets = (parts.path, parts.path.strip("/"), parts.query, password, token)
+    login = b64encode(f"{user}:{password}".encode()).decode() if user or password else ""
+    granted = f"Bearer {token}" if token else f"Basic {login}" if login else ""
+    headers = {"Authorization": granted} if granted else {}
+    secrets = (parts.path, parts.path.strip("/"), parts.query, password, login, token)
     return Address(parts._replace(netloc=netloc, fragment="").geturl(), headers, secrets)
 
 

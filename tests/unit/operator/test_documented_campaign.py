@@ -1,4 +1,4 @@
-"""The Campaign that docs/kubernetes.md shows is one that the operator takes."""
+"""What docs/kubernetes.md shows of a Campaign is what the operator takes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ PAGE = Path(__file__).parents[3] / "docs" / "kubernetes.md"
 
 def test_the_documented_campaign_is_accepted_and_has_four_runs() -> None:
     blocks = PAGE.read_text(encoding="utf-8").split("```yaml\n")[1:]
-    (obj,) = (yaml.safe_load(block.partition("```")[0]) for block in blocks)
+    obj, notifying = (yaml.safe_load(block.partition("```")[0]) for block in blocks)
+    obj["spec"] |= notifying["spec"]
     obj["metadata"] |= {
         "namespace": "default",
         "uid": "0123-4567",
@@ -25,3 +26,4 @@ def test_the_documented_campaign_is_accepted_and_has_four_runs() -> None:
     assert isinstance(made, Accepted), made
     assert [(entry.name, entry.variants) for entry in made.entries] == [("greeting", 2)]
     assert made.runs == 2
+    assert [told.kind for told in made.spec.notifications] == ["ntfy", "webhook"]

@@ -93,6 +93,22 @@ def test_the_end_is_told_once_with_its_verdict() -> None:
     assert "6 runs: 6 passed, 0 failed, 0 errored after" in sent.text
 
 
+def test_results_that_could_not_be_worked_up_are_told_beside_the_verdict() -> None:
+    world = Watched(runs=1)
+    world.end()
+    why = {"reason": "ProcessingFailed", "message": "not worked up: no memory"}
+    conditions = [
+        c.model_copy(update=why if c.type == "ResultsAvailable" else {})
+        for c in world.status.conditions
+    ]
+    status = world.status.model_copy(update={"conditions": conditions, "notified": []})
+    found, _ = due(status, [PHONE], world.now, LASTING)
+    assert found is not None
+    sent = notice(Identity.of(campaign()), status, found, world.now)
+    assert (sent.verdict, sent.reason) == ("Passed", "Accepted")
+    assert sent.message.endswith("of all\nnot worked up: no memory")
+
+
 def test_a_repetition_and_further_runs_end_once_more() -> None:
     world = Watched(runs=1)
     world.end("failed")
