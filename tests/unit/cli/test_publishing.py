@@ -156,16 +156,17 @@ def test_an_archive_is_imported(vast, results: Path, tmp_path: Path) -> None:
     assert (outcome.code, outcome.out) == (0, f"Imported home/{NAME}.\n")
     assert vast("results", "import-results", "x.tar.gz").code == 5
     assert vast("results", "import-results", "x.tar.gz", "-f").code == 0
-    (tmp_path / "evil.tar.gz").write_bytes(evil())
+    (tmp_path / "evil.tar.gz").write_bytes(archive_of("../evil"))
     outcome = vast("import-results", "evil.tar.gz")
     assert outcome.code == 2
     assert "refused, because `../evil` wants to be outside" in outcome.err
 
 
-def evil() -> bytes:
+def archive_of(name: str) -> bytes:
+    """An archive with one empty file."""
     content = io.BytesIO()
     with tarfile.open(fileobj=content, mode="w:gz") as tar:
-        tar.addfile(tarfile.TarInfo("../evil"))
+        tar.addfile(tarfile.TarInfo(name))
     return content.getvalue()
 
 
@@ -196,3 +197,37 @@ def test_a_share_is_listed_and_emptied(vast, results: Path, tmp_path: Path) -> N
     assert outcome.code == 2
     assert f"it has {NAME}" in outcome.err
     assert "secret-77" not in outcome.err + outcome.out
+
+
+def test_a_described_share_is_where_results_come_from(
+    vast, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Unless the cluster is meant."""
+    monkeypatch.setenv("KUBECONFIG", str(folder / "none"))
+    (folder / "far-away.tar.gz").write_bytes(archive_of("far-away/_config/x.vast"))
+    (folder / "share.py").write_text(
+        "import pathlib, shutil\n"
+        "from robovast.execution.cluster_execution.share_providers.base import BaseShareProvider\n"
+        f"ARCHIVE = pathlib.Path({str(folder)!r}, 'far-away.tar.gz')\n"
+        "class Share(BaseShareProvider):\n"
+        "    def required_env_vars(self): return {}\n"
+        "    def build_pod_env(self): return {}\n"
+        "    def upload_archive(self, *_): ...\n"
+        "    def list_campaign_archives_with_size(self):\n"
+        "        return [(ARCHIVE.name, ARCHIVE.stat().st_size)]\n"
+        "    def download_archive(self, name, dest, progress=None, offset=0):\n"
+        "        shutil.copy(ARCHIVE, dest)\n"
+    )
+    assert vast("results", "download").code == 3
+    assert vast("results", "download", "--from", "share").code == 2
+    (folder / ".env").write_text("ROBOVAST_SHARE_TYPE=share.py:Share\n")
+    outcome = vast("results", "download", "-o", "home", "--keep-archive")
+    assert (outcome.code, outcome.out) == (0, "home/far-away: fetched from the share.\n")
+    assert {path.name for path in (folder / "home").iterdir()} == {"far-away", "far-away.tar.gz"}
+    outcome = vast("results", "download", "-o", "home")
+    assert outcome.out == "home/far-away: is here; `--force` fetches it again.\n"
+    outcome = vast("results", "download", "-i", "other")
+    assert outcome.code == 2
+    assert "it has far-away. `--from cluster` looks in the cluster's storage." in outcome.err
+    assert vast("results", "download", "--from", "cluster").code == 3
+    assert vast("results", "download", "-n", "lab").code == 3
