@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -102,7 +103,8 @@ class _Uploads:
             say(f"{name}: is being uploaded. Its log: {log_command(kube, upload.job)}")
             return
         follow(kube, upload.job, name, lambda line: say(f"{name}: {line}"))
-        kube.delete_job(upload.job)
+        with suppress(CannotRunError):  # who may not delete it leaves that to its time to live
+            kube.delete_job(upload.job)
 
     def _is_there(self, name: str) -> bool:
         try:

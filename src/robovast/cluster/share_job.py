@@ -29,6 +29,8 @@ PROVIDER_FILE = "provider.py"
 RETRIES = 3
 KEEP = 3600
 """For how long the Job stays after its end, with its pods, their logs and the Secret [s]."""
+GRACE_SECONDS = 5
+"""Nothing is kept of an upload that is told to end."""
 USER = 1000
 
 _VARIABLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -152,6 +154,7 @@ def _pod(upload: Upload, secret: str) -> Object:
         "restartPolicy": "Never",
         "automountServiceAccountToken": False,
         "enableServiceLinks": False,
+        "terminationGracePeriodSeconds": GRACE_SECONDS,
         "securityContext": {
             "runAsUser": USER,
             "runAsGroup": USER,
