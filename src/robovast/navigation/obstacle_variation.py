@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field, field_validator, model_validator
 
 from robovast.common.config import VariationConfig
 from robovast.navigation.base import (
@@ -21,6 +21,7 @@ from robovast.navigation.base import (
 )
 from robovast.navigation.extra import nav_extra
 from robovast.navigation.poses import Pose, length_of, position, read_pose
+from robovast.navigation.sizes import radius_of
 
 if TYPE_CHECKING:
     from robovast.navigation.costmap import Costmap
@@ -49,6 +50,12 @@ class ObstacleKindConfig(VariationConfig):
         if (self.amount is None) == (self.amount_per_m is None):
             raise ValueError("give `amount` or `amount_per_m`, one of both")
         return self
+
+    @field_validator("xacro_arguments")
+    @classmethod
+    def _check_size(cls, value: str) -> str:
+        radius_of(value)
+        return value
 
 
 class ObstacleVariationConfig(VariationConfig):
@@ -139,7 +146,7 @@ class ObstacleVariation(NavigationVariation):
         amount_per_m: float | None,
         max_distance: float | None,
     ) -> Kind:
-        from robovast.navigation.placing import Kind, radius_of
+        from robovast.navigation.placing import Kind
 
         if not course.points and (amount_per_m is not None or max_distance is not None):
             raise self.error(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import math
 import random
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -19,9 +18,6 @@ ATTEMPTS = 50
 """How often the obstacles of a configuration are placed anew before they are too many."""
 
 _PLACES_PER_OBSTACLE = 40
-
-DEFAULT_RADIUS = 0.25
-"""Of an obstacle whose arguments do not say how large it is [m]."""
 
 
 class PlacingError(ValueError):
@@ -77,20 +73,6 @@ def place(
             return placed
         most = max(most, len(placed))
     raise PlacingError(_too_many(len(wanted), most, course))
-
-
-def radius_of(xacro_arguments: str) -> float:
-    """Radius of a disc that holds an obstacle, by its `width`, `length` and `radius` [m]."""
-    found = {
-        key: float(value)
-        for key, value in re.findall(r"\b(width|length|radius)\s*:=\s*([0-9.]+)", xacro_arguments)
-    }
-    if "radius" in found:
-        return found["radius"]
-    width, length = found.get("width"), found.get("length")
-    if width is None and length is None:
-        return DEFAULT_RADIUS
-    return math.hypot(width or length or 0.0, length or width or 0.0) / 2
 
 
 def nearest_on(points: Sequence[Point], place: Point) -> Point:

@@ -12,8 +12,9 @@ import pytest
 from robovast.errors import InputError
 from robovast.navigation.costmap import Costmap
 from robovast.navigation.occupancy import read_map
-from robovast.navigation.placing import nearest_on, radius_of
+from robovast.navigation.placing import nearest_on
 from robovast.navigation.poses import read_pose
+from robovast.navigation.sizes import radius_of
 
 START, GOAL = {"x": 1.0, "y": 3.0}, {"x": 9.0, "y": 3.0}
 PATH = {
@@ -167,6 +168,9 @@ def test_a_trigger_needs_a_path(expanded) -> None:
         ({"amount": 1, "amount_per_m": 1.0}, "one of both"),
         ({}, "one of both"),
         ({"amount": 1, "max_distance": -2.0}, "max_distance"),
+        ({"amount": 1, "xacro_arguments": "width:=-0.5"}, "`width` of an obstacle must be"),
+        ({"amount": 1, "xacro_arguments": "radius:=0"}, "`radius` of an obstacle must be"),
+        ({"amount": 1, "xacro_arguments": "length:=1.2.3"}, "not 1.2.3"),
     ],
 )
 def test_wrong_parameters(expanded, kind, reason: str) -> None:

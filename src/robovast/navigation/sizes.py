@@ -1,0 +1,36 @@
+"""How large obstacles are, by the arguments of their models."""
+
+from __future__ import annotations
+
+import math
+import re
+
+DEFAULT_RADIUS = 0.25
+"""Of an obstacle whose arguments do not say how large it is [m]."""
+
+_SIZE = re.compile(r"\b(width|length|radius)\s*:=\s*([-+]?[0-9][0-9.eE+-]*|[-+]?\.[0-9]+)")
+
+
+def radius_of(xacro_arguments: str) -> float:
+    """Radius of a disc that holds an obstacle, by its `width`, `length` and `radius` [m].
+
+    Raises:
+        ValueError: one of them is not above 0.
+    """
+    found = {key: _positive(key, value) for key, value in _SIZE.findall(xacro_arguments)}
+    if "radius" in found:
+        return found["radius"]
+    width, length = found.get("width"), found.get("length")
+    if width is None and length is None:
+        return DEFAULT_RADIUS
+    return math.hypot(width or length or 0.0, length or width or 0.0) / 2
+
+
+def _positive(key: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if value > 0:
+        return value
+    raise ValueError(f"`{key}` of an obstacle must be a number above 0, not {text}")
