@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +22,19 @@ def template(values: Object, cluster: Cluster | None = None, namespace: str = "s
     Raises:
         ValueError: Helm refuses; the message is Helm's.
     """
-    seen = ["--dry-run=server", f"--kubeconfig={cluster.kubeconfig}"] if cluster else []
+    seen = ("--dry-run=server", f"--kubeconfig={cluster.kubeconfig}") if cluster else ()
+    print_now = _print if cluster is None else _print.__wrapped__
+    return print_now(json.dumps(values), namespace, *seen)
+
+
+@cache
+def _print(values: str, namespace: str, *options: str) -> str:
     done = subprocess.run(
         [
-            *(gobuild.build(programs.HELM), "template", "robovast", CHART),
-            *(f"--namespace={namespace}", "--kube-version=1.36.0", "--values=-", *seen),
+            *(gobuild.build(programs.HELM), "template", "robovast", CHART, "--values=-"),
+            *(f"--namespace={namespace}", "--kube-version=1.36.0", *options),
         ],
-        input=json.dumps(values), capture_output=True, text=True, check=False,
+        input=values, capture_output=True, text=True, check=False,
     )  # fmt: skip
     if done.returncode:
         raise ValueError(done.stderr)

@@ -4,22 +4,31 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 from collections.abc import Callable
 from typing import Any
 
 import pytest
-from chart_rendering import Object, of_kind, rendered, template
+import yaml
+from chart_rendering import CHART, Object, of_kind, rendered, template
 from operator_process import campaign, eventually
 from operator_world import SCENARIO, SETTINGS
 from operator_world import campaign as campaign_object
 from robovast_testbed.errors import StartFailed
 from robovast_testbed.kubernetes import Cluster
 
+from robovast.cluster.notice import Named, Notice, Order
+from robovast.cluster.resources import Scheduling
+from robovast.cluster.share_job import Upload, share_job
 from robovast_operator.accept import accept
 from robovast_operator.campaign import Accepted
 from robovast_operator.jobs import shard_job, task_job
+from robovast_operator.metrics import Metrics
+from robovast_operator.pods import notify_pod
 from robovast_operator.revisions import next_revision
 from robovast_operator.shards import first_attempts
+from robovast_operator.store import Store
+from robovast_operator.work_queue import WorkQueue
 
 
 @pytest.mark.parametrize(
@@ -103,6 +112,42 @@ def test_namespaces_of_the_operator_get_credentials_queue_and_limits() -> None:
     assert len({obj["stringData"]["secretKey"] for obj in secrets}) == 1
 
 
+PAGE = (CHART.parents[1] / "docs/cluster-admin.md").read_text()
+
+
+@pytest.mark.parametrize("block", re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL))
+def test_values_in_the_admins_page_are_values_of_the_chart(block: str) -> None:
+    assert rendered(yaml.safe_load(block)) != []
+
+
+def rows(heading: str) -> set[str]:
+    """First column of the table of that heading in the admin's page, as code or plain."""
+    table = PAGE.partition(f"| {heading} |")[2].partition("\n\n")[0]
+    return {re.split(r"[`{ ]+", line)[1] for line in table.splitlines()[2:]}
+
+
+def test_the_admins_page_explains_every_figure_and_every_alert() -> None:
+    figures = generate_figures()
+    assert rows("figure") == figures
+    values = {"metrics": {"prometheusRule": {"enabled": True}}}
+    (rule,) = of_kind(rendered(values), "PrometheusRule").values()
+    alerts = rule["spec"]["groups"][0]["rules"]
+    assert rows("alert") == {alert["alert"] for alert in alerts}
+    for alert in alerts:
+        asked = set(re.findall(r"robovast_\w+", alert["expr"]))
+        assert asked, alert
+        assert asked <= figures, alert
+
+
+def generate_figures() -> set[str]:
+    """What the operator's /metrics has, as PromQL names it."""
+    metrics = Metrics()
+    metrics.request("GET", "/api/v1/namespaces/lab/pods", 200)
+    page = metrics.page(Store(), WorkQueue(), leading=True).decode()
+    names = set(re.findall(r"^# TYPE (\w+) ", page, re.MULTILINE))
+    return {name for name in names if not name.endswith("_created")}
+
+
 def workloads(values: Object) -> dict[str, Object]:
     objects = rendered(values)
     return of_kind(objects, "Deployment") | of_kind(objects, "StatefulSet")
@@ -131,7 +176,16 @@ def pods_of_campaigns() -> dict[str, Object]:
             jobs[command] = task_job(made, SETTINGS, command, command, "plan-0")
         for role, job in jobs.items():
             found[f"{role}-{name}".lower()] = job["spec"]["template"]["spec"]
+    upload = Upload("drive", "drive", "http://s3:9000", "agent:1")
+    found["share"] = share_job(upload, "share")["spec"]["template"]["spec"]
+    found["notify"] = notify_pod(SETTINGS, Scheduling(), order())
     return found
+
+
+def order() -> Order:
+    named = Named(namespace="lab", name="drive", uid="1")
+    notice = Notice(id="1", event="Finished", time="2026-11-21T07:00:00Z", campaign=named)
+    return Order(notice=notice, receivers=[])
 
 
 @pytest.fixture
@@ -152,7 +206,7 @@ def test_restricted_pod_security_admits_every_pod_of_ours(
         return {"apiVersion": "v1", "kind": "Pod", "metadata": meta, "spec": spec}
 
     ours = pods_of_chart({"page": {"enabled": True}}) | pods_of_campaigns()
-    assert len(ours) == 3 + 2 * 4
+    assert len(ours) == 3 + 2 * 4 + 2
     items = {
         "apiVersion": "v1",
         "kind": "List",

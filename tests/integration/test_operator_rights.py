@@ -81,7 +81,8 @@ def narrow(fake_cluster: Cluster) -> Iterator[str]:
     """Rights of an operator that works in one namespace alone; returns that."""
     for namespace in (NARROW, "narrow-lab"):
         fake_cluster.kubectl("create", "namespace", namespace)
-    objects = rendered({"operator": {"namespaces": ["narrow-lab"]}}, namespace=NARROW)
+    values = {"operator": {"namespaces": ["narrow-lab"]}, "crds": {"enabled": False}}
+    objects = rendered(values, namespace=NARROW)
     kinds = {"ServiceAccount", "Role", "RoleBinding"}
     assert not any(obj["kind"].startswith("ClusterRole") for obj in objects)
     for obj in (obj for obj in objects if obj["kind"] in kinds):

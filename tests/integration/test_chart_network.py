@@ -1,0 +1,105 @@
+"""Who reaches whom under the chart's NetworkPolicies; no plugin of the testbed enforces them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from chart_rendering import Object, of_kind, rendered
+from network_rules import Peer, lets_through
+from operator_world import SETTINGS, accepted
+
+from robovast.cluster.share_job import Upload, share_job
+from robovast_operator.jobs import shard_job, task_job
+from robovast_operator.revisions import next_revision
+from robovast_operator.shards import first_attempts
+
+OPERATOR = Peer("system", {"app": "robovast-operator"}, {"http": 8080})
+S3 = Peer("system", {"app": "robovast-s3"}, {"s3": 9000})
+PAGE = Peer("system", {"app": "robovast-page"})
+
+
+def of_campaign(namespace: str, job: dict[str, Any]) -> Peer:
+    return Peer(namespace, job["spec"]["template"]["metadata"]["labels"])
+
+
+(SHARD,) = first_attempts(accepted().identity, [next_revision(accepted(), (), (), "plan-0")])
+RUN = of_campaign("a", shard_job(accepted(), SETTINGS, SHARD))
+FINISH = of_campaign("b", task_job(accepted(), SETTINGS, "finish", "finish", "plan-0"))
+UPLOAD = of_campaign("a", share_job(Upload("drive", "drive", "http://s3:9000", "agent:1"), "share"))
+STRANGER = Peer("other", {"app": "anything"})
+NEIGHBOUR = Peer("system", {"app": "anything"})
+PROMETHEUS = Peer("monitoring", {"app": "prometheus"})
+DNS = Peer("kube-system", {"k8s-app": "kube-dns"})
+SERVER = Peer("10.0.0.0/24")
+WORLD = Peer("203.0.113.0/24")
+
+
+def reaches(values: Object, source: Peer, target: Peer, port: int, protocol: str = "TCP") -> bool:
+    policies = list(
+        of_kind(rendered({"page": {"enabled": True}, **values}), "NetworkPolicy").values()
+    )
+    return lets_through(policies, "system", source, target, port, protocol)
+
+
+RUNS = {"networkPolicy": {"runs": True}, "storage": {"credentials": {"namespaces": ["a"]}}}
+EXTERNAL: Object = {
+    "storage": {
+        "embedded": {"enabled": False},
+        "external": {"endpoint": "http://s3.example.org:9123"},
+        "credentials": {"namespaces": ["a"]},
+    },
+    "networkPolicy": {"runs": True, "storage": ["10.0.0.0/24"], "apiServer": ["10.0.0.0/24"]},
+}
+NARROW = {"metrics": {"namespaces": ["monitoring"]}, "operator": {"namespaces": ["a"]}}
+
+
+@pytest.mark.parametrize(
+    ("values", "source", "target", "port", "expected"),
+    [
+        ({}, OPERATOR, SERVER, 6443, True),
+        ({}, OPERATOR, SERVER, 443, True),
+        ({}, OPERATOR, WORLD, 80, False),
+        ({}, OPERATOR, S3, 9000, False),
+        ({}, PROMETHEUS, OPERATOR, 8080, True),
+        ({}, PROMETHEUS, OPERATOR, 22, False),
+        ({"metrics": {"enabled": False}}, PROMETHEUS, OPERATOR, 8080, False),
+        (NARROW, PROMETHEUS, OPERATOR, 8080, True),
+        (NARROW, STRANGER, OPERATOR, 8080, False),
+        ({}, RUN, S3, 9000, True),
+        ({}, FINISH, S3, 9000, True),
+        ({}, UPLOAD, S3, 9000, True),
+        ({}, PAGE, S3, 9000, True),
+        ({}, STRANGER, S3, 9000, False),
+        ({}, NEIGHBOUR, S3, 9000, False),
+        (NARROW, RUN, S3, 9000, True),
+        (NARROW, FINISH, S3, 9000, False),
+        ({}, S3, WORLD, 443, False),
+        ({}, PAGE, WORLD, 443, False),
+        ({}, STRANGER, PAGE, 8400, False),
+        ({}, RUN, WORLD, 443, True),
+        (RUNS, RUN, WORLD, 443, False),
+        (RUNS, RUN, S3, 9000, True),
+        (RUNS, STRANGER, RUN, 80, False),
+        (RUNS, FINISH, WORLD, 443, True),
+        (RUNS, UPLOAD, WORLD, 443, True),
+        (EXTERNAL, RUN, SERVER, 9123, True),
+        (EXTERNAL, RUN, SERVER, 443, False),
+        (EXTERNAL, RUN, WORLD, 9123, False),
+        (EXTERNAL, PAGE, SERVER, 9123, True),
+        (EXTERNAL, OPERATOR, SERVER, 443, True),
+        (EXTERNAL, OPERATOR, WORLD, 443, False),
+        ({"networkPolicy": {"enabled": False}}, STRANGER, S3, 9000, True),
+    ],
+)
+def test_pods_reach_what_they_need_and_nothing_else(
+    values: Any, source: Peer, target: Peer, port: int, *, expected: bool
+) -> None:
+    assert reaches(values, source, target, port) is expected
+
+
+@pytest.mark.parametrize("source", [OPERATOR, PAGE, RUN])
+def test_names_can_be_looked_up(source: Peer) -> None:
+    for protocol in ("UDP", "TCP"):
+        assert reaches(RUNS, source, DNS, 53, protocol)
+    assert not reaches(RUNS, source, DNS, 54, "UDP")
