@@ -213,6 +213,20 @@ def writes(cluster: Cluster, since: int = 0) -> Counter[str]:
     return found
 
 
+def created(cluster: Cluster, namespace: str, kind: str) -> Counter[str]:
+    """How often objects were created, by name, as the audit log tells."""
+    found: Counter[str] = Counter()
+    for line in cluster.audit_log.read_text().splitlines():
+        if f'"namespace":"{namespace}"' not in line or '"verb":"create"' not in line:
+            continue
+        entry = json.loads(line)
+        about = entry["objectRef"]
+        done = entry["stage"] == "ResponseComplete" and entry["responseStatus"]["code"] == 201
+        if done and about["resource"] == kind and "subresource" not in about:
+            found[about.get("name", "")] += 1
+    return found
+
+
 def campaign(name: str, namespace: str, variants: int, runs: int, **spec: Any) -> dict[str, Any]:
     """A Campaign for fake nodes."""
     vast = {
@@ -243,6 +257,12 @@ def status(cluster: Cluster, namespace: str, name: str) -> dict[str, Any]:
 
 def condition(state: dict[str, Any], name: str) -> dict[str, str]:
     return next((c for c in state.get("conditions", []) if c["type"] == name), {})
+
+
+def finished(cluster: Cluster, namespace: str, name: str) -> bool:
+    """Whether a Campaign has come to its end."""
+    state = status(cluster, namespace, name)
+    return condition(state, "ResultsAvailable").get("status") == "True"
 
 
 def eventually(condition: Callable[[], Any], seconds: float = 60, what: object = "") -> Any:

@@ -71,6 +71,7 @@ def configure(settings: kopf.OperatorSettings, own: Settings) -> None:
     settings.peering.standalone = True
     settings.networking.request_timeout = 15
     settings.networking.error_backoffs = Patience()
+    settings.queueing.idle_timeout = 1  # it holds the last object of each key for so long
     settings.watching.server_timeout = 600
     settings.watching.inactivity_timeout = own.silence_seconds
     settings.watching.initial_streaming = os.environ.get("ROBOVAST_STREAMING_LISTS") != "false"

@@ -33,6 +33,7 @@ class Leadership:
         self._until = -inf
         self._read_first: tuple[object, float] = (None, 0.0)
         """Holder and time as the Lease last told them, and when that was read first."""
+        self._leader = ""
         self._acquired = asyncio.Event()
 
     @property
@@ -55,8 +56,7 @@ class Leadership:
                     held = await self._renew()
                 if held:
                     attempts = RENEWALS
-                    if not self.leading:
-                        LOGGER.info("%s leads", self._settings.identity)
+                    self._notice(self._settings.identity)
                     # counted from before the request: others count from what they read
                     self._until = asked + self._settings.lease_seconds * 2 / 3
                     self._acquired.set()
@@ -113,8 +113,14 @@ class Leadership:
         told = (spec.get("holderIdentity"), spec.get("renewTime"))
         if told != self._read_first[0]:
             self._read_first = (told, time.monotonic())
+            self._notice(str(told[0] or "nobody"))
         duration = spec.get("leaseDurationSeconds") or 1
         return not told[0] or time.monotonic() - self._read_first[1] > duration
+
+    def _notice(self, leader: str) -> None:
+        if leader != self._leader:
+            LOGGER.info("%s leads", leader)
+        self._leader = leader
 
     def _claim(self, spec: Object) -> Object:
         moment = now().strftime("%Y-%m-%dT%H:%M:%S.%fZ")

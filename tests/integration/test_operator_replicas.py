@@ -1,0 +1,233 @@
+"""Replicas of the operator that are killed, paused and started again."""
+
+from __future__ import annotations
+
+import json
+import random
+import signal
+import time
+from collections.abc import Iterator
+from datetime import datetime
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from faulty_api import FaultyApi, delay, faulty_api
+from operator_process import (
+    ACCOUNT,
+    SYSTEM,
+    OperatorProcess,
+    campaign,
+    condition,
+    created,
+    eventually,
+    finished,
+    status,
+    write_requests,
+)
+from robovast_testbed.kubernetes import Cluster
+
+LEASE_SECONDS = 2
+KILLS = 10
+
+
+@pytest.fixture
+def replicas(
+    fake_cluster: Cluster, namespace: str, tmp_path: Path
+) -> Iterator[dict[str, OperatorProcess]]:
+    """Two operators that have not been started."""
+    settings = {"ROBOVAST_LEASE_SECONDS": str(LEASE_SECONDS), "ROBOVAST_NAMESPACES": namespace}
+    made = {
+        name: OperatorProcess(fake_cluster, tmp_path, name, **settings)
+        for name in (f"first-{namespace}", f"second-{namespace}")
+    }
+    yield made
+    for operator in made.values():
+        operator.stop()
+        assert "a fault of the operator" not in operator.log.read_text()
+
+
+def holder(cluster: Cluster) -> str:
+    """Who holds the Lease."""
+    try:
+        lease: Any = cluster.get("lease", "robovast-operator", f"--namespace={SYSTEM}")
+    except Exception:
+        return ""
+    return str(lease["spec"].get("holderIdentity") or "")
+
+
+def start_and_hear(operator: OperatorProcess, leader: str) -> None:
+    """Start an operator, and wait until it knows who leads."""
+    told = f"{leader} leads"
+    before = operator.log.read_text().count(told) if operator.log.exists() else 0
+    operator.start()
+    eventually(lambda: operator.log.read_text().count(told) > before, 60, operator.log)
+
+
+def addition(namespace: str, name: str, value: int) -> dict[str, Any]:
+    """A Configuration that adds twenty runs."""
+    return {
+        "apiVersion": "robovast.io/v1alpha1",
+        "kind": "Configuration",
+        "metadata": {"name": name, "namespace": namespace},
+        "spec": {"campaign": "hunted", "parameters": [{"x": value}], "runs": 20},
+    }
+
+
+def renewals(cluster: Cluster, since: int) -> list[float]:
+    """When the Lease was written, from the audit log."""
+    times = []
+    with cluster.audit_log.open("rb") as file:
+        file.seek(since)
+        for line in file:
+            entry = json.loads(line)
+            about = entry.get("objectRef", {})
+            done = entry["stage"] == "ResponseComplete" and entry["responseStatus"]["code"] < 300
+            lease = about.get("resource") == "leases" and about["namespace"] == SYSTEM
+            if done and lease and entry["verb"] in {"create", "update"}:
+                times.append(datetime.fromisoformat(entry["stageTimestamp"]).timestamp())
+    return times
+
+
+def test_a_leader_that_is_killed_ten_times_makes_no_gap_and_nothing_twice(
+    fake_cluster: Cluster, namespace: str, replicas: dict[str, OperatorProcess]
+) -> None:
+    """More runs are asked for all the while: of 300 in 11 Jobs, each is executed once."""
+    chance = random.Random(11)  # noqa: S311
+    begin = fake_cluster.audit_log.stat().st_size
+    leader, other = replicas
+    start_and_hear(replicas[leader], leader)
+    start_and_hear(replicas[other], leader)
+    fake_cluster.apply(campaign("hunted", namespace, 1, 100, parallelism=40))
+    for number in range(KILLS):
+        fake_cluster.apply(addition(namespace, f"more-{number}", number))
+        time.sleep(chance.uniform(0, 1))
+        replicas[leader].kill()
+        dead, leader = leader, next(name for name in replicas if name != leader)
+        eventually(lambda: holder(fake_cluster) == leader, 30)  # noqa: B023
+        start_and_hear(replicas[dead], leader)
+
+    def ended() -> bool:
+        runs = status(fake_cluster, namespace, "hunted").get("shards", [])
+        all_there = len(runs) == 1 + KILLS
+        return all_there and finished(fake_cluster, namespace, "hunted")
+
+    eventually(ended, 120, replicas[leader].log)
+    state = status(fake_cluster, namespace, "hunted")
+    assert (state["progress"], state["state"]) == ("300/300", "Finished")
+    assert condition(state, "Passed")["status"] == "True"
+    jobs = created(fake_cluster, namespace, "jobs")
+    assert set(jobs.values()) == {1}
+    shards = [name for name in jobs if "finish" not in name]
+    assert len(shards) == 1 + KILLS
+    assert created(fake_cluster, namespace, "pods").total() == 300 + len(jobs) - len(shards)
+    gaps = [after - before for before, after in pairwise(renewals(fake_cluster, begin))]
+    print("longest gap", max(gaps))
+    assert max(gaps) <= LEASE_SECONDS * 4 / 3 + 1, "a Lease, a renewal, and a busy machine's second"
+
+
+def test_a_leader_that_slept_while_the_other_took_over_does_nothing_more(
+    fake_cluster: Cluster, namespace: str, tmp_path: Path
+) -> None:
+    """It sleeps amid a look at the Campaign: its Job is being made, its status not yet written."""
+    settings = {"ROBOVAST_LEASE_SECONDS": str(LEASE_SECONDS), "ROBOVAST_NAMESPACES": namespace}
+    with faulty_api(fake_cluster) as proxy:
+        asleep = OperatorProcess(
+            fake_cluster, tmp_path, f"asleep-{namespace}", server=proxy.address, **settings
+        )
+        awake = OperatorProcess(fake_cluster, tmp_path, f"awake-{namespace}", **settings)
+        creation = proxy.break_("POST", "/jobs", delay(1), 1)
+        asleep.start()
+        try:
+            eventually(lambda: f"asleep-{namespace} leads" in asleep.log.read_text(), 30)
+            awake.start()
+            fake_cluster.apply(campaign("few", namespace, 3, 2))
+            eventually(lambda: creation.hits, 30)
+            asleep.signal(signal.SIGSTOP)
+            eventually(lambda: finished(fake_cluster, namespace, "few"), 60, awake.log)
+            before = len(proxy.seen)
+            asleep.signal(signal.SIGCONT)
+            eventually(lambda: "another replica may lead" in asleep.log.read_text(), 10)
+            time.sleep(1)
+            assert writes_of(proxy, before) == []
+        finally:
+            asleep.signal(signal.SIGCONT)
+            asleep.stop()
+            awake.stop()
+    state = status(fake_cluster, namespace, "few")
+    assert (state["progress"], state["state"]) == ("6/6", "Finished")
+    assert sorted(created(fake_cluster, namespace, "jobs").values()) == [1, 1]
+    assert created(fake_cluster, namespace, "pods").total() == 6 + 1
+
+
+def writes_of(proxy: FaultyApi, since: int) -> list[tuple[str, str]]:
+    """What has been changed through a proxy, attempts to lead left out."""
+    return [
+        (method, path)
+        for _, method, path, _ in proxy.seen[since:]
+        if method != "GET" and "/leases" not in path
+    ]
+
+
+def test_a_restart_tells_the_truth_in_five_seconds_and_the_end_costs_no_write(
+    fake_cluster: Cluster, namespace: str, tmp_path: Path
+) -> None:
+    operator = OperatorProcess(
+        fake_cluster,
+        tmp_path,
+        ROBOVAST_LEASE_SECONDS="15",
+        ROBOVAST_RESYNC_SECONDS="5",
+        ROBOVAST_NAMESPACES=namespace,
+    )
+    operator.start()
+    try:
+        fake_cluster.apply(campaign("few", namespace, 3, 2))
+        shard = eventually(lambda: created(fake_cluster, namespace, "jobs"), 30)
+        operator.kill()
+        (name,) = shard
+        fake_cluster.kubectl(
+            *("--namespace", namespace, "wait", f"job/{name}", "--for=condition=Complete"),
+            "--timeout=60s",
+        )
+        begin = time.monotonic()
+        operator.start()
+        eventually(lambda: status(fake_cluster, namespace, "few").get("progress") == "6/6", 30)
+        took = time.monotonic() - begin
+        print("restart took", took)
+        assert took <= 5
+        eventually(lambda: finished(fake_cluster, namespace, "few"), 30, operator.log.read_text)
+        time.sleep(2)  # what is told last of all are Events
+        since = fake_cluster.audit_log.stat().st_size
+        time.sleep(8)
+        operator.kill()
+        operator.start()
+        time.sleep(12)
+    finally:
+        operator.stop()
+    found = {k: n for k, n in write_requests(fake_cluster, since).items() if ACCOUNT in k}
+    assert set(found) <= {f"{ACCOUNT} leases"}, found
+
+
+def test_a_namespace_with_buckets_to_delete_goes_once_the_operator_is_back(
+    fake_cluster: Cluster, namespace: str, tmp_path: Path
+) -> None:
+    """A finalizer waits for the operator, and in a namespace that goes no Job can be made."""
+    operator = OperatorProcess(
+        fake_cluster, tmp_path, ROBOVAST_LEASE_SECONDS="2", ROBOVAST_NAMESPACES=namespace
+    )
+    operator.start()
+    try:
+        fake_cluster.apply(campaign("few", namespace, 3, 2, storage={"retention": "Delete"}))
+        eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.log.read_text)
+        operator.kill()
+        fake_cluster.kubectl("delete", "namespace", namespace, "--wait=false")
+        left = ("get", "campaigns", f"--namespace={namespace}", "--output=name")
+        time.sleep(3)
+        assert fake_cluster.kubectl(*left).split() == ["campaign.robovast.io/few"]
+        operator.start()
+        fake_cluster.kubectl("wait", "--for=delete", f"namespace/{namespace}", "--timeout=60s")
+    finally:
+        operator.stop()
+    assert "its namespace is being deleted" in operator.log.read_text()
+    fake_cluster.kubectl("create", "namespace", namespace)
