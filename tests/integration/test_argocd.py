@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
+import textwrap
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -55,15 +57,16 @@ STAGES = [
     finds("hello", 2, 6),
     finds("broken", 1, 4, failed="1,3"),
     finds("broken", 2, 4),
-    finds("many", 1, 200),
+    finds("many", 1, 100),
 ]
 
 
-def documented(kind: str) -> dict[str, Any]:
-    """The first object of this kind on the page."""
+def documented(name: str = "") -> dict[str, Any]:
+    """An object of the page by its name; without one, what the page adds to an Application."""
     blocks = PAGE.read_text(encoding="utf-8").split("```yaml\n")[1:]
-    objects = (yaml.safe_load(block.partition("```")[0]) for block in blocks)
-    return next(obj for obj in objects if obj.get("kind") == kind)
+    objects = [yaml.safe_load(textwrap.dedent(b.partition("```")[0])) for b in blocks]
+    names = [obj.get("metadata", {}).get("name", "") for obj in objects]
+    return dict(objects[names.index(name)])
 
 
 @dataclass(frozen=True)
@@ -75,15 +78,16 @@ class Team:
     name: str
     """Of the Application and of its namespace."""
 
-    def start(self) -> None:
+    def start(self, application: str = "campaigns") -> None:
+        """Make the namespace and the repository, and apply an Application of the page."""
         self.argo.cluster.kubectl("create", "namespace", self.name)
         self._git("init", "--quiet", "--initial-branch=main")
         self._commit({})
-        application = documented("Application")
-        application["metadata"]["name"] = self.name
-        application["spec"]["source"]["repoURL"] = f"file://{self.folder}"
-        application["spec"]["destination"]["namespace"] = self.name
-        self.argo.cluster.apply(application)
+        obj = documented(application)
+        obj["metadata"]["name"] = self.name
+        obj["spec"]["source"]["repoURL"] = f"file://{self.folder}"
+        obj["spec"]["destination"]["namespace"] = self.name
+        self.argo.cluster.apply(obj)
 
     def commit(self, **campaigns: dict[str, Any] | None) -> None:
         """Write files of campaigns, or remove them, and make Argo CD look now."""
@@ -110,9 +114,10 @@ class Team:
     def becomes(self, sync: str, health: str, seconds: float = 60) -> None:
         """Wait for the Application."""
 
-        def state() -> tuple[str, str]:
-            found = self.argo.application(self.name)["status"]
-            return found["sync"]["status"], found["health"]["status"]
+        def state() -> tuple[str, ...]:
+            found = self.argo.application(self.name).get("status") or {}
+            parts = (found.get(part) or {} for part in ("sync", "health"))
+            return tuple(part.get("status", "") for part in parts)
 
         eventually(lambda: state() == (sync, health), seconds, self.argo.application(self.name))
 
@@ -236,9 +241,17 @@ def team(argo: ArgoCd, tmp_path: Path) -> Team:
 
 
 def test_health_is_the_verdict_and_a_click_repeats_the_bad_runs(team: Team) -> None:
-    team.commit(hello=documented("Campaign"))
+    team.commit(hello=documented("hello"))
     assert team.shows("hello", "Healthy") == "4 of 4 runs passed; needed are 1 of all"
     team.becomes("Synced", "Healthy")
+    jobs = team.jobs()
+    changed = documented("hello")
+    changed["spec"]["vast"]["configuration"][0]["variations"] = []
+    team.commit(hello=changed)
+    assert "another Campaign" in team.shows("hello", "Degraded")
+    team.commit(hello=documented("hello"))
+    team.shows("hello", "Healthy")
+    assert team.jobs() == jobs
 
     team.commit(broken=campaign("broken", team.name, 2, 2))
     message = team.shows("broken", "Degraded")
@@ -265,8 +278,26 @@ def test_what_a_click_changes_is_not_healed(team: Team) -> None:
     team.becomes("Synced", "Progressing")
 
 
+def test_git_wins_where_it_states_what_a_click_changes_unless_told_otherwise(team: Team) -> None:
+    nowhere = {"nodeSelector": {"no": "node"}}
+    held = campaign("held", team.name, 2, 2, scheduling=nowhere, suspend=False)
+    team.commit(held=held)
+    team.shows("held", "Progressing")
+    team.click("held", "suspend")
+    team.shows("held", "Suspended")
+    team.shows("held", "Progressing")
+    team.argo.cluster.kubectl(
+        *("patch", "application", team.name, f"--namespace={argocd.NAMESPACE}", "--type=merge"),
+        f"--patch={json.dumps(documented())}",
+    )
+    team.click("held", "suspend")
+    team.shows("held", "Suspended")
+    team.argo.application(team.name, refresh=True)
+    team.becomes("Synced", "Suspended")
+
+
 def test_growth_expiry_and_removal(team: Team) -> None:
-    hello = documented("Campaign")
+    hello = documented("hello")
     hello["spec"]["ttlSecondsAfterFinished"] = 1
     team.commit(hello=hello)
     team.shows("hello", "Healthy")
@@ -295,7 +326,7 @@ def test_growth_expiry_and_removal(team: Team) -> None:
 def test_comparisons_follow_health_not_runs(team: Team) -> None:
     log = team.argo.controller_log
     begin = log.stat().st_size
-    team.commit(many=campaign("many", team.name, 20, 10, parallelism=100))
+    team.commit(many=campaign("many", team.name, 10, 10))
     team.shows("many", "Healthy", 120)
     team.becomes("Synced", "Healthy")
     with log.open("rb") as lines:
@@ -314,5 +345,23 @@ def test_comparisons_follow_health_not_runs(team: Team) -> None:
     trees = done.pop("0")  # what the Application consists of, without a look into Git
     assert done.total() <= 10, done
     assert trees <= asked.total(), asked
-    assert asked["Pod 0"] <= 3 * 200, asked
+    assert asked["Pod 0"] <= 3 * 100, asked
     assert asked["Campaign 1"] <= 4, asked
+
+
+def test_the_chart_is_an_application_whose_end_leaves_campaigns_alone(
+    argo: ArgoCd, tmp_path: Path
+) -> None:
+    shutil.copytree(ROOT / "helm", tmp_path / "helm")
+    platform = Team(argo, tmp_path, "platform")
+    platform.start("robovast")
+    platform.becomes("Synced", "Healthy", 120)
+    argo.application("platform", refresh=True)
+    platform.becomes("Synced", "Healthy")
+    application = ("application", "platform", f"--namespace={argocd.NAMESPACE}")
+    cascade = {"metadata": {"finalizers": ["resources-finalizer.argocd.argoproj.io"]}}
+    argo.cluster.kubectl("patch", *application, "--type=merge", f"--patch={json.dumps(cascade)}")
+    argo.cluster.kubectl("delete", *application, "--timeout=60s")
+    left = argo.cluster.kubectl("get", "crd,deployments", "--namespace=platform", "--output=name")
+    assert "/campaigns.robovast.io" in left
+    assert "deployment" not in left

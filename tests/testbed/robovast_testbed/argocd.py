@@ -76,10 +76,10 @@ class ArgoCd:
             return json.loads(answer.read() or b"{}")
 
 
-def start(cluster: Cluster, *customizations: Path) -> ArgoCd:
+def start(cluster: Cluster, customizations: Path) -> ArgoCd:
     """Start Argo CD on a control plane and wait until it takes Applications.
 
-    :param customizations: manifests with additions to its ConfigMap `argocd-cm`.
+    :param customizations: a manifest with additions to its ConfigMap `argocd-cm`.
     :raises Unavailable: when the machine cannot build it.
     :raises StartFailed: when it does not answer within 60 s.
     """
@@ -88,9 +88,10 @@ def start(cluster: Cluster, *customizations: Path) -> ArgoCd:
     manifests = gobuild.source(programs.ARGOCD.module, programs.ARGOCD.version) / "manifests"
     _install(cluster, manifests, customizations)
     bed, folder = cluster.bed, cluster.bed.folder / "argocd"
-    for name in ("redis", "tmp", "ssh", "tls", "gpg"):
+    for name in ("redis", "tmp", "ssh", "tls"):
         (folder / name).mkdir(parents=True)
     env = {
+        "PATH": f"{gobuild.build(programs.HELM).parent}:{os.environ['PATH']}",
         "KUBECONFIG": str(cluster.inner_kubeconfig),
         "ARGOCD_FAKE_IN_CLUSTER": "true",
         "ARGOCD_GPG_ENABLED": "false",
@@ -137,14 +138,13 @@ def health(obj: Manifest, customizations: Path) -> tuple[str, str]:
     return status, message
 
 
-def _install(cluster: Cluster, manifests: Path, customizations: tuple[Path, ...]) -> None:
+def _install(cluster: Cluster, manifests: Path, customizations: Path) -> None:
     crds = list((manifests / "crds").glob("app*-crd.yaml"))
     settings = (manifests / "base/config").glob("argocd-*.yaml")
     apply = ("apply", "--server-side", f"--namespace={NAMESPACE}")
     cluster.kubectl("create", "namespace", NAMESPACE)
     cluster.kubectl(*apply, *(f"--filename={file}" for file in (*crds, *settings)))
-    for file in customizations:
-        cluster.kubectl(*apply, "--field-manager=robovast", f"--filename={file}")
+    cluster.kubectl(*apply, "--field-manager=robovast", f"--filename={customizations}")
     wait_for("argocd", lambda: _knows(cluster, len(crds)), timeout=30, failed=lambda: None)
     cluster.apply(PROJECT)
 
