@@ -125,7 +125,8 @@ class Team:
         """Status and message that Argo CD shows for a campaign."""
         nodes = self.argo.tree(self.name)
         shown = (n for n in nodes if (n["kind"], n["name"]) == ("Campaign", campaign))
-        return dict(next(shown, {}).get("health") or {})
+        found: dict[str, Any] = next(shown, {})
+        return dict(found.get("health") or {})
 
     def shows(self, campaign: str, wanted: str, seconds: float = 60) -> str:
         """Wait for a campaign's health; return its message."""
