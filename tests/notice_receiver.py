@@ -79,3 +79,31 @@ def receiving() -> Iterator[Receiver]:
         server.shutdown()
         thread.join()
         server.server_close()
+
+
+POD_PORT = 8080
+_SCRIPT = f"""\
+import http.server, json
+class Handler(http.server.BaseHTTPRequestHandler):
+    def do_POST(self):
+        body = self.rfile.read(int(self.headers["Content-Length"])).decode()
+        said = {{"path": self.path, "title": self.headers["Title"], "body": body,
+                "id": self.headers["X-Sequence-ID"]}}
+        print(json.dumps(said), flush=True)
+        self.send_response(200)
+        self.end_headers()
+    def log_message(self, *_):
+        pass
+http.server.HTTPServer(("", {POD_PORT}), Handler).serve_forever()
+"""
+
+
+def receiver_pod(name: str, image: str) -> dict[str, Any]:
+    """A pod that receives; its log has a line of JSON for each message."""
+    container = {"name": "receiver", "image": image, "command": ["python", "-c", _SCRIPT]}
+    return {
+        "apiVersion": "v1",
+        "kind": "Pod",
+        "metadata": {"name": name},
+        "spec": {"containers": [container], "terminationGracePeriodSeconds": 0},
+    }

@@ -13,6 +13,7 @@ import pytest
 import yaml
 from cluster_lab import QUICK, SYSTEM, VAST, Lab, buckets, eventually, files
 from local_campaigns import make_campaign
+from notice_receiver import POD_PORT, receiver_pod
 from robovast_testbed import images, programs
 
 GROWTH = Path(__file__).parents[2] / "configs/examples/growth_sim/growth_sim.vast"
@@ -64,9 +65,14 @@ def test_growth_sim_gives_the_same_results_by_client_by_kubectl_and_on_this_mach
 
 
 def test_failed_runs_are_told_from_broken_ones_and_repeated_alone(lab: Lab) -> None:
-    """Verdicts per run of a pack; `retry` repeats bad runs and no others; more runs append."""
+    """Verdicts per run of a pack; `retry` repeats bad runs and no others; more runs append.
+
+    Somebody is told of each end, at an address that only a Secret knows.
+    """
     script = 'echo run >>"$3/log"; [ "$1" != 2 ] || [ -f /tmp/never ]\n'
-    lab.quick("mixed", script, "  runs_per_job: 3\n  runs: 2\n")
+    told = {"kind": "ntfy", "urlFrom": {"name": "phone", "key": "url"}}
+    start_receiver(lab)
+    lab.quick("mixed", script, "  runs_per_job: 3\n  runs: 2\n", notifications=[told])
     lab.wait("mixed")
     status = lab.campaign("mixed")["status"]
     assert status["runs"]["passed"] == 4
@@ -94,6 +100,29 @@ def test_failed_runs_are_told_from_broken_ones_and_repeated_alone(lab: Lab) -> N
     )
     lab.wait("mixed")
     assert len(lab.verdicts(lab.download("mixed"))) == 9
+    eventually(lambda: len(received(lab)) == 3, 60, "three ends are told")
+    assert {(item["path"], item["title"]) for item in received(lab)} == {
+        ("/topic", "mixed has failed")
+    }
+    assert [item["body"].splitlines()[0].partition(" after")[0] for item in received(lab)] == [
+        "6 runs: 4 passed, 2 failed, 0 errored",
+        "6 runs: 4 passed, 2 failed, 0 errored",
+        "9 runs: 6 passed, 3 failed, 0 errored",
+    ]
+
+
+def start_receiver(lab: Lab) -> None:
+    """A pod that is told; its address goes into the Secret `phone`."""
+    lab.kubectl("apply", "--filename=-", stdin=json.dumps(receiver_pod("receiver", images.AGENT)))
+    lab.kubectl("wait", "pod/receiver", "--for=condition=Ready", "--timeout=60s")
+    address = f"http://{lab.get('pod', 'receiver')['status']['podIP']}:{POD_PORT}/topic"
+    lab.kubectl("create", "secret", "generic", "phone", f"--from-literal=url={address}")
+
+
+def received(lab: Lab) -> list[dict[str, str]]:
+    """What the receiver was told, each message once."""
+    lines = lab.kubectl("logs", "receiver").splitlines()
+    return list({item["id"]: item for item in map(json.loads, lines)}.values())
 
 
 def test_a_campaign_with_a_users_plugin_is_composed_in_a_container_and_never_in_the_operator(
