@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 
 from robovast.cluster.status import CampaignStatus
 from robovast_operator import paths
@@ -29,15 +30,16 @@ from robovast_operator.inputs import Inputs
 from robovast_operator.jobs import shard_job, task_job
 from robovast_operator.memory import Memory
 from robovast_operator.notifier import Notifier
-from robovast_operator.picture import Observed
+from robovast_operator.picture import Observed, Picture, Trouble
 from robovast_operator.pod_facts import composed_of
 from robovast_operator.purge import Purge
 from robovast_operator.queues import Queues
 from robovast_operator.settings import Settings
 from robovast_operator.statuses import Statuses
 from robovast_operator.store import JobState, Store
+from robovast_operator.tell import tell
 from robovast_operator.times import now
-from robovast_operator.work_queue import WorkQueue
+from robovast_operator.work_queue import REFUSED_DELAY, WorkQueue
 
 LOGGER = logging.getLogger(__name__)
 
@@ -63,7 +65,7 @@ class Reconciler:
         try:
             await self._reconcile(key)
         except (TimeoutError, ApiError, OSError) as error:
-            delay = self._queue.add_failed(key)
+            delay = self._queue.add_failed(key, REFUSED_DELAY)
             LOGGER.warning("%s/%s: %s; again in %.0f s", *key, error, delay)
             if isinstance(error, ApiError) and error.terminating:
                 await self._let_go(key)
@@ -150,11 +152,25 @@ class Reconciler:
             parked=frozenset(memory.parked),
         )
         decision = decide(observed)
-        await self._carry_out(obj, accepted, decision, memory)
+        try:
+            await self._carry_out(obj, accepted, decision, memory)
+        except ApiError as error:
+            await self._tell_refusal(obj, observed, error, memory)
+            raise
         await self._statuses.configurations(accepted, revisions[-1], decision.status, memory)
         for delay in (again, queued, decision.again):
             if delay is not None:
                 self._queue.add((accepted.identity.namespace, accepted.identity.name), delay)
+
+    async def _tell_refusal(
+        self, obj: Object, observed: Observed, error: ApiError, memory: Memory
+    ) -> None:
+        """Say why nothing can be done, once that lasts."""
+        if error.terminating or memory.still_for() < self._settings.stall_seconds:
+            return
+        trouble = Trouble("Refused", f"the API server refuses what the campaign needs: {error}")
+        picture = Picture.of(replace(observed, trouble=trouble))
+        await self._statuses.write(obj, tell(picture, ()), memory)
 
     async def _composed(
         self, obj: Object, accepted: Accepted, memory: Memory, jobs: dict[str, JobState]

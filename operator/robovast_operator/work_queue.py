@@ -13,6 +13,8 @@ from robovast_operator.campaign import Key
 
 FIRST_DELAY = 1.0
 LONGEST_DELAY = 300.0
+REFUSED_DELAY = 30.0
+"""The longest where the cluster is in the way: nothing tells when it is not any more."""
 
 
 @dataclass
@@ -36,11 +38,11 @@ class WorkQueue:
             heapq.heappush(self._due, (due, key))
             self._changed.set()
 
-    def add_failed(self, key: Key) -> float:
+    def add_failed(self, key: Key, longest: float = LONGEST_DELAY) -> float:
         """Look at a key again after a failure; returns the delay [s], which doubles each time."""
         failures = self._failures.get(key, 0)
         self._failures[key] = failures + 1
-        delay = min(LONGEST_DELAY, FIRST_DELAY * 2.0**failures) * random.uniform(0.8, 1.2)  # noqa: S311
+        delay = min(longest, FIRST_DELAY * 2.0**failures) * random.uniform(0.8, 1.2)  # noqa: S311
         self.add(key, delay)
         return delay
 

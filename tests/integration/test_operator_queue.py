@@ -1,47 +1,84 @@
-"""A Campaign that names a queue, where nobody looks after queues."""
+"""Campaigns that are let in by nobody: what is said of them, and that they go on."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
 from operator_process import OperatorProcess, campaign, condition, eventually, status
 from robovast_testbed.kubernetes import Cluster
 
 
-def test_a_campaign_without_kueue_says_so_and_runs_without_a_queue(
-    fake_cluster: Cluster, namespace: str, tmp_path: Path
-) -> None:
-    operator = OperatorProcess(
+@pytest.fixture
+def operator(fake_cluster: Cluster, namespace: str, tmp_path: Path) -> Iterator[OperatorProcess]:
+    """An operator that soon finds that nothing moves."""
+    made = OperatorProcess(
         fake_cluster,
         tmp_path,
         ROBOVAST_LEASE_SECONDS="2",
         ROBOVAST_STALL_SECONDS="1",
         ROBOVAST_NAMESPACES=namespace,
     )
-    operator.start()
-    try:
-        fake_cluster.apply(campaign("few", namespace, 3, 2, queueName="robovast"))
+    made.start()
+    yield made
+    made.stop()
+    assert "a fault of the operator" not in made.log.read_text()
 
-        def stalled() -> bool:
-            found = condition(status(fake_cluster, namespace, "few"), "Stalled")
-            return found.get("status") == "True"
 
-        eventually(stalled, 60, operator.log.read_text)
-        state = status(fake_cluster, namespace, "few")
-        assert state["state"] == "Queued"
-        assert condition(state, "Stalled")["reason"] == "NoKueue"
-        assert "is Kueue installed" in condition(state, "QuotaReserved")["message"]
-        patch = json.dumps({"spec": {"queueName": None}})
-        fake_cluster.kubectl(
-            *("--namespace", namespace, "patch", "campaign", "few", "--type=merge"),
-            f"--patch={patch}",
-        )
-        eventually(
-            lambda: status(fake_cluster, namespace, "few")["progress"] == "6/6",
-            60,
-            operator.log.read_text,
-        )
-    finally:
-        operator.stop()
-    assert "a fault of the operator" not in operator.log.read_text()
+def wait_stalled(cluster: Cluster, namespace: str, operator: OperatorProcess) -> dict[str, str]:
+    """The condition Stalled of the campaign `few`, as soon as it holds."""
+
+    def stalled() -> dict[str, str] | None:
+        found = condition(status(cluster, namespace, "few"), "Stalled")
+        return found if found.get("status") == "True" else None
+
+    told: dict[str, str] = eventually(stalled, 60, operator.log.read_text)
+    return told
+
+
+def wait_done(cluster: Cluster, namespace: str, operator: OperatorProcess) -> None:
+    eventually(
+        lambda: status(cluster, namespace, "few").get("progress") == "6/6",
+        60,
+        operator.log.read_text,
+    )
+
+
+def test_a_campaign_without_kueue_says_so_and_runs_without_a_queue(
+    fake_cluster: Cluster, namespace: str, operator: OperatorProcess
+) -> None:
+    fake_cluster.apply(campaign("few", namespace, 3, 2, queueName="robovast"))
+    assert wait_stalled(fake_cluster, namespace, operator)["reason"] == "NoKueue"
+    state = status(fake_cluster, namespace, "few")
+    assert state["state"] == "Queued"
+    assert "is Kueue installed" in condition(state, "QuotaReserved")["message"]
+    patch = json.dumps({"spec": {"queueName": None}})
+    fake_cluster.kubectl(
+        *("--namespace", namespace, "patch", "campaign", "few", "--type=merge"),
+        f"--patch={patch}",
+    )
+    wait_done(fake_cluster, namespace, operator)
+
+
+def test_what_the_api_server_refuses_is_told_and_tried_again(
+    fake_cluster: Cluster, namespace: str, operator: OperatorProcess
+) -> None:
+    """As where the webhook of a queue is away; here the namespace may have no Jobs."""
+    fake_cluster.apply(
+        {
+            "apiVersion": "v1",
+            "kind": "ResourceQuota",
+            "metadata": {"name": "none", "namespace": namespace},
+            "spec": {"hard": {"count/jobs.batch": "0"}},
+        }
+    )
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    told = wait_stalled(fake_cluster, namespace, operator)
+    assert told["reason"] == "Refused"
+    assert "exceeded quota: none" in told["message"]
+    fake_cluster.kubectl("--namespace", namespace, "delete", "resourcequota", "none")
+    wait_done(fake_cluster, namespace, operator)
+    stalled = condition(status(fake_cluster, namespace, "few"), "Stalled")
+    assert stalled["status"] == "False"
