@@ -285,8 +285,10 @@ def test_git_wins_where_it_states_what_a_click_changes_unless_told_otherwise(tea
     team.commit(held=held)
     team.shows("held", "Progressing")
     team.click("held", "suspend")
-    team.shows("held", "Suspended")
-    team.shows("held", "Progressing")
+    clicked_and_healed = "3 false"
+    query = "--output=jsonpath={.metadata.generation} {.spec.suspend}"
+    get = ("get", "campaign", "held", f"--namespace={team.name}", query)
+    eventually(lambda: team.argo.cluster.kubectl(*get) == clicked_and_healed, 60)
     team.argo.cluster.kubectl(
         *("patch", "application", team.name, f"--namespace={argocd.NAMESPACE}", "--type=merge"),
         f"--patch={json.dumps(documented())}",
