@@ -204,6 +204,32 @@ def test_who_is_to_be_told_of_the_end_stands_in_a_secret_of_the_campaign(
     assert "tk_hidden" not in said
 
 
+def test_a_campaign_runs_although_nobody_may_be_told_of_its_end(
+    vast: Vast,
+    operator: Operator,
+    known_cluster: Cluster,
+    namespace: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    inside = f"--namespace={namespace}"
+    rights = ("--verb=create,list", "--resource=campaigns.robovast.io")
+    known_cluster.kubectl("create", "role", "runner", inside, *rights)
+    account = f"--serviceaccount={namespace}:default"
+    known_cluster.kubectl("create", "rolebinding", "runner", inside, "--role=runner", account)
+    config = json.loads(known_cluster.kubeconfig.read_text())
+    token = known_cluster.kubectl("create", "token", "default", inside).strip()
+    config["users"][0]["user"] = {"token": token}
+    (tmp_path / "poor.kubeconfig").write_text(json.dumps(config))
+    monkeypatch.setenv("KUBECONFIG", str(tmp_path / "poor.kubeconfig"))
+    monkeypatch.setenv("ROBOVAST_NTFY_TOPIC", "alice-9f4e1c")
+    outcome = vast("run", "--detach")
+    assert outcome.code == 0
+    assert "Nobody will be told of its end" in outcome.out
+    assert 'cannot create resource "secrets"' in outcome.out
+    assert len(operator.names()) == 1
+
+
 @pytest.mark.parametrize(
     "line", ["ROBOVAST_NTFY_TOPIC=a/b", "ROBOVAST_WEBHOOK_URL=//nowhere.example/secret"]
 )
