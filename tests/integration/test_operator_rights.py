@@ -16,11 +16,11 @@ Rights = set[tuple[str, str, str]]
 """Verb, resource with its API group, and the only name where there is one."""
 
 CAMPAIGNS = {
-    "campaigns.robovast.io": "get list watch patch",
+    "campaigns.robovast.io": "list watch patch",
     "campaigns.robovast.io/status": "patch",
-    "configurations.robovast.io": "get list watch create",
+    "configurations.robovast.io": "list watch create",
     "configurations.robovast.io/status": "patch",
-    "jobs.batch": "get list watch create patch delete",
+    "jobs.batch": "list watch create patch delete",
     "configmaps": "get list create",
     "pods": "list",
     "events": "list create",
