@@ -114,7 +114,8 @@ class Reconciler:
         if isinstance(accepted, Rejected):
             await self._statuses.rejected(obj, accepted, memory)
             if accepted.reason == "SourceNotFound":  # nothing tells when it comes
-                self._queue.add((obj["metadata"]["namespace"], obj["metadata"]["name"]), 10)
+                later = min(300.0, max(10.0, memory.still_for() / 2))
+                self._queue.add((obj["metadata"]["namespace"], obj["metadata"]["name"]), later)
             return
         await self._execute(obj, accepted, memory, jobs)
 
