@@ -155,7 +155,7 @@ def test_campaigns_outlive_upgrade_rollback_and_removal(older: Cluster, lab: Lab
     cluster = older
     lab.quick("done", "true\n", "  runs_per_job: 3\n")
     lab.wait("done")
-    lab.quick("underway", 'date >"$3/begun"\nsleep 4\n', "  runs: 2\n", parallelism=1)
+    lab.quick("underway", "sleep 3\n", "  runs: 2\n  runs_per_job: 2\n", parallelism=1)
     eventually(lambda: lab.campaign("underway").get("status", {}).get("runs", {}).get("stored"))
     kept = (
         ("secret", "robovast-storage"),
