@@ -123,7 +123,6 @@ def test_a_leader_that_is_killed_ten_times_makes_no_gap_and_nothing_twice(
     assert len(shards) == 1 + KILLS
     assert created(fake_cluster, namespace, "pods").total() == 300 + len(jobs) - len(shards)
     gaps = [after - before for before, after in pairwise(renewals(fake_cluster, begin))]
-    print("longest gap", max(gaps))
     assert max(gaps) <= LEASE_SECONDS * 4 / 3 + 1, "a Lease, a renewal, and a busy machine's second"
 
 
@@ -194,7 +193,6 @@ def test_a_restart_tells_the_truth_in_five_seconds_and_the_end_costs_no_write(
         operator.start()
         eventually(lambda: status(fake_cluster, namespace, "few").get("progress") == "6/6", 30)
         took = time.monotonic() - begin
-        print("restart took", took)
         assert took <= 5
         eventually(lambda: finished(fake_cluster, namespace, "few"), 30, operator.log.read_text)
         time.sleep(2)  # what is told last of all are Events

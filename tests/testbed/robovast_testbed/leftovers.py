@@ -23,7 +23,7 @@ def kill(netns: Path, folder: Path, *, timeout: float = 20.0) -> None:
     """
     deadline = time.monotonic() + timeout
     spared = set(_ancestors())
-    while alive := [pid for pid in _belonging(netns, folder) if pid not in spared]:
+    while alive := [pid for pid in belonging(netns, folder) if pid not in spared]:
         if time.monotonic() > deadline:
             raise StartFailed(f"processes {alive} of {folder.name} survive SIGKILL")
         for pid in alive:
@@ -47,7 +47,8 @@ def remove_cgroups(name: str) -> None:
                 os.rmdir(folder)
 
 
-def _belonging(netns: Path, folder: Path) -> Iterator[int]:
+def belonging(netns: Path, folder: Path) -> Iterator[int]:
+    """Return the processes in the network namespace or with their root in the folder."""
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit() and _belongs(entry, netns, folder):
             yield int(entry.name)
