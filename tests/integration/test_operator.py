@@ -142,20 +142,3 @@ def test_a_job_that_somebody_deletes_is_made_again(
     first = eventually(uid, 30, operator.log.read_text)
     fake_cluster.kubectl("--namespace", namespace, "delete", "job", "--all")
     eventually(lambda: uid() not in {"", first}, 30, operator.log.read_text)
-
-
-def test_a_queue_that_is_not_there_is_said_and_harms_nothing(
-    fake_cluster: Cluster, namespace: str, operator: OperatorProcess
-) -> None:
-    fake_cluster.apply(campaign("few", namespace, 3, 2, queueName="robovast"))
-    eventually(
-        lambda: (
-            condition(status(fake_cluster, namespace, "few"), "QuotaReserved").get("reason")
-            == "NoQueue"
-        ),
-        60,
-        operator.log.read_text,
-    )
-    state = status(fake_cluster, namespace, "few")
-    assert state["state"] == "Queued"
-    assert "Kueue" in condition(state, "QuotaReserved")["message"]
