@@ -245,6 +245,9 @@ def test_health_is_the_verdict_and_a_click_repeats_the_bad_runs(team: Team) -> N
     team.commit(hello=documented("hello"))
     assert team.shows("hello", "Healthy") == "4 of 4 runs passed; needed are 1 of all"
     team.becomes("Synced", "Healthy")
+    query = "--output=jsonpath={.items[*].message}"
+    events = team.argo.cluster.kubectl("get", "events", f"--namespace={argocd.NAMESPACE}", query)
+    assert "Updated health status: Progressing -> Healthy" in events
     jobs = team.jobs()
     changed = documented("hello")
     changed["spec"]["vast"]["configuration"][0]["variations"] = []
