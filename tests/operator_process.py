@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import subprocess
 import sys
 import time
+import urllib.request
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -211,6 +213,22 @@ def writes(cluster: Cluster, since: int = 0) -> Counter[str]:
     for key, count in write_requests(cluster, since).items():
         found[key.partition(" ")[0]] += count
     return found
+
+
+def free_port() -> int:
+    """A port that nobody listens on."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return int(free.getsockname()[1])
+
+
+def page(port: int, name: str) -> str:
+    """One of the operator's own pages; empty while it does not answer."""
+    try:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/{name}", timeout=5) as answer:
+            return str(answer.read().decode())
+    except OSError:
+        return ""
 
 
 def created(cluster: Cluster, namespace: str, kind: str) -> Counter[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import logging
 import os
 import sys
@@ -14,14 +13,12 @@ import kopf
 
 from robovast.cluster.resources import GROUP, MANAGED_BY, MANAGED_LABEL, VERSION
 from robovast.errors import RobovastError
+from robovast_operator import heap
 from robovast_operator.api import connection_info
 from robovast_operator.operator import Operator
 from robovast_operator.settings import Settings, read_settings
 
 LOGGER = logging.getLogger(__name__)
-
-M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8
-"""Parameters of glibc's mallopt."""
 
 
 class Handlers:
@@ -83,17 +80,9 @@ def configure(settings: kopf.OperatorSettings, own: Settings) -> None:
     logging.getLogger("kopf.objects").setLevel(logging.WARNING)
 
 
-def give_memory_back() -> None:
-    """Let glibc return what is freed: else a thousand large documents leave their mark for ever."""
-    adjust = getattr(ctypes.CDLL(None), "mallopt", None)
-    if adjust is not None:
-        adjust(M_MMAP_THRESHOLD, 65536)  # above it memory comes from the kernel, and goes there
-        adjust(M_ARENA_MAX, 2)
-
-
 def main() -> None:
     """Run until told to end."""
-    give_memory_back()
+    heap.adjust()
     logging.basicConfig(
         level=os.environ.get("ROBOVAST_LOG_LEVEL", "INFO"),
         format="%(asctime)s %(levelname)s %(name)s: %(message)s",

@@ -133,6 +133,24 @@ class Inputs:
             memory.revisions.append(new)
         return memory.revisions
 
+    async def withdrawn(
+        self, accepted: Accepted, revisions: Sequence[Revision], memory: Memory
+    ) -> frozenset[str]:
+        """The Configurations that asked for runs and are gone, by uid."""
+        identity = accepted.identity
+        there = self._store.configurations_of((identity.namespace, identity.name))
+        known = {item["metadata"]["uid"] for item in there} | memory.withdrawn
+        for owner in revisions[-1].owners.values():
+            if owner["uid"] not in known and await self._is_gone(identity.namespace, owner):
+                memory.withdrawn.add(owner["uid"])
+        return frozenset(memory.withdrawn)
+
+    async def _is_gone(self, namespace: str, owner: Object) -> bool:
+        """Whether the server does not know an object either: a watch may be late."""
+        name = f"metadata.name={owner['name']}"
+        found = self._api.list(paths.configurations(namespace), fieldSelector=name)
+        return owner["uid"] not in [item["metadata"]["uid"] async for item in found]
+
     async def _load_revisions(self, identity: Identity) -> list[Revision]:
         selector = ",".join(f"{name}={value}" for name, value in identity.labels.items())
         found = self._api.list(paths.config_maps(identity.namespace), labelSelector=selector)

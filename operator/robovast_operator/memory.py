@@ -40,6 +40,8 @@ class Memory:
     """When that was."""
     queue_looked: float = 0.0
     """When Kueue was last asked."""
+    withdrawn: set[str] = field(default_factory=set)
+    """Configurations that asked for runs and are gone, by uid."""
     problems: dict[str, str] = field(default_factory=dict)
     """By Configuration, why its runs cannot be added."""
     picture: tuple[object, ...] = ()

@@ -53,6 +53,8 @@ class Observed:
     """By Job, what pods of its failed indexes said."""
     stuck: frozenset[str] = frozenset()
     """Jobs that hold pods which are to go; made anew they go on."""
+    withdrawn: frozenset[str] = frozenset()
+    """Configurations that are gone, by uid: nothing more is executed of their runs."""
     trouble: Trouble | None = None
     finals: Mapping[str, Final] = field(default_factory=dict)
     """By finish Job, what it found."""
@@ -96,9 +98,15 @@ class Picture:
         """The Job of a shard, if it is there."""
         return self.observed.jobs.get(shard.job)
 
+    def withdrawn(self, shard: ShardPlan) -> bool:
+        """Whether the Configuration that asked for a shard is gone, and its Job with it."""
+        return shard.owner is not None and shard.owner["uid"] in self.observed.withdrawn
+
     def ended(self, shard: ShardPlan) -> bool:
         """Whether a shard has come to its end."""
         record, job = self.records.get(shard.job), self.job(shard)
+        if self.withdrawn(shard):
+            return True
         if record is not None and record.state in {"Complete", "Failed"}:
             return True
         return job is not None and not job.open

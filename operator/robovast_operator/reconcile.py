@@ -142,6 +142,7 @@ class Reconciler:
             now=now(),
             reports={name: reports for name, (_, reports) in memory.reports.items()},
             stuck=frozenset(memory.stuck),
+            withdrawn=await self._inputs.withdrawn(accepted, revisions, memory),
             trouble=memory.trouble,
             finals=memory.finals,
             failures={

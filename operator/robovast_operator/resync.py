@@ -9,6 +9,7 @@ import random
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+from robovast_operator import heap
 from robovast_operator.api import Api, ApiError
 from robovast_operator.campaign import Object
 from robovast_operator.settings import Settings
@@ -64,6 +65,7 @@ class Resync:
                 await self.compare()
             except (ApiError, OSError) as error:
                 LOGGER.warning("the objects cannot be listed: %s", error)
+            heap.trim()
 
     async def compare(self) -> None:
         """Forget what is gone, learn what was missed."""

@@ -86,7 +86,7 @@ def _records(picture: Picture, created: Sequence[ShardPlan]) -> list[Shard]:
     for shard in picture.shards:
         record, job = picture.records.get(shard.job), picture.job(shard)
         known = record is not None or job is not None or shard.job in made or shard.attempt > 1
-        if not known:
+        if not known and not picture.withdrawn(shard):
             continue
         records.append(
             Shard(
@@ -111,7 +111,8 @@ def _record_state(
     if job is not None and not job.open:
         good = job.finished == "Complete" or job.reason == "FailedIndexes"
         return "Complete" if good else "Failed"
-    if picture.aborted is not None and (job is not None or record is not None):
+    given_up = picture.aborted is not None and (job is not None or record is not None)
+    if given_up or picture.withdrawn(shard):
         return "Failed"
     return "Open" if job is not None or made or shard.attempt == 1 else "Waiting"
 
@@ -125,9 +126,7 @@ def _numbers(picture: Picture) -> tuple[Runs, str, str, bool, Sequence[str]]:
     old = observed.status
     if picture.indexed and old.finished_shards == picture.ended_shards:
         return old.runs, old.failed_runs, old.errored_runs, old.ranges_truncated, old.failing
-    errored = verdicts.errored
-    if picture.aborted is not None:
-        errored = merge([*errored, *_cancelled(picture)])
+    errored = merge([*verdicts.errored, *_cancelled(picture)])
     runs = Runs(
         total=picture.plan.total,
         active=sum(job.active for job in picture.open),
@@ -143,7 +142,12 @@ def _numbers(picture: Picture) -> tuple[Runs, str, str, bool, Sequence[str]]:
 
 
 def _cancelled(picture: Picture) -> list[Span]:
-    """Runs that were under way when the campaign was given up."""
-    opened = [shard for shard in picture.shards if picture.job(shard) is not None]
-    ids = [s for shard in opened for s in run_ids(picture.plan, shard, [(0, shard.size - 1)])]
+    """Runs that were given up: under way when the campaign was, or asked for by nobody any more."""
+    aborted = picture.aborted is not None
+    given_up = [
+        shard
+        for shard in picture.shards
+        if picture.withdrawn(shard) or (aborted and picture.job(shard) is not None)
+    ]
+    ids = [s for shard in given_up for s in run_ids(picture.plan, shard, [(0, shard.size - 1)])]
     return subtract(ids, picture.verdicts.decided)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import socket
-import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,6 +14,8 @@ from operator_process import (
     condition,
     eventually,
     finished,
+    free_port,
+    page,
     status,
     writes,
 )
@@ -58,9 +58,7 @@ def test_two_hundred_runs_end_with_few_writes_and_then_cost_none(
 def test_an_admin_sees_health_and_figures_but_no_series_per_campaign(
     fake_cluster: Cluster, namespace: str, tmp_path: Path
 ) -> None:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     operator = OperatorProcess(
         fake_cluster,
         tmp_path,
@@ -70,18 +68,11 @@ def test_an_admin_sees_health_and_figures_but_no_series_per_campaign(
     )
     operator.start()
 
-    def page(name: str) -> str:
-        try:
-            with urllib.request.urlopen(f"http://127.0.0.1:{port}/{name}", timeout=5) as answer:
-                return str(answer.read().decode())
-        except OSError:
-            return ""
-
     try:
         fake_cluster.apply(campaign("few", namespace, 3, 2))
         eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.log.read_text)
-        assert page("healthz") == page("readyz") == "ok"
-        figures = page("metrics")
+        assert page(port, "healthz") == page(port, "readyz") == "ok"
+        figures = page(port, "metrics")
     finally:
         operator.stop()
     assert 'robovast_runs{state="passed"}' in figures
