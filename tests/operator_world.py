@@ -136,6 +136,7 @@ class World:
         self.executed: list[int] = []
         """Run ids in the order in which they were stored."""
         self.created: list[str] = []
+        self.withdrawn: frozenset[str] = frozenset()
         self.now = datetime(2026, 11, 21, 8, tzinfo=UTC)
         self.plan_more()
 
@@ -173,6 +174,7 @@ class World:
             revisions=self.revisions,
             jobs={name: job.state() for name, job in self.jobs.items()},
             now=self.now,
+            withdrawn=self.withdrawn,
             reports={name: self._reports(job) for name, job in self.jobs.items()},
             finals={
                 name: self._final()

@@ -249,3 +249,22 @@ def test_a_job_that_holds_pods_which_are_to_go_is_made_anew() -> None:
     world.look()
     held = replace(world.observed(), stuck=frozenset({"drive-0123-0"}))
     assert decide(held).actions == (DeleteJob("drive-0123-0"),)
+
+
+def test_a_campaign_ends_without_the_runs_of_a_configuration_that_is_gone() -> None:
+    """Its Job goes with it, and is not made again; what has no verdict is errored."""
+    world = World(accepted(runs=2, parallelism=1))
+    (revision,) = world.revisions
+    owner = {"uid": "of-a-configuration", "name": "more"}
+    world.revisions = [replace(revision, owners={0: owner})]
+    world.look()
+    world.work()
+    world.withdrawn = frozenset({owner["uid"]})
+    world.jobs.clear()
+    before = list(world.created)
+    world.look()
+    assert world.created[len(before) :] == [name for name in world.created if "finish" in name]
+    world.settle()
+    assert world.status.state == "Finished"
+    assert world.status.progress == "6/6"
+    assert world.status.runs.errored == 5
