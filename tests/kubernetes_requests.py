@@ -28,6 +28,10 @@ class Requests:
         self._server = urlsplit(config["clusters"][0]["cluster"]["server"]).netloc
         self._connection = self._connect()
 
+    def close(self) -> None:
+        """End the connection."""
+        self._connection.close()
+
     def get(self, path: str, accept: str = "application/json") -> Any:
         """What a path answers."""
         return self._ask("GET", path, None, accept)
