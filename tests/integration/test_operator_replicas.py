@@ -84,7 +84,7 @@ def renewals(cluster: Cluster, since: int) -> list[float]:
             entry = json.loads(line)
             about = entry.get("objectRef", {})
             done = entry["stage"] == "ResponseComplete" and entry["responseStatus"]["code"] < 300
-            lease = about.get("resource") == "leases" and about["namespace"] == SYSTEM
+            lease = about.get("resource") == "leases" and about.get("namespace") == SYSTEM
             if done and lease and entry["verb"] in {"create", "update"}:
                 times.append(datetime.fromisoformat(entry["stageTimestamp"]).timestamp())
     return times
