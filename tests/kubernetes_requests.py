@@ -5,12 +5,16 @@ from __future__ import annotations
 import http.client
 import json
 import ssl
+import time
 from collections.abc import Iterator
 from typing import Any
 from urllib.parse import urlsplit
 
 from robovast_testbed import controlplane
 from robovast_testbed.kubernetes import Cluster
+
+IDLE_SECONDS = 20
+"""A connection that was not used for so long may have been ended by the server."""
 
 METADATA = "application/json;as=PartialObjectMetadata;g=meta.k8s.io;v=v1"
 """What to accept when only an object's metadata is asked for."""
@@ -27,6 +31,7 @@ class Requests:
         config = json.loads(cluster.kubeconfig.read_text())
         self._server = urlsplit(config["clusters"][0]["cluster"]["server"]).netloc
         self._connection = self._connect()
+        self._used = time.monotonic()
 
     def close(self) -> None:
         """End the connection."""
@@ -54,11 +59,14 @@ class Requests:
     def _ask(
         self, verb: str, path: str, body: dict[str, Any] | None, accept: str = "application/json"
     ) -> Any:
+        if time.monotonic() - self._used > IDLE_SECONDS:
+            self._connection.close()  # the next request opens it again
         content = json.dumps(body) if body is not None else None
         headers = {"Accept": accept, "Content-Type": "application/json"}
         self._connection.request(verb, path, content, headers)
         answer = self._connection.getresponse()
         text = answer.read()
+        self._used = time.monotonic()
         if answer.status >= 300:
             raise RuntimeError(f"{verb} {path}: {answer.status} {text[:500].decode()}")
         return json.loads(text)
