@@ -68,13 +68,13 @@ class ShownPage:
 @contextmanager
 def shown(
     results: Path,
-    *options: str,
+    *options: str | Path,
     postprocess: bool = False,
     cwd: Path | None = None,
     end: signal.Signals = signal.SIGINT,
 ) -> Iterator[ShownPage]:
     """Serve a results folder; ends it, with Ctrl-C or as told, and wants it to end well."""
-    command = [VAST, "evaluation", "gui", "-r", results, "--no-browser", *options]
+    command: list[str | Path] = [VAST, "evaluation", "gui", "-r", results, "--no-browser", *options]
     if not postprocess:
         command.append("--skip-postprocessing")
     process = subprocess.Popen(

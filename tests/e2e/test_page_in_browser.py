@@ -44,6 +44,7 @@ SCREENS = {
     "map": f"#/campaign/{NAME}/hall-9/0?tab=map",
     "files": f"#/campaign/{NAME}/hall-9/0?tab=files",
     "compare": f"#/compare?a={NAME}&b={LATER}",
+    "start": "#/start",
     "nothing": "#/campaign/none",
 }
 PIXEL = bytes.fromhex(
@@ -131,9 +132,9 @@ def settled(page: Page) -> None:
 
 
 @contextmanager
-def browsing(page: Page, results: Path) -> Iterator[str]:
+def browsing(page: Page, results: Path, *options: str | Path) -> Iterator[str]:
     """Address of the page of a folder; the tab leaves before the server does."""
-    with shown(results) as server:
+    with shown(results, *options) as server:
         yield server.address
         page.goto("about:blank")
 
@@ -155,6 +156,38 @@ def test_three_clicks_from_a_local_run_to_the_log_of_the_failing_one(
     words = [str(VAST), *shlex.split(again)[1:]]
     repeated = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
     assert "1 run: 1 failed." in repeated.stdout
+
+
+def test_a_campaign_is_run_from_the_page_and_looked_at(
+    page: Page, axe: str, tmp_path: Path
+) -> None:
+    file = make_campaign(tmp_path, 'echo "no goal for $1"; [ "$1" != 2 ]\n')
+    results = tmp_path / "results"
+    results.mkdir()
+    with browsing(page, results, "-o", file) as address:
+        page.goto(address)
+        page.get_by_role("link", name="Run a campaign").click()
+        expect(page.locator("tr[data-row]")).to_have_count(3)
+        page.get_by_label("Configurations").first.fill("one-[23]")
+        expect(page.locator("tr[data-row]")).to_have_count(2)
+        page.get_by_label("Runtime").select_option("process")
+        page.get_by_role("button", name="Run", exact=True).click()
+        launched = page.get_by_role("region", name="The campaign that was started here")
+        expect(launched).to_contain_text("A run failed.", timeout=60_000)
+        expect(launched.get_by_role("region", name="Output")).to_contain_text("1 failed")
+        page.reload()
+        expect(launched).to_contain_text("A run failed.")
+        page.screenshot(path=tmp_path / "start.png", full_page=True)
+        page.evaluate(axe)
+        found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
+        assert [(v["id"], v["nodes"][0]["html"]) for v in found["violations"]] == []
+        page.get_by_role("link", name="Show its runs").click()
+        page.locator("tr[data-row]").first.get_by_role("link").click()
+        expect(page.get_by_role("region", name="Lines of the log")).to_contain_text("no goal for 2")
+        page.get_by_role("button", name="Run it again").click()
+        expect(launched).to_contain_text("--config=one-2 --runs=1")
+        expect(launched).to_contain_text("A run failed.", timeout=60_000)
+    assert len(list(results.glob("test-campaign-*/one-2/0/run.json"))) == 2
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -141,6 +141,26 @@ export interface Comparison {
   only_b: string[];
 }
 
+/** What can be run from here. */
+export interface Offer {
+  document: string | null;
+  runs: number;
+  /** Why no campaign can be started. */
+  refusal: string;
+  /** Whether a run can be executed again. */
+  repeat: boolean;
+}
+
+/** A campaign that was started from here. */
+export interface Launch {
+  number: number;
+  command: string;
+  started: number;
+  ended: number | null;
+  code: number | null;
+  stopping: boolean;
+}
+
 export interface NotebookResult {
   key: string;
   /** What went wrong, and in which cell. */

@@ -6,7 +6,7 @@ import { useAnswer, type Versions } from "./live";
 import { Export, passRate, State, VerdictBar, Waiting } from "./parts";
 import { choose, link } from "./route";
 
-function isStale(data: Campaigns, versions: Versions): boolean {
+export function isStale(data: Campaigns, versions: Versions): boolean {
   const names = new Set([...Object.keys(versions), ...Object.keys(data.campaigns)]);
   return [...names].some(
     (name) => !data.faults[name] && versions[name] !== data.campaigns[name]?.version,
@@ -28,8 +28,13 @@ export function CampaignsPage({ query }: { query: URLSearchParams }) {
     <>
       <div class="head">
         <h1>Campaigns</h1>
-        <p class="quiet">
-          {plural(all.length, "campaign")} in <code>{data.results}</code>
+        <p class="tools">
+          <span class="quiet">
+            {plural(all.length, "campaign")} in <code>{data.results}</code>
+          </span>
+          <a class="button" href={link(["start"])}>
+            Run a campaign
+          </a>
         </p>
       </div>
       {all.length === 0 && (

@@ -34,7 +34,7 @@ export function valueOf(data: Columns, run: Run, column: string): unknown {
 }
 
 /** Names of the parameters that have more than one value, then the others. */
-export function parameters(data: Columns): string[] {
+export function parameters(data: Pick<Columns, "variants">): string[] {
   const names = Object.keys(data.variants.values);
   const varies = new Map(names.map((name) => [name, distinct(data.variants.values[name]!) > 1]));
   return names.sort((a, b) => Number(varies.get(b)) - Number(varies.get(a)));

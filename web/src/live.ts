@@ -1,11 +1,22 @@
 // Versions of all campaigns as the server tells them; every view asks again when its one changes.
 import { useEffect, useState } from "preact/hooks";
-import { ask } from "./api";
+import { ask, type Launch } from "./api";
 
 export type Versions = Record<string, number>;
 
+/** A campaign that was started from here, and what it has printed from line `first` on. */
+export interface Launched {
+  launch: Launch;
+  first: number;
+  lines: string[];
+}
+
+/** Lines that are kept, as many as the server keeps. */
+const MOST_LINES = 1000;
+
 const listeners = new Set<() => void>();
 let versions: Versions = {};
+let launched: Launched | null = null;
 let source: EventSource | null = null;
 let connected = true;
 
@@ -30,10 +41,22 @@ function start(): void {
     connected = true;
     listeners.forEach((tell) => tell());
   };
+  source.addEventListener("launch", (event) => {
+    launched = joined(launched, JSON.parse(event.data) as Launched);
+    listeners.forEach((tell) => tell());
+  });
   source.onerror = () => {
     connected = false;
     listeners.forEach((tell) => tell());
   };
+}
+
+/** What was known, continued by news when these follow it. */
+export function joined(known: Launched | null, news: Launched): Launched {
+  const follows = known?.launch.number === news.launch.number && known.first + known.lines.length === news.first;
+  const all = follows ? [...known.lines, ...news.lines] : news.lines;
+  const gone = Math.max(0, all.length - MOST_LINES);
+  return { launch: news.launch, first: (follows ? known.first : news.first) + gone, lines: all.slice(gone) };
 }
 
 function stop(): void {
@@ -41,15 +64,25 @@ function stop(): void {
   source = null;
 }
 
-/** Whether the server answers. */
-export function useConnected(): boolean {
-  const [state, setState] = useState(connected);
+function useLatest<T>(read: () => T): T {
+  const [state, setState] = useState(read);
   useEffect(() => {
-    const tell = () => setState(connected);
+    const tell = () => setState(read);
+    tell();
     listeners.add(tell);
     return () => void listeners.delete(tell);
   }, []);
   return state;
+}
+
+/** Whether the server answers. */
+export function useConnected(): boolean {
+  return useLatest(() => connected);
+}
+
+/** The campaign that was started from here the last time. */
+export function useLaunch(): Launched | null {
+  return useLatest(() => launched);
 }
 
 export interface Answer<T> {
@@ -109,4 +142,8 @@ export function useAnswer<T>(url: string | null, stale?: Stale<T>): Answer<T> {
     };
   }, [url]);
   return answer.url === url && (answer.data || answer.error) ? answer : recall(url);
+}
+
+export function isRunning(launched: Launched | null): boolean {
+  return launched !== null && launched.launch.ended === null;
 }

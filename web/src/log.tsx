@@ -1,4 +1,5 @@
 // A log: searched on the server, coloured by level, a page at a time.
+import type { TargetedEvent } from "preact";
 import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 import { address, ask, fileAddress, type LogPage } from "./api";
 import { count, plural } from "./format";
@@ -127,25 +128,31 @@ interface LinesProps {
   live: boolean;
 }
 
-function Lines({ page, text, before, onPage, live }: LinesProps) {
+/** Attributes of what is scrolled: it stays at its end as it grows, unless one has scrolled up. */
+export function useEnd(content: unknown, live = true) {
   const frame = useRef<HTMLDivElement>(null);
   const atEnd = useRef(true);
   useLayoutEffect(() => {
     if (live && atEnd.current && frame.current) frame.current.scrollTop = frame.current.scrollHeight;
-  }, [page, live]);
-  const look = ({ scrollTop, clientHeight, scrollHeight }: HTMLDivElement) => {
+  }, [content, live]);
+  const onScroll = (event: TargetedEvent<HTMLDivElement>) => {
+    const { scrollTop, clientHeight, scrollHeight } = event.currentTarget;
     atEnd.current = scrollTop + clientHeight > scrollHeight - 30;
   };
+  return { ref: frame, onScroll };
+}
+
+function Lines({ page, text, before, onPage, live }: LinesProps) {
+  const end = useEnd(page, live);
   const first = page.lines[0]?.[0] ?? 0;
   if (!page.lines.length) return <p class="hint">No line is like that.</p>;
   return (
     <div
       class="log"
-      ref={frame}
+      {...end}
       tabIndex={0}
       role="region"
       aria-label="Lines of the log"
-      onScroll={(event) => look(event.currentTarget)}
     >
       {page.lines.length < page.matches && (
         <p class="pager">

@@ -4,10 +4,13 @@ import { CampaignPage } from "./campaign";
 import { CampaignsPage } from "./campaigns";
 import { ComparePage } from "./compare";
 import { JobPage } from "./job";
-import { startListening, useConnected } from "./live";
+import { isRunning, startListening, useConnected, useLaunch } from "./live";
 import { link, useRoute } from "./route";
 import { RunPage } from "./run";
+import { StartPage } from "./start";
 import "./style.css";
+
+const TITLES: Record<string, string> = { compare: "Comparison", start: "Run a campaign" };
 
 /** How far down pages were scrolled, by address. */
 const places = new Map<string, number>();
@@ -16,10 +19,11 @@ function Page() {
   const { path, query } = useRoute();
   const [view, ...names] = path;
   const connected = useConnected();
+  const running = isRunning(useLaunch());
   const main = useRef<HTMLElement>(null);
   const first = useRef(true);
   useEffect(() => {
-    document.title = [...names.toReversed(), "RoboVAST"].join(" · ");
+    document.title = [...names.toReversed(), TITLES[view ?? ""], "RoboVAST"].filter(Boolean).join(" · ");
     if (!first.current) {
       main.current?.focus({ preventScroll: true });
       scrollTo(0, places.get(location.href) ?? 0);
@@ -46,11 +50,14 @@ function Page() {
             </ol>
           </nav>
         )}
-        {!connected && (
-          <span class="offline" role="status">
-            The server does not answer.
-          </span>
-        )}
+        <span class="news" role="status">
+          {!connected && <span class="offline">The server does not answer.</span>}
+          {connected && running && (
+            <a class="state running" href={link(["start"])}>
+              a campaign is running
+            </a>
+          )}
+        </span>
       </header>
       <main ref={main} tabIndex={-1}>{pageOf(view, names, query)}</main>
     </>
@@ -62,6 +69,7 @@ function pageOf(view: string | undefined, names: string[], query: URLSearchParam
   if (view === "compare") {
     return <ComparePage a={query.get("a") ?? ""} b={query.get("b") ?? ""} query={query} />;
   }
+  if (view === "start") return <StartPage query={query} />;
   if (view === "job" && campaign && variant) {
     return <JobPage campaign={campaign} job={variant} query={query} />;
   }

@@ -1,9 +1,20 @@
 // One run: its verdict and why, and all that it left behind.
-import { useMemo } from "preact/hooks";
-import { address, fileAddress, type FileEntry, type RunAnswer, type RunDetails, type Usage, type Verdict } from "./api";
+import { useMemo, useState } from "preact/hooks";
+import {
+  address,
+  fileAddress,
+  post,
+  type FileEntry,
+  type Launch,
+  type Offer,
+  type RunAnswer,
+  type RunDetails,
+  type Usage,
+  type Verdict,
+} from "./api";
 import { show } from "./data";
 import { bytes, count, duration, moment } from "./format";
-import { useAnswer } from "./live";
+import { isRunning, useAnswer, useLaunch } from "./live";
 import { Bags } from "./bags";
 import { Log } from "./log";
 import { Notebooks } from "./notebooks";
@@ -14,10 +25,13 @@ import { Tables } from "./tables";
 
 const MOST_SIBLINGS = 50;
 
-interface RunProps {
+interface Target {
   campaign: string;
   variant: string;
   run: string;
+}
+
+interface RunProps extends Target {
   query: URLSearchParams;
 }
 
@@ -28,7 +42,7 @@ export function RunPage({ campaign, variant, run, query }: RunProps) {
   if (!answer.data || !data) return <Waiting error={error} title={`${variant}/${run}`} />;
   return (
     <>
-      <Head data={data} title={`${variant}/${run}`} />
+      <Head data={data} title={`${variant}/${run}`} target={{ campaign, variant, run }} />
       <Siblings {...{ campaign, variant, run }} siblings={answer.data.siblings} />
       <Tabs
         tabs={[...tabsOf(data, query), ...(data.on_map ? [mapOf(campaign, variant)] : []), notebooksOf({ campaign, variant, run })]}
@@ -39,10 +53,7 @@ export function RunPage({ campaign, variant, run, query }: RunProps) {
   );
 }
 
-interface SiblingsProps {
-  campaign: string;
-  variant: string;
-  run: string;
+interface SiblingsProps extends Target {
   siblings: [number, Verdict][];
 }
 
@@ -68,7 +79,7 @@ function Siblings({ campaign, variant, run, siblings }: SiblingsProps) {
   );
 }
 
-function Head({ data, title }: { data: RunDetails; title: string }) {
+function Head({ data, title, target }: { data: RunDetails; title: string; target: Target }) {
   const { record } = data;
   const text = (key: string) => show(record[key] === "" ? null : record[key]);
   const facts: [string, string][] = [
@@ -103,16 +114,41 @@ function Head({ data, title }: { data: RunDetails; title: string }) {
             </div>
           ))}
       </dl>
-      {data.command && (
-        <div class="command">
-          <span id="repeat">Run it again here</span>
-          <code tabIndex={0} aria-labelledby="repeat">
-            {data.command}
-          </code>
-          <Copy text={data.command} label="Copy" />
-        </div>
-      )}
+      {data.command && <Repeat command={data.command} target={target} />}
     </div>
+  );
+}
+
+/** The command that executes the run again, and a button that does so. */
+function Repeat({ command, target }: { command: string; target: Target }) {
+  const { data: offer } = useAnswer<Offer>(address(["offer"]));
+  const busy = isRunning(useLaunch());
+  const [refusal, setRefusal] = useState("");
+  const repeat = () =>
+    post<Launch>(address(["repeat"], { ...target })).then(
+      () => (location.hash = link(["start"])),
+      (cause: Error) => setRefusal(cause.message),
+    );
+  return (
+    <>
+      <div class="command">
+        <span id="repeat">Run it again here</span>
+        <code tabIndex={0} aria-labelledby="repeat">
+          {command}
+        </code>
+        <Copy text={command} label="Copy" />
+        {offer?.repeat && (
+          <button type="button" disabled={busy} title="Executes what the campaign brings along" onClick={repeat}>
+            Run it again
+          </button>
+        )}
+      </div>
+      {refusal && (
+        <p class="error" role="alert">
+          {refusal}
+        </p>
+      )}
+    </>
   );
 }
 
@@ -156,7 +192,7 @@ function mapOf(campaign: string, variant: string): Tab {
   return { id: "map", label: "Map", show };
 }
 
-function notebooksOf(target: { campaign: string; variant: string; run: string }): Tab {
+function notebooksOf(target: Target): Tab {
   const { run: _, ...configuration } = target;
   const show = () => (
     <>
