@@ -1,0 +1,111 @@
+"""A thousand objects that make no sense."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from kubernetes_requests import Requests
+from operator_process import (
+    OperatorProcess,
+    campaign,
+    condition,
+    created,
+    eventually,
+    free_port,
+    page,
+)
+from robovast_testbed.errors import StartFailed
+from robovast_testbed.kubernetes import Cluster
+
+GROUP = "/apis/robovast.io/v1alpha1"
+KINDS = ("Campaign", "Configuration")
+MIB = 2**20
+
+
+def malformed(namespace: str, count: int) -> Iterator[dict[str, Any]]:
+    """Objects that the API server takes and that cannot be executed; each tenth is large."""
+    good = campaign("good", namespace, 1, 1)
+    vast = good["spec"]["vast"]
+    large = {"inline": {"files": {"data.csv": "0123456789abcdef" * 12_500}}}
+    execution = vast["execution"]
+    faults: list[dict[str, Any]] = [
+        {"vast": {**vast, "excution": {}}},
+        {"vast": {**vast, "configuration": [{"name": "a", "parameters": [{"nothing": 1}]}]}},
+        {"vast": {**vast, "configuration": [{"name": "a", "variations": [{"NoSuch": {}}]}]}},
+        {"vast": {**vast, "execution": {**execution, "scenario_file": "nowhere.osc"}}},
+        {"vast": {**vast, "execution": {**execution, "run_files": ["nothing/*.py"]}}},
+        {"vast": {**vast, "execution": {**execution, "env": [{"OUTPUT_DIR": "x"}]}}},
+        {"source": {"configMap": {"name": "nowhere"}}},
+        {"select": ["no-such-*"]},
+        {"campaign": "nobody", "parameters": [{"x": 1}]},
+        {"source": large},
+    ]
+    for number in range(count):
+        fault = faults[number % len(faults)]
+        kind = "Configuration" if "campaign" in fault else "Campaign"
+        yield {
+            "apiVersion": "robovast.io/v1alpha1",
+            "kind": kind,
+            "metadata": {"name": f"bad-{number}", "namespace": namespace},
+            "spec": fault if kind == "Configuration" else {**good["spec"], **fault},
+        }
+
+
+def test_a_thousand_malformed_objects_leave_nothing_and_hinder_nobody(
+    fake_cluster: Cluster, namespace: str, tmp_path: Path
+) -> None:
+    port = free_port()
+    operator = OperatorProcess(
+        fake_cluster,
+        tmp_path,
+        ROBOVAST_NAMESPACES=namespace,
+        ROBOVAST_PORT=str(port),
+        ROBOVAST_RESYNC_SECONDS="5",
+    )
+    operator.start()
+    requests = Requests(fake_cluster, "tester")
+    collections = [f"{GROUP}/namespaces/{namespace}/{kind.lower()}s" for kind in KINDS]
+
+    def make(count: int) -> None:
+        for obj in malformed(namespace, count):
+            requests.post(f"{GROUP}/namespaces/{namespace}/{obj['kind'].lower()}s", obj)
+
+    def told() -> bool:
+        """Whether each Campaign has a condition that says why."""
+        states = [item.get("status") or {} for item in requests.get(collections[0])["items"]]
+        return all(condition(state, "Accepted").get("message") for state in states)
+
+    def forgotten() -> bool:
+        figures = page(port, "metrics")
+        return all(f'robovast_objects{{kind="{kind}"}} 0.0' in figures for kind in KINDS)
+
+    def removed() -> bool:
+        """Whether all are gone and forgotten; to remove many takes more than one request."""
+        for collection in collections:
+            with contextlib.suppress(StartFailed):
+                fake_cluster.kubectl("delete", "--raw", collection)
+        return forgotten()
+
+    def left(count: int) -> int:
+        """Memory after so many have come, have been answered, and have gone [byte]."""
+        make(count)
+        eventually(told, 300, operator.log.read_text)
+        eventually(removed, 120, operator.log.read_text)
+        time.sleep(8)  # a comparison, after which what is free is given back
+        return operator.memory()
+
+    try:
+        before = left(500)
+        after = left(500)
+        make(100)
+        fake_cluster.apply(campaign("few", namespace, 3, 2))
+        eventually(lambda: created(fake_cluster, namespace, "jobs"), 30, operator.log.read_text)
+    finally:
+        operator.stop()
+        requests.close()
+    assert after <= before + 10 * MIB
+    assert "a fault of the operator" not in operator.log.read_text()
