@@ -1,4 +1,4 @@
-"""A thousand objects that make no sense."""
+"""Hundreds of objects that make no sense."""
 
 from __future__ import annotations
 
@@ -24,10 +24,12 @@ from robovast_testbed.kubernetes import Cluster
 GROUP = "/apis/robovast.io/v1alpha1"
 KINDS = ("Campaign", "Configuration")
 MIB = 2**20
+ROUND = 200
+"""Objects that come and go together; a thousand take minutes of the API server's time."""
 
 
 def malformed(namespace: str, count: int) -> Iterator[dict[str, Any]]:
-    """Objects that the API server takes and that cannot be executed; each tenth is large."""
+    """Objects that the API server takes and that cannot be executed; some are large."""
     good = campaign("good", namespace, 1, 1)
     vast = good["spec"]["vast"]
     large = {"inline": {"files": {"data.csv": "0123456789abcdef" * 12_500}}}
@@ -42,10 +44,9 @@ def malformed(namespace: str, count: int) -> Iterator[dict[str, Any]]:
         {"source": {"configMap": {"name": "nowhere"}}},
         {"select": ["no-such-*"]},
         {"campaign": "nobody", "parameters": [{"x": 1}]},
-        {"source": large},
     ]
     for number in range(count):
-        fault = faults[number % len(faults)]
+        fault = {"source": large} if number % 50 == 0 else faults[number % len(faults)]
         kind = "Configuration" if "campaign" in fault else "Campaign"
         yield {
             "apiVersion": "robovast.io/v1alpha1",
@@ -55,7 +56,7 @@ def malformed(namespace: str, count: int) -> Iterator[dict[str, Any]]:
         }
 
 
-def test_a_thousand_malformed_objects_leave_nothing_and_hinder_nobody(
+def test_malformed_objects_leave_nothing_and_hinder_nobody(
     fake_cluster: Cluster, namespace: str, tmp_path: Path
 ) -> None:
     port = free_port()
@@ -76,6 +77,7 @@ def test_a_thousand_malformed_objects_leave_nothing_and_hinder_nobody(
 
     def told() -> bool:
         """Whether each Campaign has a condition that says why."""
+        time.sleep(2)  # all of them are much to read
         states = [item.get("status") or {} for item in requests.get(collections[0])["items"]]
         return all(condition(state, "Accepted").get("message") for state in states)
 
@@ -99,8 +101,8 @@ def test_a_thousand_malformed_objects_leave_nothing_and_hinder_nobody(
         return operator.memory()
 
     try:
-        before = left(500)
-        after = left(500)
+        before = left(ROUND)
+        after = left(ROUND)
         make(100)
         fake_cluster.apply(campaign("few", namespace, 3, 2))
         eventually(lambda: created(fake_cluster, namespace, "jobs"), 30, operator.log.read_text)
