@@ -151,11 +151,11 @@ def test_a_container_ends_with_its_agent(make: Make) -> None:
     pod = Pod(campaign)
     pod.fetch()
     script = pod.work / "config/start.sh"
-    script.write_text(script.read_text().replace("silence=120", "silence=2"))
+    script.write_text(script.read_text().replace("silence=120", "silence=10"))
     container, agent = pod.start_run(), pod.command("agent")
     eventually(lambda: "Executing scenario" in pod.log("start"))
     pod.kill(agent)
-    assert container.wait(30) == 0
+    assert container.wait(60) == 0
 
 
 @one_server
