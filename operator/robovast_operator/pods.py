@@ -63,7 +63,7 @@ def run_pod(
         fetch_arguments: which runs, as the command `fetch` takes them.
     """
     execution = accepted.vast.execution
-    spec = _pod(accepted, settings, plan, execution.kubernetes.jobs)
+    spec = _pod(accepted, plan, execution.kubernetes.jobs)
     mine = [WORK, PLAN, FILES, CREDENTIALS]
     spec["initContainers"] = [
         _compat(accepted, settings),
@@ -83,7 +83,7 @@ def run_pod(
 
 def task_pod(accepted: Accepted, settings: Settings, plan: str, command: str) -> Object:
     """The pod spec of our own work on a whole campaign: compose, finish or purge."""
-    spec = _pod(accepted, settings, plan, accepted.vast.execution.kubernetes.control)
+    spec = _pod(accepted, plan, accepted.vast.execution.kubernetes.control)
     container = _own(settings, command, [command], [WORK, PLAN, FILES, CREDENTIALS])
     spec["containers"] = [container | {"resources": TASK_RESOURCES}]
     spec["volumes"] = [{"name": "work", "emptyDir": {}}, *spec["volumes"]]
@@ -125,9 +125,8 @@ def _receiver_sources(order: Order) -> list[Object]:
     ]
 
 
-def _pod(accepted: Accepted, settings: Settings, plan: str, nodes: Nodes) -> Object:
+def _pod(accepted: Accepted, plan: str, nodes: Nodes) -> Object:
     """What all pods of a campaign share."""
-    del settings
     user = accepted.vast.execution.run_as_user
     spec = _confined_pod(user, accepted.spec.scheduling, nodes.node_labels)
     spec["volumes"] = [
