@@ -110,9 +110,7 @@ def _news(kube: Kubernetes, pod: Json) -> str:
         return waits
     try:
         lines = kube.log_end(pod["metadata"]["name"], 1).splitlines()
-    except UnreachableError:
-        raise
-    except RobovastError:  # nobody allows to read it, or the container has not begun
+    except RobovastError:  # not allowed, not begun yet, or its node does not answer
         return ""
     return lines[-1] if lines else ""
 

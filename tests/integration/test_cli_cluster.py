@@ -609,6 +609,16 @@ def shared(
         yield tmp_path / "share"
 
 
+@pytest.fixture
+def nodeless(known_cluster: Cluster) -> Iterator[None]:
+    """No pod finds a node, whatever other tests have brought up."""
+    fake = "--selector=type=kwok"
+    known_cluster.kubectl("cordon", fake)
+    yield
+    known_cluster.kubectl("uncordon", fake)
+
+
+@pytest.mark.usefixtures("nodeless")
 def test_an_upload_is_begun_once_and_leaves_nothing_when_it_cannot_begin(
     vast: Vast,
     shared: Path,
@@ -667,6 +677,7 @@ def test_an_upload_is_begun_once_and_leaves_nothing_when_it_cannot_begin(
     assert "ROBOVAST_WEBDAV_USER: name of the account" in outcome.err
 
 
+@pytest.mark.usefixtures("nodeless")
 def test_a_failed_upload_says_what_its_pod_said(
     vast: Vast, shared: Path, known_cluster: Cluster, namespace: str
 ) -> None:
