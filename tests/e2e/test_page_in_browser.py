@@ -218,13 +218,13 @@ def test_a_cell_and_a_filter_choose_runs_and_the_address_says_so(
 ) -> None:
     page.goto(f"{server.address}#/campaign/{NAME}")
     page.get_by_role("button", name=re.compile("^2, 1.2:")).click()
-    expect(page.get_by_role("status")).to_have_text("8 of 48 runs")
+    expect(page.get_by_role("main").get_by_role("status")).to_have_text("8 of 48 runs")
     page.get_by_label("Find").fill("map=hall")
-    expect(page.get_by_role("status")).to_have_text("4 of 48 runs")
+    expect(page.get_by_role("main").get_by_role("status")).to_have_text("4 of 48 runs")
     page.get_by_role("button", name=re.compile("Duration")).click()
     shared = browser.new_page()
     shared.goto(page.url)
-    expect(shared.get_by_role("status")).to_have_text("4 of 48 runs")
+    expect(shared.get_by_role("main").get_by_role("status")).to_have_text("4 of 48 runs")
     expect(shared.get_by_role("columnheader", name="Duration")).to_have_attribute(
         "aria-sort", "ascending"
     )
@@ -235,7 +235,7 @@ def test_a_cell_and_a_filter_choose_runs_and_the_address_says_so(
 
 def test_what_is_shown_can_be_saved(page: Page, server: ShownPage) -> None:
     page.goto(f"{server.address}#/campaign/{NAME}?q=speed%3D2&verdict=failed")
-    expect(page.get_by_role("status")).to_have_text("4 of 48 runs")
+    expect(page.get_by_role("main").get_by_role("status")).to_have_text("4 of 48 runs")
     with page.expect_download() as download:
         page.get_by_role("button", name="Save CSV").last.click()
     assert download.value.suggested_filename == f"{NAME}-runs.csv"
@@ -286,9 +286,9 @@ def test_a_campaign_that_runs_needs_no_reload(page: Page, tmp_path: Path) -> Non
         fcntl.flock(lock, fcntl.LOCK_EX)
         page.goto(f"{address}#/campaign/{NAME}")
         expect(page.get_by_role("heading", level=1)).to_contain_text("running")
-        expect(page.get_by_role("status")).to_have_text("3 runs")
+        expect(page.get_by_role("main").get_by_role("status")).to_have_text("3 runs")
         write_run(root, "hall-1", 1, 2, {"speed": 1.0}, lambda *_: "errored", outputs=False)
-        expect(page.get_by_role("status")).to_have_text("4 runs")
+        expect(page.get_by_role("main").get_by_role("status")).to_have_text("4 runs")
         page.get_by_role("link", name="job-7").click()
         expect(page.get_by_text("begins")).to_be_visible()
         log.write_text(log.read_text() + "[INFO] [1772630685.0] [n]: goes on\n")
@@ -358,7 +358,7 @@ def test_a_table_of_any_length_holds_the_rows_in_sight(page: Page, tmp_path: Pat
     write_campaign(tmp_path, runs=300, outputs=False)
     with browsing(page, tmp_path) as address:
         page.goto(f"{address}#/campaign/{NAME}?sort=variant")
-        expect(page.get_by_role("status")).to_have_text("600 runs")
+        expect(page.get_by_role("main").get_by_role("status")).to_have_text("600 runs")
         assert page.locator("tr[data-row]").count() < 60
         page.locator(".grid").evaluate("grid => grid.scrollTop = grid.scrollHeight")
         expect(page.get_by_role("link", name="hall-2/299")).to_be_visible()
