@@ -192,26 +192,22 @@ def usage(pid: int) -> tuple[float, int]:
     return ticks / os.sysconf("SC_CLK_TCK"), int(peak.split()[1]) * 1024
 
 
-def write_requests(cluster: Cluster, since: int = 0) -> Counter[str]:
-    """Write requests by "USER RESOURCE", from the audit log; `since` is an offset in it."""
+def write_requests(cluster: Cluster, since: int = 0, namespace: str = "") -> Counter[str]:
+    """Write requests by "USER RESOURCE", from the audit log.
+
+    `since` is an offset in it; with `namespace`, only those about objects in there.
+    """
     found: Counter[str] = Counter()
     with cluster.audit_log.open("rb") as file:
         file.seek(since)
         for line in file:
             entry = json.loads(line)
+            about = entry.get("objectRef", {})
             done = entry.get("stage") == "ResponseComplete"
-            if done and entry["verb"] in {"create", "update", "patch", "delete"}:
-                about = entry.get("objectRef", {})
+            chosen = not namespace or about.get("namespace") == namespace
+            if done and chosen and entry["verb"] in {"create", "update", "patch", "delete"}:
                 parts = (about.get("resource", "-"), about.get("subresource", ""))
                 found[f"{entry['user']['username']} {'/'.join(filter(None, parts))}"] += 1
-    return found
-
-
-def writes(cluster: Cluster, since: int = 0) -> Counter[str]:
-    """Write requests by user."""
-    found: Counter[str] = Counter()
-    for key, count in write_requests(cluster, since).items():
-        found[key.partition(" ")[0]] += count
     return found
 
 

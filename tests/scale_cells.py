@@ -29,6 +29,8 @@ from robovast_testbed.kubernetes import Cluster
 
 SPACE = "bench"
 NODES = 20
+SMALL = 20
+"""Runs of a small campaign that comes in the middle of a large one."""
 LIMITS = {"default": 20, "tuned": 500}
 """Requests that the controller manager may make in a second."""
 
@@ -85,6 +87,8 @@ class Result:
     """How long it took at the 99th percentile until a finished pod was in the Campaign [s]."""
     restart: float | None = None
     """From the start of a killed operator until its status was right [s]."""
+    behind: float | None = None
+    """How long 20 runs took that were asked for in the middle of it until all had started [s]."""
     idle: int | None = None
     """Write requests about a finished campaign in 20 s, the Lease left out."""
 
@@ -135,7 +139,8 @@ def _cluster(own: bed.Bed, cell: Cell) -> Cluster:
     if cell.kueue:
         node.start(cluster)
         kueue.install(cluster)
-    stages = [finish_stage("ours", cell.runs), finish_stage("sample", cell.pack)]
+    totals = {"ours": cell.runs, "sample": cell.pack, "small": SMALL}
+    stages = [finish_stage(*campaign) for campaign in totals.items()]
     stages += [argo_workflows.POD_STAGE] if cell.shape == "argo" else []
     stages += [_failing_stage()] if cell.failing else []
     prepare(cluster, NODES, stages, tainted=cell.kueue)
@@ -241,6 +246,7 @@ class _Ours:
         self._stored: list[tuple[float, int]] = []
         self._told: list[tuple[float, int]] = []
         self._restarted: tuple[float, int] | None = None
+        self._asked: float | None = None
         self._usage = (0.0, 0)
 
     def measure(self) -> Result:
@@ -251,6 +257,8 @@ class _Ours:
         while self._look() < cell.runs:
             if cell.failing and self._restarted is None and self._told[-1][1] > cell.runs // 3:
                 self._restart()
+            if not cell.failing and cell.pack == 1 and self._told[-1][1] > cell.runs // 2:
+                self._ask_for_more(result)
             time.sleep(0.25)
         result.seconds = self._told[-1][0] - started
         result.writes = dict(write_requests(self._cluster, begin))
@@ -262,20 +270,29 @@ class _Ours:
         _sizes(result, self._cluster, self._requests, "campaigns.robovast.io")
         return result
 
-    def _status(self) -> Any:
-        return self._requests.get(f"{CAMPAIGNS}/ours").get("status", {})
+    def _status(self, name: str = "ours") -> Any:
+        return self._requests.get(f"{CAMPAIGNS}/{name}").get("status", {})
+
+    def _ask_for_more(self, result: Result) -> None:
+        """A small campaign, once, and how long it waits."""
+        if self._asked is None:
+            self._requests.post(CAMPAIGNS, _campaign(self._cell, "small", SMALL))
+            self._asked = time.monotonic()
+        runs = self._status("small").get("runs", {})
+        if result.behind is None and runs.get("active", 0) + _with_verdict(runs) >= SMALL:
+            result.behind = time.monotonic() - self._asked
 
     def _look(self) -> int:
         """The runs with a verdict, as told; also notes what Jobs say."""
-        runs = self._status().get("runs", {})
-        told = runs.get("passed", 0) + runs.get("failed", 0) + runs.get("errored", 0)
+        told = _with_verdict(self._status().get("runs", {}))
         self._told.append((time.monotonic(), told))
         if not self._stored or time.monotonic() - self._stored[-1][0] > 1:
             self._stored.append((time.monotonic(), self._finished_pods() * self._cell.pack))
-        return int(told)
+        return told
 
     def _finished_pods(self) -> int:
-        chosen = f"{JOBS}?labelSelector=robovast.io/role=shard&resourceVersion=0"
+        own = "robovast.io/role=shard,robovast.io/campaign=ours"
+        chosen = f"{JOBS}?labelSelector={own}&resourceVersion=0"
         states = [job.get("status", {}) for job in self._requests.get(chosen)["items"]]
         return sum(state.get("succeeded", 0) + state.get("failed", 0) for state in states)
 
@@ -303,6 +320,10 @@ class _Ours:
         found = write_requests(self._cluster, begin)
         own = {k: n for k, n in found.items() if k.startswith(ACCOUNT) and "leases" not in k}
         return sum(own.values())
+
+
+def _with_verdict(runs: dict[str, int]) -> int:
+    return sum(runs.get(verdict, 0) for verdict in ("passed", "failed", "errored"))
 
 
 def _staleness(stored: list[tuple[float, int]], told: list[tuple[float, int]]) -> float:

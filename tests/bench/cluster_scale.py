@@ -155,6 +155,12 @@ def goals(table: Table, runs: int) -> None:
             told(failing, lambda r: r.restart, "{:.1f} s"),
             "–",
         ),
+        (
+            "20 runs behind these, until all have started",
+            "≤ 30 s",
+            told(ours, lambda r: r.behind, "{:.1f} s"),
+            "–",
+        ),
         ("writes about a finished campaign", "0", told(ours, lambda r: r.idle, "{}"), "–"),
     ]
     print("\n| goal | | ours | peer |\n| --- | --- | --- | --- |")

@@ -115,7 +115,8 @@ def queued(lab: Lab, name: str) -> Any:
 def test_campaigns_take_turns_within_a_quota_for_one_run(queue: Lab) -> None:
     """With the default parallelism: one waits, one is suspended, one deleted, one misled."""
     lab = queue
-    lab.quick("one", "sleep 2\n", queueName="lab", select=["one-1", "one-2"])
+    held = '[ "$1" != 1 ] || until [ -e /tmp/go ]; do sleep 0.2; done\n'
+    lab.quick("one", held, queueName="lab", select=["one-1", "one-2"])
     running(lab, "one")
     lab.quick("two", "true\n", queueName="lab", select=["one-1"])
     status = queued(lab, "two")
@@ -139,6 +140,8 @@ def test_campaigns_take_turns_within_a_quota_for_one_run(queue: Lab) -> None:
         assert "LocalQueue nowhere doesn't exist" in message
         assert "spec.queueName" in message
     change(lab, "misled", queueName="lab")
+    (pod,) = (pod for pod in pods_of(lab, "one") if pod["status"]["phase"] == "Running")
+    lab.kubectl("exec", pod["metadata"]["name"], "--container=robovast", "--", "touch", "/tmp/go")
     for name in ("one", "two", "misled"):
         lab.wait(name)
     assert not pods_of(lab, "paused"), "it was suspended before it had its turn"

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import random
 import signal
 import time
 from collections.abc import Iterator
+from datetime import datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +30,8 @@ from robovast_testbed.kubernetes import Cluster
 
 LEASE_SECONDS = 2
 KILLS = 10
+BUSY_SECONDS = 3
+"""What a machine with other work may add; alone it is a tenth of a second."""
 
 
 @pytest.fixture
@@ -72,11 +77,27 @@ def addition(namespace: str, name: str, value: int) -> dict[str, Any]:
     }
 
 
-def test_a_leader_that_is_killed_ten_times_makes_nothing_twice(
+def renewals(cluster: Cluster, since: int) -> list[float]:
+    """When the Lease was written, from the audit log."""
+    times = []
+    with cluster.audit_log.open("rb") as file:
+        file.seek(since)
+        for line in file:
+            entry = json.loads(line)
+            about = entry.get("objectRef", {})
+            done = entry["stage"] == "ResponseComplete" and entry["responseStatus"]["code"] < 300
+            lease = about.get("resource") == "leases" and about.get("namespace") == SYSTEM
+            if done and lease and entry["verb"] in {"create", "update"}:
+                times.append(datetime.fromisoformat(entry["stageTimestamp"]).timestamp())
+    return times
+
+
+def test_a_leader_that_is_killed_ten_times_makes_no_gap_and_nothing_twice(
     fake_cluster: Cluster, namespace: str, replicas: dict[str, OperatorProcess]
 ) -> None:
     """More runs are asked for all the while: of 300 in 11 Jobs, each is executed once."""
     chance = random.Random(11)  # noqa: S311
+    begin = fake_cluster.audit_log.stat().st_size
     leader, other = replicas
     start_and_hear(replicas[leader], leader)
     start_and_hear(replicas[other], leader)
@@ -103,6 +124,8 @@ def test_a_leader_that_is_killed_ten_times_makes_nothing_twice(
     shards = [name for name in jobs if "finish" not in name]
     assert len(shards) == 1 + KILLS
     assert created(fake_cluster, namespace, "pods").total() == 300 + len(jobs) - len(shards)
+    gaps = [after - before for before, after in pairwise(renewals(fake_cluster, begin))]
+    assert max(gaps) <= LEASE_SECONDS * 4 / 3 + BUSY_SECONDS, "a Lease and a renewal"
 
 
 def test_a_leader_that_slept_while_the_other_took_over_does_nothing_more(
