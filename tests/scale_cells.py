@@ -117,9 +117,9 @@ def measure(cell: Cell) -> Result:
         requests = Requests(cluster, "bench")
         operator = OperatorProcess(cluster, Path(folder))
         with _running(operator):
+            template = _template(cell, requests)
             if cell.shape == "ours":
                 return _Ours(cell, cluster, requests, operator).measure()
-            template = _template(cell, requests)
         peer = {"bare": _bare, "jobs": _jobs, "argo": _argo}[cell.shape]
         return peer(cell, cluster, requests, template)
 
@@ -224,7 +224,10 @@ def _campaign(cell: Cell, name: str, runs: int) -> dict[str, Any]:
 
 
 def _template(cell: Cell, requests: Requests) -> Any:
-    """The Job of a tiny campaign of ours: peers execute the same pods."""
+    """The Job of a tiny campaign of ours: peers execute the same pods.
+
+    Our own cells begin with it, too: an operator has its watches long before a campaign comes.
+    """
     requests.post(CAMPAIGNS, _campaign(cell, "sample", cell.pack))
     chosen = f"{JOBS}?labelSelector=robovast.io/role=shard"
     job = eventually(lambda: requests.get(chosen)["items"], 60)[0]
