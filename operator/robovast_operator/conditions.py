@@ -201,9 +201,14 @@ def is_news(old: CampaignStatus, new: CampaignStatus) -> bool:
     def shards(status: CampaignStatus) -> list[tuple[str, str]]:
         return [(shard.job, shard.state) for shard in status.shards]
 
+    def all_done(status: CampaignStatus) -> bool:
+        done = status.runs.passed + status.runs.failed + status.runs.errored
+        return done == status.runs.total
+
     return (
         facts(old) != facts(new)
         or shards(old) != shards(new)
+        or all_done(old) != all_done(new)
         or (old.attempt, old.observed_generation) != (new.attempt, new.observed_generation)
         or old.notified != new.notified
     )

@@ -1,0 +1,22 @@
+"""What of a status is told at once."""
+
+from __future__ import annotations
+
+from robovast.cluster.status import CampaignStatus, Runs
+from robovast_operator.conditions import is_news
+
+
+def after(passed: int, failed: int = 0, errored: int = 0) -> CampaignStatus:
+    """A campaign of 500 runs of which so many have a verdict."""
+    runs = Runs(total=500, passed=passed, failed=failed, errored=errored)
+    return CampaignStatus(state="Running", runs=runs)
+
+
+def test_numbers_can_wait() -> None:
+    assert not is_news(after(10), after(499))
+
+
+def test_the_last_verdict_is_told_at_once_whatever_it_is() -> None:
+    assert is_news(after(499), after(500))
+    assert is_news(after(490, 9), after(490, 9, 1))
+    assert not is_news(after(500), after(500))
