@@ -22,6 +22,8 @@ class Memory:
     """What `accepted` was made from."""
     accepted: Accepted | Rejected | None = None
     revisions: list[Revision] | None = None
+    generation_as_planned: int = 0
+    """Of the Campaign, whose document was found to be the one that was planned."""
     files_made: bool = False
     reports: dict[str, tuple[str, Mapping[int, Report]]] = field(default_factory=dict)
     """By Job: its failed indexes and what their pods said."""

@@ -13,7 +13,7 @@ from robovast_operator.accept import (
     with_composition,
 )
 from robovast_operator.api import Api, ApiError
-from robovast_operator.campaign import Accepted, Identity, Key, Object, Rejected
+from robovast_operator.campaign import Accepted, Identity, Key, Object, Rejected, Revision
 from robovast_operator.conditions import is_settled
 from robovast_operator.decide import (
     Action,
@@ -126,7 +126,7 @@ class Reconciler:
         await self._inputs.make_files(accepted, memory)
         additions = await self._inputs.additions(obj, accepted)
         revisions = await self._inputs.revisions(accepted, additions, memory)
-        if not same_document(revisions[0].document, accepted.spec.vast):
+        if not _is_as_planned(obj, accepted, revisions[0], memory):
             await self._statuses.rejected(obj, DOCUMENT_CHANGED, memory)
             return
         memory.notice(jobs)
@@ -247,3 +247,13 @@ class Reconciler:
         again = await self._purge.carry_out(obj, accepted, jobs)
         if again is not None:
             self._queue.add((obj["metadata"]["namespace"], obj["metadata"]["name"]), again)
+
+
+def _is_as_planned(obj: Object, accepted: Accepted, first: Revision, memory: Memory) -> bool:
+    """Whether the document is still the one that was planned; parsed once for each change."""
+    generation = obj["metadata"]["generation"]
+    if memory.generation_as_planned != generation:
+        if not same_document(first.document, accepted.spec.vast):
+            return False
+        memory.generation_as_planned = generation
+    return True
