@@ -53,6 +53,13 @@ class Cell:
     limits: str = "default"
     failing: bool = False
     """Whether one pod in twenty fails, and the operator is killed and started on the way."""
+    behind: bool = False
+    """Whether nothing is measured but how long a small campaign waits that comes on the way."""
+
+    @property
+    def parallelism(self) -> int:
+        """Most pods at once of a campaign: what is default, or enough to keep the cluster busy."""
+        return 100 if self.behind else 1000
 
     @property
     def pods(self) -> int:
@@ -60,7 +67,7 @@ class Cell:
 
     def __str__(self) -> str:
         parts = [self.shape, str(self.runs), f"by {self.pack}", self.limits]
-        marks = {"kueue": self.kueue, "failing": self.failing}
+        marks = {"kueue": self.kueue, "failing": self.failing, "behind": self.behind}
         return " ".join([*parts, *(name for name, set_ in marks.items() if set_)])
 
 
@@ -119,7 +126,8 @@ def measure(cell: Cell) -> Result:
         with _running(operator):
             template = _template(cell, requests)
             if cell.shape == "ours":
-                return _Ours(cell, cluster, requests, operator).measure()
+                ours = _Ours(cell, cluster, requests, operator)
+                return ours.measure_behind() if cell.behind else ours.measure()
         peer = {"bare": _bare, "jobs": _jobs, "argo": _argo}[cell.shape]
         return peer(cell, cluster, requests, template)
 
@@ -217,7 +225,13 @@ def _campaign(cell: Cell, name: str, runs: int) -> dict[str, Any]:
     scheduling = {"nodeSelector": {"type": "kwok"}, "tolerations": [toleration]}
     queue = {"queueName": "queue"} if cell.kueue else {}
     made = campaign(
-        name, SPACE, runs // each, each, parallelism=1000, scheduling=scheduling, **queue
+        name,
+        SPACE,
+        runs // each,
+        each,
+        parallelism=cell.parallelism,
+        scheduling=scheduling,
+        **queue,
     )
     made["spec"]["vast"]["execution"]["runs_per_job"] = cell.pack
     return made
@@ -249,7 +263,6 @@ class _Ours:
         self._stored: list[tuple[float, int]] = []
         self._told: list[tuple[float, int]] = []
         self._restarted: tuple[float, int] | None = None
-        self._asked: float | None = None
         self._usage = (0.0, 0)
 
     def measure(self) -> Result:
@@ -260,8 +273,6 @@ class _Ours:
         while self._look() < cell.runs:
             if cell.failing and self._restarted is None and self._told[-1][1] > cell.runs // 3:
                 self._restart()
-            if not cell.failing and cell.pack == 1 and self._told[-1][1] > cell.runs // 2:
-                self._ask_for_more(result)
             time.sleep(0.25)
         result.seconds = self._told[-1][0] - started
         result.writes = dict(write_requests(self._cluster, begin))
@@ -273,17 +284,24 @@ class _Ours:
         _sizes(result, self._cluster, self._requests, "campaigns.robovast.io")
         return result
 
+    def measure_behind(self) -> Result:
+        """How long the runs of a small campaign wait until all have started."""
+        cell, result = self._cell, Result(self._cell)
+        self._requests.post(CAMPAIGNS, _campaign(cell, "ours", cell.runs))
+        while self._look() < cell.runs // 20:
+            time.sleep(0.25)
+        asked = time.monotonic()
+        self._requests.post(CAMPAIGNS, _campaign(cell, "small", SMALL))
+        eventually(lambda: self._started("small") >= SMALL, 600)
+        result.behind = time.monotonic() - asked
+        return result
+
+    def _started(self, name: str) -> int:
+        runs = self._status(name).get("runs", {})
+        return int(runs.get("active", 0)) + _with_verdict(runs)
+
     def _status(self, name: str = "ours") -> Any:
         return self._requests.get(f"{CAMPAIGNS}/{name}").get("status", {})
-
-    def _ask_for_more(self, result: Result) -> None:
-        """A small campaign, once, and how long it waits."""
-        if self._asked is None:
-            self._requests.post(CAMPAIGNS, _campaign(self._cell, "small", SMALL))
-            self._asked = time.monotonic()
-        runs = self._status("small").get("runs", {})
-        if result.behind is None and runs.get("active", 0) + _with_verdict(runs) >= SMALL:
-            result.behind = time.monotonic() - self._asked
 
     def _look(self) -> int:
         """The runs with a verdict, as told; also notes what Jobs say."""
