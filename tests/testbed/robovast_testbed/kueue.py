@@ -5,6 +5,8 @@ from .helm import helm
 from .kubernetes import Cluster
 
 NAMESPACE = "kueue-system"
+MEMORY = "2Gi"
+"""Kueue watches all pods: with 10,000 that have ended, the 512Mi of its chart are not enough."""
 
 
 def install(cluster: Cluster) -> None:
@@ -21,6 +23,7 @@ def install(cluster: Cluster) -> None:
         f"{manager}.image.tag": tag,
         f"{manager}.image.pullPolicy": "Never",
         f"{manager}.resources.requests.cpu": "50m",
+        f"{manager}.resources.limits.memory": MEMORY,
         "controllerManager.readinessProbe.initialDelaySeconds": "1",
         "controllerManager.readinessProbe.periodSeconds": "1",
     }
