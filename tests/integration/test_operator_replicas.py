@@ -31,7 +31,7 @@ from robovast_testbed.kubernetes import Cluster
 LEASE_SECONDS = 2
 KILLS = 10
 BUSY_SECONDS = 3
-"""What a machine with other work may add; alone it is a tenth of a second."""
+"""What a machine with other work may add; one with none adds nothing."""
 
 
 @pytest.fixture
