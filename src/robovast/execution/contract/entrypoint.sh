@@ -205,6 +205,15 @@ stop_descendants() { # PID
     done
 } 2>/dev/null
 
+# The kernel's list of children may leave one out while another ends, so that the monitor is told by
+# its number, and all others are looked for once more.
+stop_all() { # PID
+    stop_descendants "$1"
+    kill "$monitor_pid" 2>/dev/null
+    wait "$monitor_pid"
+    stop_descendants "$1"
+}
+
 end_job() { # CODE
     local code=$1
     set +eu # a pre command that ended the shell may have left them on
@@ -214,8 +223,7 @@ end_job() { # CODE
         wait "$recorder_pid"
     fi
     wait "$sysinfo_pid"
-    stop_descendants "$BASHPID"
-    wait "$monitor_pid"
+    stop_all "$BASHPID"
     [[ ! $in_pre_command ]] || ((code > 128)) || fail 70 "the pre command left the shell with $code"
     exit "$code"
 }

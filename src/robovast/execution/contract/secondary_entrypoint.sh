@@ -26,8 +26,7 @@ while True:
 }
 
 end_secondary() {
-    stop_descendants $$
-    wait "$monitor_pid"
+    stop_all $$
     close_log
 }
 
