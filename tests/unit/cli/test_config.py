@@ -134,7 +134,7 @@ def maps(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_keep_transient_keeps_what_variations_made_on_the_way(vast, maps, folder) -> None:
     vast("config", "generate", "out", "--keep-transient")
-    assert (folder / "out/_transient/work/map.txt").is_file()
+    assert (folder / "out/_transient" / "work/map.txt").is_file()
     assert (folder / "out/hall-1/_config/map.txt").is_file()
 
 
