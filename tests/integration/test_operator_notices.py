@@ -26,7 +26,7 @@ def operator(fake_cluster: Cluster, namespace: str, tmp_path: Path) -> Iterator[
         ROBOVAST_LEASE_SECONDS="2",
         ROBOVAST_NAMESPACES=namespace,
         ROBOVAST_STALL_SECONDS="1",
-        ROBOVAST_NOTIFY_SECONDS="2",
+        ROBOVAST_NOTIFY_SECONDS="6",  # longer than a new leader needs to find trouble again
     )
     yield made
     made.stop()
