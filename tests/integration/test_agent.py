@@ -215,27 +215,31 @@ def test_the_server_may_restart_in_the_middle(make: Make, s3_server: Server) -> 
 
 
 @one_server
-def test_killed_at_any_moment_a_campaign_completes(make: Make) -> None:
-    campaign = make(PASS + "sleep 0.2\n", PACK, runs=2)
-    chance, killed, stored = random.Random(7), 0, {}  # noqa: S311
-    for index in range(2):
-        while True:
+def test_killed_at_any_moment_a_campaign_completes(make: Make, tmp_path: Path) -> None:
+    hold = tmp_path / "hold"
+    waits = f'while grep -q "$1" "{hold}"; do sleep 0.1; done\n'
+    campaign = make(PASS + "sleep 0.2\n" + waits, PACK, runs=2)
+    chance = random.Random(7)  # noqa: S311
+    stored: dict[str, str] = {}
+    for index, last in enumerate("23"):
+        for held in (True, True, True, False):
+            hold.write_text(last if held else "")
             pod = Pod(campaign)
             pod.fetch(index)
             pod.start_run()
             agent = pod.command("agent")
             with contextlib.suppress(subprocess.TimeoutExpired):
-                if killed > 4 or agent.wait(chance.uniform(0.7, 2.5)) is not None:
-                    assert agent.wait(60) == 0
-                    break
+                assert agent.wait(chance.uniform(0.7, 2.5)) == 0
+                assert not held, "it ended before its last run did"
             pod.kill()
-            killed += 1
             for run_path in campaign.verdicts():
                 text = campaign.read(f"{run_path}/run.json")
                 assert stored.setdefault(run_path, text) == text, "a stored run ran again"
-    assert killed > 2
+        assert Pod(campaign).run(index) == 0
     assert set(campaign.verdicts().values()) == {"passed"}
     assert len(campaign.verdicts()) == 6
+    for run_path, text in stored.items():
+        assert campaign.read(f"{run_path}/run.json") == text, "a stored run ran again"
     assert {key.rsplit("/")[-1] for key in campaign.objects("one-1/")} == {
         "out.csv", "run.json", "test.xml",
     }  # fmt: skip
