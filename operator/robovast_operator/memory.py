@@ -46,8 +46,8 @@ class Memory:
     """Configurations that asked for runs and are gone, by uid."""
     problems: dict[str, str] = field(default_factory=dict)
     """By Configuration, why its runs cannot be added."""
-    picture: tuple[object, ...] = ()
-    """The Jobs as they were when something last moved."""
+    picture: tuple[object, ...] | None = None
+    """The Jobs as they were when something last moved; None before the first look."""
     moved: float = field(default_factory=time.monotonic)
     looked: float = 0.0
     """When pods were last looked at."""
@@ -61,11 +61,11 @@ class Memory:
             (job.name, job.completed, job.failed, job.active, job.ready, job.suspended)
             for job in jobs.values()
         )
-        if picture != self.picture:
-            self.picture = picture
+        if self.picture not in (None, picture):
             self.moved = time.monotonic()
             self.trouble = None
             self.stuck.clear()
+        self.picture = picture
 
     def still_for(self) -> float:
         """How long nothing has moved [s]."""

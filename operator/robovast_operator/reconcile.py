@@ -14,7 +14,7 @@ from robovast_operator.accept import (
 )
 from robovast_operator.api import Api, ApiError
 from robovast_operator.campaign import Accepted, Identity, Key, Object, Rejected, Revision
-from robovast_operator.conditions import is_settled
+from robovast_operator.conditions import is_settled, is_true
 from robovast_operator.decide import (
     Action,
     CreateShard,
@@ -92,9 +92,7 @@ class Reconciler:
             self._memories.pop(key, None)
             return
         identity = Identity.of(obj)
-        memory = self._memories.get(key)
-        if memory is None or memory.uid != identity.uid:
-            memory = self._memories[key] = Memory(identity.uid)
+        memory = self._memory(key, identity, obj)
         jobs = self._store.jobs_of(key, identity.uid)
         if "deletionTimestamp" in obj["metadata"]:
             await self._deleted(obj, memory, jobs)
@@ -102,6 +100,15 @@ class Reconciler:
         await self._notifier.report(identity, self._store.notices_of(key, identity.uid), memory)
         if not is_settled(obj, jobs, self._store.configurations_of(key)):
             await self._advance(obj, memory, jobs)
+
+    def _memory(self, key: Key, identity: Identity, obj: Object) -> Memory:
+        memory = self._memories.get(key)
+        if memory is None or memory.uid != identity.uid:
+            memory = self._memories[key] = Memory(identity.uid)
+            status = CampaignStatus.model_validate(obj.get("status") or {})
+            if is_true(status, "Stalled"):  # a new leader need not wait to find that again
+                memory.moved -= self._settings.stall_seconds
+        return memory
 
     async def _advance(self, obj: Object, memory: Memory, jobs: dict[str, JobState]) -> None:
         await self._purge.protect(obj)

@@ -26,7 +26,7 @@ def operator(fake_cluster: Cluster, namespace: str, tmp_path: Path) -> Iterator[
         ROBOVAST_LEASE_SECONDS="2",
         ROBOVAST_NAMESPACES=namespace,
         ROBOVAST_STALL_SECONDS="1",
-        ROBOVAST_NOTIFY_SECONDS="6",  # longer than a new leader needs to find trouble again
+        ROBOVAST_NOTIFY_SECONDS="2",
     )
     yield made
     made.stop()
@@ -84,6 +84,12 @@ def failures(cluster: Cluster, namespace: str) -> list[str]:
     return [item["message"] for item in found]
 
 
+def stalled_since(cluster: Cluster, namespace: str) -> str:
+    conditions = status(cluster, namespace, "few")["conditions"]
+    (stalled,) = (c for c in conditions if c["type"] == "Stalled" and c["status"] == "True")
+    return str(stalled["lastTransitionTime"])
+
+
 def test_the_end_is_told_by_one_job_over_kills_and_then_costs_nothing(
     fake_cluster: Cluster, namespace: str, operator: OperatorProcess
 ) -> None:
@@ -131,8 +137,10 @@ def test_lasting_trouble_is_told_once_and_so_is_that_nobody_could_be_told(
     end_badly(fake_cluster, namespace, pods[0]["metadata"]["name"])
     (told,) = eventually(lambda: failures(fake_cluster, namespace), 30, operator.log.read_text)
     assert told == "the Secret `phone` is not there"
+    since = stalled_since(fake_cluster, namespace)
     restart(operator)
     time.sleep(2)
+    assert stalled_since(fake_cluster, namespace) == since
     assert failures(fake_cluster, namespace) == [told]
     assert len(made_notices(fake_cluster, begin, namespace)) == 1
     assert status(fake_cluster, namespace, "few")["state"] == "Running"

@@ -1,0 +1,7 @@
+"""For every test."""
+
+import signal
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # In a script's background it is ignored, and so it would be by what tests start and interrupt.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
