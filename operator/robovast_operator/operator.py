@@ -119,6 +119,7 @@ class Operator:
 
     async def _look(self, key: Key) -> None:
         await self.leadership.wait()
+        await self._resync.complete.wait()
         with self.metrics.reconciles.time():
             await self._reconcile(key)
 

@@ -20,6 +20,9 @@ LOGGER = logging.getLogger(__name__)
 SETTLING_SECONDS = 2.0
 """A list has come to its end when nothing of it came for so long."""
 
+RETRY_SECONDS = 2.0
+"""Between two tries to learn at the start what is there."""
+
 
 @dataclass(frozen=True)
 class Kind:
@@ -45,6 +48,8 @@ class Resync:
         self._kinds = kinds
         self._listed = asyncio.Event()
         self._misses = 0
+        self.complete = asyncio.Event()
+        """Set once all that was there at the start is known."""
         self.dead_watch = ""
         """Which watch has told nothing twice in a row, if any."""
 
@@ -53,7 +58,11 @@ class Resync:
         self._listed.set()
 
     async def keep(self) -> None:
-        """Compare, for ever."""
+        """Learn what is there, then compare, for ever."""
+        while not await self._compared():
+            await asyncio.sleep(RETRY_SECONDS)
+        self._misses = 0  # no watch has told anything yet
+        self.complete.set()
         while True:
             period = self._settings.resync_seconds * random.uniform(0.9, 1.1)  # noqa: S311
             with contextlib.suppress(TimeoutError):
@@ -61,11 +70,18 @@ class Resync:
             while self._listed.is_set():
                 self._listed.clear()
                 await asyncio.sleep(SETTLING_SECONDS)
-            try:
-                await self.compare()
-            except (ApiError, OSError) as error:
-                LOGGER.warning("the objects cannot be listed: %s", error)
+            await self._compared()
+
+    async def _compared(self) -> bool:
+        """Whether the objects could be compared."""
+        try:
+            await self.compare()
+        except (ApiError, OSError) as error:
+            LOGGER.warning("the objects cannot be listed: %s", error)
+            return False
+        finally:
             heap.trim()
+        return True
 
     async def compare(self) -> None:
         """Forget what is gone, learn what was missed."""

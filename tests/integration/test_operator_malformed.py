@@ -1,4 +1,4 @@
-"""Hundreds of objects that make no sense."""
+"""A thousand objects that make no sense."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from robovast_testbed.kubernetes import Cluster
 GROUP = "/apis/robovast.io/v1alpha1"
 KINDS = ("Campaign", "Configuration")
 MIB = 2**20
-ROUND = 200
-"""Objects that come and go together; a thousand take minutes of the API server's time."""
+ROUND = 1_000
+"""Objects that come and go together."""
 
 
 def malformed(namespace: str, count: int) -> Iterator[dict[str, Any]]:
