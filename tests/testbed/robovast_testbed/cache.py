@@ -4,10 +4,12 @@ Everything lies outside the repository, under ``$ROBOVAST_TESTBED_CACHE``
 (default ``$XDG_CACHE_HOME/robovast-testbed``), and is keyed by version or content.
 """
 
+import contextlib
 import fcntl
 import hashlib
 import os
 import shutil
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -45,6 +47,8 @@ def once(key: str, make: Callable[[Path], None]) -> Path:
     """
     target = root() / "store" / key
     if target.exists():
+        with contextlib.suppress(OSError):  # a cache of somebody else
+            os.utime(target)
         return target
     with locked(key):
         if target.exists():
@@ -59,6 +63,14 @@ def once(key: str, make: Callable[[Path], None]) -> Path:
         finally:
             _discard(work)
     return target
+
+
+def forget(pattern: str, unused: float) -> None:
+    """Remove cached folders whose key matches a glob and that nobody asked for, for so long [s]."""
+    for folder in (root() / "store").glob(pattern):
+        with contextlib.suppress(FileNotFoundError):  # somebody else removes it
+            if folder.stat().st_mtime < time.time() - unused:
+                _discard(folder)
 
 
 def _discard(folder: Path) -> None:
