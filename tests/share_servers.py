@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -80,7 +80,7 @@ class SftpServer:
 
 
 @contextmanager
-def sftp_server(root: Path) -> Iterator[SftpServer]:
+def sftp_server(root: Path, address: tuple[str, int] = ("127.0.0.1", 0)) -> Iterator[SftpServer]:
     """asyncssh, confined to a folder."""
     import asyncssh
 
@@ -114,7 +114,7 @@ def sftp_server(root: Path) -> Iterator[SftpServer]:
 
     async def listen() -> Any:
         return await asyncssh.create_server(
-            Account, "127.0.0.1", 0, server_host_keys=[host_key], sftp_factory=files
+            Account, *address, server_host_keys=[host_key], sftp_factory=files
         )
 
     server = asyncio.run_coroutine_threadsafe(listen(), loop).result(30)
@@ -285,7 +285,15 @@ def gcs_server() -> Iterator[Gcs]:
             thread.join()
 
 
-if __name__ == "__main__":  # FOLDER HOST PORT: a WebDAV server until it is killed
-    with webdav_server(Path(sys.argv[1]), address=(sys.argv[2], int(sys.argv[3]))) as place:
-        print("serving", place, flush=True)
+def serve(root: Path, host: str, port: int, sftp_port: int | None = None) -> None:
+    """A WebDAV server, and one for SFTP when it has a port, until they are killed."""
+    with ExitStack() as stack:
+        if sftp_port is not None:
+            server = stack.enter_context(sftp_server(root, (host, sftp_port)))
+            print("host key", server.host_key, flush=True)
+        print("serving", stack.enter_context(webdav_server(root, address=(host, port))), flush=True)
         threading.Event().wait()
+
+
+if __name__ == "__main__":  # FOLDER HOST PORT [SFTP PORT]
+    serve(Path(sys.argv[1]), sys.argv[2], *map(int, sys.argv[3:]))

@@ -16,7 +16,7 @@ from cluster_lab import VAST, Lab, eventually
 from robovast_testbed import network
 from share_servers import PASSWORD, USER
 
-PORT = 8480
+WEBDAV_PORT, SFTP_PORT = 8480, 8422
 FAR = """
 import os
 from robovast.errors import InputError
@@ -42,20 +42,33 @@ class Far(BaseShareProvider):
 
 @dataclass
 class Share:
-    """A WebDAV server that pods reach, and a user beside it."""
+    """A WebDAV and an SFTP server that pods reach, and a user beside them."""
 
     lab: Lab
     folder: Path
-    """What the server serves."""
+    """What the servers serve."""
+    host_key: str
 
     @property
     def env(self) -> dict[str, str]:
         """What a user sets."""
         return {
             "ROBOVAST_SHARE_TYPE": "webdav",
-            "ROBOVAST_WEBDAV_URL": f"http://{network.NODE_IP}:{PORT}/",
+            "ROBOVAST_WEBDAV_URL": f"http://{network.NODE_IP}:{WEBDAV_PORT}/",
             "ROBOVAST_WEBDAV_USER": USER,
             "ROBOVAST_WEBDAV_PASSWORD": PASSWORD,
+        }
+
+    @property
+    def sftp(self) -> dict[str, str]:
+        """What a user sets instead."""
+        return {
+            "ROBOVAST_SHARE_TYPE": "sftp",
+            "ROBOVAST_SFTP_HOST": network.NODE_IP,
+            "ROBOVAST_SFTP_PORT": str(SFTP_PORT),
+            "ROBOVAST_SFTP_USER": USER,
+            "ROBOVAST_SFTP_PASSWORD": PASSWORD,
+            "ROBOVAST_SFTP_HOST_KEY": self.host_key,
         }
 
     def vast(self, *arguments: object, code: int = 0, **env: str) -> str:
@@ -85,11 +98,13 @@ class Share:
 def share(lab: Lab) -> Iterator[Share]:
     folder = lab.folder / "served"
     folder.mkdir()
-    command = [sys.executable, share_servers.__file__, folder, network.NODE_IP, str(PORT)]
-    server = lab.cluster.bed.spawn(f"webdav-{lab.namespace}", command)
+    ports = map(str, (WEBDAV_PORT, SFTP_PORT))
+    command = [sys.executable, share_servers.__file__, folder, network.NODE_IP, *ports]
+    server = lab.cluster.bed.spawn(f"share-{lab.namespace}", command)
     try:
         eventually(lambda: "serving" in server.log.read_text(), 30, str(server.failure()))
-        yield Share(lab, folder)
+        keys = [line for line in server.log.read_text().splitlines() if "host key" in line]
+        yield Share(lab, folder, keys[0].partition("host key ")[2])
     finally:
         server.process.kill()
         server.process.wait()
@@ -132,6 +147,11 @@ def test_a_campaign_goes_to_the_share_and_comes_home(lab: Lab, share: Share) -> 
     assert files(lab.folder / "fresh" / name) == files(direct)
     share.vast("results", "remove-from-share", "-i", name)
     assert list(share.folder.iterdir()) == []
+
+    share.upload(**share.sftp)
+    assert [path.name for path in share.folder.iterdir()] == [f"{name}.tar.gz"]
+    share.vast("results", "download", "-o", lab.folder / "again", **share.sftp)
+    assert files(lab.folder / "again" / name) == files(direct)
 
     said = share.upload("-i", "hall", code=2, ROBOVAST_SHARE_TYPE="far.py:Far")
     assert f"{name} was not uploaded: the firewall says no" in said
