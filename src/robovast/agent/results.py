@@ -48,7 +48,7 @@ class Results:
         """Store a run that is over, and remove its folder.
 
         Returns:
-            The verdict that is stored: that of another pod, when it was faster.
+            The verdict that is stored: that of another pod, when it was there before.
         """
         circumstances = Circumstances(
             campaign=self._pack.campaign,
@@ -74,14 +74,20 @@ class Results:
         earlier = self._bucket.record(run) if key in there else None
         if earlier is not None and earlier.attempt >= self._pack.attempt:
             return earlier.verdict
-        keys = store_tree(self._bucket, ended.folder, prefix, there=there, skipped=_OWN_NAMES)
-        store.delete(name, there - keys - {key})
-        if key in there:
-            store.put_bytes(name, key, text)
-        elif not store.create(name, key, text):
-            other = self._bucket.record(run)
-            return other.verdict if other is not None else verdict
+        self._store_files(ended, prefix, there)
+        if key not in there and store.create(name, key, text):
+            return verdict
+        if key not in there:
+            # Another pod executed this run at the same time, and has just stored it. Files of both
+            # may be there; its are complete, so that ours can replace them as a whole.
+            self._store_files(ended, prefix, {item.key for item in store.objects(name, prefix)})
+        store.put_bytes(name, key, text)
         return verdict
+
+    def _store_files(self, ended: EndedRun, prefix: str, there: set[str]) -> None:
+        """Store what a run wrote, and remove what else is there."""
+        keys = store_tree(self._bucket, ended.folder, prefix, there=there, skipped=_OWN_NAMES)
+        self._bucket.store.delete(self._bucket.name, there - keys - {prefix + RUN_RECORD})
 
     def store_job(self, job: PodJob, folder: Path) -> None:
         """Store what a job that is over left beside its runs, and remove its folder."""
