@@ -35,7 +35,7 @@ def namespace(
     monkeypatch.setenv("ROBOVAST_S3_ACCESS_KEY", "someone")
     monkeypatch.setenv("ROBOVAST_S3_SECRET_KEY", "hidden")
     yield "set-up"
-    control_plane.kubectl("delete", "namespace", "set-up", "--wait=false")
+    control_plane.kubectl("delete", "namespace", "set-up", "--wait=false", "--ignore-not-found")
 
 
 def values(cluster: Cluster, namespace: str) -> dict[str, Any]:
