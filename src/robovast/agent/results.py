@@ -75,9 +75,9 @@ class Results:
         if earlier is not None and earlier.attempt >= self._pack.attempt:
             return earlier.verdict
         self._store_files(ended, prefix, there)
-        if key not in there and store.create(name, key, text):
-            return verdict
         if key not in there:
+            if store.create(name, key, text):
+                return verdict
             # Another pod executed this run at the same time, and has just stored it. Files of both
             # may be there; its are complete, so that ours can replace them as a whole.
             self._store_files(ended, prefix, {item.key for item in store.objects(name, prefix)})
