@@ -157,6 +157,10 @@ class OperatorProcess:
         self._process.kill()
         self._process.wait()
 
+    def told(self) -> str:
+        """Its log so far."""
+        return self.log.read_text() if self.log.exists() else ""
+
     def signal(self, number: int) -> None:
         """Send a signal: SIGSTOP pauses it, SIGCONT lets it go on."""
         assert self._process is not None
@@ -181,6 +185,35 @@ class OperatorProcess:
         """CPU time so far [s] and peak memory [byte]."""
         assert self._process is not None
         return usage(self._process.pid)
+
+
+NewOperator = Callable[..., OperatorProcess]
+"""Its arguments: the name of the operator, and settings beside those of its namespace."""
+
+
+@pytest.fixture
+def new_operator(fake_cluster: Cluster, namespace: str, tmp_path: Path) -> Iterator[NewOperator]:
+    """Makes operators for the test's namespace, since other tests leave Campaigns in theirs.
+
+    However the test ends, none of them outlives it: it would go on to lead, and no later one
+    would do anything.
+    """
+    made: list[OperatorProcess] = []
+
+    def make(name: str = "one", *, server: str | None = None, **settings: str) -> OperatorProcess:
+        defaults = {"ROBOVAST_LEASE_SECONDS": "2", "ROBOVAST_NAMESPACES": namespace}
+        operator = OperatorProcess(
+            fake_cluster, tmp_path, name, server=server, **{**defaults, **settings}
+        )
+        made.append(operator)
+        return operator
+
+    yield make
+    for operator in made:
+        operator.stop()
+    for operator in made:
+        assert "a fault of the operator" not in operator.told(), operator.told()
+        assert "Traceback" not in operator.told(), operator.told()
 
 
 def usage(pid: int) -> tuple[float, int]:
@@ -279,10 +312,12 @@ def finished(cluster: Cluster, namespace: str, name: str) -> bool:
     return condition(state, "ResultsAvailable").get("status") == "True"
 
 
-def eventually(condition: Callable[[], Any], seconds: float = 60, what: object = "") -> Any:
-    """What a condition gives as soon as that is true."""
+def eventually(
+    condition: Callable[[], Any], seconds: float = 60, told: Callable[[], object] = str
+) -> Any:
+    """What a condition gives as soon as that is true; if it never is, show what is told then."""
     deadline = time.monotonic() + seconds
     while not (found := condition()):
-        assert time.monotonic() < deadline, f"it did not happen in time: {what}"
+        assert time.monotonic() < deadline, f"it did not happen in time: {told()}"
         time.sleep(0.2)
     return found

@@ -136,7 +136,7 @@ def measure(cell: Cell) -> Result:
 def _running(operator: OperatorProcess) -> Iterator[None]:
     operator.start()
     try:
-        eventually(lambda: "leads" in operator.log.read_text(), 60)
+        eventually(lambda: "leads" in operator.told(), 60, operator.told)
         yield
     finally:
         operator.stop()

@@ -114,12 +114,15 @@ class Team:
     def becomes(self, sync: str, health: str, seconds: float = 60) -> None:
         """Wait for the Application."""
 
+        def application() -> dict[str, Any]:
+            return self.argo.application(self.name)
+
         def state() -> tuple[str, ...]:
-            found = self.argo.application(self.name).get("status") or {}
+            found = application().get("status") or {}
             parts = (found.get(part) or {} for part in ("sync", "health"))
             return tuple(part.get("status", "") for part in parts)
 
-        eventually(lambda: state() == (sync, health), seconds, self.argo.application(self.name))
+        eventually(lambda: state() == (sync, health), seconds, application)
 
     def health(self, campaign: str) -> dict[str, str]:
         """Status and message that Argo CD shows for a campaign."""
@@ -133,7 +136,7 @@ class Team:
         eventually(
             lambda: self.health(campaign).get("status") == wanted,
             seconds,
-            self.argo.tree(self.name),
+            lambda: self.argo.tree(self.name),
         )
         return self.health(campaign).get("message", "")
 
@@ -146,7 +149,7 @@ class Team:
             "namespace": self.name,
             "resourceName": campaign,
         }
-        eventually(lambda: self.argo.actions(self.name, resource).get(action), 30, action)
+        eventually(lambda: self.argo.actions(self.name, resource).get(action), 30)
         self.argo.run_action(self.name, resource, action)
 
     def jobs(self) -> set[str]:
@@ -170,7 +173,7 @@ def argo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ArgoCd]:
             yield argocd.start(cluster, CUSTOMIZATIONS)
         finally:
             operator.stop()
-        assert "a fault of the operator" not in operator.log.read_text()
+        assert "a fault of the operator" not in operator.told()
 
 
 def judged(kind: str, status: dict[str, Any], **spec: Any) -> tuple[str, str]:

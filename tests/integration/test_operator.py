@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from operator_process import (
     ACCOUNT,
+    NewOperator,
     OperatorProcess,
     campaign,
     condition,
@@ -23,16 +22,11 @@ from robovast_testbed.kubernetes import Cluster
 
 
 @pytest.fixture
-def operator(fake_cluster: Cluster, namespace: str, tmp_path: Path) -> Iterator[OperatorProcess]:
-    """An operator for the test's namespace: other tests leave Campaigns in theirs."""
-    made = OperatorProcess(
-        fake_cluster, tmp_path, ROBOVAST_LEASE_SECONDS="2", ROBOVAST_NAMESPACES=namespace
-    )
+def operator(new_operator: NewOperator) -> OperatorProcess:
+    """An operator that is up."""
+    made = new_operator()
     made.start()
-    yield made
-    made.stop()
-    text = made.log.read_text()
-    assert "a fault of the operator" not in text, text
+    return made
 
 
 def test_two_hundred_runs_cost_little_and_their_end_nothing(
@@ -41,7 +35,7 @@ def test_two_hundred_runs_cost_little_and_their_end_nothing(
     """What `tests/bench/cluster_scale.py` measures at ten thousand, in little."""
     begin = fake_cluster.audit_log.stat().st_size
     fake_cluster.apply(campaign("many", namespace, 20, 10, parallelism=100))
-    eventually(lambda: finished(fake_cluster, namespace, "many"), 120, operator.log.read_text)
+    eventually(lambda: finished(fake_cluster, namespace, "many"), 120, operator.told)
     wrote = write_requests(fake_cluster, begin, namespace)
     ours = sum(count for key, count in wrote.items() if key.startswith(ACCOUNT))
     assert 5 <= ours <= 0.05 * 200 + 15, wrote
@@ -63,25 +57,15 @@ def test_two_hundred_runs_cost_little_and_their_end_nothing(
 
 
 def test_an_admin_sees_health_and_figures_but_no_series_per_campaign(
-    fake_cluster: Cluster, namespace: str, tmp_path: Path
+    fake_cluster: Cluster, namespace: str, new_operator: NewOperator
 ) -> None:
     port = free_port()
-    operator = OperatorProcess(
-        fake_cluster,
-        tmp_path,
-        ROBOVAST_LEASE_SECONDS="2",
-        ROBOVAST_PORT=str(port),
-        ROBOVAST_NAMESPACES=namespace,
-    )
+    operator = new_operator(ROBOVAST_PORT=str(port))
     operator.start()
-
-    try:
-        fake_cluster.apply(campaign("few", namespace, 3, 2))
-        eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.log.read_text)
-        assert page(port, "healthz") == page(port, "readyz") == "ok"
-        figures = page(port, "metrics")
-    finally:
-        operator.stop()
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    assert page(port, "healthz") == page(port, "readyz") == "ok"
+    figures = page(port, "metrics")
     assert 'robovast_runs{state="passed"}' in figures
     assert 'resource="jobs"' in figures
     assert "robovast_leader 1.0" in figures
@@ -90,34 +74,25 @@ def test_an_admin_sees_health_and_figures_but_no_series_per_campaign(
 
 
 def test_a_leader_that_is_killed_is_followed_by_the_other_replica(
-    fake_cluster: Cluster, namespace: str, operator: OperatorProcess, tmp_path: Path
+    fake_cluster: Cluster, namespace: str, operator: OperatorProcess, new_operator: NewOperator
 ) -> None:
-    other = OperatorProcess(
-        fake_cluster,
-        tmp_path,
-        "two",
-        ROBOVAST_LEASE_SECONDS="2",
-        ROBOVAST_NAMESPACES=namespace,
-    )
+    eventually(lambda: "one leads" in operator.told(), 30, operator.told)
+    other = new_operator("two")
     other.start()
-    eventually(lambda: "one leads" in operator.log.read_text(), 30)
-    eventually(lambda: other.log.exists() and "one leads" in other.log.read_text(), 30)
+    eventually(lambda: "one leads" in other.told(), 30, other.told)
     operator.kill()
-    try:
-        fake_cluster.apply(campaign("few", namespace, 3, 2))
-        eventually(lambda: finished(fake_cluster, namespace, "few"), 60, other.log.read_text)
-    finally:
-        other.stop()
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, other.told)
     jobs = fake_cluster.get("jobs", f"--namespace={namespace}")["items"]
     assert len(list(jobs)) == 2  # type: ignore[call-overload]
-    assert "two leads" in other.log.read_text()
+    assert "two leads" in other.told()
 
 
 def test_a_namespace_goes_while_the_operator_is_down(
     fake_cluster: Cluster, namespace: str, operator: OperatorProcess
 ) -> None:
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.log.read_text)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
     operator.kill()
     fake_cluster.kubectl("delete", "namespace", namespace, "--timeout=60s")
     fake_cluster.kubectl("create", "namespace", namespace)
@@ -137,6 +112,6 @@ def test_a_job_that_somebody_deletes_is_made_again(
         query = "--output=jsonpath={.items[*].metadata.uid}"
         return fake_cluster.kubectl("--namespace", namespace, "get", "jobs", query)
 
-    first = eventually(uid, 30, operator.log.read_text)
+    first = eventually(uid, 30, operator.told)
     fake_cluster.kubectl("--namespace", namespace, "delete", "job", "--all")
-    eventually(lambda: uid() not in {"", first}, 30, operator.log.read_text)
+    eventually(lambda: uid() not in {"", first}, 30, operator.told)

@@ -6,7 +6,6 @@ import re
 import threading
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -24,6 +23,7 @@ from faulty_api import (
     watch_error,
 )
 from operator_process import (
+    NewOperator,
     OperatorProcess,
     campaign,
     condition,
@@ -50,28 +50,16 @@ Start = Callable[..., OperatorProcess]
 
 
 @pytest.fixture
-def start(
-    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, tmp_path: Path
-) -> Iterator[Start]:
+def start(proxy: FaultyApi, new_operator: NewOperator) -> Iterator[Start]:
     """Start an operator behind the proxy."""
-    begun: list[OperatorProcess] = []
 
     def begin(**settings: str) -> OperatorProcess:
-        defaults = {"ROBOVAST_LEASE_SECONDS": "3", "ROBOVAST_NAMESPACES": namespace}
-        operator = OperatorProcess(
-            fake_cluster, tmp_path, server=proxy.address, **{**defaults, **settings}
-        )
+        operator = new_operator(server=proxy.address, **{"ROBOVAST_LEASE_SECONDS": "3", **settings})
         operator.start()
-        begun.append(operator)
         return operator
 
     yield begin
     proxy.mend()
-    for operator in begun:
-        operator.stop()
-        text = operator.log.read_text()
-        assert "a fault of the operator" not in text, text
-        assert "Traceback" not in text, text
 
 
 def assert_right(cluster: Cluster, namespace: str) -> None:
@@ -93,10 +81,10 @@ def test_watches_that_die_silently_are_noticed(
     fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
 ) -> None:
     operator = start(ROBOVAST_SILENCE_SECONDS="3")
-    eventually(lambda: watching(proxy), 30, operator.log.read_text)
+    eventually(lambda: watching(proxy), 30, operator.told)
     assert proxy.silence_watches() >= 3
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 30, operator.log.read_text)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 30, operator.told)
     assert_right(fake_cluster, namespace)
 
 
@@ -104,12 +92,12 @@ def test_watches_that_are_cut_again_and_again_tell_all_the_same(
     fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
 ) -> None:
     operator = start()
-    eventually(lambda: watching(proxy), 30, operator.log.read_text)
+    eventually(lambda: watching(proxy), 30, operator.told)
     fake_cluster.apply(campaign("few", namespace, 3, 2))
     cuts = 0
     deadline = time.monotonic() + 60
     while not finished(fake_cluster, namespace, "few"):
-        assert time.monotonic() < deadline, operator.log.read_text()
+        assert time.monotonic() < deadline, operator.told()
         cuts += proxy.cut_watches()
         time.sleep(0.3)
     assert cuts > 5
@@ -124,9 +112,7 @@ def test_a_first_list_that_is_cut_off_hides_no_campaign(
     cut = proxy.break_("GET", "/campaigns.*watch=true", cut_first_event, 1)
     operator = start()
     for name in names:
-        eventually(
-            lambda name=name: status(fake_cluster, namespace, name), 20, operator.log.read_text
-        )
+        eventually(lambda name=name: status(fake_cluster, namespace, name), 20, operator.told)
     assert cut.hits == 1
 
 
@@ -151,9 +137,9 @@ def test_what_was_deleted_while_history_was_lost_leaves_no_ghost(
         found: Any = fake_cluster.get("jobs", f"--namespace={namespace}")
         return {job["metadata"]["name"]: job["metadata"]["uid"] for job in found["items"]}
 
-    eventually(lambda: total(6) and len(jobs()) == 2, 30, operator.log.read_text)
+    eventually(lambda: total(6) and len(jobs()) == 2, 30, operator.told)
     fake_cluster.apply(added)
-    eventually(lambda: total(8) and len(jobs()) == 3, 30, operator.log.read_text)
+    eventually(lambda: total(8) and len(jobs()) == 3, 30, operator.told)
     back = threading.Event()
     expired = proxy.break_("GET", "watch=true", hold(back, watch_error(410, "Expired")), 3)
     assert proxy.cut_watches() >= 3
@@ -171,7 +157,7 @@ def test_what_was_deleted_while_history_was_lost_leaves_no_ghost(
         *(f"job/{name}" for name in before),
     )
     back.set()
-    eventually(lambda: jobs() and not jobs().items() & before.items(), 15, operator.log.read_text)
+    eventually(lambda: jobs() and not jobs().items() & before.items(), 15, operator.told)
 
     def known(kind: str) -> str:
         found = re.search(rf'robovast_objects{{kind="{kind}"}} (\d+)', page(port, "metrics"))
@@ -194,7 +180,7 @@ def test_every_busy_answer_is_waited_for_as_long_as_it_says(
     ]
     operator = start()
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.log.read_text)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
     assert [fault.times for fault in faults] == [0, 0, 0, 0]
     assert_right(fake_cluster, namespace)
     last: dict[tuple[str, str], float] = {}
@@ -224,7 +210,7 @@ def test_writes_whose_answers_are_lost_make_nothing_twice(
     faults = [proxy.break_(*fault) for fault in LOST.values()]
     operator = start()
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 90, operator.log.read_text)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 90, operator.told)
     missed = [name for name, fault in zip(LOST, faults, strict=True) if not fault.hits]
     assert not missed
     assert_right(fake_cluster, namespace)
@@ -237,6 +223,6 @@ def test_a_slow_server_makes_it_slow_and_nothing_else(
         proxy.break_(method, "", delay(1.5))
     operator = start(ROBOVAST_LEASE_SECONDS="15")
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 90, operator.log.read_text)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 90, operator.told)
     assert_right(fake_cluster, namespace)
-    assert "cannot be renewed" not in operator.log.read_text()
+    assert "cannot be renewed" not in operator.told()

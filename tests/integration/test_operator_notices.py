@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
-from operator_process import ACCOUNT, OperatorProcess, campaign, eventually, status
+from operator_process import ACCOUNT, NewOperator, OperatorProcess, campaign, eventually, status
 from robovast_testbed.errors import StartFailed
 from robovast_testbed.kubernetes import Cluster
 
@@ -19,19 +17,9 @@ RECEIVER = {"kind": "ntfy", "urlFrom": {"name": "phone", "key": "url"}}
 
 
 @pytest.fixture
-def operator(fake_cluster: Cluster, namespace: str, tmp_path: Path) -> Iterator[OperatorProcess]:
-    made = OperatorProcess(
-        fake_cluster,
-        tmp_path,
-        ROBOVAST_LEASE_SECONDS="2",
-        ROBOVAST_NAMESPACES=namespace,
-        ROBOVAST_STALL_SECONDS="1",
-        ROBOVAST_NOTIFY_SECONDS="2",
-    )
-    yield made
-    made.stop()
-    text = made.log.read_text()
-    assert "a fault of the operator" not in text, text
+def operator(new_operator: NewOperator) -> OperatorProcess:
+    """An operator that soon finds and tells that nothing moves; it has not been started."""
+    return new_operator(ROBOVAST_STALL_SECONDS="1", ROBOVAST_NOTIFY_SECONDS="2")
 
 
 def kill_often(operator: OperatorProcess) -> None:
@@ -45,10 +33,10 @@ def kill_often(operator: OperatorProcess) -> None:
 
 def restart(operator: OperatorProcess) -> None:
     """Kill it once more, and wait until it works."""
-    before = operator.log.read_text().count("leads")
+    before = operator.told().count("leads")
     operator.kill()
     operator.start()
-    eventually(lambda: operator.log.read_text().count("leads") > before, 30)
+    eventually(lambda: operator.told().count("leads") > before, 30, operator.told)
 
 
 def written(cluster: Cluster, since: int, namespace: str) -> list[tuple[str, str, str]]:
@@ -99,7 +87,7 @@ def test_the_end_is_told_by_one_job_over_kills_and_then_costs_nothing(
     state = eventually(
         lambda: (s := status(fake_cluster, namespace, "few")).get("notified") and s,
         60,
-        operator.log.read_text,
+        operator.told,
     )
     assert state["notified"] == ["finished-1-1"]
     assert state["state"] == "Finished"
@@ -135,7 +123,7 @@ def test_lasting_trouble_is_told_once_and_so_is_that_nobody_could_be_told(
         30,
     )
     end_badly(fake_cluster, namespace, pods[0]["metadata"]["name"])
-    (told,) = eventually(lambda: failures(fake_cluster, namespace), 30, operator.log.read_text)
+    (told,) = eventually(lambda: failures(fake_cluster, namespace), 30, operator.told)
     assert told == "the Secret `phone` is not there"
     since = stalled_since(fake_cluster, namespace)
     restart(operator)

@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
-from operator_process import OperatorProcess, campaign, condition, eventually, status
+from operator_process import (
+    NewOperator,
+    OperatorProcess,
+    campaign,
+    condition,
+    eventually,
+    status,
+)
 from robovast_testbed.kubernetes import Cluster
 
 
 @pytest.fixture
-def operator(fake_cluster: Cluster, namespace: str, tmp_path: Path) -> Iterator[OperatorProcess]:
+def operator(new_operator: NewOperator) -> OperatorProcess:
     """An operator that soon finds that nothing moves."""
-    made = OperatorProcess(
-        fake_cluster,
-        tmp_path,
-        ROBOVAST_LEASE_SECONDS="2",
-        ROBOVAST_STALL_SECONDS="1",
-        ROBOVAST_NAMESPACES=namespace,
-    )
+    made = new_operator(ROBOVAST_STALL_SECONDS="1")
     made.start()
-    yield made
-    made.stop()
-    assert "a fault of the operator" not in made.log.read_text()
+    return made
 
 
 def wait_stalled(cluster: Cluster, namespace: str, operator: OperatorProcess) -> dict[str, str]:
@@ -34,7 +31,7 @@ def wait_stalled(cluster: Cluster, namespace: str, operator: OperatorProcess) ->
         found = condition(status(cluster, namespace, "few"), "Stalled")
         return found if found.get("status") == "True" else None
 
-    told: dict[str, str] = eventually(stalled, 60, operator.log.read_text)
+    told: dict[str, str] = eventually(stalled, 60, operator.told)
     return told
 
 
@@ -42,7 +39,7 @@ def wait_done(cluster: Cluster, namespace: str, operator: OperatorProcess) -> No
     eventually(
         lambda: status(cluster, namespace, "few").get("progress") == "6/6",
         60,
-        operator.log.read_text,
+        operator.told,
     )
 
 

@@ -6,10 +6,8 @@ import json
 import random
 import signal
 import time
-from collections.abc import Iterator
 from datetime import datetime
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,6 +15,7 @@ from faulty_api import FaultyApi, delay, faulty_api
 from operator_process import (
     ACCOUNT,
     SYSTEM,
+    NewOperator,
     OperatorProcess,
     campaign,
     condition,
@@ -35,19 +34,10 @@ BUSY_SECONDS = 3
 
 
 @pytest.fixture
-def replicas(
-    fake_cluster: Cluster, namespace: str, tmp_path: Path
-) -> Iterator[dict[str, OperatorProcess]]:
+def replicas(namespace: str, new_operator: NewOperator) -> dict[str, OperatorProcess]:
     """Two operators that have not been started."""
-    settings = {"ROBOVAST_LEASE_SECONDS": str(LEASE_SECONDS), "ROBOVAST_NAMESPACES": namespace}
-    made = {
-        name: OperatorProcess(fake_cluster, tmp_path, name, **settings)
-        for name in (f"first-{namespace}", f"second-{namespace}")
-    }
-    yield made
-    for operator in made.values():
-        operator.stop()
-        assert "a fault of the operator" not in operator.log.read_text()
+    names = (f"first-{namespace}", f"second-{namespace}")
+    return {name: new_operator(name, ROBOVAST_LEASE_SECONDS=str(LEASE_SECONDS)) for name in names}
 
 
 def holder(cluster: Cluster) -> str:
@@ -62,9 +52,9 @@ def holder(cluster: Cluster) -> str:
 def start_and_hear(operator: OperatorProcess, leader: str) -> None:
     """Start an operator, and wait until it knows who leads."""
     told = f"{leader} leads"
-    before = operator.log.read_text().count(told) if operator.log.exists() else 0
+    before = operator.told().count(told)
     operator.start()
-    eventually(lambda: operator.log.read_text().count(told) > before, 60, operator.log)
+    eventually(lambda: operator.told().count(told) > before, 60, operator.told)
 
 
 def addition(namespace: str, name: str, value: int) -> dict[str, Any]:
@@ -115,7 +105,7 @@ def test_a_leader_that_is_killed_ten_times_makes_no_gap_and_nothing_twice(
         all_there = len(runs) == 1 + KILLS
         return all_there and finished(fake_cluster, namespace, "hunted")
 
-    eventually(ended, 120, replicas[leader].log)
+    eventually(ended, 120, replicas[leader].told)
     state = status(fake_cluster, namespace, "hunted")
     assert (state["progress"], state["state"]) == ("300/300", "Finished")
     assert condition(state, "Passed")["status"] == "True"
@@ -129,33 +119,29 @@ def test_a_leader_that_is_killed_ten_times_makes_no_gap_and_nothing_twice(
 
 
 def test_a_leader_that_slept_while_the_other_took_over_does_nothing_more(
-    fake_cluster: Cluster, namespace: str, tmp_path: Path
+    fake_cluster: Cluster, namespace: str, new_operator: NewOperator
 ) -> None:
     """It sleeps amid a look at the Campaign: its Job is being made, its status not yet written."""
-    settings = {"ROBOVAST_LEASE_SECONDS": str(LEASE_SECONDS), "ROBOVAST_NAMESPACES": namespace}
     with faulty_api(fake_cluster) as proxy:
-        asleep = OperatorProcess(
-            fake_cluster, tmp_path, f"asleep-{namespace}", server=proxy.address, **settings
-        )
-        awake = OperatorProcess(fake_cluster, tmp_path, f"awake-{namespace}", **settings)
+        asleep = new_operator(f"asleep-{namespace}", server=proxy.address)
+        awake = new_operator(f"awake-{namespace}")
         creation = proxy.break_("POST", "/jobs", delay(1), 1)
         asleep.start()
         try:
-            eventually(lambda: f"asleep-{namespace} leads" in asleep.log.read_text(), 30)
+            eventually(lambda: f"asleep-{namespace} leads" in asleep.told(), 30)
             awake.start()
             fake_cluster.apply(campaign("few", namespace, 3, 2))
             eventually(lambda: creation.hits, 30)
             asleep.signal(signal.SIGSTOP)
-            eventually(lambda: finished(fake_cluster, namespace, "few"), 60, awake.log)
+            eventually(lambda: finished(fake_cluster, namespace, "few"), 60, awake.told)
             before = len(proxy.seen)
             asleep.signal(signal.SIGCONT)
-            eventually(lambda: "another replica may lead" in asleep.log.read_text(), 10)
+            eventually(lambda: "another replica may lead" in asleep.told(), 10)
             time.sleep(1)
             assert writes_of(proxy, before) == []
         finally:
             asleep.signal(signal.SIGCONT)
-            asleep.stop()
-            awake.stop()
+            asleep.stop()  # before the proxy, through which it lets go of the Lease
     state = status(fake_cluster, namespace, "few")
     assert (state["progress"], state["state"]) == ("6/6", "Finished")
     assert sorted(created(fake_cluster, namespace, "jobs").values()) == [1, 1]
@@ -172,62 +158,48 @@ def writes_of(proxy: FaultyApi, since: int) -> list[tuple[str, str]]:
 
 
 def test_a_restart_tells_the_truth_in_five_seconds_and_the_end_costs_no_write(
-    fake_cluster: Cluster, namespace: str, tmp_path: Path
+    fake_cluster: Cluster, namespace: str, new_operator: NewOperator
 ) -> None:
-    operator = OperatorProcess(
-        fake_cluster,
-        tmp_path,
-        ROBOVAST_LEASE_SECONDS="15",
-        ROBOVAST_RESYNC_SECONDS="5",
-        ROBOVAST_NAMESPACES=namespace,
-    )
+    operator = new_operator(ROBOVAST_LEASE_SECONDS="15", ROBOVAST_RESYNC_SECONDS="5")
     operator.start()
-    try:
-        fake_cluster.apply(campaign("few", namespace, 3, 2))
-        shard = eventually(lambda: created(fake_cluster, namespace, "jobs"), 30)
-        operator.kill()
-        (name,) = shard
-        fake_cluster.kubectl(
-            *("--namespace", namespace, "wait", f"job/{name}", "--for=condition=Complete"),
-            "--timeout=60s",
-        )
-        begin = time.monotonic()
-        operator.start()
-        eventually(lambda: status(fake_cluster, namespace, "few").get("progress") == "6/6", 30)
-        took = time.monotonic() - begin
-        assert took <= 5
-        eventually(lambda: finished(fake_cluster, namespace, "few"), 30, operator.log.read_text)
-        time.sleep(2)  # what is told last of all are Events
-        since = fake_cluster.audit_log.stat().st_size
-        time.sleep(8)
-        operator.kill()
-        operator.start()
-        time.sleep(12)
-    finally:
-        operator.stop()
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    shard = eventually(lambda: created(fake_cluster, namespace, "jobs"), 30)
+    operator.kill()
+    (name,) = shard
+    fake_cluster.kubectl(
+        *("--namespace", namespace, "wait", f"job/{name}", "--for=condition=Complete"),
+        "--timeout=60s",
+    )
+    begin = time.monotonic()
+    operator.start()
+    eventually(lambda: status(fake_cluster, namespace, "few").get("progress") == "6/6", 30)
+    took = time.monotonic() - begin
+    assert took <= 5
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 30, operator.told)
+    time.sleep(2)  # what is told last of all are Events
+    since = fake_cluster.audit_log.stat().st_size
+    time.sleep(8)
+    operator.kill()
+    operator.start()
+    time.sleep(12)
     found = {k: n for k, n in write_requests(fake_cluster, since).items() if ACCOUNT in k}
     assert set(found) <= {f"{ACCOUNT} leases"}, found
 
 
 def test_a_namespace_with_buckets_to_delete_goes_once_the_operator_is_back(
-    fake_cluster: Cluster, namespace: str, tmp_path: Path
+    fake_cluster: Cluster, namespace: str, new_operator: NewOperator
 ) -> None:
     """A finalizer waits for the operator, and in a namespace that goes no Job can be made."""
-    operator = OperatorProcess(
-        fake_cluster, tmp_path, ROBOVAST_LEASE_SECONDS="2", ROBOVAST_NAMESPACES=namespace
-    )
+    operator = new_operator()
     operator.start()
-    try:
-        fake_cluster.apply(campaign("few", namespace, 3, 2, storage={"retention": "Delete"}))
-        eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.log.read_text)
-        operator.kill()
-        fake_cluster.kubectl("delete", "namespace", namespace, "--wait=false")
-        left = ("get", "campaigns", f"--namespace={namespace}", "--output=name")
-        time.sleep(3)
-        assert fake_cluster.kubectl(*left).split() == ["campaign.robovast.io/few"]
-        operator.start()
-        fake_cluster.kubectl("wait", "--for=delete", f"namespace/{namespace}", "--timeout=60s")
-    finally:
-        operator.stop()
-    assert "its namespace is being deleted" in operator.log.read_text()
+    fake_cluster.apply(campaign("few", namespace, 3, 2, storage={"retention": "Delete"}))
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    operator.kill()
+    fake_cluster.kubectl("delete", "namespace", namespace, "--wait=false")
+    left = ("get", "campaigns", f"--namespace={namespace}", "--output=name")
+    time.sleep(3)
+    assert fake_cluster.kubectl(*left).split() == ["campaign.robovast.io/few"]
+    operator.start()
+    fake_cluster.kubectl("wait", "--for=delete", f"namespace/{namespace}", "--timeout=60s")
+    assert "its namespace is being deleted" in operator.told()
     fake_cluster.kubectl("create", "namespace", namespace)
