@@ -9,8 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -18,6 +17,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 from uuid import uuid4
 
+from patience import eventually
 from robovast_testbed.s3 import Server
 
 from robovast.cluster.endpoint import Credentials, Endpoint
@@ -30,13 +30,6 @@ from robovast.expansion import compose, select_any
 from robovast.plan import breaks
 
 MARKER = "ROBOVAST_TEST_POD"
-
-
-def eventually(condition: Callable[[], object], seconds: float = 30) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "it did not happen in time"
-        time.sleep(0.05)
 
 
 def pids_of(work: Path) -> Iterator[int]:

@@ -6,8 +6,7 @@ import json
 import os
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -189,15 +188,6 @@ def lab(installed: Cluster, tmp_path: Path) -> Iterator[Lab]:
     copy_credentials(installed, name)
     yield Lab(installed, name, tmp_path, installed.env)
     installed.kubectl("delete", "namespace", name, "--wait=false")
-
-
-def eventually(condition: Callable[[], Any], seconds: float = 120, what: str = "") -> Any:
-    """What a condition gives as soon as that is true."""
-    deadline = time.monotonic() + seconds
-    while not (found := condition()):
-        assert time.monotonic() < deadline, f"it did not happen in time: {what}"
-        time.sleep(0.3)
-    return found
 
 
 def files(campaign: Path) -> set[str]:

@@ -7,7 +7,6 @@ import os
 import socket
 import subprocess
 import sys
-import time
 import urllib.request
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -310,14 +309,3 @@ def finished(cluster: Cluster, namespace: str, name: str) -> bool:
     """Whether a Campaign has come to its end."""
     state = status(cluster, namespace, name)
     return condition(state, "ResultsAvailable").get("status") == "True"
-
-
-def eventually(
-    condition: Callable[[], Any], seconds: float = 60, told: Callable[[], object] = str
-) -> Any:
-    """What a condition gives as soon as that is true; if it never is, show what is told then."""
-    deadline = time.monotonic() + seconds
-    while not (found := condition()):
-        assert time.monotonic() < deadline, f"it did not happen in time: {told()}"
-        time.sleep(0.2)
-    return found

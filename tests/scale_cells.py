@@ -18,12 +18,12 @@ from operator_process import (
     ACCOUNT,
     OperatorProcess,
     campaign,
-    eventually,
     finish_stage,
     prepare,
     usage,
     write_requests,
 )
+from patience import eventually
 from robovast_testbed import bed, controlplane, kueue, kwok, node
 from robovast_testbed.kubernetes import Cluster
 

@@ -66,6 +66,11 @@ class Operator:
         dead = next((task for task in self._tasks if task.done()), None)
         return f"the task {dead.get_name()} has ended" if dead else self._resync.dead_watch
 
+    def ready(self) -> str:
+        """Why nothing is done for campaigns, whoever leads; empty when it is."""
+        unknown = "" if self._resync.complete.is_set() else "what is there could not be listed yet"
+        return self.healthy() or unknown
+
     def campaign_event(self, kind: str | None, obj: Object) -> None:
         """A Campaign has changed."""
         self._heard(kind)

@@ -16,11 +16,11 @@ async def serve(operator: Operator, port: int) -> None:
 
     async def healthz(request: web.Request) -> web.Response:
         del request
-        problem = operator.healthy()
-        return web.Response(status=500 if problem else 200, text=problem or "ok")
+        return _answer(operator.healthy())
 
     async def readyz(request: web.Request) -> web.Response:
-        return await healthz(request)
+        del request
+        return _answer(operator.ready())
 
     async def metrics(request: web.Request) -> web.Response:
         del request
@@ -43,3 +43,7 @@ async def serve(operator: Operator, port: int) -> None:
         await asyncio.Event().wait()
     finally:
         await runner.cleanup()
+
+
+def _answer(problem: str) -> web.Response:
+    return web.Response(status=500 if problem else 200, text=problem or "ok")

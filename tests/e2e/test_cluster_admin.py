@@ -19,10 +19,10 @@ from cluster_lab import (
     VAST,
     Lab,
     copy_credentials,
-    eventually,
     install,
     install_chart,
 )
+from patience import eventually
 from robovast_testbed import gobuild, programs
 from robovast_testbed.helm import helm
 from robovast_testbed.kubernetes import Cluster
@@ -156,7 +156,9 @@ def test_campaigns_outlive_upgrade_rollback_and_removal(older: Cluster, lab: Lab
     lab.quick("done", "true\n", "  runs_per_job: 3\n")
     lab.wait("done")
     lab.quick("underway", "sleep 3\n", "  runs: 2\n  runs_per_job: 2\n", parallelism=1)
-    eventually(lambda: lab.campaign("underway").get("status", {}).get("runs", {}).get("stored"))
+    eventually(
+        lambda: lab.campaign("underway").get("status", {}).get("runs", {}).get("stored"), 120
+    )
     kept = (
         ("secret", "robovast-storage"),
         ("persistentvolumeclaim", "robovast-s3"),

@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cluster_lab import QUICK, SYSTEM, Lab, eventually
+from cluster_lab import QUICK, SYSTEM, Lab
 from local_campaigns import make_campaign
+from patience import eventually
 from robovast_testbed import images
 from robovast_testbed.errors import StartFailed
 
@@ -298,7 +299,7 @@ def test_what_does_not_start_says_why(
     eventually(
         lambda: lab.conditions("stuck").get("Stalled", {}).get("reason") == reason,
         150,
-        lab.describe("stuck"),
+        lambda: lab.describe("stuck"),
     )
     assert said in lab.conditions("stuck")["Stalled"]["message"]
     told = [

@@ -5,12 +5,16 @@ from __future__ import annotations
 import json
 import time
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 
-from cluster_lab import SYSTEM, Lab, eventually
+from cluster_lab import SYSTEM, Lab
 from operator_process import created
+from patience import eventually
 from robovast_testbed import outages
 
 RUNS = 30
+S3 = ("--namespace", SYSTEM, "scale", "statefulset/robovast-s3")
 
 
 def stored(lab: Lab) -> int:
@@ -19,29 +23,42 @@ def stored(lab: Lab) -> int:
     return int(progress.partition("/")[0])
 
 
-def test_storage_server_store_and_node_fail_in_turn_and_no_run_is_lost(lab: Lab) -> None:
-    """S3 away for a minute; etcd hangs and the API server is killed meanwhile; then a drain."""
-    lab.quick("unlucky", "sleep 2\n", "  runs: 10\n  runs_per_job: 2\n", parallelism=4)
-    eventually(lambda: stored(lab) > 1, 240, lab.describe("unlucky"))
-    s3 = ("--namespace", SYSTEM, "scale", "statefulset/robovast-s3")
+@contextmanager
+def repaired(lab: Lab) -> Iterator[None]:
+    """Whatever happens, later tests find a storage, and a node that takes pods."""
+    nodes = lab.cluster.kubectl("get", "nodes", "--output=name").split()
+    try:
+        yield
+    finally:
+        lab.cluster.kubectl(*S3, "--replicas=1")
+        lab.cluster.kubectl("uncordon", *nodes)
+
+
+def fail_in_turn(lab: Lab) -> None:
     begin = time.monotonic()
-    lab.cluster.kubectl(*s3, "--replicas=0")
+    lab.cluster.kubectl(*S3, "--replicas=0")
     with outages.paused(lab.cluster, "etcd"):
         time.sleep(5)
     outages.restart(lab.cluster, "kube-apiserver", 3)
     time.sleep(max(0.0, 60 - (time.monotonic() - begin)))
     before = stored(lab)
-    lab.cluster.kubectl(*s3, "--replicas=1")
-    eventually(lambda: stored(lab) > before, 240, lab.describe("unlucky"))
+    lab.cluster.kubectl(*S3, "--replicas=1")
+    eventually(lambda: stored(lab) > before, 240, lambda: lab.describe("unlucky"))
     (node,) = lab.cluster.kubectl("get", "nodes", "--output=name").split()
     lab.cluster.kubectl(
         *("drain", node, "--ignore-daemonsets", "--delete-emptydir-data", "--force"),
         "--timeout=100s",
     )
     assert lab.campaign("unlucky")["status"]["state"] == "Running"
-    lab.cluster.kubectl("uncordon", node)
-    lab.wait("unlucky", seconds=300)
 
+
+def test_storage_server_store_and_node_fail_in_turn_and_no_run_is_lost(lab: Lab) -> None:
+    """S3 away for a minute; etcd hangs and the API server is killed meanwhile; then a drain."""
+    lab.quick("unlucky", "sleep 2\n", "  runs: 10\n  runs_per_job: 2\n", parallelism=4)
+    eventually(lambda: stored(lab) > 1, 240, lambda: lab.describe("unlucky"))
+    with repaired(lab):
+        fail_in_turn(lab)
+    lab.wait("unlucky", seconds=300)
     runs = lab.campaign("unlucky")["status"]["runs"]
     assert (runs["total"], runs["passed"], runs["errored"]) == (RUNS, RUNS, 0)
     home = lab.download("unlucky")

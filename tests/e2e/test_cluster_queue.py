@@ -8,8 +8,9 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from cluster_lab import QUICK, SYSTEM, Lab, eventually
+from cluster_lab import QUICK, SYSTEM, Lab
 from local_campaigns import make_campaign
+from patience import eventually
 from robovast_testbed import images
 from robovast_testbed.kubernetes import Cluster, Manifest
 

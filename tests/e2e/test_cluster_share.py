@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 import share_servers
-from cluster_lab import VAST, Lab, eventually
+from cluster_lab import VAST, Lab
+from patience import eventually
 from robovast_testbed import network
 from share_servers import PASSWORD, USER
 
@@ -102,7 +103,7 @@ def share(lab: Lab) -> Iterator[Share]:
     command = [sys.executable, share_servers.__file__, folder, network.NODE_IP, *ports]
     server = lab.cluster.bed.spawn(f"share-{lab.namespace}", command)
     try:
-        eventually(lambda: "serving" in server.log.read_text(), 30, str(server.failure()))
+        eventually(lambda: "serving" in server.log.read_text(), 30, server.failure)
         keys = [line for line in server.log.read_text().splitlines() if "host key" in line]
         yield Share(lab, folder, keys[0].partition("host key ")[2])
     finally:

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import pytest
 import yaml
-from agent_pods import Campaign, Pod, eventually
+from agent_pods import Campaign, Pod
 from local_campaigns import DOCUMENT, make_campaign, run
+from patience import eventually
 from robovast_testbed.s3 import Server
 
 PASS = 'echo "$1,$2" > "$3/out.csv"\n'

@@ -20,10 +20,10 @@ from operator_process import (
     FINISH_STAGE,
     OperatorProcess,
     campaign,
-    eventually,
     prepare,
     status,
 )
+from patience import eventually
 from robovast_testbed import argocd, bed, controlplane
 from robovast_testbed.argocd import ArgoCd
 from robovast_testbed.pytest_plugin import skipped_when_unavailable

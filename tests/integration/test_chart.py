@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 import yaml
 from chart_rendering import CHART, Object, of_kind, rendered, template
-from operator_process import campaign, eventually
+from operator_process import campaign
 from operator_world import SCENARIO, SETTINGS
 from operator_world import campaign as campaign_object
+from patience import eventually
 from robovast_testbed.errors import StartFailed
 from robovast_testbed.kubernetes import Cluster
 

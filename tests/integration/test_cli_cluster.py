@@ -20,6 +20,7 @@ from uuid import uuid4
 
 import pytest
 import yaml
+from patience import eventually
 from robovast_testbed.kubernetes import Cluster
 from robovast_testbed.s3 import Server
 from share_servers import PASSWORD, USER, webdav_server
@@ -429,7 +430,7 @@ def test_run_cleanup_removes_what_is_finished_or_named(vast: Vast, operator: Ope
     assert f"{first}: removed; its results stay in the bucket b." in outcome.out
     assert f"run-cleanup -i {second}" in outcome.out
     assert vast("run-cleanup", "-i", second).code == 0
-    wait_until(lambda: not operator.names())
+    eventually(lambda: not operator.names())
 
 
 def test_a_run_with_cleanup_removes_finished_campaigns_before(
@@ -439,14 +440,7 @@ def test_a_run_with_cleanup_removes_finished_campaigns_before(
     (old,) = operator.names()
     operator.report(old, state="Finished", runs={"passed": 26})
     assert vast("run", "--detach", "--cleanup").code == 0
-    wait_until(lambda: old not in operator.names() and len(operator.names()) == 1)
-
-
-def wait_until(holds: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 15
-    while not holds():
-        assert time.monotonic() < deadline
-        time.sleep(0.2)
+    eventually(lambda: old not in operator.names() and len(operator.names()) == 1)
 
 
 @dataclass(frozen=True)
@@ -641,7 +635,7 @@ def test_an_upload_is_begun_once_and_leaves_nothing_when_it_cannot_begin(
     assert "Name it with `--image`" in outcome.err
 
     known_cluster.kubectl("create", "quota", "none", inside, "--hard=count/secrets=0")
-    wait_until(lambda: "used" in known_cluster.get("quota", "none", inside)["status"])
+    eventually(lambda: "used" in known_cluster.get("quota", "none", inside)["status"])
     outcome = vast(*upload, "--detach")
     assert (outcome.code, made()) == (3, [])
     assert "exceeded quota" in outcome.err
@@ -690,7 +684,7 @@ def test_a_failed_upload_says_what_its_pod_said(
     }
 
     def fail() -> None:
-        wait_until(lambda: bool(known_cluster.get("pods", inside)["items"]))
+        eventually(lambda: bool(known_cluster.get("pods", inside)["items"]))
         time.sleep(1)  # the client sees it wait for a node
         (pod,) = known_cluster.get("pods", inside)["items"]
         known_cluster.kubectl(

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 import yaml
 from local_campaigns import EXAMPLES, ROOT, Recorder, make_campaign, resume, run, verdicts
+from patience import eventually
 
 from robovast.common.execution import campaign_folder_name
 from robovast.errors import CannotRunError, InputError, StorageError
@@ -163,9 +164,7 @@ def test_kill_9_loses_nothing_and_resume_finishes_the_campaign(tmp_path: Path) -
     )
     arguments = [sys.executable, "-c", program, str(ROOT / "tests"), str(path), str(tmp_path / "o")]
     process = subprocess.Popen(arguments)
-    deadline = time.monotonic() + 30
-    while not list((tmp_path / "o").glob("*/one-*/*/run.json")) and time.monotonic() < deadline:
-        time.sleep(0.05)
+    eventually(lambda: any((tmp_path / "o").glob("*/one-*/*/run.json")))
     process.kill()
     process.wait()
     (campaign,) = (tmp_path / "o").iterdir()

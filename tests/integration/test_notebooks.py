@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from notebooks import add_notebooks
+from patience import eventually
 from shown_page import VAST, ShownPage, shown
 from stored_campaigns import NAME, write, write_campaign
 
@@ -121,10 +122,7 @@ def test_a_notebook_that_takes_too_long_is_stopped_and_keeps_no_other_back(page:
         result = endless.result()
     assert result["fault"] == "Cell 1 was stopped: the notebook may take 5 s."
     kernel = output(page, result).split("pid ")[-1].split()[0]
-    deadline = time.monotonic() + 20
-    while Path("/proc", kernel).exists():
-        assert time.monotonic() < deadline, "the kernel was left behind"
-        time.sleep(0.1)
+    eventually(lambda: not Path("/proc", kernel).exists(), 20, "the kernel was left behind")
 
 
 def test_output_has_no_rights(page: ShownPage) -> None:

@@ -11,13 +11,13 @@ from operator_process import (
     OperatorProcess,
     campaign,
     condition,
-    eventually,
     finished,
     free_port,
     page,
     status,
     write_requests,
 )
+from patience import eventually
 from robovast_testbed.kubernetes import Cluster
 
 

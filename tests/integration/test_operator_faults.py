@@ -28,12 +28,12 @@ from operator_process import (
     campaign,
     condition,
     created,
-    eventually,
     finished,
     free_port,
     page,
     status,
 )
+from patience import eventually
 from robovast_testbed.kubernetes import Cluster
 
 NOWHERE = {"scheduling": {"nodeSelector": {"no": "node"}}}
@@ -114,6 +114,22 @@ def test_a_first_list_that_is_cut_off_hides_no_campaign(
     for name in names:
         eventually(lambda name=name: status(fake_cluster, namespace, name), 20, operator.told)
     assert cut.hits == 1
+
+
+def test_an_operator_that_may_not_list_is_not_ready_and_works_as_soon_as_it_may(
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
+) -> None:
+    port = free_port()
+    refused = proxy.break_("GET", r"/jobs\?(?!.*watch=)", refuse(403))
+    operator = start(ROBOVAST_PORT=str(port))
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    eventually(lambda: refused.hits > 1, 30, operator.told)
+    assert (page(port, "healthz"), page(port, "readyz")) == ("ok", "")
+    assert status(fake_cluster, namespace, "few") == {}
+    assert "cannot be listed" in operator.told()
+    proxy.mend()
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    assert page(port, "readyz") == "ok"
 
 
 def test_what_was_deleted_while_history_was_lost_leaves_no_ghost(

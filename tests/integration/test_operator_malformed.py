@@ -13,10 +13,10 @@ from operator_process import (
     campaign,
     condition,
     created,
-    eventually,
     free_port,
     page,
 )
+from patience import eventually
 from robovast_testbed.errors import StartFailed
 from robovast_testbed.kubernetes import Cluster
 

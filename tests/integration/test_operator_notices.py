@@ -7,7 +7,8 @@ import time
 from typing import Any
 
 import pytest
-from operator_process import ACCOUNT, NewOperator, OperatorProcess, campaign, eventually, status
+from operator_process import ACCOUNT, NewOperator, OperatorProcess, campaign, status
+from patience import eventually
 from robovast_testbed.errors import StartFailed
 from robovast_testbed.kubernetes import Cluster
 

@@ -10,9 +10,9 @@ from operator_process import (
     OperatorProcess,
     campaign,
     condition,
-    eventually,
     status,
 )
+from patience import eventually
 from robovast_testbed.kubernetes import Cluster
 
 

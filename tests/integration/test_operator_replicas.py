@@ -20,11 +20,11 @@ from operator_process import (
     campaign,
     condition,
     created,
-    eventually,
     finished,
     status,
     write_requests,
 )
+from patience import eventually
 from robovast_testbed.kubernetes import Cluster
 
 LEASE_SECONDS = 2

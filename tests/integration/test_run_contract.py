@@ -12,12 +12,13 @@ import subprocess
 import sys
 import time
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 import yaml
+from patience import eventually
 from robovast_testbed import debian
 from robovast_testbed.pytest_plugin import skipped_when_unavailable
 
@@ -170,13 +171,6 @@ def processes_of(job: Job) -> list[int]:
             if mark in path.read_bytes():
                 found.append(int(path.parent.name))
     return found
-
-
-def eventually(condition: Callable[[], object], seconds: float = 20) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "it did not happen in time"
-        time.sleep(0.02)
 
 
 def test_a_passed_run_leaves_what_the_contract_promises(job: Job) -> None:

@@ -1,0 +1,25 @@
+"""Waiting in tests for what happens elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+
+def eventually(
+    condition: Callable[[], Any], seconds: float = 60, told: str | Callable[[], object] = ""
+) -> Any:
+    """What a condition gives as soon as that is true; if it never is, show what is told then.
+
+    It is asked often at first and ever less so, since to ask a cluster takes work.
+    """
+    deadline = time.monotonic() + seconds
+    pause = 0.02
+    while not (found := condition()):
+        if time.monotonic() > deadline:
+            what = told if isinstance(told, str) else told()
+            raise AssertionError(f"it did not happen in {seconds:g} s: {what}")
+        time.sleep(pause)
+        pause = min(0.3, pause * 1.5)
+    return found
