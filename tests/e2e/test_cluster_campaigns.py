@@ -158,6 +158,10 @@ def test_a_campaign_with_a_users_plugin_is_composed_in_a_container_and_never_in_
     assert "nothing" in lab.conditions("broken")["Accepted"]["message"]
 
 
+def job_names(lab: Lab) -> set[str]:
+    return {item["metadata"]["name"] for item in lab.get("jobs")["items"]}
+
+
 def test_configurations_show_entries_and_add_runs(lab: Lab) -> None:
     """One object per entry; one applied by hand adds runs; deleting it removes its Jobs."""
     lab.quick("more", "true\n")
@@ -178,11 +182,9 @@ def test_configurations_show_entries_and_add_runs(lab: Lab) -> None:
     assert set(lab.verdicts(lab.download("more"))) == {
         "one-1/0", "one-2/0", "one-3/0", "extra/0", "extra/1",
     }  # fmt: skip
-    jobs = {item["metadata"]["name"] for item in lab.get("jobs")["items"]}
+    jobs = job_names(lab)
     lab.kubectl("delete", "configuration", "extra")
-    lab.kubectl("wait", "job", "--all", "--for=create", "--timeout=5s")
-    left = {item["metadata"]["name"] for item in lab.get("jobs")["items"]}
-    assert len(jobs - left) == 1
+    eventually(lambda: len(jobs - job_names(lab)) == 1, 30)
     wrong = {**added, "metadata": {**added["metadata"], "name": "wrong"}}
     wrong["spec"] = {"campaign": "more", "parameters": [{"speed": 7}]}
     lab.kubectl("apply", "--filename=-", stdin=json.dumps(wrong))

@@ -189,7 +189,7 @@ def urgent_job(namespace: str) -> Manifest:
 def test_a_campaign_that_is_pushed_aside_goes_on_after_its_last_stored_run(queue: Lab) -> None:
     """Kueue takes its quota away in the middle of a pack; that costs no try."""
     lab = queue
-    script = '[ "$1" != 2 ] || sleep 8\n'
+    script = '[ "$1" != 2 ] || sleep 12\n'
     lab.quick("pushed", script, "  runs_per_job: 3\n", queueName="lab")
     running(lab, "pushed")
     first = eventually(lambda: stored(lab, "pushed", "one-1/0"), 60, "the first run is stored")

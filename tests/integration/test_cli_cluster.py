@@ -685,7 +685,7 @@ def test_a_failed_upload_says_what_its_pod_said(
 
     def fail() -> None:
         eventually(lambda: bool(known_cluster.get("pods", inside)["items"]))
-        time.sleep(1)  # the client sees it wait for a node
+        time.sleep(3)  # the client sees it wait for a node
         (pod,) = known_cluster.get("pods", inside)["items"]
         known_cluster.kubectl(
             *("patch", f"pod/{pod['metadata']['name']}", inside, "--subresource=status"),

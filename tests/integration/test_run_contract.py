@@ -254,7 +254,7 @@ def test_asked_to_stop_a_run_writes_its_result(job: Job, number: signal.Signals)
         eventually(lambda: "Executing scenario" in job.log())
         time.sleep(0.2)
         process.send_signal(number)
-        process.communicate(timeout=20)
+        process.communicate(timeout=30)
     assert (process.returncode, job.verdict("one/0")) == (1, False)
     assert "Aborted" in (job.out / "one/0/test.xml").read_text()
 
@@ -265,7 +265,7 @@ def test_asked_to_stop_a_pack_ends_and_keeps_its_verdicts(job: Job) -> None:
         eventually(lambda: (job.out / "a b/1").exists())
         time.sleep(0.2)
         process.terminate()
-        process.communicate(timeout=20)
+        process.communicate(timeout=30)
     assert [job.verdict(f"a b/{index}") for index in range(3)] == [True, False, None]
 
 
@@ -292,7 +292,7 @@ def test_asked_to_stop_while_the_pre_command_runs(job: Job) -> None:
         eventually(lambda: (job.output / "logs/system.log").exists())
         eventually(lambda: "started" in job.log())
         process.terminate()
-        process.communicate(timeout=10)
+        process.communicate(timeout=30)
     assert process.returncode == 143
     assert processes_of(job) == []
 
@@ -318,7 +318,7 @@ def test_runs_of_a_pack_are_told_when_they_are_over(job: Job) -> None:
         assert (job.out / "a b/0/post").read_text() == "done\n"
         assert (job.verdict("a b/0"), told.read_text()) == (True, "a b/0\n")
         process.terminate()
-        process.communicate(timeout=20)
+        process.communicate(timeout=30)
     assert told.read_text() == "a b/0\na b/1\n"
 
 
@@ -397,7 +397,7 @@ def test_a_secondary_runs_until_the_main_container_ends(job: Job) -> None:
     with job.start("secondary_entrypoint.sh", CONTAINER_NAME="nav") as secondary:
         code, _ = job.run()
         assert code == 0
-        secondary.communicate(timeout=10)
+        secondary.communicate(timeout=30)
     assert secondary.returncode == 0
     assert "nav is up" in job.log("system_nav.log")
     assert "sleep" in (job.output / "resource_usage_nav.csv").read_text()
@@ -411,7 +411,7 @@ def test_a_secondary_stops_when_told(job: Job) -> None:
     ) as secondary:
         eventually(lambda: (job.output / "resource_usage_nav.csv").exists())
         secondary.terminate()
-        secondary.communicate(timeout=10)
+        secondary.communicate(timeout=30)
     assert secondary.returncode == 0
     eventually(lambda: processes_of(job) == [])
 
@@ -421,7 +421,7 @@ def test_a_secondary_whose_pre_command_fails_ends(job: Job) -> None:
     with job.start(
         "secondary_entrypoint.sh", CONTAINER_NAME="nav", PRE_COMMAND="/config/pre.sh"
     ) as secondary:
-        secondary.communicate(timeout=10)
+        secondary.communicate(timeout=30)
     assert secondary.returncode == 70
     assert "failed with code 3" in job.log("system_nav.log")
     eventually(lambda: processes_of(job) == [])
@@ -445,7 +445,7 @@ def test_a_signal_to_the_whole_group_is_heard_once(job: Job) -> None:
         eventually(lambda: (job.out / "a b/0").exists())
         time.sleep(0.2)
         os.killpg(process.pid, signal.SIGTERM)
-        process.communicate(timeout=20)
+        process.communicate(timeout=30)
     assert [job.verdict("a b/0"), job.verdict("a b/1")] == [False, None]
     assert (job.out / "a b/0/test.xml").read_text().count("<testcase") == 1
 
