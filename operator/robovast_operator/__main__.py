@@ -22,7 +22,11 @@ LOGGER = logging.getLogger(__name__)
 
 
 class Handlers:
-    """What kopf calls: it only passes on what it is told, and never raises."""
+    """What kopf calls: it only passes on what it is told, and never raises.
+
+    All are coroutines, since kopf calls plain functions in threads, and what is known here belongs
+    to the event loop.
+    """
 
     def __init__(self, own: Settings) -> None:
         self._own = own
@@ -39,15 +43,15 @@ class Handlers:
         if self._operator is not None:
             await self._operator.stop()
 
-    def campaign(self, event: Any, **_: Any) -> None:
+    async def campaign(self, event: Any, **_: Any) -> None:
         """A Campaign has changed."""
         self._pass_on("campaign_event", event)
 
-    def configuration(self, event: Any, **_: Any) -> None:
+    async def configuration(self, event: Any, **_: Any) -> None:
         """A Configuration has changed."""
         self._pass_on("configuration_event", event)
 
-    def job(self, event: Any, **_: Any) -> None:
+    async def job(self, event: Any, **_: Any) -> None:
         """A Job has changed."""
         self._pass_on("job_event", event)
 
