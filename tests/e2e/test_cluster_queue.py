@@ -233,11 +233,17 @@ def test_twenty_runs_start_soon_behind_ten_thousand(queue: Lab) -> None:
     large = make_campaign(lab.folder / "large", "true\n", "  runs: 20\n", many)
     lab.apply(large, "large", queueName="lab", scheduling=nowhere)
     eventually(lambda: admitted(lab, "large") == 25, 60, "a part of the large one is admitted")
+    eventually(
+        lambda: len(workloads_of(lab, "large")) == 2, 60, "its next part stands in the queue"
+    )
     lab.quick(
         "small", "true\n", "  runs: 20\n", queueName="lab", scheduling=nowhere, parallelism=20
     )
-    place = queued(lab, "small")["queue"]
-    assert place["position"] == place["pending"] == 2, "a single Job of the large one is before it"
+    eventually(
+        lambda: queued(lab, "small")["queue"]["pending"] == 2,
+        60,
+        "a single Job of the large one stands there beside it",
+    )
     begin = time.monotonic()
     admit(lab, 75)
     eventually(lambda: admitted(lab, "small") == 20, 30, "the small one is admitted")
