@@ -106,7 +106,8 @@ def test_a_timeout_costs_one_run(make: Make) -> None:
 def test_runs_with_a_secondary_container(make: Make) -> None:
     script = 'if [[ $CONTAINER_NAME ]]; then echo "$CONTAINER_NAME is up"; exec sleep 60; fi\n'
     extra = "  secondary_containers: [nav]\n  pre_command: /config/files/pre.sh\n" + PACK
-    step = 'sleep 0.5; [ "$1" != 2 ] || kill -9 $PPID\n'
+    seen = 'until grep -q sleep "$OUTPUT_DIR/resource_usage_nav.csv"; do sleep 0.1; done'
+    step = f'sleep 0.5; {seen}\n[ "$1" != 2 ] || kill -9 $PPID\n'
     campaign = make(step, extra, files={"files/pre.sh": script})
     assert Pod(campaign).run(secondaries=("nav",)) == 11
     for job in ("job-0", "job-0-2"):

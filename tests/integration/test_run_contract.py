@@ -392,7 +392,8 @@ def test_a_secondary_runs_until_the_main_container_ends(job: Job) -> None:
     job.write(
         "pre.sh", 'if [[ $CONTAINER_NAME ]]; then echo "$CONTAINER_NAME is up"; exec sleep 60; fi\n'
     )
-    job.single("sleep 1")
+    seen = 'until grep -q sleep "$OUTPUT_DIR/resource_usage_nav.csv"; do sleep 0.1; done'
+    job.single(job.program(f"sleep 1; {seen}"))
     job.env["PRE_COMMAND"] = "/config/pre.sh"
     with job.start("secondary_entrypoint.sh", CONTAINER_NAME="nav") as secondary:
         code, _ = job.run()
