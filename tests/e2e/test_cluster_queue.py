@@ -236,13 +236,14 @@ def test_twenty_runs_start_soon_behind_ten_thousand(queue: Lab) -> None:
     eventually(
         lambda: len(workloads_of(lab, "large")) == 2, 60, "its next part stands in the queue"
     )
+    time.sleep(1)  # whoever was made in an earlier second is before
     lab.quick(
         "small", "true\n", "  runs: 20\n", queueName="lab", scheduling=nowhere, parallelism=20
     )
     eventually(
-        lambda: queued(lab, "small")["queue"]["pending"] == 2,
+        lambda: (place := queued(lab, "small")["queue"])["position"] == place["pending"] == 2,
         60,
-        "a single Job of the large one stands there beside it",
+        "a single Job of the large one is before it",
     )
     begin = time.monotonic()
     admit(lab, 75)

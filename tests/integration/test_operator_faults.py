@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -46,11 +46,8 @@ def proxy(fake_cluster: Cluster) -> Iterator[FaultyApi]:
         yield made
 
 
-Start = Callable[..., OperatorProcess]
-
-
 @pytest.fixture
-def start(proxy: FaultyApi, new_operator: NewOperator) -> Iterator[Start]:
+def start(proxy: FaultyApi, new_operator: NewOperator) -> Iterator[NewOperator]:
     """Start an operator behind the proxy."""
 
     def begin(**settings: str) -> OperatorProcess:
@@ -78,7 +75,7 @@ def watching(proxy: FaultyApi) -> bool:
 
 
 def test_watches_that_die_silently_are_noticed(
-    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: NewOperator
 ) -> None:
     operator = start(ROBOVAST_SILENCE_SECONDS="3")
     eventually(lambda: watching(proxy), 30, operator.told)
@@ -89,7 +86,7 @@ def test_watches_that_die_silently_are_noticed(
 
 
 def test_watches_that_are_cut_again_and_again_tell_all_the_same(
-    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: NewOperator
 ) -> None:
     operator = start()
     eventually(lambda: watching(proxy), 30, operator.told)
@@ -105,7 +102,7 @@ def test_watches_that_are_cut_again_and_again_tell_all_the_same(
 
 
 def test_a_first_list_that_is_cut_off_hides_no_campaign(
-    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: NewOperator
 ) -> None:
     names = [f"waits-{number}" for number in reversed(range(5))]
     fake_cluster.apply(*(campaign(name, namespace, 1, 1, suspend=True) for name in names))
@@ -117,7 +114,7 @@ def test_a_first_list_that_is_cut_off_hides_no_campaign(
 
 
 def test_an_operator_that_may_not_list_is_not_ready_and_works_as_soon_as_it_may(
-    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: NewOperator
 ) -> None:
     port = free_port()
     refused = proxy.break_("GET", r"/jobs\?(?!.*watch=)", refuse(403))
@@ -133,7 +130,7 @@ def test_an_operator_that_may_not_list_is_not_ready_and_works_as_soon_as_it_may(
 
 
 def test_what_was_deleted_while_history_was_lost_leaves_no_ghost(
-    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: NewOperator
 ) -> None:
     port = free_port()
     operator = start(ROBOVAST_RESYNC_SECONDS="5", ROBOVAST_PORT=str(port))
@@ -186,7 +183,7 @@ def test_what_was_deleted_while_history_was_lost_leaves_no_ghost(
 
 
 def test_every_busy_answer_is_waited_for_as_long_as_it_says(
-    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: NewOperator
 ) -> None:
     faults = [
         proxy.break_("POST", "/jobs", refuse(429, 2), 2),
@@ -221,7 +218,7 @@ LOST: dict[str, tuple[str, str, Action, int]] = {
 
 
 def test_writes_whose_answers_are_lost_make_nothing_twice(
-    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: NewOperator
 ) -> None:
     faults = [proxy.break_(*fault) for fault in LOST.values()]
     operator = start()
@@ -233,7 +230,7 @@ def test_writes_whose_answers_are_lost_make_nothing_twice(
 
 
 def test_a_slow_server_makes_it_slow_and_nothing_else(
-    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: Start
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: NewOperator
 ) -> None:
     for method in ("POST", "PATCH", "PUT"):
         proxy.break_(method, "", delay(1.5))
