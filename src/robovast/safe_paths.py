@@ -1,0 +1,368 @@
+"""Files in folders that users' code can write, or once could: a container's output, stored runs,
+what was downloaded or imported.
+
+Anything may be there, and may change while one looks: links to files of this machine, pipes that
+never end, devices, files of terabytes. So every path is opened part by part from a folder on that
+is ours, its root, and nothing below that is followed when it is a link. Only regular files are
+opened. The root itself may be reached through links.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+from uuid import uuid4
+
+MOST = 64 << 20
+"""Of a file whose content is held in memory, unless its reader says otherwise [bytes]."""
+DEEPEST = 200
+"""Levels of folders that are copied."""
+
+_FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
+_BELOW = _FOLDER | os.O_NOFOLLOW
+_READ = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
+_CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+_MOST_PASSES = 100_000
+"""Over a folder that is to be removed: one for each level below it."""
+_ATTEMPTS = 5
+"""To make a folder where somebody else makes something at the same time."""
+
+
+def open_file(path: Path, root: Path | None = None) -> BinaryIO:
+    """Open a regular file to read it.
+
+    Args:
+        path: the file.
+        root: folder on the way to it, from which on no link is followed; its own when None.
+
+    Raises:
+        OSError: there is none, or it is a link, a pipe, a device or the like.
+    """
+    with _parent(path, root) as (folder, name):
+        return os.fdopen(_open_regular(folder, name, path), "rb")
+
+
+def read_file(path: Path, root: Path | None = None, most: int = MOST) -> bytes:
+    """Content of a regular file; see `open_file`.
+
+    Raises:
+        OSError: as in `open_file`, or it has more than `most` bytes.
+    """
+    with open_file(path, root) as file:
+        content = file.read(most + 1) if os.fstat(file.fileno()).st_size <= most else None
+    if content is None or len(content) > most:
+        raise OSError(errno.EFBIG, f"is larger than {most} bytes", str(path))
+    return content
+
+
+def read_text(path: Path, root: Path | None = None, most: int = MOST) -> str:
+    """Text of a regular file, what is no UTF-8 replaced; see `read_file`."""
+    return read_file(path, root, most).decode("utf-8", "replace")
+
+
+def read_end(path: Path, root: Path, most: int) -> bytes:
+    """The last bytes of a regular file; see `open_file`."""
+    with open_file(path, root) as file:
+        file.seek(max(0, os.fstat(file.fileno()).st_size - most))
+        return file.read(most)
+
+
+def status(path: Path, root: Path) -> os.stat_result | None:
+    """What is at a path, of a link the link itself; None when nothing is, or links lead there."""
+    try:
+        with _parent(path, root) as (folder, name):
+            return os.stat(name, dir_fd=folder, follow_symlinks=False)
+    except OSError:
+        return None
+
+
+def is_folder(path: Path, root: Path) -> bool:
+    """True for a folder that is reached without links."""
+    found = status(path, root)
+    return found is not None and stat.S_ISDIR(found.st_mode)
+
+
+def is_file(path: Path, root: Path) -> bool:
+    """True for a regular file that is reached without links."""
+    found = status(path, root)
+    return found is not None and stat.S_ISREG(found.st_mode)
+
+
+def names(path: Path, root: Path) -> list[str]:
+    """Names in a folder, sorted; none when it is no folder that is reached without links."""
+    try:
+        with _folder(path, root) as folder:
+            return sorted(os.listdir(folder))
+    except OSError:
+        return []
+
+
+def create_file(path: Path, root: Path | None = None) -> BinaryIO:
+    """Open a new file to write it, in place of what was there; see `open_file` for `root`."""
+    with _parent(path, root) as (folder, name):
+        _remove(folder, name)
+        return os.fdopen(os.open(name, _CREATE, 0o666, dir_fd=folder), "wb")
+
+
+def make_folder(path: Path, root: Path) -> None:
+    """Make a folder with those on the way to it, in place of whatever else is there."""
+    with _folder(path, root, make=True):
+        return
+
+
+def make_link(path: Path, target: str | Path, root: Path) -> None:
+    """Make a symbolic link, in place of what was there."""
+    with _parent(path, root) as (folder, name):
+        _remove(folder, name)
+        os.symlink(target, name, dir_fd=folder)
+
+
+def remove(path: Path, root: Path) -> None:
+    """Remove a file, a link or a folder with all that is in it, however deep; or nothing.
+
+    Raises:
+        OSError: it is another user's.
+    """
+    with suppress(FileNotFoundError), _parent(path, root) as (folder, name):
+        _remove(folder, name)
+
+
+def remove_empty_folders(path: Path, root: Path) -> None:
+    """Remove the folders in a folder that hold nothing but such folders; it stays itself."""
+    with _folder(path, root) as folder:
+        _prune(folder, DEEPEST)
+
+
+def move(source: Path, source_root: Path, target: Path, target_root: Path) -> None:
+    """Move a file, a link or a folder to where nothing is; links stay what they are.
+
+    What cannot be taken, as another user's, is copied, without what is no file, folder or link.
+
+    Args:
+        source: what is moved.
+        source_root: folder on the way to it, from which on no link is followed.
+        target: its new place; folders on the way there are made.
+        target_root: as `source_root`.
+
+    Raises:
+        FileExistsError: something is there.
+        OSError: it cannot be moved or read.
+    """
+    with (
+        _parent(source, source_root) as (folder, name),
+        _parent(target, target_root, make=True) as (there, new),
+    ):
+        if _is_there(there, new):
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(target))
+        _rename_or_copy(folder, name, there, new)
+
+
+def _rename_or_copy(folder: int, name: str, there: int, new: str) -> None:
+    for attempt in (_rename, _rename_accessible):
+        try:
+            return attempt(folder, name, there, new)
+        except OSError as error:
+            if error.errno not in {errno.EACCES, errno.EPERM, errno.EXDEV}:
+                raise
+    _copy(folder, name, there, new, DEEPEST)
+    with suppress(OSError):
+        _remove(folder, name)
+    return None
+
+
+def _rename(folder: int, name: str, there: int, new: str) -> None:
+    os.rename(name, new, src_dir_fd=folder, dst_dir_fd=there)
+
+
+def _rename_accessible(folder: int, name: str, there: int, new: str) -> None:
+    _make_accessible(folder, name)
+    _rename(folder, name, there, new)
+
+
+def _copy(folder: int, name: str, there: int, new: str, levels: int) -> None:
+    kind = os.stat(name, dir_fd=folder, follow_symlinks=False).st_mode
+    if stat.S_ISLNK(kind):
+        os.symlink(os.readlink(name, dir_fd=folder), new, dir_fd=there)
+    elif stat.S_ISDIR(kind):
+        if not levels:
+            raise OSError(errno.ENAMETOOLONG, f"is more than {DEEPEST} folders deep", name)
+        os.mkdir(new, dir_fd=there)
+        with _subfolder(folder, name) as below, _subfolder(there, new) as copy:
+            for child in os.listdir(below):
+                _copy(below, child, copy, child, levels - 1)
+    elif stat.S_ISREG(kind):
+        _copy_file(folder, name, there, new)
+
+
+def _copy_file(folder: int, name: str, there: int, new: str) -> None:
+    with (
+        os.fdopen(_open_regular(folder, name, name), "rb") as source,
+        os.fdopen(os.open(new, _CREATE, 0o600, dir_fd=there), "wb") as target,
+    ):
+        found = os.fstat(source.fileno())
+        for begin, end in _extents(source.fileno(), found.st_size):
+            source.seek(begin)
+            target.seek(begin)
+            while begin < end and (chunk := source.read(min(end - begin, 1 << 20))):
+                begin += target.write(chunk)
+        target.truncate(found.st_size)
+        os.fchmod(target.fileno(), stat.S_IMODE(found.st_mode) & 0o777)
+        os.utime(target.fileno(), ns=(found.st_atime_ns, found.st_mtime_ns))
+
+
+def _extents(file: int, size: int) -> Iterator[tuple[int, int]]:
+    """Where a file has content: one of terabytes may have none."""
+    end = 0
+    while end < size:
+        try:
+            begin = os.lseek(file, end, os.SEEK_DATA)
+        except OSError:  # nothing but a hole follows
+            return
+        end = os.lseek(file, begin, os.SEEK_HOLE)
+        yield begin, end
+
+
+def _remove(folder: int, name: str) -> None:
+    if not _unlinked(folder, name):
+        with _subfolder(folder, name) as below:
+            _empty(below)
+        os.rmdir(name, dir_fd=folder)
+
+
+def _unlinked(folder: int, name: str) -> bool:
+    """Remove what is no folder; False for a folder, which is accessible then."""
+    try:
+        os.unlink(name, dir_fd=folder)
+    except FileNotFoundError:
+        return True
+    except (IsADirectoryError, PermissionError):
+        if not stat.S_ISDIR(os.stat(name, dir_fd=folder, follow_symlinks=False).st_mode):
+            raise
+        with suppress(PermissionError):
+            _make_accessible(folder, name)
+        return False
+    return True
+
+
+def _empty(folder: int) -> None:
+    """Remove what is in a folder level by level: no depth is too much."""
+    for _ in range(_MOST_PASSES):
+        found = os.listdir(folder)
+        if not found:
+            return
+        for name in found:
+            if not _unlinked(folder, name):
+                _lift(folder, name)
+
+
+def _lift(folder: int, name: str) -> None:
+    """Bring the folders in a folder up to where it is, and remove it with its files."""
+    with _subfolder(folder, name) as below:
+        for child in os.listdir(below):
+            if not _unlinked(below, child):
+                _rename(below, child, folder, f".{uuid4().hex}")
+    os.rmdir(name, dir_fd=folder)
+
+
+def _prune(folder: int, levels: int) -> None:
+    for name in os.listdir(folder):
+        if levels and stat.S_ISDIR(os.stat(name, dir_fd=folder, follow_symlinks=False).st_mode):
+            with suppress(OSError):
+                with _subfolder(folder, name) as below:
+                    _prune(below, levels - 1)
+                os.rmdir(name, dir_fd=folder)
+
+
+def _make_accessible(folder: int, name: str) -> None:
+    """Let the owner of a folder into it; a mode of its own may be what keeps us out."""
+    handle = os.open(name, os.O_PATH | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
+    try:
+        if stat.S_ISDIR(os.fstat(handle).st_mode):
+            os.chmod(f"/proc/self/fd/{handle}", stat.S_IRWXU)
+    finally:
+        os.close(handle)
+
+
+def _is_there(folder: int, name: str) -> bool:
+    try:
+        os.stat(name, dir_fd=folder, follow_symlinks=False)
+    except FileNotFoundError:
+        return False
+    return True
+
+
+def _open_regular(folder: int, name: str, path: Path | str) -> int:
+    # A device is not even opened, for that may do something.
+    _check_regular(os.stat(name, dir_fd=folder, follow_symlinks=False), path)
+    file = os.open(name, _READ, dir_fd=folder)
+    try:
+        _check_regular(os.fstat(file), path)
+    except OSError:
+        os.close(file)
+        raise
+    return file
+
+
+def _check_regular(found: os.stat_result, path: Path | str) -> None:
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, "is a folder", str(path))
+    if not stat.S_ISREG(found.st_mode):
+        link = stat.S_ISLNK(found.st_mode)
+        why = "is a link, which is not followed" if link else "is no regular file"
+        raise OSError(errno.ELOOP if link else errno.EINVAL, why, str(path))
+
+
+@contextmanager
+def _parent(path: Path, root: Path | None, *, make: bool = False) -> Iterator[tuple[int, str]]:
+    """The folder that a path is in, and its name there."""
+    if path.name in {"", ".."}:
+        raise OSError(errno.EINVAL, "has no name", str(path))
+    with _folder(path.parent, path.parent if root is None else root, make=make) as folder:
+        yield folder, path.name
+
+
+@contextmanager
+def _folder(path: Path, root: Path, *, make: bool = False) -> Iterator[int]:
+    """A folder below another; made, in place of whatever else is there, when asked for."""
+    parts = path.relative_to(root).parts
+    if ".." in parts:
+        raise OSError(errno.EINVAL, "leads out of its folder", str(path))
+    folder = os.open(root, _FOLDER)
+    try:
+        for part in parts:
+            below = _made(folder, part) if make else os.open(part, _BELOW, dir_fd=folder)
+            os.close(folder)
+            folder = below
+        yield folder
+    finally:
+        os.close(folder)
+
+
+def _made(folder: int, name: str) -> int:
+    for _ in range(_ATTEMPTS):
+        with suppress(FileExistsError):
+            os.mkdir(name, dir_fd=folder)
+        try:
+            return os.open(name, _BELOW, dir_fd=folder)
+        except OSError as error:
+            if error.errno == errno.EACCES:
+                _make_accessible(folder, name)
+            elif error.errno in {errno.ELOOP, errno.ENOTDIR}:
+                os.unlink(name, dir_fd=folder)
+            elif error.errno != errno.ENOENT:
+                raise
+    raise OSError(errno.EBUSY, "changes all the time", name)
+
+
+@contextmanager
+def _subfolder(folder: int, name: str) -> Iterator[int]:
+    below = os.open(name, _BELOW, dir_fd=folder)
+    try:
+        yield below
+    finally:
+        os.close(below)
