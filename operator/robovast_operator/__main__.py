@@ -37,6 +37,7 @@ class Handlers:
         configure(settings, self._own)
         self._operator = Operator(self._own)
         await self._operator.start()
+        settings.watching.initial_streaming = await self._operator.can_stream_lists()
 
     async def cleanup(self, **_: Any) -> None:
         """End work, after the last event."""
@@ -79,7 +80,6 @@ def configure(settings: kopf.OperatorSettings, own: Settings) -> None:
     settings.queueing.idle_timeout = 1  # it holds the last object of each key for so long
     settings.watching.server_timeout = 600
     settings.watching.inactivity_timeout = own.silence_seconds
-    settings.watching.initial_streaming = os.environ.get("ROBOVAST_STREAMING_LISTS") != "false"
     settings.watching.label_selectors["jobs"] = f"{MANAGED_LABEL}={MANAGED_BY}"
     logging.getLogger("kopf.objects").setLevel(logging.WARNING)
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import asyncio
 import base64
 import json
+import logging
 import os
 import ssl
 import tempfile
 from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
 from typing import Any
 
 import aiohttp
@@ -17,6 +19,8 @@ import kopf
 from robovast.errors import CannotRunError
 from robovast_operator.campaign import Object
 
+LOGGER = logging.getLogger(__name__)
+
 FIELD_MANAGER = "robovast-operator"
 
 JSON_PATCH = "application/json-patch+json"
@@ -24,6 +28,8 @@ MERGE_PATCH = "application/merge-patch+json"
 APPLY_PATCH = "application/apply-patch+yaml"
 
 TRIES = 5
+PAUSE = 2.0
+"""Between two tries of what is tried for ever [s]."""
 PAGE = 200
 """Objects of a list in one answer: an answer is held in memory whole."""
 
@@ -86,6 +92,25 @@ class Api:
             if not token:
                 return
             query = {**query, "continue": token}
+
+    async def can_stream_lists(self, path: str) -> bool:
+        """Whether a watch may begin with what is there; Kubernetes 1.33 refuses that by default.
+
+        Waits for a server that is busy or away.
+
+        Args:
+            path: of a collection.
+        """
+        while True:
+            try:
+                async with self._send("GET", path, query=_STREAMED_LIST) as response:
+                    if response.status < 500 and response.status != 429:
+                        return response.status < 400
+                    problem = f"the server answers {response.status}"
+            except (aiohttp.ClientError, TimeoutError) as error:
+                problem = str(error) or type(error).__name__
+            LOGGER.warning("GET %s: %s; again in %.0f s", path, problem, PAUSE)
+            await asyncio.sleep(PAUSE)
 
     async def create(self, path: str, obj: Object) -> Object | None:
         """Make an object; None when there is one of its name, which is as good."""
@@ -157,6 +182,23 @@ class Api:
         """The answer, or how long the server asks to wait."""
         if method != "GET" and not self._may_write():
             raise ApiError(0, "NotLeading", f"{method} {path}: another replica may lead by now")
+        async with self._send(method, path, body, kind, query) as response:
+            if response.status in {429, 503}:
+                return {}, _seconds(response.headers.get("Retry-After", ""))
+            text = await response.text()
+            if response.status >= 400:
+                raise _refusal(response.status, text, f"{method} {path}")
+            return json.loads(text), None
+
+    @asynccontextmanager
+    async def _send(
+        self,
+        method: str,
+        path: str,
+        body: Object | None = None,
+        kind: str = "application/json",
+        query: Mapping[str, str] | None = None,
+    ) -> AsyncIterator[aiohttp.ClientResponse]:
         session = await self._connected()
         headers = {"Content-Type": kind, "Accept": "application/json", **self._authorization()}
         async with session.request(
@@ -168,12 +210,7 @@ class Api:
         ) as response:
             if self._metrics is not None:
                 self._metrics.request(method, path, response.status)
-            if response.status in {429, 503}:
-                return {}, _seconds(response.headers.get("Retry-After", ""))
-            text = await response.text()
-            if response.status >= 400:
-                raise _refusal(response.status, text, f"{method} {path}")
-            return json.loads(text), None
+            yield response
 
     def _authorization(self) -> dict[str, str]:
         token = self._info.token
@@ -205,6 +242,14 @@ def _refusal(code: int, text: str, request: str) -> ApiError:
 
 
 _MANAGED = {"fieldManager": FIELD_MANAGER}
+
+_STREAMED_LIST = {
+    "watch": "true",
+    "sendInitialEvents": "true",
+    "resourceVersionMatch": "NotOlderThan",
+    "allowWatchBookmarks": "true",
+    "fieldSelector": "metadata.name=-",  # nothing has that name: the answer is all that counts
+}
 
 TOKEN_FILE = "/var/run/secrets/kubernetes.io/serviceaccount/token"  # noqa: S105
 

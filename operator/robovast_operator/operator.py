@@ -51,6 +51,11 @@ class Operator:
         for _ in range(WORKERS):
             self._spawn(work(self.queue, self._look))
 
+    async def can_stream_lists(self) -> bool:
+        """Whether watches may begin with what is there, on this server."""
+        space = next(iter(self._settings.namespaces), None)
+        return await self.api.can_stream_lists(paths.configurations(space))
+
     async def stop(self) -> None:
         """End work; another replica may go on at once."""
         for task in self._tasks:

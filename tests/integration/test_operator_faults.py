@@ -129,6 +129,19 @@ def test_an_operator_that_may_not_list_is_not_ready_and_works_as_soon_as_it_may(
     assert page(port, "readyz") == "ok"
 
 
+def test_a_server_that_cannot_stream_lists_is_listed_and_watched(
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: NewOperator
+) -> None:
+    busy = proxy.break_("GET", "sendInitialEvents", refuse(503), 1)
+    refused = proxy.break_("GET", "sendInitialEvents", refuse(422))
+    operator = start()
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    assert_right(fake_cluster, namespace)
+    assert operator.alive
+    assert (busy.hits, refused.hits) == (1, 1)
+
+
 def test_what_was_deleted_while_history_was_lost_leaves_no_ghost(
     fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: NewOperator
 ) -> None:
