@@ -11,6 +11,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from robovast.cluster.resources import API_VERSION, Notification, SecretKey
+from robovast.cluster.secret_names import SECRET_PREFIX
 from robovast.errors import InputError, RobovastError
 from robovast_cli.kubernetes import Json, Kubernetes
 from robovast_cli.output import say
@@ -99,7 +100,7 @@ def _secret(campaign: Mapping[str, Any], values: Mapping[str, str]) -> Json:
 
 
 def _secret_name(campaign: Mapping[str, Any]) -> str:
-    return f"{campaign['metadata']['name']}-notify"
+    return f"{SECRET_PREFIX}{campaign['metadata']['name']}-notify"
 
 
 def _check_url(variable: str, url: str) -> None:

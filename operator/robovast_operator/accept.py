@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from robovast.cluster.names import CAMPAIGN_NAME_LIMIT
 from robovast.cluster.plan import Entry, format_breaks
 from robovast.cluster.resources import CampaignSpec
+from robovast.cluster.secret_names import refusal
 from robovast.common.variation import Variation
 from robovast.common.variation.loader import load_variation
 from robovast.document.loader import Document, check_source
@@ -48,6 +49,10 @@ def accept(obj: Object, files: Files | None, settings: Settings) -> Accepted | R
     identity = Identity.of(obj)
     try:
         spec = CampaignSpec.model_validate(obj["spec"])
+        mounted = spec.model_copy(update={"notifications": []})  # runs do not depend on those
+        refused = refusal(mounted, settings.secret_names)
+        if refused:
+            return Rejected("SecretNotAllowed", refused)
         text = _document_text(spec, identity, files)
         if files is None:
             vast = _validate_alone(spec)

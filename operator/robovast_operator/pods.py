@@ -6,11 +6,12 @@ secondaries beside our `agent`. Only our own containers see credentials; nobody 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any
 
 from robovast.cluster.notice import NOTICE_VARIABLE, Order
 from robovast.cluster.resources import Scheduling
+from robovast.cluster.secret_names import may_be_named, refusal
 from robovast.common.execution import COMPAT_VERSION
 from robovast.document.model import Nodes, Resources
 from robovast.execution.compat import COMPAT_SCRIPT
@@ -92,11 +93,14 @@ def task_pod(accepted: Accepted, settings: Settings, plan: str, command: str) ->
 
 def notify_pod(settings: Settings, scheduling: Scheduling, order: Order) -> Object:
     """The pod spec that sends a notice; it sees nothing of the campaign, and no S3 credentials."""
+    allowed = settings.secret_names
+    if refusal(scheduling, allowed):
+        scheduling = scheduling.model_copy(update={"image_pull_secrets": []})
     spec = _confined_pod(OWN_USER, scheduling, {})
     container = _own(settings, "notify", ["notify"], [WORK, RECEIVERS])
     container["env"].append({"name": NOTICE_VARIABLE, "value": order.model_dump_json()})
     spec["containers"] = [container]
-    sources = _receiver_sources(order)
+    sources = _receiver_sources(order, allowed)
     projected = {"sources": sources, "defaultMode": 0o440}
     spec["volumes"] = [
         {"name": "work", "emptyDir": {}},
@@ -105,13 +109,16 @@ def notify_pod(settings: Settings, scheduling: Scheduling, order: Order) -> Obje
     return spec
 
 
-def _receiver_sources(order: Order) -> list[Object]:
-    """Keys of Secrets as files; one that is missing is told by who looks for it, at once."""
+def _receiver_sources(order: Order, allowed: Container[str]) -> list[Object]:
+    """Keys of Secrets as files; one that is missing is told by who looks for it, at once.
+
+    So is one that the Campaign may not name: it is not mounted.
+    """
     wanted = [
         (secret, f"{index}/{file}")
         for index, receiver in enumerate(order.receivers)
         for secret, file in ((receiver.url_from, "url"), (receiver.token_from, "token"))
-        if secret is not None
+        if secret is not None and may_be_named(secret.name, allowed)
     ]
     return [
         {

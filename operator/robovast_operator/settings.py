@@ -21,6 +21,8 @@ class Settings:
     """Its region."""
     namespaces: tuple[str, ...] = ()
     """Namespaces to work in; none means all."""
+    secret_names: tuple[str, ...] = ()
+    """Secrets that Campaigns may name beside those with the prefix."""
     restricted_runs: bool = True
     """Whether run containers may not gain privileges."""
     lease_namespace: str = "default"
@@ -63,12 +65,16 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         except ValueError as error:
             raise InputError(f"The environment variable {name} is no number: {value}") from error
 
-    namespaces = environment.get("ROBOVAST_NAMESPACES", "")
+    def names(variable: str) -> tuple[str, ...]:
+        given = environment.get(variable, "").split(",")
+        return tuple(name.strip() for name in given if name.strip())
+
     return Settings(
         agent_image=needed("ROBOVAST_AGENT_IMAGE"),
         endpoint=needed("ROBOVAST_S3_ENDPOINT"),
         region=environment.get("ROBOVAST_S3_REGION") or None,
-        namespaces=tuple(name.strip() for name in namespaces.split(",") if name.strip()),
+        namespaces=names("ROBOVAST_NAMESPACES"),
+        secret_names=names("ROBOVAST_SECRET_NAMES"),
         restricted_runs=environment.get("ROBOVAST_RESTRICTED_RUNS", "true") != "false",
         lease_namespace=environment.get("POD_NAMESPACE", "default"),
         identity=environment.get("POD_NAME", f"operator-{os.getpid()}"),

@@ -71,7 +71,7 @@ def test_failed_runs_are_told_from_broken_ones_and_repeated_alone(lab: Lab) -> N
     Somebody is told of each end, at an address that only a Secret knows.
     """
     script = 'echo run >>"$3/log"; [ "$1" != 2 ] || [ -f /tmp/never ]\n'
-    told = {"kind": "ntfy", "urlFrom": {"name": "phone", "key": "url"}}
+    told = {"kind": "ntfy", "urlFrom": {"name": "robovast-phone", "key": "url"}}
     start_receiver(lab)
     lab.quick("mixed", script, "  runs_per_job: 3\n  runs: 2\n", notifications=[told])
     lab.wait("mixed")
@@ -113,11 +113,11 @@ def test_failed_runs_are_told_from_broken_ones_and_repeated_alone(lab: Lab) -> N
 
 
 def start_receiver(lab: Lab) -> None:
-    """A pod that is told; its address goes into the Secret `phone`."""
+    """A pod that is told; its address goes into the Secret `robovast-phone`."""
     lab.kubectl("apply", "--filename=-", stdin=json.dumps(receiver_pod("receiver", images.AGENT)))
     lab.kubectl("wait", "pod/receiver", "--for=condition=Ready", "--timeout=60s")
     address = f"http://{lab.get('pod', 'receiver')['status']['podIP']}:{POD_PORT}/topic"
-    lab.kubectl("create", "secret", "generic", "phone", f"--from-literal=url={address}")
+    lab.kubectl("create", "secret", "generic", "robovast-phone", f"--from-literal=url={address}")
 
 
 def received(lab: Lab) -> list[dict[str, str]]:

@@ -287,7 +287,7 @@ def test_bad_input_is_refused_or_explained_and_harms_nobody_else(lab: Lab) -> No
     ("spec", "reason", "said"),
     [
         ({"image": "localhost:1/no/such:image"}, "ImagePull", "localhost:1/no/such:image"),
-        ({"storage": {"secretName": "nowhere"}}, "Configuration", "nowhere"),
+        ({"storage": {"secretName": "robovast-nowhere"}}, "Configuration", "robovast-nowhere"),
         ({"scheduling": {"nodeSelector": {"arm": "three"}}}, "Unschedulable", "node"),
         ({"storage": {"endpoint": "http://127.0.0.1:9"}}, "Storage", "127.0.0.1:9"),
     ],

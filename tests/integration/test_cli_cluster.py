@@ -192,12 +192,12 @@ def test_who_is_to_be_told_of_the_end_stands_in_a_secret_of_the_campaign(
     (name,) = operator.names()
     spec = json.dumps(operator.spec(name))
     told = operator.spec(name)["notifications"]
-    secret: Any = known_cluster.get("secret", f"{name}-notify", f"--namespace={namespace}")
+    secret: Any = known_cluster.get("secret", f"robovast-{name}-notify", f"--namespace={namespace}")
     values = {key: base64.b64decode(text).decode() for key, text in secret["data"].items()}
     assert values[told[0]["urlFrom"]["key"]] == "https://ntfy.sh/alice-9f4e1c"
     assert values[told[0]["tokenFrom"]["key"]] == "tk_hidden"
     assert values[told[1]["urlFrom"]["key"]] == "https://a.example/b"
-    assert {told[0]["urlFrom"]["name"], told[1]["urlFrom"]["name"]} == {f"{name}-notify"}
+    assert {told[0]["urlFrom"]["name"], told[1]["urlFrom"]["name"]} == {f"robovast-{name}-notify"}
     (owner,) = secret["metadata"]["ownerReferences"]
     assert (owner["kind"], owner["name"]) == ("Campaign", name)
     said = outcome.out + outcome.err + spec

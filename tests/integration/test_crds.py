@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from chart_rendering import of_kind, rendered
 from operator_process import campaign
+from patience import eventually
 from robovast_testbed.errors import StartFailed
 from robovast_testbed.kubernetes import Cluster
 
@@ -96,3 +98,69 @@ def test_an_unknown_key_is_refused_not_dropped(server: Cluster) -> None:
     wrong["spec"]["vast"]["execution"]["runz"] = 3
     with pytest.raises(StartFailed, match="runz"):
         server.kubectl("create", "--filename=-", stdin=json.dumps(wrong))
+
+
+SECRETS = [
+    {"storage": {"secretName": "payroll-db"}},
+    {"scheduling": {"imagePullSecrets": [{"name": "payroll-db"}]}},
+    {"notifications": [{"kind": "ntfy", "urlFrom": {"name": "payroll-db", "key": "url"}}]},
+    {
+        "notifications": [
+            {"kind": "webhook", "url": "https://a", "tokenFrom": {"name": "payroll-db", "key": "k"}}
+        ]
+    },
+]
+
+
+def create(server: Cluster, name: str, spec: dict[str, Any]) -> str:
+    """What is said to a new Campaign; empty when it is taken."""
+    made = campaign(name, "default", 1, 1)
+    made["spec"] |= spec
+    try:
+        server.kubectl("create", "--filename=-", stdin=json.dumps(made))
+    except StartFailed as refusal:
+        return str(refusal)
+    return ""
+
+
+@pytest.mark.parametrize("spec", SECRETS)
+def test_a_secret_that_was_not_made_for_campaigns_is_refused_with_the_remedy(
+    server: Cluster, spec: dict[str, Any]
+) -> None:
+    told = create(server, "thief", spec)
+    assert "their names begin with `robovast-`" in told
+    assert "policies.secretNames" in told
+
+
+def definition(values: dict[str, Any]) -> dict[str, Any]:
+    """The definition of Campaigns as the chart installs it."""
+    return of_kind(rendered(values), "CustomResourceDefinition")["campaigns.robovast.io"]
+
+
+def test_an_administrator_can_allow_secrets_by_name_and_what_is_stored_stays_changeable(
+    server: Cluster,
+) -> None:
+    allowing = definition({"policies": {"secretNames": ["payroll-db", "registry"]}})
+    strict = definition({})
+
+    def define(wanted: dict[str, Any]) -> None:
+        apply = ("apply", "--server-side", "--force-conflicts", "--filename=-")
+        server.kubectl(*apply, stdin=json.dumps(wanted))
+
+    define(allowing)
+    try:
+        for number, spec in enumerate(SECRETS):
+            eventually(lambda: not create(server, f"older-{number}", spec), 20)  # noqa: B023
+        other = {"storage": {"secretName": "other"}}
+        assert "their names begin with" in create(server, "thief", other)
+    finally:
+        define(strict)
+    eventually(lambda: create(server, "newer", SECRETS[0]), 20)
+    for number in range(len(SECRETS)):
+        name = f"older-{number}"
+        server.kubectl("patch", "campaign", name, "--type=merge", '-p={"spec":{"parallelism":3}}')
+        status = '-p={"status":{"state":"Rejected"}}'
+        server.kubectl("patch", "campaign", name, "--type=merge", "--subresource=status", status)
+    change = '-p={"spec":{"scheduling":{"imagePullSecrets":[{"name":"another"}]}}}'
+    with pytest.raises(StartFailed, match="their names begin with"):
+        server.kubectl("patch", "campaign", "older-1", "--type=merge", change)

@@ -14,7 +14,7 @@ from robovast_testbed.kubernetes import Cluster
 
 WRITES = {"create", "update", "patch", "delete"}
 CREATE_JOB = ["create", "jobs"]
-RECEIVER = {"kind": "ntfy", "urlFrom": {"name": "phone", "key": "url"}}
+RECEIVER = {"kind": "ntfy", "urlFrom": {"name": "robovast-phone", "key": "url"}}
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ from robovast.agent.exit_codes import AgentExit, PlanError
 from robovast.agent.folders import Folders
 from robovast.cluster.notice import NOTICE_VARIABLE, Event, Notice, Order
 from robovast.cluster.resources import Notification, SecretKey
+from robovast.cluster.secret_names import SECRET_PREFIX
 from robovast.errors import InputError
 from robovast.http_client import HttpClient, HttpError
 from robovast.pauses import BUSY
@@ -128,8 +129,9 @@ def _secret(file: Path, named: SecretKey | None) -> str:
         text = ""
     if not (text and text.isascii() and text.isprintable()):
         raise InputError(
-            f"the Secret `{named.name}` is not there, or has no line of ASCII under the key "
-            f"`{named.key}`: spec.notifications wants it."
+            f"the Secret `{named.name}` is not there, has no line of ASCII under the key "
+            f"`{named.key}`, or is not for campaigns (the names of those begin with "
+            f"`{SECRET_PREFIX}`): spec.notifications wants it."
         )
     return text
 

@@ -30,6 +30,7 @@ ANYTHING: Schema = {"x-kubernetes-preserve-unknown-fields": True}
 _KEPT = (
     "type", "format", "enum", "pattern", "minimum", "maximum", "minLength", "maxLength",
     "minItems", "maxItems", "minProperties", "maxProperties", "required",
+    "x-kubernetes-validations",
 )  # fmt: skip
 
 _NOT_BOTH = {"not": {"required": ["parameters", "variations"]}}

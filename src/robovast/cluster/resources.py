@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic.alias_generators import to_camel
 
 from robovast.cluster.names import CREDENTIALS_SECRET
+from robovast.cluster.secret_names import MADE_FOR_CAMPAIGNS
 
 GROUP = "robovast.io"
 VERSION = "v1alpha1"
@@ -47,6 +48,7 @@ class _Spec(BaseModel):
 
 
 ObjectName = Annotated[str, Field(pattern=DNS_NAME, max_length=253)]
+SecretName = Annotated[ObjectName, MADE_FOR_CAMPAIGNS]
 FilePath = Annotated[str, Field(min_length=1, max_length=253)]
 
 
@@ -115,7 +117,7 @@ class Source(_Spec):
 class Storage(_Spec):
     """Where results go."""
 
-    secret_name: ObjectName = CREDENTIALS_SECRET
+    secret_name: SecretName = CREDENTIALS_SECRET
     """Secret of the namespace with `accessKey` and `secretKey`."""
     endpoint: Annotated[str, Field(pattern=r"^https?://.+$", max_length=1024)] | None = None
     """URL of the S3 server as pods reach it; default that of the installation."""
@@ -158,10 +160,10 @@ class Toleration(_Spec):
     """How long `NoExecute` is tolerated [s]."""
 
 
-class ObjectReference(_Spec):
-    """An object of the namespace, by name."""
+class SecretReference(_Spec):
+    """A Secret of the namespace."""
 
-    name: ObjectName
+    name: SecretName
     """Its name."""
 
 
@@ -176,17 +178,15 @@ class Scheduling(_Spec):
     """Priority class of the pods."""
     runtime_class_name: ObjectName | None = None
     """Runtime class of the pods."""
-    image_pull_secrets: Annotated[list[ObjectReference], Field(max_length=20)] = Field(
+    image_pull_secrets: Annotated[list[SecretReference], Field(max_length=20)] = Field(
         default_factory=list
     )
     """Secrets of the namespace that pull private images."""
 
 
-class SecretKey(_Spec):
+class SecretKey(SecretReference):
     """One key of a Secret of the namespace."""
 
-    name: ObjectName
-    """Name of the Secret."""
     key: Annotated[str, Field(pattern=r"^[-._a-zA-Z0-9]+$", max_length=253)]
     """Key in the Secret."""
 

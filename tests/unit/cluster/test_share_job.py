@@ -29,7 +29,9 @@ UPLOAD = Upload(
     region="eu-1",
     secret="keys",
     owner=OWNER,
-    scheduling=Scheduling(node_selector={"disk": "large"}, image_pull_secrets=[{"name": "pull"}]),
+    scheduling=Scheduling(
+        node_selector={"disk": "large"}, image_pull_secrets=[{"name": "robovast-pull"}]
+    ),
 )
 
 
@@ -55,7 +57,7 @@ def test_the_job_is_suspended_restricted_and_knows_its_results() -> None:
     assert job["spec"]["suspend"]
     pod = job["spec"]["template"]["spec"]
     assert pod["nodeSelector"] == {"disk": "large"}
-    assert pod["imagePullSecrets"] == [{"name": "pull"}]
+    assert pod["imagePullSecrets"] == [{"name": "robovast-pull"}]
     assert not pod["automountServiceAccountToken"]
     (container,) = pod["containers"]
     assert container["command"][3:] == [

@@ -255,8 +255,8 @@ def order(**given: Any) -> Order:
 
 
 def test_the_job_sees_secrets_as_files_and_nothing_else() -> None:
-    secret = {"name": "phone", "key": "url"}
-    made = order(urlFrom=secret, tokenFrom={"name": "phone", "key": "token"})
+    secret = {"name": "robovast-phone", "key": "url"}
+    made = order(urlFrom=secret, tokenFrom={"name": "robovast-phone", "key": "token"})
     identity = Identity.of(campaign())
     job = notify_job(identity, SETTINGS, Scheduling(), "drive-0123-notify-a", made)
     spec, pod = job["spec"], job["spec"]["template"]["spec"]
@@ -277,7 +277,7 @@ def test_the_job_sees_secrets_as_files_and_nothing_else() -> None:
         for source in receivers["projected"]["sources"]
         for item in source["secret"]["items"]
     ]
-    assert files == [("phone", "url", "1/url"), ("phone", "token", "1/token")]
+    assert files == [("robovast-phone", "url", "1/url"), ("robovast-phone", "token", "1/token")]
     assert "secretKeyRef" not in json.dumps(job)
     assert "credentials" not in {volume["name"] for volume in pod["volumes"]}
 

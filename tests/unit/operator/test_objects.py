@@ -105,7 +105,7 @@ def test_scheduling_reaches_the_pod_and_nothing_else_does() -> None:
         "nodeSelector": {"disk": "fast"},
         "tolerations": [{"key": "gpu", "operator": "Exists"}],
         "priorityClassName": "low",
-        "imagePullSecrets": [{"name": "registry"}],
+        "imagePullSecrets": [{"name": "robovast-registry"}],
     }
     obj = campaign(scheduling=scheduling)
     labels = {"jobs": {"node_labels": {"zone": "a"}}}
@@ -116,7 +116,7 @@ def test_scheduling_reaches_the_pod_and_nothing_else_does() -> None:
     assert pod["nodeSelector"] == {"disk": "fast", "zone": "a"}
     assert pod["tolerations"] == [{"key": "gpu", "operator": "Exists"}]
     assert pod["priorityClassName"] == "low"
-    assert pod["imagePullSecrets"] == [{"name": "registry"}]
+    assert pod["imagePullSecrets"] == [{"name": "robovast-registry"}]
     wrong = rejected(lambda o: o["spec"].update(scheduling={"hostNetwork": True}))
     assert "spec.scheduling.hostNetwork" in wrong.message
 
