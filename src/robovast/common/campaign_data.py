@@ -1,0 +1,126 @@
+"""A campaign's folder in plain Python values, for notebooks and plugins."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET  # of text that was judged before
+from collections.abc import Iterable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from robovast.results import verdict
+from robovast.results.layout import TEST_RESULT, Layout
+
+
+def list_config_dirs(campaign_dir: str | Path) -> list[Path]:
+    """Folders of a campaign's configurations, by name; none when the campaign is missing."""
+    root = Path(campaign_dir)
+    if not root.is_dir():
+        return []
+    folders = (path for path in root.iterdir() if path.is_dir())
+    return sorted(path for path in folders if not path.name.startswith(("_", ".")))
+
+
+def list_run_dirs(config_dir: str | Path) -> list[Path]:
+    """Folders of a configuration's runs, by number; none when the configuration is missing."""
+    folder = Path(config_dir)
+    return Layout(folder.parent).run_folders_of(folder.name) if folder.is_dir() else []
+
+
+def read_test_result(run_dir: str | Path) -> dict[str, Any]:
+    """What a run's test.xml says.
+
+    Returns:
+        `success`, `duration_sec`, `start_time` (ISO 8601, UTC; None when it is not said), `errors`,
+        `failures`, `tests`, and `failure_message` (None when it passed).
+
+    Raises:
+        FileNotFoundError: the run has no test.xml.
+    """
+    path = Path(run_dir) / TEST_RESULT
+    if not path.is_file():
+        raise FileNotFoundError(path)
+    result = verdict.read_test_result(path.parent)
+    started = result.started_at
+    return {
+        "success": result.verdict is verdict.Verdict.PASSED,
+        "duration_sec": result.duration,
+        "start_time": None if started is None else datetime.fromtimestamp(started, UTC).isoformat(),
+        **_counts(path, result.verdict),
+        "failure_message": result.reason or None,
+    }
+
+
+def _counts(path: Path, found: verdict.Verdict) -> dict[str, int]:
+    """Test cases of a test.xml, and those that failed or had an error."""
+    kinds = {"tests": "testcase", "failures": "failure", "errors": "error"}
+    if found is verdict.Verdict.ERRORED:
+        return dict.fromkeys(kinds, 0)
+    root = ET.parse(path).getroot()  # noqa: S314  # judged already: no entities
+    return {name: sum(1 for _ in root.iter(tag)) for name, tag in kinds.items()}
+
+
+def aggregate_run_status(run_dirs: Iterable[str | Path]) -> str:
+    """`passed`, `failed`, `mixed`, or `no_runs` without any verdict."""
+    results = (verdict.read_test_result(Path(run)).verdict for run in run_dirs)
+    said = {str(result) for result in results if result is not verdict.Verdict.ERRORED}
+    if len(said) > 1:
+        return "mixed"
+    return said.pop() if said else "no_runs"
+
+
+def read_scenario_config(config_dir: str | Path) -> dict[str, Any]:
+    """Scenario parameters of a configuration, `{scenario: {parameter: value}}`.
+
+    Raises:
+        FileNotFoundError: the configuration has none.
+    """
+    return _read_yaml(Path(config_dir) / "_config" / "scenario.config")
+
+
+def read_sysinfo(run_dir: str | Path) -> dict[str, Any]:
+    """The machine that executed a run.
+
+    Raises:
+        FileNotFoundError: neither the run nor its job says it.
+    """
+    run = Path(run_dir)
+    own = run / "sysinfo.yaml"
+    return _read_yaml(own if own.is_file() else _job_folder(run) / "sysinfo.yaml")
+
+
+def _job_folder(run: Path) -> Path:
+    """The folder of a run's job: by the run's link, or by its record where links got lost."""
+    link = run / "job"
+    if link.is_dir():
+        return link
+    try:
+        name = str(json.loads((run / "run.json").read_bytes())["job"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return link
+    return Layout(run.parent.parent).job(Path(name).name)
+
+
+def read_execution_metadata(campaign_dir: str | Path) -> dict[str, Any]:
+    """How a campaign was executed.
+
+    Raises:
+        FileNotFoundError: the campaign has no `_execution/execution.yaml`.
+    """
+    return _read_yaml(Layout(Path(campaign_dir)).execution / "execution.yaml")
+
+
+def read_resolved_configurations(campaign_dir: str | Path) -> dict[str, Any]:
+    """Every configuration of a campaign as it was executed.
+
+    Raises:
+        FileNotFoundError: the campaign has no `_transient/configurations.yaml`.
+    """
+    return _read_yaml(Layout(Path(campaign_dir)).transient / "configurations.yaml")
+
+
+def _read_yaml(path: Path) -> dict[str, Any]:
+    return dict(yaml.safe_load(path.read_text(encoding="utf-8")) or {})
