@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from robovast.common.scenario import get_scenario_parameters, read_scenario
+from robovast.common.scenario import get_scenario_parameters, read_scenario, scenario_defaults
 from robovast.errors import InputError
 from robovast.execution.local.process_environment import process_environment
 
@@ -34,7 +34,7 @@ SCENARIOS = {
 def test_parameters_are_those_of_scenario_execution(name: str, tmp_path: Path) -> None:
     path = tmp_path / "a.osc"
     path.write_bytes((HEADER + SCENARIOS[name]).encode())
-    assert set(get_scenario_parameters(path)) == _asked(path, tmp_path / "template.yaml")
+    assert set(scenario_defaults(path)) == _asked(path, tmp_path / "template.yaml")
 
 
 def _asked(path: Path, template: Path) -> set[str]:
@@ -49,7 +49,8 @@ def _asked(path: Path, template: Path) -> set[str]:
 def test_defaults_and_places(tmp_path: Path) -> None:
     path = tmp_path / "a.osc"
     path.write_text(HEADER + SCENARIOS["plain"])
-    assert get_scenario_parameters(path) == {"x": 1, "y": 0.5, "z": True}
+    assert scenario_defaults(path) == {"x": 1, "y": 0.5, "z": True}
+    assert get_scenario_parameters(path)["a"][0] == {"name": "x", "type": "int", "is_list": False}
     first = read_scenario(path).parameters[0]
     assert (first.name, first.type, first.default_text, first.line) == ("x", "int", "1", 5)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from robovast.common.config import (
         VariationConfig,
+        convert_dataclasses_to_dict,
         filter_configs,
         get_validated_config,
         load_config,
@@ -29,6 +30,7 @@ _MODULES = {
     "FileCache": "file_cache",
     "ProgressBar": "progress",
     "VariationConfig": "config",
+    "convert_dataclasses_to_dict": "config",
     "filter_configs": "config",
     "fmt_size": "progress",
     "generate_scenario_variations": "generation",
@@ -47,6 +49,7 @@ __all__ = [
     "FileCache",
     "ProgressBar",
     "VariationConfig",
+    "convert_dataclasses_to_dict",
     "filter_configs",
     "fmt_size",
     "generate_scenario_variations",

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Sequence
-from fnmatch import fnmatchcase
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
+
+from robovast.errors import InputError
 
 ConfigT = TypeVar("ConfigT", bound=BaseModel)
 
@@ -63,22 +65,47 @@ def normalize_secondary_containers(containers: Sequence[Any] | None) -> list[dic
     return result
 
 
-def load_config(config_file: str | Path, subsection: str | None = None) -> dict[str, Any]:
-    """Content of a .vast file, or of one of its sections ({} when it is missing).
+def load_config(
+    config_file: str | Path, subsection: str | None = None, allow_missing: bool = False
+) -> dict[str, Any]:
+    """Content of a .vast file, or of one of its sections.
+
+    Args:
+        config_file: the .vast file.
+        subsection: name of a section; the whole file when None.
+        allow_missing: a section that is missing is {}, not an error.
 
     Raises:
-        InputError: the file cannot be read.
+        InputError: the file cannot be read, or has no such section.
         DocumentError: it is not YAML.
     """
     from robovast.document.source import Source
 
     data = Source.read(Path(config_file)).data or {}
-    section = data if subsection is None else data.get(subsection)
-    return dict(section or {})
+    if subsection is None:
+        return dict(data)
+    if subsection not in data and not allow_missing:
+        raise InputError(
+            f"{config_file}: there is no section `{subsection}`; the file has "
+            f"{', '.join(map(str, data)) or 'none'}."
+        )
+    return dict(data.get(subsection) or {})
 
 
-def filter_configs(configs: Sequence[dict[str, Any]], pattern: str | None) -> list[dict[str, Any]]:
-    """Configurations whose name equals a pattern or matches it as a glob; all when it is None."""
-    if pattern is None:
-        return list(configs)
-    return [config for config in configs if fnmatchcase(config["name"], pattern)]
+def filter_configs(configs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Configurations without the keys that begin with `_`, which are not for people."""
+    return [
+        {key: value for key, value in config.items() if not key.startswith("_")}
+        for config in configs
+    ]
+
+
+def convert_dataclasses_to_dict(obj: Any) -> Any:
+    """A copy in which every dataclass, however deep in mappings and lists, is a dict."""
+    if is_dataclass(obj) and not isinstance(obj, type):
+        return {f.name: convert_dataclasses_to_dict(getattr(obj, f.name)) for f in fields(obj)}
+    if isinstance(obj, dict):
+        return {key: convert_dataclasses_to_dict(value) for key, value in obj.items()}
+    if isinstance(obj, list | tuple):
+        return [convert_dataclasses_to_dict(item) for item in obj]
+    return obj

@@ -27,10 +27,9 @@ def is_campaign_dir(path: str | Path) -> bool:
     return _CAMPAIGN.match(Path(path).name) is not None
 
 
-def get_campaign(path: str | Path) -> str | None:
-    """Name of the campaign folder that a path is in, or None."""
-    parts = (part for part in reversed(Path(path).parts) if _CAMPAIGN.match(part))
-    return next(parts, None)
+def get_campaign(name: str = "campaign") -> str:
+    """Name of a new campaign's folder."""
+    return campaign_folder_name(name, datetime.now().astimezone())
 
 
 def get_campaign_timestamp(name: str | Path) -> str | None:

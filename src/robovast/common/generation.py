@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
@@ -11,23 +11,35 @@ from typing import Any
 def generate_scenario_variations(
     variation_file: str | Path,
     progress_update_callback: Callable[[str], None] | None = None,
+    variation_classes: Mapping[str, Any] | None = None,
     output_dir: str | Path | None = None,
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    use_cache: bool = True,
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Expand a .vast file.
 
     Args:
         variation_file: the .vast file.
         progress_update_callback: receives the messages of variation types.
+        variation_classes: must be None: variation types are found by their names in the file.
         output_dir: folder for generated files; a new temporary one when None.
+        use_cache: without a meaning here: an expansion is always made anew.
 
     Returns:
-        The configurations (`name`, `config`, `_config_files`, `_config_name`, `_variations` and
-        what plugins added), and every variation that was applied (`name`, `started_at`,
-        `duration` in seconds).
+        The campaign, with its `configs` (`name`, `config`, `_config_files`, `_config_name`,
+        `_variations` and what plugins added), and the `GUI_CLASS` of each variation type that has
+        one, by its name.
 
     Raises:
         InputError: the file is wrong.
+        ValueError: `variation_classes` are given.
     """
+    del use_cache
+    if variation_classes is not None:
+        raise ValueError(
+            "variation types are found by the names in the .vast file: an entry point of the "
+            "group robovast.variation_types, or `<path>.py:<Class>`"
+        )
+    from robovast.common.variation.loader import load_variation
     from robovast.document import load_document
     from robovast.expansion import Variant, expand
 
@@ -48,6 +60,11 @@ def generate_scenario_variations(
             **variant.extra,
         }
 
-    configs = [as_dict(variant) for variant in variants]
-    applied = {repr(record): record for config in configs for record in config["_variations"]}
-    return configs, list(applied.values())
+    campaign = {
+        "vast": document.path.name,
+        "scenario_file": document.vast.scenario_file,
+        "configs": [as_dict(variant) for variant in variants],
+    }
+    names = {record.name for variant in variants for record in variant.variations}
+    kinds = {name: load_variation(name, document.folder) for name in sorted(names)}
+    return campaign, {n: kind.GUI_CLASS for n, kind in kinds.items() if kind.GUI_CLASS is not None}

@@ -75,8 +75,24 @@ def read_scenarios(path: str | Path) -> list[Scenario]:
     return scenarios
 
 
-def get_scenario_parameters(scenario_file: str | Path) -> dict[str, Any]:
-    """Overwritable parameters of a file's scenario by name, with their defaults.
+def get_scenario_parameters(scenario_file: str | Path) -> dict[str, list[dict[str, Any]]]:
+    """Overwritable parameters of a file's scenarios, `{scenario: [{name, type, is_list}]}`.
+
+    The type of a list is that of its items.
+    """
+    return {
+        scenario.name: [_description(parameter) for parameter in scenario.parameters]
+        for scenario in read_scenarios(scenario_file)
+    }
+
+
+def _description(parameter: ScenarioParameter) -> dict[str, Any]:
+    words = parameter.type.split()
+    return {"name": parameter.name, "type": words[-1], "is_list": len(words) > 1}
+
+
+def scenario_defaults(scenario_file: str | Path) -> dict[str, Any]:
+    """Overwritable parameters of a file's first scenario by name, with their defaults.
 
     A default that is an expression is given as its text, one that is missing as None.
     """
@@ -86,7 +102,7 @@ def get_scenario_parameters(scenario_file: str | Path) -> dict[str, Any]:
 
 def is_scenario_parameter(name: str, scenario_file: str | Path) -> bool:
     """True when the file's scenario has the parameter."""
-    return name in get_scenario_parameters(scenario_file)
+    return name in scenario_defaults(scenario_file)
 
 
 def _default(text: str | None) -> Any:

@@ -133,9 +133,9 @@ class NavigationVariation(Variation):
         return name
 
     def _default(self, parameter: str) -> Any:
-        from robovast.common.scenario import get_scenario_parameters
+        from robovast.common.scenario import scenario_defaults
 
-        return get_scenario_parameters(self.scenario_file)[parameter]
+        return scenario_defaults(self.scenario_file)[parameter]
 
     def get_input_files(self) -> list[str]:
         """The maps that were read and not made by a variation, and their images."""

@@ -17,13 +17,22 @@ def radius_of(xacro_arguments: str) -> float:
     Raises:
         ValueError: one of them is not above 0.
     """
-    found = {key: _positive(key, value) for key, value in _SIZE.findall(xacro_arguments)}
+    found = sizes_of(xacro_arguments)
     if "radius" in found:
         return found["radius"]
     width, length = found.get("width"), found.get("length")
     if width is None and length is None:
         return DEFAULT_RADIUS
     return math.hypot(width or length or 0.0, length or width or 0.0) / 2
+
+
+def sizes_of(xacro_arguments: str) -> dict[str, float]:
+    """An obstacle's `width`, `length` and `radius`, those that are given [m].
+
+    Raises:
+        ValueError: one of them is not above 0.
+    """
+    return {key: _positive(key, value) for key, value in _SIZE.findall(xacro_arguments)}
 
 
 def _positive(key: str, text: str) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 
 import robovast.common
 from robovast.common import config, execution, file_cache, progress
+from robovast.errors import InputError
 
 NAMES = [
     "VariationConfig",
@@ -25,6 +27,7 @@ NAMES = [
     "normalize_secondary_containers",
     "COMPAT_VERSION",
     "FileCache",
+    "convert_dataclasses_to_dict",
     "ProgressBar",
     "fmt_size",
     "generate_scenario_variations",
@@ -61,8 +64,7 @@ def test_campaign_folder_names() -> None:
     assert execution.is_campaign_dir(f"/results/{name}")
     assert not execution.is_campaign_dir("/results/navigation")
     assert execution.get_campaign_timestamp(name) == "2026-03-10-142530"
-    assert execution.get_campaign(f"/results/{name}/hall-1/0") == name
-    assert execution.get_campaign("/results/other") is None
+    assert execution.is_campaign_dir(execution.get_campaign("hall"))
     assert execution.campaign_prefix("../../etc") == "etc"
     assert execution.campaign_prefix("a b/c") == "a-b-c"
 
@@ -84,16 +86,49 @@ def test_secondary_containers_are_normalized() -> None:
     ]
 
 
-def test_configurations_are_filtered_by_glob() -> None:
-    configs = [{"name": "hall-1"}, {"name": "hall-2"}, {"name": "room-1"}]
-    assert config.filter_configs(configs, "hall-*") == configs[:2]
-    assert config.filter_configs(configs, None) == configs
+def test_keys_that_are_not_for_people_are_dropped() -> None:
+    configs = [{"name": "hall-1", "config": {"x": 1}, "_config_files": []}]
+    assert config.filter_configs(configs) == [{"name": "hall-1", "config": {"x": 1}}]
 
 
 def test_load_config_reads_a_section(tmp_path: Path) -> None:
-    (tmp_path / "a.vast").write_text("version: 1\nexecution: {runs: 3}\n")
-    assert config.load_config(tmp_path / "a.vast", "execution") == {"runs": 3}
-    assert config.load_config(tmp_path / "a.vast", "search") == {}
+    path = tmp_path / "a.vast"
+    path.write_text("version: 1\nexecution: {runs: 3}\n")
+    assert config.load_config(path)["version"] == 1
+    assert config.load_config(path, "execution") == {"runs": 3}
+    assert config.load_config(path, "search", allow_missing=True) == {}
+    with pytest.raises(InputError, match="no section `search`; the file has version, execution"):
+        config.load_config(path, "search")
+
+
+@dataclass
+class Inner:
+    x: int
+
+
+@dataclass
+class Outer:
+    items: list[Inner]
+
+
+def test_dataclasses_become_dicts() -> None:
+    assert robovast.common.convert_dataclasses_to_dict({"a": (Outer([Inner(1)]), 2)}) == {
+        "a": [{"items": [{"x": 1}]}, 2]
+    }
+
+
+def test_parameters_of_a_scenario_by_type(tmp_path: Path) -> None:
+    path = tmp_path / "a.osc"
+    path.write_text(
+        "scenario a:\n    x: float = 1.0\n    goals: list of pose_3d\n    do serial:\n"
+        "        log(x)\n"
+    )
+    assert robovast.common.get_scenario_parameters(path) == {
+        "a": [
+            {"name": "x", "type": "float", "is_list": False},
+            {"name": "goals", "type": "pose_3d", "is_list": True},
+        ]
+    }
 
 
 @pytest.mark.parametrize(
@@ -111,7 +146,7 @@ def test_a_progress_line() -> None:
 def test_the_file_cache_keeps_by_content(tmp_path: Path) -> None:
     (tmp_path / "a").write_text("1")
     (tmp_path / "b").write_text("1")
-    cache = file_cache.FileCache(tmp_path / "cache", "maps")
+    cache = file_cache.ContentCache(tmp_path / "cache", "maps")
     key = cache.key([tmp_path / "a"], "v1")
     assert key == cache.key([tmp_path / "b"], "v1") != cache.key([tmp_path / "b"], "v2")
     assert cache.get(key) is None
@@ -119,3 +154,35 @@ def test_the_file_cache_keeps_by_content(tmp_path: Path) -> None:
     kept = cache.get(key)
     assert kept is not None
     assert kept.read_text() == "1"
+
+
+def test_files_are_kept_beside_the_data_of_a_plugin(tmp_path: Path) -> None:
+    made_of = tmp_path / "model"
+    made_of.write_text("1")
+    cache = file_cache.FileCache(tmp_path, "map_", ["v1"], ".txt")
+    assert cache.get_cached_file([made_of]) is None
+    path = cache.save_file_to_cache([made_of], "made")
+    assert path.name.startswith("map_")
+    assert path.suffix == ".txt"
+    assert cache.get_cached_file([made_of]) == "made"
+    assert cache.get_cached_file([made_of], binary=True) == b"made"
+    assert cache.get_cached_file([made_of], content=False) == path
+    assert cache.get_cached_file([made_of], strings_for_hash=["other"]) is None
+    other = file_cache.FileCache(tmp_path, "map_", ["v2"], ".txt")
+    assert other.get_cached_file([made_of]) is None
+    made_of.write_text("2")
+    assert cache.get_cached_file([made_of]) is None
+
+
+def test_an_expansion_in_plain_values(tmp_path: Path) -> None:
+    (tmp_path / "a.osc").write_text("scenario a:\n    x: int = 1\n    do serial:\n        log(x)\n")
+    (tmp_path / "a.vast").write_text(
+        "version: 1\nconfiguration:\n- name: t\n  variations:\n"
+        "  - ParameterVariationList: {name: x, values: [1, 2]}\n"
+        "execution: {scenario_file: a.osc}\n"
+    )
+    campaign, gui = robovast.common.generate_scenario_variations(tmp_path / "a.vast")
+    assert [item["config"] for item in campaign["configs"]] == [{"x": 1}, {"x": 2}]
+    assert gui == {}
+    with pytest.raises(ValueError, match="by the names in the"):
+        robovast.common.generate_scenario_variations(tmp_path / "a.vast", variation_classes={})

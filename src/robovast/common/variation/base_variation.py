@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 from pydantic import BaseModel
 
 from robovast.common.config import get_validated_config
-from robovast.common.scenario import get_scenario_parameters
+from robovast.common.scenario import scenario_defaults
 
 ConfigFiles = Sequence[tuple[str, str]]
 """Pairs of a name relative to the config folder and an absolute path."""
@@ -129,7 +129,7 @@ class Variation:
         Raises:
             ValueError: it has not.
         """
-        known = get_scenario_parameters(self.scenario_file)
+        known = scenario_defaults(self.scenario_file)
         if reference_name not in known:
             raise ValueError(
                 f"{type(self).__name__}: the scenario {self.scenario_file} has no parameter "

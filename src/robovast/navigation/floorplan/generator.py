@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from robovast.common.file_cache import FileCache
+from robovast.common.file_cache import ContentCache
 from robovast.errors import InputError
 from robovast.expansion.containers import ContainerRunner
 from robovast.navigation.floorplan.artefacts import FOLDER, Artefacts
@@ -37,7 +37,7 @@ def generate(runner: ContainerRunner, model: Path, name: str, root: Path) -> Art
     if folder.exists():
         return _found(runner.image, own, name)
     folder.mkdir(parents=True)
-    cache = FileCache(name="floorplans")
+    cache = ContentCache(name="floorplans")
     key = cache.key([model], runner.digest, name)
     kept = cache.get(key)
     if kept is not None:

@@ -1,0 +1,1 @@
+"""Import paths of plugins that were written for the existing tool (robovast.compat)."""
