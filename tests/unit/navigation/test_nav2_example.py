@@ -138,7 +138,7 @@ def test_its_notebooks_read_what_postprocessing_leaves(
     if notebook == "campaign":
         assert names["by_config"].loc["boxes-1"].to_dict() == {
             "passed": 1.0,
-            "duration": 12.5,
+            "duration": 3.0,
             "driven": 2.0,
         }
         assert names["by_trigger"].loc[1.5, "size"] == 2
