@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from robovast.cluster.resources import Scheduling, Storage
-from robovast.cluster.status import CampaignStatus, Condition
+from robovast.cluster.status import CampaignStatus, Condition, read_status
 from robovast.errors import ExitCode, InputError
 
 _TROUBLE = {"Accepted": "False", "Succeeded": "False", "Stalled": "True"}
@@ -35,7 +35,7 @@ class CampaignState:
     @cached_property
     def status(self) -> CampaignStatus:
         """Its status, empty before the operator has seen it."""
-        return CampaignStatus.model_validate(self.resource.get("status") or {})
+        return read_status(CampaignStatus, self.resource.get("status"))
 
     @cached_property
     def storage(self) -> Storage:

@@ -223,8 +223,11 @@ DOCUMENT_CHANGED = Rejected(
 
 def same_document(planned: str, vast: Mapping[str, object]) -> bool:
     """Whether a document is the one that was planned, but for its number of runs."""
-    before = yaml.safe_load(planned)
-    return _without_runs(before) == _without_runs(vast)
+    try:
+        before = yaml.safe_load(planned)
+    except yaml.YAMLError:
+        return False
+    return isinstance(before, Mapping) and _without_runs(before) == _without_runs(vast)
 
 
 def _without_runs(vast: Mapping[str, object]) -> dict[str, object]:

@@ -18,6 +18,7 @@ import kopf
 
 from robovast.errors import CannotRunError
 from robovast_operator.campaign import Object
+from robovast_operator.lenient import shaped
 
 LOGGER = logging.getLogger(__name__)
 
@@ -87,7 +88,7 @@ class Api:
         while True:
             page = await self._request("GET", path, query=query)
             for item in page.get("items") or ():
-                yield item
+                yield shaped(item)
             token = page.get("metadata", {}).get("continue")
             if not token:
                 return

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from robovast.cluster.resources import CampaignSpec
-from robovast.cluster.status import CampaignStatus, Condition, Runs
+from robovast.cluster.status import CampaignStatus, Condition, Runs, read_status
 from robovast_operator.campaign import Object
 
 Truth = Literal["True", "False", "Unknown"]
@@ -97,6 +97,19 @@ def composing_conditions(
         ("ResultsAvailable", "False", "Composing", ""),
     ]
     return dated(found, generation, now, old)
+
+
+def failing_conditions(
+    why: Why, generation: int, now: str, old: Iterable[Condition]
+) -> list[Condition]:
+    """The conditions of a campaign with which nothing can be done: those before, and why."""
+    before = list(old)
+    kept: list[Found] = [
+        (c.type, c.status, c.reason, c.message) for c in before if c.type != "Stalled"
+    ]
+    if not kept:
+        kept = [("Accepted", "Unknown", *why), ("ResultsAvailable", "False", why[0], "")]
+    return dated([*kept, ("Stalled", "True", *why)], generation, now, before)
 
 
 def dated(
@@ -216,7 +229,7 @@ def is_news(old: CampaignStatus, new: CampaignStatus) -> bool:
 
 def is_settled(obj: Object, jobs: Mapping[str, object], configurations: Iterable[Object]) -> bool:
     """Whether a campaign is finished for good: it costs nothing more."""
-    status = CampaignStatus.model_validate(obj.get("status") or {})
+    status = read_status(CampaignStatus, obj.get("status"))
     spec = obj.get("spec") or {}
     expires = spec.get("ttlSecondsAfterFinished") is not None and bool(jobs)
     return (

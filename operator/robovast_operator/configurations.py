@@ -10,7 +10,7 @@ from typing import Any
 from robovast.cluster.plan import Block, Entry
 from robovast.cluster.ranges import Span, count, parse_ranges
 from robovast.cluster.resources import API_VERSION, ConfigurationSpec
-from robovast.cluster.status import CampaignStatus, ConfigurationStatus, Runs
+from robovast.cluster.status import CampaignStatus, ConfigurationStatus, Runs, read_status
 from robovast_operator.campaign import Accepted, Identity, Object, Revision
 from robovast_operator.conditions import Found, dated, is_true
 from robovast_operator.verdicts import within
@@ -102,7 +102,7 @@ def configuration_status(
         now: the time.
         problem: why its runs cannot be added.
     """
-    old = ConfigurationStatus.model_validate(obj.get("status") or {})
+    old = read_status(ConfigurationStatus, obj.get("status"))
     generation = obj["metadata"].get("generation", 0)
     truth: Found = ("Accepted", "True", "Valid", "")
     if problem:

@@ -10,13 +10,8 @@ from robovast_operator.api import Api
 from robovast_operator.campaign import Accepted, Object
 from robovast_operator.memory import Memory
 from robovast_operator.picture import Trouble
-from robovast_operator.pod_facts import (
-    final_of,
-    is_stuck,
-    reports_of,
-    trouble_of,
-    trouble_of_events,
-)
+from robovast_operator.pod_facts import is_stuck, trouble_of, trouble_of_events
+from robovast_operator.reports import final_of, reports_of
 from robovast_operator.settings import Settings
 from robovast_operator.store import JobState
 from robovast_operator.times import now

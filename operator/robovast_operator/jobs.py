@@ -12,10 +12,8 @@ from robovast_operator.pods import inline_items, notify_pod, run_pod, task_pod
 from robovast_operator.settings import Settings
 from robovast_operator.shards import ShardPlan
 from robovast_operator.store import (
-    ATTEMPT_ANNOTATION,
     NOTIFY_ROLE,
     QUEUE_LABEL,
-    RUNS_ANNOTATION,
 )
 
 RETRIES_PER_INDEX = 6
@@ -39,7 +37,6 @@ def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Objec
     arguments = ["--first-pack", str(shard.first_pack), "--attempt", str(shard.attempt)]
     if shard.runs:
         arguments += ["--runs", shard.runs]
-    marks = {RUNS_ANNOTATION: shard.runs, ATTEMPT_ANNOTATION: str(shard.attempt)}
     job = _job(accepted.identity, shard.job, "shard", {SHARD_LABEL: str(shard.index)})
     pod = run_pod(accepted, settings, shard.plan, arguments)
     queue = accepted.spec.queue_name
@@ -63,7 +60,6 @@ def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Objec
         },
     }
     job["spec"]["template"]["spec"] = pod
-    job["metadata"]["annotations"] = {**_QUIET, **marks}
     if queue is not None:
         job["metadata"]["labels"][QUEUE_LABEL] = queue
     if shard.owner is not None:

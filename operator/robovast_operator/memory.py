@@ -52,6 +52,8 @@ class Memory:
     looked: float = 0.0
     """When pods were last looked at."""
     status_written: float = 0.0
+    failing: float | None = None
+    """Since when looks at it fail; None when the last one did not."""
     undelivered: set[str] = field(default_factory=set)
     """Uids of the Jobs whose notices reached nobody, and were told to have."""
 

@@ -8,8 +8,12 @@ from collections.abc import Iterator
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
 from robovast_operator.campaign import Object
+from robovast_operator.lenient import mapping, number, text
 from robovast_operator.store import Store
 from robovast_operator.work_queue import WorkQueue
+
+MANY_FAILURES = 3
+"""Looks at one campaign that failed one after another: it is no chance any more."""
 
 
 class Metrics:
@@ -21,6 +25,17 @@ class Metrics:
             "robovast_reconcile_seconds",
             "Time of one look at a campaign.",
             buckets=(0.005, 0.02, 0.1, 0.5, 2, 10),
+            registry=self._registry,
+        )
+        self._failures = Counter(
+            "robovast_reconcile_failures",
+            "Looks at a campaign that came to nothing, by what is told as the cause.",
+            ["reason"],
+            registry=self._registry,
+        )
+        self._failing = Gauge(
+            "robovast_campaigns_failing",
+            f"Campaigns at which {MANY_FAILURES} looks or more came to nothing, one after another.",
             registry=self._registry,
         )
         self._requests = Counter(
@@ -63,6 +78,10 @@ class Metrics:
         resource = parts[at] if at < len(parts) else "other"
         self._requests.labels(verb, resource, str(code)).inc()
 
+    def failed(self, reason: str) -> None:
+        """Count a look that came to nothing."""
+        self._failures.labels(reason).inc()
+
     def seen(self) -> None:
         """Remember that an event came."""
         self._last_event = time.monotonic()
@@ -70,6 +89,7 @@ class Metrics:
     def page(self, store: Store, queue: WorkQueue, *, leading: bool) -> bytes:
         """The figures as Prometheus reads them."""
         self._queue.set(len(queue))
+        self._failing.set(queue.failing(MANY_FAILURES))
         self._leader.set(int(leading))
         self._event_age.set(time.monotonic() - self._last_event)
         self._objects.labels("Campaign").set(len(store.campaigns))
@@ -79,7 +99,7 @@ class Metrics:
             self._runs.labels(state).set(_runs(store, state))
         self._campaigns.clear()
         for status in _statuses(store):
-            self._campaigns.labels(status.get("state") or "Pending").inc()
+            self._campaigns.labels(text(status.get("state")) or "Pending").inc()
         self._stalled.set(sum(_is_stalled(status) for status in _statuses(store)))
         return generate_latest(self._registry)
 
@@ -89,11 +109,11 @@ def _collection(parts: list[str]) -> int:
 
 
 def _statuses(store: Store) -> Iterator[Object]:
-    return (obj.get("status") or {} for obj in store.campaigns.values())
+    return (obj["status"] for obj in store.campaigns.values())
 
 
 def _runs(store: Store, state: str) -> int:
-    return sum((status.get("runs") or {}).get(state, 0) for status in _statuses(store))
+    return sum(number(mapping(status.get("runs")).get(state)) for status in _statuses(store))
 
 
 def _is_stalled(status: Object) -> bool:

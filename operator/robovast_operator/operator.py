@@ -14,6 +14,7 @@ from robovast_operator import paths
 from robovast_operator.api import Api, ApiError, connection_info
 from robovast_operator.campaign import Key, Object
 from robovast_operator.lease import Leadership
+from robovast_operator.lenient import mapping, text
 from robovast_operator.metrics import Metrics
 from robovast_operator.reconcile import Reconciler
 from robovast_operator.resync import Kind, Resync
@@ -39,7 +40,7 @@ class Operator:
         self._lease_api = Api(server, self.metrics)
         self.leadership = Leadership(self._lease_api, settings)
         self.api = Api(server, self.metrics, may_write=lambda: self.leadership.leading)
-        self._reconcile = Reconciler(self.api, self.store, self.queue, settings)
+        self._reconcile = Reconciler(self.api, self.store, self.queue, settings, self.metrics)
         self._tasks: list[asyncio.Task[None]] = []
         self._resync = Resync(self.api, settings, self._kinds())
 
@@ -82,7 +83,7 @@ class Operator:
         if kind == "DELETED":
             self._forget_campaign(id_of(obj))
         elif self.store.put_campaign(obj):
-            self.queue.add((obj["metadata"]["namespace"], obj["metadata"]["name"]))
+            self.queue.add(id_of(obj)[:2])
 
     def configuration_event(self, kind: str | None, obj: Object) -> None:
         """A Configuration has changed."""
@@ -162,8 +163,8 @@ class Operator:
 
 
 def _campaign_of(configuration: Object) -> Key:
-    spec = configuration.get("spec") or {}
-    return configuration["metadata"]["namespace"], str(spec.get("campaign"))
+    namespace, _, _ = id_of(configuration)
+    return namespace, text(mapping(mapping(configuration).get("spec")).get("campaign"))
 
 
 def _log_end(task: asyncio.Task[None]) -> None:

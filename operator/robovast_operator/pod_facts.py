@@ -6,12 +6,10 @@ import json
 from collections.abc import Iterable, Iterator
 from datetime import datetime, timedelta
 
-from robovast.cluster.ranges import parse_ranges
-from robovast.cluster.status import Runs
 from robovast_operator.campaign import Object
-from robovast_operator.picture import Final, Trouble
+from robovast_operator.lenient import LARGEST, mapping, number, ranges, text
+from robovast_operator.picture import Trouble
 from robovast_operator.times import parse_time
-from robovast_operator.verdicts import Report, parse_report
 
 INDEX_ANNOTATION = "batch.kubernetes.io/job-completion-index"
 
@@ -30,61 +28,6 @@ _EXITS = {74: "Storage", 65: "InvalidDocument", 64: "InvalidPlan", 78: "Incompat
 """Exit codes of our containers (docs/agent.md) that are no verdict."""
 
 
-def reports_of(pods: Iterable[Object]) -> dict[int, Report]:
-    """The verdicts of a Job's failed pods by completion index; of a retried one the last."""
-    found: dict[int, tuple[str, Report]] = {}
-    for pod in pods:
-        index = (pod["metadata"].get("annotations") or {}).get(INDEX_ANNOTATION)
-        report = parse_report(_message(pod, "agent"))
-        if index is None or report is None:
-            continue
-        started = pod["metadata"].get("creationTimestamp", "")
-        known = found.get(int(index))
-        if known is None or known[0] <= started:
-            found[int(index)] = (started, report)
-    return {index: report for index, (_, report) in found.items()}
-
-
-def final_of(pods: Iterable[Object]) -> Final | None:
-    """What the finish Job's pod found in the bucket."""
-    for pod in pods:
-        try:
-            data = json.loads(_message(pod, "finish"))
-            runs = Runs(
-                total=data["total"],
-                passed=data["passed"],
-                failed=data["failed"],
-                errored=data["errored"],
-                stored=data.get("stored", data["passed"] + data["failed"] + data["errored"]),
-            )
-        except (ValueError, KeyError, TypeError):
-            continue
-        return Final(
-            runs,
-            data.get("failedRuns", ""),
-            data.get("erroredRuns", ""),
-            bool(data.get("truncated")),
-            tuple(data.get("failing") or ())[:10],
-        )
-    return None
-
-
-def composed_of(pods: Iterable[Object]) -> tuple[list[int], str] | str | None:
-    """Variants by entry and breaks of the compose Job; its message when it failed."""
-    error: str | None = None
-    for pod in pods:
-        message = _message(pod, "compose")
-        try:
-            data = json.loads(message)
-            if "error" in data:
-                error = str(data["error"])
-            else:
-                return [int(number) for number in data["counts"]], data.get("breaks", "")
-        except (ValueError, KeyError, TypeError):
-            error = error or message or None
-    return error
-
-
 _EVENTS = {
     "FailedMount": "Configuration",
     "FailedCreatePodSandBox": "Container",
@@ -97,9 +40,9 @@ def trouble_of_events(events: Iterable[Object]) -> Trouble | None:
     """Why a pod is not made or does not begin, as events tell; the last counts."""
     found = None
     for item in events:
-        reason = _EVENTS.get(item.get("reason", ""))
+        reason = _EVENTS.get(text(item.get("reason")))
         if reason is not None:
-            message = item.get("message", "")
+            message = text(item.get("message"))
             quota = reason == "Refused" and "exceeded quota" in message
             found = Trouble("Quota" if quota else reason, message)
     return found
@@ -119,7 +62,7 @@ def is_stuck(pod: Object, moment: datetime) -> bool:
     deleted = meta.get("deletionTimestamp")
     if deleted is None or TRACKING not in (meta.get("finalizers") or ()):
         return False
-    ended = (pod.get("status") or {}).get("phase") in {"Failed", "Succeeded"}
+    ended = pod["status"].get("phase") in ("Failed", "Succeeded")
     return ended and parse_time(deleted) + timedelta(seconds=STUCK_SECONDS) < moment
 
 
@@ -176,12 +119,22 @@ def _containers(pod: Object) -> Iterator[Object]:
     yield from status.get("containerStatuses") or ()
 
 
-def _message(pod: Object, container: str) -> str:
+def message_of(pod: Object, container: str) -> str:
+    """The last words of a container."""
+    return str(ending_of(pod, container).get("message", ""))
+
+
+def ending_of(pod: Object, container: str) -> Object:
+    """How a container ended; empty when it has not."""
     for status in _containers(pod):
         if status["name"] == container:
-            ended = (status.get("state") or {}).get("terminated") or {}
-            return str(ended.get("message") or "")
-    return ""
+            return mapping(mapping(status.get("state")).get("terminated"))
+    return {}
+
+
+def index_of(pod: Object) -> int:
+    """The completion index of a pod; -1 of one without."""
+    return number(pod["metadata"].get("annotations", {}).get(INDEX_ANNOTATION), -1)
 
 
 def last_words(pods: Iterable[Object], container: str, indexes: str) -> list[str]:
@@ -194,9 +147,10 @@ def last_words(pods: Iterable[Object], container: str, indexes: str) -> list[str
     """
     said: dict[int, tuple[str, str]] = {}
     for pod in pods:
-        index = int((pod["metadata"].get("annotations") or {}).get(INDEX_ANNOTATION, "-1"))
-        words = (pod["metadata"].get("creationTimestamp", ""), _message(pod, container).strip())
+        index = index_of(pod)
+        words = (pod["metadata"]["creationTimestamp"], message_of(pod, container).strip())
         if words[1]:
             said[index] = max(words, said.get(index, words))
-    wanted = [i for first, last in parse_ranges(indexes) for i in range(first, last + 1)]
-    return list(dict.fromkeys(said[index][1] for index in wanted if index in said))
+    wanted = ranges(indexes, LARGEST)
+    chosen = [i for i in sorted(said) if any(first <= i <= last for first, last in wanted)]
+    return list(dict.fromkeys(said[index][1] for index in chosen))

@@ -10,6 +10,7 @@ from robovast.cluster.status import QueuePlace
 from robovast_operator import paths
 from robovast_operator.api import Api, ApiError
 from robovast_operator.campaign import Object
+from robovast_operator.lenient import mapping, mappings, text
 from robovast_operator.memory import Memory
 from robovast_operator.settings import Settings
 from robovast_operator.store import JobState, Store
@@ -111,7 +112,7 @@ class Queues:
         answer = await self._answer(path, ANSWER_SECONDS)
         if answer is None:
             return None
-        return place_of(answer.get("items") or (), job, await self._running(job), now())
+        return place_of(list(mappings(answer.get("items"))), job, await self._running(job), now())
 
     async def _running(self, waiting: JobState) -> list[JobState]:
         """Jobs that we know to have quota of the same ClusterQueue."""
@@ -122,7 +123,7 @@ class Queues:
 
     async def _cluster_queue(self, job: JobState) -> str:
         answer = await self._answer(paths.local_queue(job.namespace, job.queue), QUEUE_SECONDS)
-        return str(answer["spec"]["clusterQueue"]) if answer else ""
+        return text(mapping(mapping(answer).get("spec")).get("clusterQueue"))
 
     async def _answer(self, path: str, seconds: float) -> Object | None:
         """What is at a path, or was there a moment ago; None when it cannot be had."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
+import time
 
-from robovast.cluster.status import CampaignStatus
+from robovast.cluster.status import CampaignStatus, read_status
+from robovast.errors import RobovastError
 from robovast_operator import paths
 from robovast_operator.accept import (
     DOCUMENT_CHANGED,
@@ -26,18 +27,19 @@ from robovast_operator.decide import (
     decide,
 )
 from robovast_operator.diagnose import Diagnosis
+from robovast_operator.failures import trouble_of_error
 from robovast_operator.inputs import Inputs
 from robovast_operator.jobs import shard_job, task_job
 from robovast_operator.memory import Memory
+from robovast_operator.metrics import Metrics
 from robovast_operator.notifier import Notifier
-from robovast_operator.picture import Observed, Picture, Trouble
-from robovast_operator.pod_facts import composed_of
+from robovast_operator.picture import Observed, Trouble
 from robovast_operator.purge import Purge
 from robovast_operator.queues import Queues
+from robovast_operator.reports import composed_of
 from robovast_operator.settings import Settings
 from robovast_operator.statuses import Statuses
 from robovast_operator.store import JobState, Store
-from robovast_operator.tell import tell
 from robovast_operator.times import now
 from robovast_operator.work_queue import REFUSED_DELAY, WorkQueue
 
@@ -47,8 +49,11 @@ LOGGER = logging.getLogger(__name__)
 class Reconciler:
     """Brings campaigns from what is there to what is wanted."""
 
-    def __init__(self, api: Api, store: Store, queue: WorkQueue, settings: Settings) -> None:
+    def __init__(
+        self, api: Api, store: Store, queue: WorkQueue, settings: Settings, metrics: Metrics
+    ) -> None:
         self._api = api
+        self._metrics = metrics
         self._store = store
         self._queue = queue
         self._settings = settings
@@ -61,19 +66,38 @@ class Reconciler:
         self._purge = Purge(api, settings)
 
     async def __call__(self, key: Key) -> None:
-        """Look at a Campaign; a failure is logged, and it is looked at again later."""
+        """Look at a Campaign; a failure is logged, told, and it is looked at again later."""
         try:
             await self._reconcile(key)
-        except (TimeoutError, ApiError, OSError) as error:
+        except (TimeoutError, ApiError, OSError, RobovastError) as error:
             delay = self._queue.add_failed(key, REFUSED_DELAY)
             LOGGER.warning("%s/%s: %s; again in %.0f s", *key, error, delay)
             if isinstance(error, ApiError) and error.terminating:
                 await self._let_go(key)
-        except Exception:
+            else:
+                await self._tell_failure(key, trouble_of_error(error))
+        except Exception as error:
             delay = self._queue.add_failed(key)
             LOGGER.exception("%s/%s: a fault of the operator; again in %.0f s", *key, delay)
+            await self._tell_failure(key, trouble_of_error(error))
         else:
             self._queue.succeeded(key)
+            if key in self._memories:
+                self._memories[key].failing = None
+
+    async def _tell_failure(self, key: Key, trouble: Trouble) -> None:
+        """Say why nothing can be done, once that lasts."""
+        self._metrics.failed(trouble.reason)
+        obj, memory = self._store.campaigns.get(key), self._memories.get(key)
+        if obj is None or memory is None or "deletionTimestamp" in obj["metadata"]:
+            return
+        memory.failing = memory.failing or time.monotonic()
+        if time.monotonic() - memory.failing < self._settings.stall_seconds:
+            return
+        try:
+            await self._statuses.failing(obj, trouble, memory)
+        except (TimeoutError, ApiError, OSError) as error:
+            LOGGER.warning("%s/%s: its status cannot be written: %s", *key, error)
 
     async def _let_go(self, key: Key) -> None:
         """Hold nothing in a namespace that is being deleted: Jobs may hold its last pods."""
@@ -105,7 +129,7 @@ class Reconciler:
         memory = self._memories.get(key)
         if memory is None or memory.uid != identity.uid:
             memory = self._memories[key] = Memory(identity.uid)
-            status = CampaignStatus.model_validate(obj.get("status") or {})
+            status = read_status(CampaignStatus, obj.get("status"))
             if is_true(status, "Stalled"):  # a new leader need not wait to find that again
                 memory.moved -= self._settings.stall_seconds
         return memory
@@ -137,7 +161,7 @@ class Reconciler:
             await self._statuses.rejected(obj, DOCUMENT_CHANGED, memory)
             return
         memory.notice(jobs)
-        status = CampaignStatus.model_validate(obj.get("status") or {})
+        status = read_status(CampaignStatus, obj.get("status"))
         again = await self._diagnosis.update(accepted, memory, jobs)
         queued = await self._queues.update(memory, jobs, suspended=accepted.spec.suspend)
         observed = Observed(
@@ -161,25 +185,11 @@ class Reconciler:
             parked=frozenset(memory.parked),
         )
         decision = decide(observed)
-        try:
-            await self._carry_out(obj, accepted, decision, memory)
-        except ApiError as error:
-            await self._tell_refusal(obj, observed, error, memory)
-            raise
+        await self._carry_out(obj, accepted, decision, memory)
         await self._statuses.configurations(accepted, revisions[-1], decision.status, memory)
         for delay in (again, queued, decision.again):
             if delay is not None:
                 self._queue.add((accepted.identity.namespace, accepted.identity.name), delay)
-
-    async def _tell_refusal(
-        self, obj: Object, observed: Observed, error: ApiError, memory: Memory
-    ) -> None:
-        """Say why nothing can be done, once that lasts."""
-        if error.terminating or memory.still_for() < self._settings.stall_seconds:
-            return
-        trouble = Trouble("Refused", f"the API server refuses what the campaign needs: {error}")
-        picture = Picture.of(replace(observed, trouble=trouble))
-        await self._statuses.write(obj, tell(picture, ()), memory)
 
     async def _composed(
         self, obj: Object, accepted: Accepted, memory: Memory, jobs: dict[str, JobState]

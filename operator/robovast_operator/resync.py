@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from robovast_operator import heap
 from robovast_operator.api import Api, ApiError
 from robovast_operator.campaign import Object
+from robovast_operator.lenient import metadata
 from robovast_operator.settings import Settings
 from robovast_operator.store import Id, id_of
 
@@ -93,19 +94,27 @@ class Resync:
     async def _compare(self, kind: Kind) -> bool:
         """Whether the watch of a kind has missed anything."""
         before = dict(kind.known())
-        there: dict[Id, str] = {}
+        there: set[Id] = set()
         new = False
         # Not from the server's cache: what is missing in the answer is taken for gone.
         for space in self._settings.namespaces or (None,):
             async for obj in self._api.list(kind.path(space), **kind.selection):
                 id_ = id_of(obj)
-                there[id_] = obj["metadata"]["resourceVersion"]
-                if before.get(id_) != there[id_]:
-                    kind.learn(obj)
-                    new = new or id_ not in before
+                there.add(id_)
+                if before.get(id_) != metadata(obj).get("resourceVersion"):
+                    new = (self._learn(kind, obj) and id_ not in before) or new
         gone = [id_ for id_ in before if id_ not in there]
         for id_ in gone:
             kind.forget(id_)
         if gone:
             LOGGER.info("%d %s went while no watch told of it", len(gone), kind.name)
         return new
+
+    def _learn(self, kind: Kind, obj: Object) -> bool:
+        """Whether an object could be taken: one that cannot be is nobody else's trouble."""
+        try:
+            kind.learn(obj)
+        except Exception:
+            LOGGER.exception("%s: %s/%s cannot be taken", kind.name, *id_of(obj)[:2])
+            return False
+        return True

@@ -6,8 +6,12 @@ import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from pydantic import BaseModel, ConfigDict
+
 from robovast.cluster.plan import Block, CampaignPlan, Entry, PlanSpec, first_blocks
+from robovast.errors import InputError
 from robovast_operator.campaign import Accepted, Object, Revision
+from robovast_operator.lenient import mapping, text
 
 OWNERS_ANNOTATION = "robovast.io/owners"
 """References to the Configurations that blocks belong to, by number of the block, as JSON."""
@@ -35,23 +39,53 @@ def read_revisions(config_maps: Iterable[Object], prefix: str) -> list[Revision]
     Args:
         config_maps: of the campaign.
         prefix: what the names of those with a plan begin with.
+
+    Raises:
+        InputError: one of them is no plan.
     """
     found = []
     for obj in config_maps:
         name: str = obj["metadata"]["name"]
-        if not name.startswith(prefix) or "campaign.json" not in (obj.get("data") or {}):
-            continue
-        plan = CampaignPlan.model_validate_json(obj["data"]["campaign.json"])
-        if plan.plan is None:
-            continue
-        notes = (obj["metadata"].get("annotations") or {}).get(OWNERS_ANNOTATION, "{}")
-        owners = {int(block): owner for block, owner in json.loads(notes).items()}
         number = name.removeprefix(prefix)
-        if not number.isdigit():
-            continue
-        document = obj["data"].get("document.vast", "")
-        found.append(Revision(int(number), name, plan.plan, plan.entries, owners, document))
+        if name.startswith(prefix) and number.isdecimal() and len(number) < 10:
+            found.append(_revision(int(number), name, obj))
     return sorted(found, key=lambda revision: revision.number)
+
+
+def _revision(number: int, name: str, obj: Object) -> Revision:
+    """The plan in a ConfigMap.
+
+    Raises:
+        InputError: it is none.
+    """
+    data = mapping(obj.get("data"))
+    notes = obj["metadata"].get("annotations", {}).get(OWNERS_ANNOTATION, "{}")
+    try:
+        plan = CampaignPlan.model_validate_json(data.get("campaign.json", ""))
+        owners = {int(b): _Owner.model_validate(o) for b, o in json.loads(notes).items()}
+    except (ValueError, TypeError, AttributeError) as error:
+        raise _no_plan(name, str(error)) from error
+    if plan.plan is None or not plan.plan.blocks:
+        raise _no_plan(name, "it plans no run")
+    held = {block: owner.model_dump() for block, owner in owners.items()}
+    document = text(data.get("document.vast"))
+    return Revision(number, name, plan.plan, plan.entries, held, document)
+
+
+def _no_plan(name: str, why: str) -> InputError:
+    return InputError(
+        f"the ConfigMap {name} is not the plan that the operator made: {why}. Put it back from a "
+        "backup, or create another Campaign: what is stored stays in its bucket."
+    )
+
+
+class _Owner(BaseModel):
+    """Reference to the object that runs belong to."""
+
+    model_config = ConfigDict(extra="allow")
+
+    name: str
+    uid: str
 
 
 def next_revision(
@@ -90,7 +124,7 @@ def next_revision(
 
 def _raise_runs(blocks: list[Block], variants: int, runs: int) -> None:
     """More runs of the document's own variants."""
-    planned = max(b.first_run + b.runs for b in blocks if b.first_variant == 0)
+    planned = max((b.first_run + b.runs for b in blocks if b.first_variant == 0), default=0)
     if runs > planned:
         more = Block(first_variant=0, variants=variants, first_run=planned, runs=runs - planned)
         blocks.append(more)

@@ -5,15 +5,22 @@ from __future__ import annotations
 import time
 
 from robovast.cluster.resources import API_VERSION
-from robovast.cluster.status import CampaignStatus, ConfigurationStatus, compact
+from robovast.cluster.status import CampaignStatus, ConfigurationStatus, compact, read_status
 from robovast_operator import paths
 from robovast_operator.api import Api
 from robovast_operator.campaign import Accepted, Identity, Object, Rejected, Revision
-from robovast_operator.conditions import composing_conditions, is_news, is_true, rejected_conditions
+from robovast_operator.conditions import (
+    composing_conditions,
+    failing_conditions,
+    is_news,
+    is_true,
+    rejected_conditions,
+)
 from robovast_operator.configurations import configuration_status
-from robovast_operator.events import event, messages
+from robovast_operator.events import Message, event, messages
 from robovast_operator.memory import Memory
 from robovast_operator.notifier import Notifier
+from robovast_operator.picture import Trouble
 from robovast_operator.settings import Settings
 from robovast_operator.store import Store
 from robovast_operator.times import format_time, now
@@ -35,7 +42,7 @@ class Statuses:
     async def rejected(self, obj: Object, rejected: Rejected, memory: Memory) -> None:
         """Of a Campaign that cannot be executed as it is."""
         generation = obj["metadata"]["generation"]
-        old = CampaignStatus.model_validate(obj.get("status") or {})
+        old = read_status(CampaignStatus, obj.get("status"))
         conditions = rejected_conditions(
             rejected.reason, rejected.message, generation, format_time(now()), old.conditions
         )
@@ -51,7 +58,7 @@ class Statuses:
     async def composing(self, obj: Object, accepted: Accepted, memory: Memory) -> None:
         """While nothing but the compose Job is at work."""
         generation = obj["metadata"]["generation"]
-        old = CampaignStatus.model_validate(obj.get("status") or {})
+        old = read_status(CampaignStatus, obj.get("status"))
         trouble = memory.trouble
         status = CampaignStatus(
             observed_generation=generation,
@@ -70,9 +77,28 @@ class Statuses:
         )
         await self.write(obj, status, memory)
 
+    async def failing(self, obj: Object, trouble: Trouble, memory: Memory) -> None:
+        """Of a Campaign with which nothing can be done: what is known stays, and why is told.
+
+        It is told by an Event, too, since the status itself may be what is refused.
+        """
+        old = read_status(CampaignStatus, obj["status"])
+        generation, moment = obj["metadata"]["generation"], format_time(now())
+        conditions = failing_conditions(
+            (trouble.reason, trouble.message), generation, moment, old.conditions
+        )
+        told = event(
+            Identity.of(obj),
+            Message("Warning", trouble.reason, trouble.message),
+            moment,
+            about=f"{trouble.reason}{generation}",
+        )
+        await self._api.create(paths.events(obj["metadata"]["namespace"]), told)
+        await self.write(obj, old.model_copy(update={"conditions": conditions}), memory)
+
     async def write(self, obj: Object, status: CampaignStatus, memory: Memory) -> bool:
         """Write a status that has changed; False when it is put off."""
-        old = CampaignStatus.model_validate(obj.get("status") or {})
+        old = read_status(CampaignStatus, obj.get("status"))
         status, notice = self._notifier.next(obj, status)
         if status == old:
             return True

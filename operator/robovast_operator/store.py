@@ -5,21 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from robovast.cluster.resources import CAMPAIGN_LABEL, ROLE_LABEL, SHARD_LABEL, UID_LABEL
+from robovast.cluster.resources import CAMPAIGN_LABEL, ROLE_LABEL, UID_LABEL
 from robovast_operator.campaign import Key, Object
+from robovast_operator.lenient import metadata, number, shaped, text, time
 
 NOTIFY_ROLE = "notify"
 """Of Jobs that send a notice: nothing in a campaign depends on them."""
 
-RUNS_ANNOTATION = "robovast.io/runs"
-"""Ids of the runs that a Job executes once more."""
-
 QUEUE_LABEL = "kueue.x-k8s.io/queue-name"
 """Of a Job: the LocalQueue that it stands in."""
-
-ATTEMPT_ANNOTATION = "robovast.io/attempt"
-"""Which attempt a Job belongs to."""
-
 
 Id = tuple[str, str, str]
 """Namespace, name and uid of an object."""
@@ -35,11 +29,6 @@ class JobState:
     campaign: str
     campaign_uid: str
     role: str
-    shard: int
-    """Number of the shard; -1 of another Job."""
-    runs: str
-    """Ids of the runs that it executes once more; empty for a first attempt."""
-    attempt: int
     resource_version: str
     parallelism: int
     suspended: bool
@@ -74,10 +63,11 @@ class JobState:
 
     @classmethod
     def of(cls, obj: Object) -> JobState:
-        """The facts of a Job object."""
-        meta, spec, status = obj["metadata"], obj.get("spec", {}), obj.get("status") or {}
-        labels = meta.get("labels") or {}
-        end = _end(status.get("conditions") or ())
+        """The facts of a Job object, whatever anybody wrote into it."""
+        obj = shaped(obj)
+        meta, spec, status = obj["metadata"], obj["spec"], obj["status"]
+        labels = meta.get("labels", {})
+        end = _end(status.get("conditions", ()))
         return cls(
             namespace=meta["namespace"],
             name=meta["name"],
@@ -85,24 +75,21 @@ class JobState:
             campaign=labels.get(CAMPAIGN_LABEL, ""),
             campaign_uid=labels.get(UID_LABEL, ""),
             role=labels.get(ROLE_LABEL, ""),
-            shard=int(labels.get(SHARD_LABEL, "-1")),
-            runs=(meta.get("annotations") or {}).get(RUNS_ANNOTATION, ""),
-            attempt=int((meta.get("annotations") or {}).get(ATTEMPT_ANNOTATION, "1")),
             resource_version=meta["resourceVersion"],
-            parallelism=spec.get("parallelism", 1),
-            suspended=bool(spec.get("suspend")),
-            active=status.get("active", 0),
-            ready=status.get("ready", 0),
-            failed_pods=status.get("failed", 0),
-            completed=status.get("completedIndexes", ""),
-            failed=status.get("failedIndexes", ""),
+            parallelism=number(spec.get("parallelism"), 1),
+            suspended=spec.get("suspend") is True,
+            active=number(status.get("active")),
+            ready=number(status.get("ready")),
+            failed_pods=number(status.get("failed")),
+            completed=text(status.get("completedIndexes")),
+            failed=text(status.get("failedIndexes")),
             finished=end.get("type", ""),
             reason=end.get("reason", ""),
             message=end.get("message", ""),
             deleting="deletionTimestamp" in meta,
-            size=spec.get("completions", 1),
+            size=number(spec.get("completions"), 1),
             queue=labels.get(QUEUE_LABEL, ""),
-            started=status.get("startTime", ""),
+            started=time(status.get("startTime")) if "startTime" in status else "",
         )
 
 
@@ -196,11 +183,12 @@ class Store:
 
 def id_of(obj: Object) -> Id:
     """What tells an object from all others."""
-    meta = obj["metadata"]
-    return meta["namespace"], meta["name"], meta["uid"]
+    meta = metadata(obj)
+    return text(meta.get("namespace")), text(meta.get("name")), text(meta.get("uid"))
 
 
-def _put(objects: dict[Key, Object], obj: Object) -> bool:
+def _put(objects: dict[Key, Object], given: Object) -> bool:
+    obj = shaped(given)
     namespace, name, uid = id_of(obj)
     known = objects.get((namespace, name))
     same = known is not None and known["metadata"]["uid"] == uid
@@ -225,4 +213,4 @@ def _version(obj: Object) -> str:
 
 def _newer(one: str, other: str) -> bool:
     """Whether a resource version is not older; they are numbers on every server we know."""
-    return not (one.isdigit() and other.isdigit()) or int(one) >= int(other)
+    return not (one.isdecimal() and other.isdecimal()) or (len(one), one) >= (len(other), other)

@@ -27,7 +27,7 @@ def parse_report(message: str) -> Report | None:
         data = json.loads(message)
         parts = (tuple(parse_ranges(data.get(k) or "")) for k in ("passed", "failed", "errored"))
         return Report(*parts)
-    except (ValueError, AttributeError, TypeError):
+    except (ValueError, AttributeError, TypeError, RecursionError):
         return None
 
 

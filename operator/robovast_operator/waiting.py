@@ -8,9 +8,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-from robovast.cluster.ranges import count, parse_ranges
+from robovast.cluster.ranges import count
 from robovast.cluster.status import QueuePlace
 from robovast_operator.campaign import Object
+from robovast_operator.lenient import mappings, number, ranges, shaped
 from robovast_operator.store import JobState
 from robovast_operator.times import format_time, parse_time
 
@@ -46,7 +47,7 @@ class Waiting:
 
 def waiting_of(workload: Object, job: JobState) -> Waiting | None:
     """Why a Job waits, by what Kueue says of its Workload; None when it has its quota."""
-    conditions = {c["type"]: c for c in (workload.get("status") or {}).get("conditions") or ()}
+    conditions = {c["type"]: c for c in workload["status"].get("conditions", ())}
     reserved = conditions.get("QuotaReserved", {})
     told = reserved.get("message", "")
     if not workload["spec"].get("active", True):
@@ -88,7 +89,7 @@ def _inactive(workload: Object, job: JobState, conditions: Mapping[str, Object])
 
 def _is_about(workload: Object, condition: Object, pods: int) -> bool:
     """Whether a condition is about the Workload as it is, and that about the Job as it is."""
-    asked = sum(pod_set.get("count", 1) for pod_set in workload["spec"].get("podSets") or ())
+    asked = sum(number(s.get("count"), 1) for s in mappings(workload["spec"].get("podSets")))
     generation = workload["metadata"].get("generation")
     return bool(asked == pods and condition.get("observedGeneration") == generation)
 
@@ -145,11 +146,11 @@ def place_of(
 
 def _position(item: Object) -> int:
     """1 is next."""
-    return int(item.get("positionInClusterQueue", 0)) + 1
+    return number(item.get("positionInClusterQueue")) + 1
 
 
 def _owner(item: Object) -> str:
-    owners: Sequence[Object] = item["metadata"].get("ownerReferences") or [{}]
+    owners: Sequence[Object] = shaped(item)["metadata"].get("ownerReferences") or [{}]
     return str(owners[0].get("uid", ""))
 
 
@@ -172,7 +173,7 @@ def wait_seconds(position: int, running: Iterable[JobState], now: datetime) -> f
 
 def _pace(job: JobState, now: datetime) -> tuple[float, float] | None:
     """Time that a Job will still take, and that it takes in all [s]."""
-    done = count(parse_ranges(job.completed)) + count(parse_ranges(job.failed))
+    done = sum(count(ranges(told, job.size)) for told in (job.completed, job.failed))
     if not done or not job.started:
         return None
     elapsed = max(0.0, (now - parse_time(job.started)).total_seconds())

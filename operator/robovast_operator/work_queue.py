@@ -46,6 +46,10 @@ class WorkQueue:
         self.add(key, delay)
         return delay
 
+    def failing(self, times: int) -> int:
+        """How many keys have failed so often, one time after another."""
+        return sum(failures >= times for failures in self._failures.values())
+
     def succeeded(self, key: Key) -> None:
         """Forget the failures of a key."""
         self._failures.pop(key, None)

@@ -13,6 +13,7 @@ from operator_process import (
     campaign,
     condition,
     created,
+    finished,
     free_port,
     page,
 )
@@ -53,6 +54,47 @@ def malformed(namespace: str, count: int) -> Iterator[dict[str, Any]]:
             "metadata": {"name": f"bad-{number}", "namespace": namespace},
             "spec": fault if kind == "Configuration" else {**good["spec"], **fault},
         }
+
+
+def malformed_jobs(namespace: str) -> Iterator[dict[str, Any]]:
+    """Jobs with the operator's label that anybody who may make Jobs can leave."""
+    ours = {"app.kubernetes.io/managed-by": "robovast"}
+    pod = {"restartPolicy": "Never", "containers": [{"name": "x", "image": "x"}]}
+    labels = [
+        {"robovast.io/shard": "first"},
+        {"robovast.io/shard": "9" * 60, "robovast.io/campaign": "few"},
+        {"robovast.io/campaign": "nobody", "robovast.io/campaign-uid": "x"},
+        {},
+    ]
+    for number, more in enumerate(labels):
+        yield {
+            "apiVersion": "batch/v1",
+            "kind": "Job",
+            "metadata": {
+                "name": f"stray-{number}",
+                "namespace": namespace,
+                "labels": {**ours, **more},
+                "annotations": {"robovast.io/attempt": "x", "robovast.io/runs": "x"},
+            },
+            "spec": {"suspend": True, "template": {"spec": pod}},
+        }
+
+
+def test_a_stray_job_with_our_label_stops_nobody(
+    fake_cluster: Cluster, namespace: str, new_operator: NewOperator
+) -> None:
+    """Neither when it comes, nor when the operator finds it at its start."""
+    requests = Requests(fake_cluster, "tester")
+    for job in malformed_jobs(namespace):
+        requests.post(f"/apis/batch/v1/namespaces/{namespace}/jobs", job)
+    requests.close()
+    port = free_port()
+    operator = new_operator(ROBOVAST_PORT=str(port), ROBOVAST_RESYNC_SECONDS="2")
+    operator.start()
+    eventually(lambda: "ok" in page(port, "readyz"), 30, operator.told)
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    assert "ok" in page(port, "healthz")
 
 
 def test_malformed_objects_leave_nothing_and_hinder_nobody(

@@ -31,17 +31,25 @@ def subtract(parts: Iterable[Span], minus: Iterable[Span]) -> list[Span]:
     """What is in `parts` and not in `minus`."""
     left: list[Span] = []
     cuts = merge(minus)
+    at = 0
     for begin, last in merge(parts):
         first = begin
-        for cut_first, cut_last in cuts:
-            if cut_last < first or cut_first > last:
-                continue
+        while at < len(cuts) and cuts[at][0] <= last:
+            cut_first, cut_last = cuts[at]
             if cut_first > first:
                 left.append((first, cut_first - 1))
-            first = cut_last + 1
+            first = max(first, cut_last + 1)
+            if cut_last > last:
+                break  # it may reach into the next part
+            at += 1
         if first <= last:
             left.append((first, last))
     return left
+
+
+def clip(parts: Iterable[Span], first: int, last: int) -> list[Span]:
+    """What lies between two ids, both included."""
+    return [(max(a, first), min(b, last)) for a, b in parts if a <= last and b >= first]
 
 
 def shift(parts: Iterable[Span], by: int) -> list[Span]:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping
+from datetime import datetime
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic.alias_generators import to_camel
+
+from robovast.cluster.ranges import parse_ranges
 
 RANGES_LIMIT = 16_384
 """Most characters of the ranges of bad runs; the index in the bucket is complete."""
@@ -23,6 +27,35 @@ ConditionType = Literal[
     "Passed",
     "ResultsAvailable",
 ]
+
+
+YEARS = range(1970, 3000)
+"""Of times that can be reckoned with."""
+
+
+def check_time(text: str) -> str:
+    """A time as Kubernetes writes it, as it is.
+
+    Raises:
+        ValueError: it is none.
+    """
+    moment = datetime.fromisoformat(text)
+    if moment.tzinfo is None or moment.year not in YEARS:
+        raise ValueError(f"{text} is no time as 2026-11-21T07:00:00Z")
+    return text
+
+
+def _check_ranges(text: str) -> str:
+    parse_ranges(text)
+    return text
+
+
+def _check_given_time(text: str) -> str:
+    return check_time(text) if text else text
+
+
+Time = Annotated[str, AfterValidator(_check_given_time)]
+Ranges = Annotated[str, AfterValidator(_check_ranges)]
 
 
 class _Status(BaseModel):
@@ -48,7 +81,7 @@ class Condition(_Status):
     """Why, for people."""
     observed_generation: int = 0
     """Generation of the object that this is about."""
-    last_transition_time: str = ""
+    last_transition_time: Time = ""
     """When `status` changed."""
 
 
@@ -97,7 +130,7 @@ class QueuePlace(_Status):
     """1 for the next one, of all that wait in the ClusterQueue."""
     pending: int
     """How many wait there, as far as this namespace's last one."""
-    estimated_start: str | None = None
+    estimated_start: Time | None = None
     """When it will start, if those before it go on as so far; absent when that is not known."""
     summary: str = ""
     """`3 of 7, about 12 min`, for people."""
@@ -124,9 +157,9 @@ class CampaignStatus(_Status):
     """How often bad runs were executed, at most."""
     runs: Runs = Field(default_factory=Runs)
     """Numbers of runs."""
-    failed_runs: str = ""
+    failed_runs: Ranges = ""
     """Ids of failed runs as ranges, `17,204-206`."""
-    errored_runs: str = ""
+    errored_runs: Ranges = ""
     """Ids of errored runs as ranges."""
     ranges_truncated: bool = False
     """Whether ids are missing above; `_execution/index.json` in the bucket has them all."""
@@ -138,9 +171,9 @@ class CampaignStatus(_Status):
     """How many shards the index in the bucket covers."""
     queue: QueuePlace | None = None
     """Its place in the queue, while all of it waits there."""
-    start_time: str | None = None
+    start_time: Time | None = None
     """When the first Job was made."""
-    completion_time: str | None = None
+    completion_time: Time | None = None
     """When the last run ended."""
     notified: Annotated[list[str], Field(max_length=NOTIFIED_LIMIT)] = Field(default_factory=list)
     """What `spec.notifications` were told, the last of it."""
@@ -161,6 +194,23 @@ class ConfigurationStatus(_Status):
     """Numbers of runs."""
     conditions: Annotated[list[Condition], Field(max_length=16)] = Field(default_factory=list)
     """Facts that programs wait for."""
+
+
+Status = TypeVar("Status", bound=_Status)
+
+
+def read_status(kind: type[Status], data: object) -> Status:
+    """A status as it is in an object; fields that cannot be understood are left out.
+
+    Others may have written it, or another version; what is left out is found out anew.
+    """
+    given: dict[str, Any] = dict(data) if isinstance(data, Mapping) else {}
+    while True:
+        try:
+            return kind.model_validate(given)
+        except ValidationError as error:
+            wrong = {to_camel(str(problem["loc"][0])) for problem in error.errors()}
+            given = {key: given[key] for key in given if to_camel(str(key)) not in wrong}
 
 
 def compact(data: Any) -> Any:

@@ -34,3 +34,14 @@ def test_campaigns_are_counted_by_state_and_those_that_need_help() -> None:
         'robovast_runs{state="passed"} 7.0',
     ):
         assert line in text.splitlines()
+
+
+def test_looks_that_come_to_nothing_are_counted_and_campaigns_that_go_on_failing() -> None:
+    metrics, queue = Metrics(), WorkQueue()
+    for _ in range(3):
+        metrics.failed("Quota")
+        queue.add_failed(("lab", "drive"))
+    queue.add_failed(("lab", "other"))
+    lines = metrics.page(Store(), queue, leading=True).decode().splitlines()
+    assert 'robovast_reconcile_failures_total{reason="Quota"} 3.0' in lines
+    assert "robovast_campaigns_failing 1.0" in lines

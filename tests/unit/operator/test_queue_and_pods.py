@@ -11,25 +11,16 @@ import pytest
 
 from robovast_operator.conditions import dated
 from robovast_operator.events import messages
-from robovast_operator.pod_facts import (
-    composed_of,
-    final_of,
-    is_stuck,
-    reports_of,
-    trouble_of,
-    trouble_of_events,
-)
+from robovast_operator.lenient import shaped
+from robovast_operator.pod_facts import is_stuck, trouble_of, trouble_of_events
+from robovast_operator.reports import composed_of, final_of, reports_of
 from robovast_operator.work_queue import WorkQueue, work
 
 
 def pod(index: int, *statuses: dict[str, Any], created: str = "2026-01-01T00:00:00Z") -> Any:
-    return {
-        "metadata": {
-            "annotations": {"batch.kubernetes.io/job-completion-index": str(index)},
-            "creationTimestamp": created,
-        },
-        "status": {"containerStatuses": list(statuses)},
-    }
+    annotations = {"batch.kubernetes.io/job-completion-index": str(index)}
+    metadata = {"annotations": annotations, "creationTimestamp": created}
+    return shaped({"metadata": metadata, "status": {"containerStatuses": list(statuses)}})
 
 
 def ended(name: str, code: int, message: str = "") -> dict[str, Any]:
@@ -147,20 +138,23 @@ def test_a_compose_job_gives_counts_or_its_message() -> None:
 
 def test_each_change_of_a_condition_is_told_once() -> None:
     before = dated(
-        [("Accepted", "True", "Valid", "fine"), ("Passed", "Unknown", "Running", "")], 1, "t", []
+        [("Accepted", "True", "Valid", "fine"), ("Passed", "Unknown", "Running", "")],
+        1,
+        "2026-01-01T00:00:00Z",
+        [],
     )
     after = dated(
         [("Accepted", "True", "Valid", "fine"), ("Passed", "False", "TooMany", "2 of 3")],
         1,
-        "u",
+        "2026-01-02T00:00:00Z",
         before,
     )
     assert [(m.kind, m.reason, m.text) for m in messages(before, after)] == [
         ("Warning", "TooMany", "2 of 3")
     ]
     assert list(messages(after, after)) == []
-    assert after[0].last_transition_time == "t"
-    assert after[1].last_transition_time == "u"
+    assert after[0].last_transition_time == "2026-01-01T00:00:00Z"
+    assert after[1].last_transition_time == "2026-01-02T00:00:00Z"
 
 
 def test_the_error_of_a_report_is_told_as_text() -> None:

@@ -1,0 +1,57 @@
+"""What the API server refuses before there is any Job: the Campaign says so."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from operator_process import NewOperator, campaign, condition, created, finished, free_port, page
+from operator_process import status as status_of
+from patience import eventually
+from robovast_testbed.kubernetes import Cluster
+
+
+@pytest.mark.parametrize("kind", ["configmaps", "configurations.robovast.io", "jobs.batch"])
+def test_a_quota_is_told_and_once_it_is_raised_the_campaign_goes_on(
+    fake_cluster: Cluster, namespace: str, new_operator: NewOperator, kind: str
+) -> None:
+    quota = {
+        "apiVersion": "v1",
+        "kind": "ResourceQuota",
+        "metadata": {"name": "small", "namespace": namespace},
+        "spec": {"hard": {f"count/{kind}": "0"}},
+    }
+    fake_cluster.apply(quota)
+    port = free_port()
+    operator = new_operator(ROBOVAST_STALL_SECONDS="2", ROBOVAST_PORT=str(port))
+    operator.start()
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+
+    def told() -> bool:
+        state = status_of(fake_cluster, namespace, "few")
+        return condition(state, "Stalled").get("reason") == "Quota"
+
+    eventually(told, 60, operator.told)
+    message = condition(status_of(fake_cluster, namespace, "few"), "Stalled")["message"]
+    assert "exceeded quota: small" in message
+    assert 'robovast_reconcile_failures_total{reason="Quota"}' in page(port, "metrics")
+    assert "robovast_campaigns_failing 1.0" in page(port, "metrics")
+    fake_cluster.kubectl("delete", "resourcequota", "small", f"--namespace={namespace}")
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 90, operator.told)
+
+
+def test_a_document_that_no_object_can_hold_is_told(
+    fake_cluster: Cluster, namespace: str, new_operator: NewOperator
+) -> None:
+    operator = new_operator(ROBOVAST_STALL_SECONDS="2")
+    operator.start()
+    obj = campaign("few", namespace, 3, 2)
+    obj["spec"]["vast"]["metadata"] = {"notes": "0123456789abcdef" * 68_000}
+    fake_cluster.kubectl("create", "-f", "-", stdin=json.dumps(obj))
+
+    def told() -> bool:
+        state = status_of(fake_cluster, namespace, "few")
+        return condition(state, "Stalled").get("reason") == "TooLarge"
+
+    eventually(told, 60, operator.told)
+    assert not created(fake_cluster, namespace, "jobs")
