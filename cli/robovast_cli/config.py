@@ -96,6 +96,14 @@ def info(ctx: typer.Context) -> None:
 
 
 @app.command()
+def check(ctx: typer.Context) -> None:
+    """Check the .vast file, and say what of it has no effect."""
+    from robovast_cli.description import print_check
+
+    print_check(ctx.obj.document())
+
+
+@app.command()
 def schema() -> None:
     """Print the JSON Schema of .vast files, for editors."""
     from robovast.document.schema import schema_text

@@ -30,6 +30,17 @@ def print_summary(document: Document) -> None:
     typer.echo(_entries(document, variants), nl=False)
 
 
+def print_check(document: Document) -> None:
+    """Expand a document that was read, and say that it is sound."""
+    with TemporaryDirectory(prefix="robovast-") as folder:
+        variants = expand(document, Path(folder), logging.getLogger(__name__).info)
+    warnings = len(document.warnings)
+    told = "" if not warnings else f", {warnings} warning{'s' if warnings > 1 else ''}"
+    file, count = document.source.file, len(variants)
+    many = "1 configuration" if count == 1 else f"{count} configurations"
+    typer.echo(f"{file}: valid, {many}{told}")
+
+
 def print_variation_points(document: Document) -> None:
     """Print the parameters of the scenario."""
     scenario = read_scenario(document.scenario)

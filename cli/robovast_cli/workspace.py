@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sys
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -58,12 +59,15 @@ class Workspace:
         )
 
     def document(self) -> Document:
-        """The .vast file, read and checked."""
+        """The .vast file, read and checked; what has no effect in it is told on stderr."""
         from robovast.document import load_document
 
         project = self.project  # its log level holds for what follows
         del project
-        return load_document(self.path)
+        document = load_document(self.path)
+        for warning in document.warnings:
+            print(f"warning: {warning}", file=sys.stderr)  # noqa: T201
+        return document
 
     @property
     def results(self) -> Path:

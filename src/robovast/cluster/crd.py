@@ -33,9 +33,6 @@ _KEPT = (
     "x-kubernetes-validations",
 )  # fmt: skip
 
-_NOT_BOTH = {"not": {"required": ["parameters", "variations"]}}
-"""CEL cannot look at a list whose items may be of any type."""
-
 
 def campaign_crd() -> Schema:
     """The CustomResourceDefinition of Campaign."""
@@ -108,7 +105,6 @@ def configuration_crd() -> Schema:
     entry = _vast_schema()["properties"]["configuration"]["items"]["properties"]
     for name in ("parameters", "variations"):
         spec["properties"][name] |= {"items": entry[name]["items"]}
-    spec |= _NOT_BOTH
     spec["x-kubernetes-validations"] = [_never_changes(name) for name in ("campaign", "name")]
     return _crd(
         kind="Configuration",
@@ -147,7 +143,7 @@ def structural(model: type[BaseModel]) -> Schema:
 
 
 def _vast_schema() -> Schema:
-    vast: Schema = _without_defaults(structural(Vast))
+    vast: Schema = _maybe_empty(_without_defaults(structural(Vast)))
     properties = vast["properties"]
     properties["metadata"] = {
         "type": "object",
@@ -156,7 +152,6 @@ def _vast_schema() -> Schema:
     }
     entries = properties["configuration"]
     entries |= {"x-kubernetes-list-type": "map", "x-kubernetes-list-map-keys": ["name"]}
-    entries["items"] |= _NOT_BOTH
     vast["x-kubernetes-validations"] = [
         {
             "rule": "!(has(self.search) && has(self.configuration))",
@@ -164,6 +159,18 @@ def _vast_schema() -> Schema:
         }
     ]
     return vast
+
+
+def _maybe_empty(schema: Schema) -> Schema:
+    """Sections and lists may stand without a value, as in a file."""
+    required = schema.get("required", ())
+    for name, inner in schema.get("properties", {}).items():
+        if inner.get("type") in {"object", "array"} and name not in required:
+            inner["nullable"] = True
+        _maybe_empty(inner)
+    if isinstance(schema.get("items"), dict):
+        _maybe_empty(schema["items"])
+    return schema
 
 
 def _without_defaults(schema: Any) -> Any:

@@ -57,11 +57,17 @@ def match_var_marker(value: Any) -> str | None:
 
 
 def normalize_secondary_containers(containers: Sequence[Any] | None) -> list[dict[str, Any]]:
-    """`["nav", {"sim": {"resources": …}}]` as a list of `{name, resources}`."""
+    """`["nav", {"sim": {"resources": …}}, {"sim": None, "resources": …}]` as a list of mappings.
+
+    Returns:
+        `{name, resources}` of each.
+    """
     result = []
     for item in containers or []:
-        name, settings = (item, None) if isinstance(item, str) else next(iter(item.items()))
-        result.append({"name": name, "resources": dict((settings or {}).get("resources") or {})})
+        settings = {item: None} if isinstance(item, str) else item
+        name = next(key for key in settings if key != "resources")
+        inside = {**(settings[name] or {}), **settings}
+        result.append({"name": name, "resources": dict(inside.get("resources") or {})})
     return result
 
 

@@ -62,8 +62,20 @@ def check_parts(parts: Parts) -> list[Problem]:
         *_check_names(parts),
         *_check_parameters(parts),
         *_check_variations(parts),
-        *_check_files(parts),
+        *_check_commands(parts),
     ]
+
+
+def warnings_of(parts: Parts) -> Iterator[Problem]:
+    """What is allowed, and yet most often a mistake."""
+    patterns = parts.execution.run_files if parts.execution is not None else []
+    for position, pattern in enumerate(patterns):
+        if not match_run_files(parts.folder, pattern):
+            yield parts.source.problem(
+                ("execution", "run_files", position),
+                f"`{pattern}` matches no file in {parts.folder}",
+                "Patterns are relative to the .vast file and stay in its folder.",
+            )
 
 
 def _check_scenario(parts: Parts) -> Iterator[Problem]:
@@ -176,17 +188,9 @@ def _value_at(data: Any, path: KeyPath) -> Any:
     return data
 
 
-def _check_files(parts: Parts) -> Iterator[Problem]:
+def _check_commands(parts: Parts) -> Iterator[Problem]:
     if parts.execution is None:
         return
-    for position, pattern in enumerate(parts.execution.run_files):
-        if not match_run_files(parts.folder, pattern):
-            yield parts.source.problem(
-                ("execution", "run_files", position),
-                f"`{pattern}` matches no file in {parts.folder}",
-                "Patterns are relative to the .vast file and stay in its folder; `**` matches any "
-                "number of folders.",
-            )
     for key in ("pre_command", "post_command"):
         command = getattr(parts.execution, key)
         if command is not None:

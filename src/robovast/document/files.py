@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import glob
+import os
 from collections.abc import Iterator
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -13,19 +15,45 @@ CONFIG_MOUNT = "/config/"
 """Where a container sees the folder of the .vast file."""
 
 
+_NO_INPUTS = frozenset({"__pycache__", "out_template"})
+"""Folders whose files are made by others, and belong to no run."""
+
+
 def match_run_files(folder: Path, pattern: str) -> list[Path]:
     """Files that a pattern of `run_files` matches, relative to the folder, sorted.
 
-    Results of earlier campaigns below the folder hold copies of the same files; they never match.
+    `*` matches `/` too: `files/*` means all that is below. A pattern without `/` also matches names
+    alone, in any folder; one that ends with `/` is a folder. Hidden files match only where the
+    pattern names them. Results of earlier campaigns below the folder hold copies of the same files;
+    they never match.
     """
-    found = glob.glob(pattern, root_dir=folder, recursive=True)
-    return sorted(Path(name) for name in found if _is_input(folder, Path(name)))
+    named = {Path(name) for name in glob.glob(pattern, root_dir=folder, recursive=True)}
+    below = {path for path in _visible_files(folder) if _matches(path, pattern)}
+    return sorted(path for path in named | below if _is_input(folder, path))
+
+
+def _visible_files(folder: Path) -> Iterator[Path]:
+    for root, folders, names in os.walk(folder):
+        below = Path(root)
+        folders[:] = [name for name in folders if _may_hold_inputs(below / name)]
+        yield from ((below / name).relative_to(folder) for name in names if name[0] != ".")
+
+
+def _may_hold_inputs(folder: Path) -> bool:
+    return folder.name[0] != "." and folder.name not in _NO_INPUTS and not is_campaign_dir(folder)
+
+
+def _matches(path: Path, pattern: str) -> bool:
+    name = path.as_posix()
+    if pattern.endswith("/"):
+        return name.startswith(pattern.removeprefix("./"))
+    return any(fnmatchcase(text, pattern) for text in (name, f"/{name}", path.name))
 
 
 def _is_input(folder: Path, relative: Path) -> bool:
     if relative.is_absolute() or ".." in relative.parts or not (folder / relative).is_file():
         return False
-    if "__pycache__" in relative.parts or "out_template" in relative.parts:
+    if not _NO_INPUTS.isdisjoint(relative.parts):
         return False
     return not any(is_campaign_dir(folder / parent) for parent in relative.parents)
 

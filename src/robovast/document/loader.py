@@ -8,7 +8,8 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from robovast.document.checks import Parts, check_parts
+from robovast.document.checks import Parts, check_parts, warnings_of
+from robovast.document.ignored import without_ignored
 from robovast.document.model import ConfigurationEntry, Execution, Vast
 from robovast.document.problems import problems_of
 from robovast.document.source import KeyPath, Source
@@ -27,6 +28,8 @@ class Document:
     """The validated model."""
     source: Source
     """The plain data with the place of every value."""
+    warnings: tuple[Problem, ...] = ()
+    """What stands in the file and has no effect."""
 
     @property
     def folder(self) -> Path:
@@ -64,13 +67,14 @@ def check_source(source: Source) -> Document:
         raise DocumentError(
             [source.problem((), f"a .vast file is a mapping of sections; this one is {found}")]
         )
-    vast, problems = _validate(Vast, source.data, source, ())
+    data, warnings = without_ignored(source)
+    vast, problems = _validate(Vast, data, source, ())
     path = source.file.absolute()
     parts = _valid_parts(vast, source, path)
     problems += check_parts(parts)
     if vast is None or problems:
         raise DocumentError(problems)
-    return Document(path, vast, source)
+    return Document(path, vast, source, (*warnings, *warnings_of(parts)))
 
 
 def _validate(

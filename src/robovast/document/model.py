@@ -24,16 +24,16 @@ from pydantic_core import CoreSchema, PydanticCustomError
 
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$"
 
-RESERVED_ENVIRONMENT = frozenset(
+RESERVED_ENVIRONMENT = frozenset({"CAMPAIGN_ID", "POST_COMMAND", "PRE_COMMAND", "ROS_LOG_DIR"})
+"""Names that a document cannot give: other keys of it decide them."""
+
+CONTRACT_ENVIRONMENT = frozenset(
     {
         "AVAILABLE_CPUS",
         "AVAILABLE_MEM",
-        "CAMPAIGN_ID",
         "CONTAINER_NAME",
         "OUTPUT_DIR",
         "OUTPUT_RESULT_PER_SCENARIO",
-        "POST_COMMAND",
-        "PRE_COMMAND",
         "ROBOVAST_CONFIG_DIR",
         "ROBOVAST_OUT_DIR",
         "SCENARIO_EXECUTION_PARAMETERS",
@@ -43,13 +43,21 @@ RESERVED_ENVIRONMENT = frozenset(
         "SIMULATION",
     }
 )
-"""Names that the run contract sets itself (docs/run-contract.md)."""
+"""Names that the run contract sets itself (docs/run-contract.md); a document's are ignored."""
 
 
 class Section(BaseModel):
-    """A mapping whose keys are all known."""
+    """A mapping whose keys are all known; a key without a value is as one that is not there."""
 
     model_config = ConfigDict(extra="forbid", use_attribute_docstrings=True, frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_empty_keys(cls, value: Any) -> Any:
+        if not isinstance(value, dict):
+            return value
+        optional = {name for name, field in cls.model_fields.items() if not field.is_required()}
+        return {key: v for key, v in value.items() if v is not None or key not in optional}
 
 
 class PluginCall(BaseModel):
@@ -76,9 +84,9 @@ def _parse_plugin_call(value: Any) -> Any:
 
 
 def _parse_pair(value: Any) -> Any:
-    if isinstance(value, dict) and len(value) == 1 and isinstance(next(iter(value)), str):
+    if isinstance(value, dict) and value and all(isinstance(name, str) for name in value):
         return value
-    raise PydanticCustomError("pair", "must be one `name: value` pair")
+    raise PydanticCustomError("pair", "must be a `name: value` pair")
 
 
 Plugin = Annotated[
@@ -102,7 +110,7 @@ Plugin = Annotated[
 Pair = Annotated[
     dict[str, Any],
     BeforeValidator(_parse_pair),
-    WithJsonSchema({"type": "object", "minProperties": 1, "maxProperties": 1}),
+    WithJsonSchema({"type": "object", "minProperties": 1}),
 ]
 
 
@@ -119,7 +127,7 @@ class ConfigurationEntry(Section):
     scenario_file: str | None = None
     """Older place of `execution.scenario_file`; must be the same in every entry."""
     parameters: list[Pair] | None = None
-    """Fixed parameter values, one `name: value` pair an item."""
+    """Fixed parameter values, one `name: value` pair an item; variations may replace them."""
     variations: list[Plugin] | None = None
     """Variations in order; each multiplies the configurations of the one before."""
 
@@ -134,16 +142,6 @@ class ConfigurationEntry(Section):
                 {"name": value},
             )
         return value
-
-    @model_validator(mode="after")
-    def _either_or(self) -> ConfigurationEntry:
-        if self.parameters and self.variations:
-            raise PydanticCustomError(
-                "parameters_and_variations",
-                "`parameters` and `variations` cannot stand together: write a fixed value as a "
-                "ParameterVariationList with one value",
-            )
-        return self
 
 
 Quantity = int | float | str
@@ -174,8 +172,10 @@ def _parse_secondary(value: Any) -> Any:
     if isinstance(value, SecondaryContainer):
         return value
     name, settings = value, None
-    if isinstance(value, dict) and len(value) == 1:
-        ((name, settings),) = value.items()
+    if isinstance(value, dict) and value:
+        name = next((key for key in value if key != "resources"), "resources")
+        settings, beside = value[name], {k: v for k, v in value.items() if k != name}
+        settings = {**(settings or {}), **beside} if isinstance(settings, dict | None) else 0
     well_named = isinstance(name, str) and re.match(r"^[a-z0-9]([a-z0-9-]{0,40}[a-z0-9])?$", name)
     if not well_named or not isinstance(settings, dict | None):
         raise PydanticCustomError(
@@ -198,8 +198,8 @@ class _SecondarySchema:
             "properties": {"resources": handler(Resources.__pydantic_core_schema__)},
             "additionalProperties": False,
         }
-        one = {"type": "object", "minProperties": 1, "maxProperties": 1}
-        return {"anyOf": [{"type": "string"}, {**one, "additionalProperties": settings}]}
+        beside = {"properties": settings["properties"], "additionalProperties": settings}
+        return {"anyOf": [{"type": "string"}, {"type": "object", "minProperties": 1, **beside}]}
 
 
 Secondary = Annotated[SecondaryContainer, BeforeValidator(_parse_secondary), _SecondarySchema()]
@@ -274,7 +274,12 @@ class Execution(Section):
     @field_validator("env")
     @classmethod
     def _check_env(cls, pairs: list[dict[str, Any]]) -> list[dict[str, str]]:
-        return [{name: _environment_value(name, value)} for p in pairs for name, value in p.items()]
+        merged = merge_pairs(pairs)
+        return [
+            {name: _environment_value(name, value)}
+            for name, value in merged.items()
+            if name not in CONTRACT_ENVIRONMENT
+        ]
 
 
 def _environment_value(name: str, value: Any) -> str:
@@ -404,10 +409,26 @@ class Notebooks(Section):
     """Notebook for a whole campaign."""
 
 
+def _known_notebooks(value: Any) -> Any:
+    """Workloads without what is empty: items, and workloads without notebooks."""
+    if not isinstance(value, list):
+        return value
+    items = [item for item in value if item is not None]
+    return [
+        {name: {} if notebooks is None else notebooks for name, notebooks in item.items()}
+        if isinstance(item, dict)
+        else item
+        for item in items
+    ]
+
+
+Workloads = Annotated[list[dict[str, Notebooks]], BeforeValidator(_known_notebooks)]
+
+
 class Evaluation(Section):
     """How results are looked at."""
 
-    visualization: list[dict[str, Notebooks]] = Field(default_factory=list)
+    visualization: Workloads = Field(default_factory=list)
     """Workloads by name; each is a tab of the page."""
 
 
@@ -416,7 +437,7 @@ class Analysis(Section):
 
     postprocessing: list[Plugin] = Field(default_factory=list)
     """Commands that turn raw output into tables."""
-    visualization: list[dict[str, Notebooks]] = Field(default_factory=list)
+    visualization: Workloads = Field(default_factory=list)
     """Workloads by name; each is a tab of the page."""
 
 
@@ -427,6 +448,8 @@ class Vast(Section):
     """Version of the format."""
     metadata: dict[str, Any] = Field(default_factory=dict)
     """Free description; `name` names the campaign, other keys describe the dataset."""
+    general: dict[str, Any] = Field(default_factory=dict)
+    """What every variation type gets as its `general_parameters`."""
     configuration: list[ConfigurationEntry] | None = None
     """The configurations to run."""
     execution: Execution = Field(default_factory=Execution)
@@ -439,11 +462,6 @@ class Vast(Section):
     """How results are looked at."""
     analysis: Analysis = Field(default_factory=Analysis)
     """Older spelling of `results_processing.postprocessing` and `evaluation.visualization`."""
-
-    @field_validator("metadata", mode="before")
-    @classmethod
-    def _empty_metadata(cls, value: Any) -> Any:
-        return {} if value is None else value
 
     @model_validator(mode="after")
     def _check_whole(self) -> Vast:

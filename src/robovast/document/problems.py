@@ -28,7 +28,7 @@ def problems_of(
     problems = []
     values: dict[KeyPath, list[ErrorDetails]] = {}
     for details in error.errors(include_url=False):
-        path = _data_path(source.data, base, details["loc"])
+        path = data_path(source.data, base, details["loc"])
         if details["type"] in {"missing", "extra_forbidden"}:
             problems.append(_key_problem(path, details, source, model))
         else:
@@ -45,7 +45,7 @@ def _deepest(paths: Iterable[KeyPath]) -> list[KeyPath]:
     return [path for path in paths if path not in parents]
 
 
-def _data_path(data: Any, base: KeyPath, loc: Iterable[str | int]) -> KeyPath:
+def data_path(data: Any, base: KeyPath, loc: Iterable[str | int]) -> KeyPath:
     """The document's path of a pydantic location.
 
     A location also names the members of unions, which are no part of the document, and skips
@@ -76,7 +76,7 @@ def _key_problem(
     key = str(details["loc"][-1])
     if details["type"] == "missing":
         return source.problem(path, f"the key `{key}` is missing", _describe(model, details["loc"]))
-    allowed = _allowed_keys(model, details["loc"][:-1])
+    allowed = allowed_keys(model, details["loc"][:-1])
     return source.problem(path, f"unknown key `{key}`", suggest(key, allowed), at_key=True)
 
 
@@ -90,12 +90,17 @@ def _value_problem(
     return source.problem(path, message, _describe(model, group[0]["loc"]))
 
 
+def nearest(given: str, allowed: Iterable[str]) -> str | None:
+    """The name that was meant, by its likeness; None when nothing is alike."""
+    return next(iter(difflib.get_close_matches(given, sorted(allowed), n=1, cutoff=0.6)), None)
+
+
 def suggest(given: str, allowed: Iterable[str]) -> str:
     """`Did you mean …?`, or the list of what is allowed."""
     names = sorted(allowed)
-    near = difflib.get_close_matches(given, names, n=1, cutoff=0.6)
+    near = nearest(given, names)
     if near:
-        return f"Did you mean `{near[0]}`?"
+        return f"Did you mean `{near}`?"
     return f"Known here: {', '.join(names)}." if names else ""
 
 
@@ -139,7 +144,8 @@ def _model_at(model: type[BaseModel], loc: Iterable[str | int]) -> type[BaseMode
     return model
 
 
-def _allowed_keys(model: type[BaseModel], loc: tuple[str | int, ...]) -> list[str]:
+def allowed_keys(model: type[BaseModel], loc: tuple[str | int, ...]) -> list[str]:
+    """The keys that a section may have, by pydantic's location of it."""
     return list(_model_at(model, loc).model_fields)
 
 

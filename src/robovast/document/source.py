@@ -46,6 +46,7 @@ class Source:
     Attributes:
         file: the file's path, as errors name it.
         data: plain Python values (dict, list, str, int, float, bool, None, dates).
+        is_followed: another YAML document stands behind the one that was read.
     """
 
     def __init__(self, file: Path, text: str) -> None:
@@ -57,7 +58,9 @@ class Source:
         self._open: set[int] = set()
         self._scalars = yaml.constructor.SafeConstructor()
         try:
-            node = yaml.compose(text, Loader=_Loader)
+            nodes = yaml.compose_all(text, Loader=_Loader)
+            node = next(nodes, None)
+            self.is_followed = next(nodes, None) is not None
             self.data: Any = None if node is None else self._build(node, ())
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark

@@ -139,12 +139,13 @@ def _apply(
         variation = kind(
             str(document.folder),
             call.parameters,
-            entry.model_dump(exclude_none=True, exclude={"variations"}),
+            dict(document.vast.general),
             surroundings.progress,
             str(document.scenario),
             str(surroundings.output_dir),
             *surroundings.runner(kind, call.parameters),
         )
+        variation.entry = entry.name
         made = variation.variation(configs)
     except CannotRunError as error:
         raise CannotRunError(f"{where}: {error}") from error

@@ -168,8 +168,7 @@ class NavigationVariation(Variation):
     def generator(self, seed: int | None, *identity: object) -> random.Random:
         """A random generator for one thing to draw: equal seeds and identities give equal draws."""
         if seed is None:
-            entry = (self.general_parameters or {}).get("name", "")
-            identity = (entry, type(self).__name__, *identity)
+            identity = (self.entry, type(self).__name__, *identity)
         text = repr((seed, *identity))
         digest = hashlib.sha256(text.encode()).digest()
         return random.Random(int.from_bytes(digest[:8]))  # noqa: S311  # repeatable on purpose

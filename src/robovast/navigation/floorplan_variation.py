@@ -92,7 +92,7 @@ class _FloorplanVariation(NavigationVariation):
 
     @property
     def _where(self) -> str:
-        return f"configuration `{(self.general_parameters or {}).get('name')}`: {self._name}"
+        return f"configuration `{self.entry}`: {self._name}"
 
     @property
     def _name(self) -> str:

@@ -79,10 +79,12 @@ def test_markers(value: object, name: str | None) -> None:
 
 def test_secondary_containers_are_normalized() -> None:
     given = ["nav", {"sim": {"resources": {"cpu": 2}}}, {"plain": None}]
+    given.append({"rviz": None, "resources": {"cpu": 3}})
     assert config.normalize_secondary_containers(given) == [
         {"name": "nav", "resources": {}},
         {"name": "sim", "resources": {"cpu": 2}},
         {"name": "plain", "resources": {}},
+        {"name": "rviz", "resources": {"cpu": 3}},
     ]
 
 

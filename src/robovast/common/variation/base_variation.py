@@ -38,11 +38,14 @@ class Variation:
     Attributes:
         base_path: folder of the .vast file.
         parameters: an instance of CONFIG_CLASS when there is one, else the mapping as written.
-        general_parameters: the rest of the configuration entry.
+        general_parameters: the section `general` of the document.
         scenario_file: path of the scenario.
         output_dir: folder for generated files.
         container_runner: starts the container that `get_required_container` names, or None.
+        entry: name of the configuration entry that is expanded.
     """
+
+    entry: str = ""
 
     CONFIG_CLASS: ClassVar[type[BaseModel] | None] = None
     """Model of the parameters."""

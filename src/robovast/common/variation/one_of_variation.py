@@ -43,7 +43,7 @@ class OneOfVariation(Variation):
         name, parameters = (
             (definition, {}) if isinstance(definition, str) else next(iter(definition.items()))
         )
-        return load_variation(name, self.base_path)(
+        alternative = load_variation(name, self.base_path)(
             self.base_path,
             parameters or {},
             self.general_parameters,
@@ -52,3 +52,5 @@ class OneOfVariation(Variation):
             self.output_dir,
             self.container_runner,
         )
+        alternative.entry = self.entry
+        return alternative

@@ -80,8 +80,8 @@ class _DistributionVariation(Variation):
         name = self.parameters.name
         seed = self.parameters.seed
         if seed is None:
-            entry = (self.general_parameters or {}).get("name", "")
-            seed = int.from_bytes(hashlib.sha256(f"{entry}/{name}".encode()).digest()[:8])
+            identity = f"{self.entry}/{name}".encode()
+            seed = int.from_bytes(hashlib.sha256(identity).digest()[:8])
         generator = random.Random(seed)  # noqa: S311  # repeatable on purpose
         values = [self._typed(draw(generator)) for _ in range(self.parameters.num_variations)]
         return [self.update_config(c, {name: value}) for c in in_configs for value in values]
