@@ -53,11 +53,12 @@ STORAGE_CLASS = "standard"
 VOLUMES = 8
 
 
-def start(bed: Bed, manager_requests: int = 20) -> Cluster:
+def start(bed: Bed, manager_requests: int = 20, version: str = programs.KUBERNETES) -> Cluster:
     """Start a control plane without nodes and wait until it serves pods.
 
     :param manager_requests: requests that the controller manager may make in a second; 20 is
         its own default.
+    :param version: of Kubernetes: the newest or the oldest that is promised.
     :raises Unavailable: when the machine lacks root, Go or a Debian package.
     :raises StartFailed: when it is not ready within 60 s.
     """
@@ -65,12 +66,12 @@ def start(bed: Bed, manager_requests: int = 20) -> Cluster:
     network.create_bridge(bed)
     authority = pki.create(cluster.folder / "pki")
     _write_kubeconfigs(cluster, authority)
-    programs.spawn(bed, "etcd", _etcd(cluster.folder))
-    api = programs.spawn(bed, "kube-apiserver", _api_server(cluster, authority))
+    programs.spawn(bed, "etcd", _etcd(cluster.folder), version)
+    api = programs.spawn(bed, "kube-apiserver", _api_server(cluster, authority), version)
     wait_for("kube-apiserver", lambda: _ready(cluster), timeout=60, failed=api.failure)
     arguments = _controller_manager(cluster.folder, authority, manager_requests)
-    manager = programs.spawn(bed, "kube-controller-manager", arguments)
-    programs.spawn(bed, "kube-scheduler", _scheduler(cluster.folder))
+    manager = programs.spawn(bed, "kube-controller-manager", arguments, version)
+    programs.spawn(bed, "kube-scheduler", _scheduler(cluster.folder), version)
     wait_for(
         "kube-controller-manager",
         lambda: "default" in cluster.kubectl("get", "serviceaccounts", "--output=name"),

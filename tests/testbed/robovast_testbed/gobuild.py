@@ -43,14 +43,15 @@ def build(program: Program) -> Path:
     return cache.once(f"go/{program.name}-{program.version}", make) / program.name
 
 
-def build_own(name: str, ldflags: str = "") -> Path:
+def build_own(name: str, ldflags: str = "", tags: str = "", modfile: str = "") -> Path:
     """Return the cached executable of one of the testbed's own programs, keyed by content."""
     folder = OWN_SOURCES / name
 
     def make(target: Path) -> None:
-        _compile(folder, ".", target / name, ldflags)
+        _compile(folder, ".", target / name, ldflags, tags, modfile)
 
-    return cache.once(f"go/{name}-{cache.digest([folder], ldflags)}", make) / name
+    key = f"go/{name}-{cache.digest([folder], ldflags, tags, modfile)}"
+    return cache.once(key, make) / name
 
 
 def source(module: str, version: str) -> Path:
@@ -67,9 +68,17 @@ def _go() -> str:
     return found
 
 
-def _compile(folder: Path, package: str, output: Path, ldflags: str = "", tags: str = "") -> None:
+def _compile(
+    folder: Path,
+    package: str,
+    output: Path,
+    ldflags: str = "",
+    tags: str = "",
+    modfile: str = "",
+) -> None:
     command: list[str | Path] = [
         *("nice", "-n", "10", _go(), "build", "-p", "2", "-trimpath", "-buildvcs=false"),
+        *(("-modfile", modfile) if modfile else ()),
         *("-tags", tags, "-ldflags", f"-s -w {ldflags}".strip(), "-o", output, package),
     ]
     run(command, cwd=folder, env=os.environ | {"CGO_ENABLED": "0"})

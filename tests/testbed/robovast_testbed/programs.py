@@ -7,6 +7,8 @@ from .bed import Bed, Daemon
 from .gobuild import Program, build_own
 
 KUBERNETES = "1.36.3"
+OLDEST_KUBERNETES = "1.33.13"
+"""The oldest that the chart promises to work on; without what only a node needs."""
 _KUBERNETES_STAMP = "k8s.io/component-base/version"
 
 # Of 3.3 and newer the nested module gitops-engine is not published in the version they need.
@@ -37,14 +39,18 @@ MINIO = Program("minio", "github.com/minio/minio", "v0.0.0-20260212201848-7aac2a
 VERSITYGW = Program("versitygw", "github.com/versity/versitygw", "v1.8.0", "./cmd/versitygw")
 
 
-def kubelite() -> Path:
+def kubelite(version: str = KUBERNETES) -> Path:
     """Return the executable that is etcd and every Kubernetes program; the first argument picks."""
-    major, minor, _ = KUBERNETES.split(".")
-    stamps = {"gitVersion": f"v{KUBERNETES}", "gitMajor": major, "gitMinor": minor}
+    major, minor, _ = version.split(".")
+    stamps = {"gitVersion": f"v{version}", "gitMajor": major, "gitMinor": minor}
     ldflags = " ".join(f"-X {_KUBERNETES_STAMP}.{k}={v}" for k, v in stamps.items())
+    if version == OLDEST_KUBERNETES:
+        return build_own("kubelite", ldflags, tags="controlplane", modfile="oldest.mod")
     return build_own("kubelite", ldflags)
 
 
-def spawn(bed: Bed, name: str, arguments: Sequence[str | Path]) -> Daemon:
+def spawn(
+    bed: Bed, name: str, arguments: Sequence[str | Path], version: str = KUBERNETES
+) -> Daemon:
     """Start one of the programs of `kubelite` in a testbed."""
-    return bed.spawn(name, [kubelite(), name, *arguments])
+    return bed.spawn(name, [kubelite(version), name, *arguments])

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from . import bed, controlplane, docker, images, kubernetes, kueue, network, node, s3
+from . import bed, controlplane, docker, images, kubernetes, kueue, network, node, programs, s3
 from .errors import Unavailable
 
 
@@ -75,6 +75,13 @@ def control_plane() -> Iterator[kubernetes.Cluster]:
     """A real API server with its controllers and scheduler, without nodes."""
     with _session("control-plane") as own:
         yield controlplane.start(own)
+
+
+@pytest.fixture(scope="session")
+def oldest_control_plane() -> Iterator[kubernetes.Cluster]:
+    """The same of the oldest Kubernetes that is promised."""
+    with _session("oldest-control-plane") as own:
+        yield controlplane.start(own, version=programs.OLDEST_KUBERNETES)
 
 
 @pytest.fixture(scope="session")

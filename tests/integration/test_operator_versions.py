@@ -1,0 +1,52 @@
+"""The operator on the oldest Kubernetes that the chart promises; all other tests use the newest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+from operator_process import OperatorProcess, campaign, condition, finish_stage, prepare, status
+from patience import eventually
+from robovast_testbed import programs
+from robovast_testbed.kubernetes import Cluster
+
+CHART = Path(__file__).parents[2] / "helm/robovast/Chart.yaml"
+
+
+@pytest.fixture(scope="module")
+def oldest_cluster(oldest_control_plane: Cluster) -> Cluster:
+    """Fake nodes under a control plane of that version."""
+    prepare(oldest_control_plane, 2, [finish_stage("few", 6)])
+    return oldest_control_plane
+
+
+def test_the_oldest_version_is_the_one_that_the_chart_states() -> None:
+    stated = yaml.safe_load(CHART.read_text())["kubeVersion"]
+    minor = programs.OLDEST_KUBERNETES.rpartition(".")[0]
+    assert stated == f">={minor}.0-0"
+
+
+def test_a_campaign_on_the_oldest_version_comes_to_its_end(
+    oldest_cluster: Cluster, tmp_path: Path
+) -> None:
+    version = oldest_cluster.kubectl("get", "--raw=/version")
+    assert programs.OLDEST_KUBERNETES in version
+    oldest_cluster.kubectl("create", "namespace", "lab")
+    operator = OperatorProcess(oldest_cluster, tmp_path, ROBOVAST_LEASE_SECONDS="2")
+    operator.start()
+    try:
+        oldest_cluster.apply(campaign("few", "lab", 3, 2))
+
+        def passed() -> bool:
+            found = condition(status(oldest_cluster, "lab", "few"), "Passed")
+            return found.get("status") == "True"
+
+        eventually(passed, 60, operator.told)
+        state = status(oldest_cluster, "lab", "few")
+        assert (state["progress"], state["state"]) == ("6/6", "Finished")
+        oldest_cluster.kubectl("--namespace=lab", "delete", "campaign", "few", "--timeout=20s")
+        assert operator.alive
+        assert "Traceback" not in operator.told(), operator.told()
+    finally:
+        operator.stop()
