@@ -85,6 +85,8 @@ class FakeJob:
     done: dict[int, str] = field(default_factory=dict)
     """Verdict by completion index."""
     suspended: bool = False
+    deleting: bool = False
+    """It is still there because pods of it are."""
 
     @property
     def over(self) -> bool:
@@ -115,7 +117,7 @@ class FakeJob:
             finished=finished,
             reason="FailedIndexes" if finished == "Failed" else "",
             message="",
-            deleting=False,
+            deleting=self.deleting,
             size=self.size,
         )
 
@@ -152,6 +154,7 @@ class World:
     def look(self, *, dies: str = "") -> Decision:
         """One look of the operator; it may die `before` its status is written, or `amid` acts."""
         self.now += timedelta(seconds=1)
+        going = [name for name, job in self.jobs.items() if job.deleting]
         decision = decide(self.observed())
         acts = decision.actions[:1] if dies == "amid" else decision.actions
         for action in acts:
@@ -161,6 +164,8 @@ class World:
         self.status = decision.status
         for action in decision.later:
             self._act(action)
+        for name in going:
+            self.jobs.pop(name, None)
         return decision
 
     def observed(self) -> Observed:
@@ -262,7 +267,7 @@ class World:
             case ResizeJob(job, parallelism):
                 self.jobs[job].parallelism = parallelism
             case DeleteJob(job):
-                self.jobs.pop(job, None)
+                self.jobs[job].deleting = True
 
     def _create(self, job: FakeJob) -> None:
         if job.name not in self.jobs:  # the API server answers 409, which is as good

@@ -133,9 +133,15 @@ class Api:
             "PATCH", f"{path}/status", body=obj, kind=APPLY_PATCH, query=query
         )
 
-    async def delete(self, path: str) -> None:
-        """Remove an object and what it owns; that it is gone already is as good."""
-        await self._gone_is_none("DELETE", path, query={"propagationPolicy": "Background"})
+    async def delete(self, path: str, *, after_children: bool = True) -> None:
+        """Remove an object and what it owns; that it is gone already is as good.
+
+        Args:
+            path: of the object.
+            after_children: the object stays until what it owns is gone, a Job until its pods are.
+        """
+        how = "Foreground" if after_children else "Background"
+        await self._gone_is_none("DELETE", path, query={"propagationPolicy": how})
 
     async def update(self, path: str, obj: Object) -> Object:
         """Replace an object, unless it has changed since it was read."""

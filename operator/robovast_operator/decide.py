@@ -6,12 +6,13 @@ in between, whatever was lost, the same picture leads to the same actions.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from robovast.cluster.status import CampaignStatus
 from robovast_operator.picture import Observed, Picture
-from robovast_operator.shards import ShardPlan, next_shards
+from robovast_operator.shards import WINDOW, ShardPlan, next_shards
 from robovast_operator.store import JobState
 from robovast_operator.tell import tell
 from robovast_operator.times import parse_time
@@ -81,7 +82,7 @@ def decide(observed: Observed) -> Decision:
     actions = [*_open_jobs(picture), *_new_jobs(picture)]
     created = [action.shard for action in actions if isinstance(action, CreateShard)]
     status = tell(picture, created)
-    later = [*_cancel(picture), *_expire(picture)]
+    later = [*_cancel(picture), *_tidy(picture), *_expire(picture)]
     return Decision(status, tuple(actions), tuple(later), _again(picture))
 
 
@@ -112,15 +113,31 @@ def _is_to_be_made_anew(picture: Picture, job: JobState) -> bool:
 
 
 def _resize(picture: Picture) -> list[Action]:
-    """The only open Job follows `parallelism`; Kueue has counted on what it admitted."""
+    """The last open Jobs share `parallelism`; Kueue has counted on what it admitted."""
     spec = picture.observed.accepted.spec
     if any(job.queue for job in picture.open):
         return _shrink(picture)
-    if len(picture.open) != 1 or picture.waiting:
+    if picture.waiting:
         return []
-    (job,) = picture.open
-    wanted = min(job.size, spec.parallelism)
-    return [] if job.parallelism == wanted else [ResizeJob(job.name, wanted)]
+    free = spec.parallelism - sum(job.parallelism for job in picture.open)
+    return _grow(picture.open, free) if free > 0 else _cut(picture.open, spec.parallelism)
+
+
+def _grow(jobs: Sequence[JobState], free: int) -> list[Action]:
+    """Jobs with more packs left than pods take what others that have ended do not need."""
+    actions: list[Action] = []
+    for job in jobs:
+        more = min(free, job.left - job.parallelism)
+        if more > 0:
+            actions.append(ResizeJob(job.name, job.parallelism + more))
+            free -= more
+    return actions
+
+
+def _cut(jobs: Sequence[JobState], parallelism: int) -> list[Action]:
+    """The only open Job has no more pods than it may."""
+    too_many = len(jobs) == 1 and jobs[0].parallelism > parallelism
+    return [ResizeJob(jobs[0].name, parallelism)] if too_many else []
 
 
 def _shrink(picture: Picture) -> list[Action]:
@@ -146,7 +163,7 @@ def _new_jobs(picture: Picture) -> list[Action]:
             # one waits at most: others have their turn, too
             chosen = [] if any(job.suspended for job in picture.open) else chosen[:1]
         return [CreateShard(shard) for shard in chosen]
-    return [] if picture.indexed or _cancel(picture) else _last_jobs(picture)
+    return [] if picture.indexed or _at_work(picture) else _last_jobs(picture)
 
 
 def _last_jobs(picture: Picture) -> list[Action]:
@@ -163,12 +180,23 @@ def _cancel(picture: Picture) -> list[Action]:
     """Of a campaign that was given up, what is still at work goes."""
     if picture.aborted is None or picture.repetition_due:
         return []
-    jobs = picture.observed.jobs
-    return [
-        DeleteJob(shard.job)
+    return [DeleteJob(job.name) for job in _at_work(picture) if not job.deleting]
+
+
+def _at_work(picture: Picture) -> list[JobState]:
+    """Jobs of shards that may still store something; one that goes is there as long as its pods."""
+    jobs = (picture.job(shard) for shard in picture.shards)
+    return [job for job in jobs if job is not None and job.open]
+
+
+def _tidy(picture: Picture) -> list[Action]:
+    """Jobs that the status has the verdicts of go with their pods, but for the last few."""
+    known = [
+        job
         for shard in picture.shards
-        if (job := jobs.get(shard.job)) is not None and job.open and not job.deleting
+        if (job := picture.job(shard)) is not None and not job.open and picture.is_remembered(shard)
     ]
+    return [DeleteJob(job.name) for job in known[:-WINDOW] if not job.deleting]
 
 
 def _expiry(picture: Picture) -> datetime | None:

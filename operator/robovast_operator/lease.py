@@ -31,6 +31,8 @@ class Leadership:
         self._api = api
         self._settings = settings
         self._until = -inf
+        self.term = 0
+        """Counts how often this replica began to lead; what it remembers is of one term."""
         self._read_first: tuple[object, float] = (None, 0.0)
         """Holder and time as the Lease last told them, and when that was read first."""
         self._leader = ""
@@ -57,6 +59,7 @@ class Leadership:
                 if held:
                     attempts = RENEWALS
                     self._notice(self._settings.identity)
+                    self.term += not self.leading
                     # counted from before the request: others count from what they read
                     self._until = asked + self._settings.lease_seconds * 2 / 3
                     self._acquired.set()

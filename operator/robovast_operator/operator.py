@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Coroutine
+from contextvars import ContextVar
 from functools import partial
 from typing import Any
 
@@ -27,6 +28,9 @@ LOGGER = logging.getLogger(__name__)
 
 WORKERS = 4
 
+_TERM: ContextVar[int] = ContextVar("term")
+"""In which a worker has begun to look at a campaign."""
+
 
 class Operator:
     """Store, queue, workers and the tasks around them."""
@@ -39,8 +43,10 @@ class Operator:
         server = connection_info()
         self._lease_api = Api(server, self.metrics)
         self.leadership = Leadership(self._lease_api, settings)
-        self.api = Api(server, self.metrics, may_write=lambda: self.leadership.leading)
+        self.api = Api(server, self.metrics, may_write=self._may_write)
         self._reconcile = Reconciler(self.api, self.store, self.queue, settings, self.metrics)
+        self._term = 0
+        """In which the reconciler found out what it remembers."""
         self._tasks: list[asyncio.Task[None]] = []
         self._resync = Resync(self.api, settings, self._kinds())
 
@@ -128,9 +134,17 @@ class Operator:
         task.add_done_callback(_log_end)
         self._tasks.append(task)
 
+    def _may_write(self) -> bool:
+        """Whether whoever asks leads, and has done so since it began what it does."""
+        return self.leadership.leading and _TERM.get(self.leadership.term) == self.leadership.term
+
     async def _look(self, key: Key) -> None:
         await self.leadership.wait()
         await self._resync.complete.wait()
+        _TERM.set(self.leadership.term)
+        if self._term != self.leadership.term:
+            self._term = self.leadership.term
+            self._reconcile.forget()
         with self.metrics.reconciles.time():
             await self._reconcile(key)
 
@@ -141,6 +155,7 @@ class Operator:
                 "Campaigns",
                 paths.campaigns,
                 self.store.campaign_versions,
+                self.store.knows_campaign,
                 partial(self.campaign_event, "MODIFIED"),
                 self._forget_campaign,
             ),
@@ -148,6 +163,7 @@ class Operator:
                 "Configurations",
                 paths.configurations,
                 self.store.configuration_versions,
+                self.store.knows_configuration,
                 partial(self.configuration_event, "MODIFIED"),
                 self._forget_configuration,
             ),
@@ -155,6 +171,7 @@ class Operator:
                 "Jobs",
                 paths.jobs,
                 self.store.job_versions,
+                self.store.knows_job,
                 partial(self.job_event, "MODIFIED"),
                 self._forget_job,
                 {"labelSelector": f"{MANAGED_LABEL}={MANAGED_BY}"},

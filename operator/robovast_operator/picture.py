@@ -111,6 +111,14 @@ class Picture:
             return True
         return job is not None and not job.open
 
+    def is_remembered(self, shard: ShardPlan) -> bool:
+        """Whether the status says how a shard ended, and how each of its runs did."""
+        record = self.records.get(shard.job)
+        if record is None or record.state not in {"Complete", "Failed"}:
+            return False
+        mine = run_ids(self.plan, shard, [(0, shard.size - 1)])
+        return not subtract(mine, self.verdicts.decided)
+
     @property
     def open(self) -> list[JobState]:
         """Jobs of shards that are at work, oldest first."""

@@ -73,4 +73,6 @@ class Purge:
     async def _set(self, obj: Object, finalizers: list[str]) -> None:
         meta = obj["metadata"]
         path = f"{paths.campaigns(meta['namespace'])}/{meta['name']}"
-        await self._api.patch(path, {"metadata": {"finalizers": finalizers}})
+        # With its version: the list is written as a whole, and others may have changed theirs.
+        changed = {"finalizers": finalizers, "resourceVersion": meta["resourceVersion"]}
+        await self._api.patch(path, {"metadata": changed})

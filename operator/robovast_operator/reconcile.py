@@ -65,6 +65,10 @@ class Reconciler:
         self._queues = Queues(api, store, settings)
         self._purge = Purge(api, settings)
 
+    def forget(self) -> None:
+        """Forget what was found out about campaigns: another replica may have changed it."""
+        self._memories.clear()
+
     async def __call__(self, key: Key) -> None:
         """Look at a Campaign; a failure is logged, told, and it is looked at again later."""
         try:
@@ -103,7 +107,7 @@ class Reconciler:
         """Hold nothing in a namespace that is being deleted: Jobs may hold its last pods."""
         try:
             for name in list(self._store.jobs.get(key, {})):
-                await self._api.delete(f"{paths.jobs(key[0])}/{name}")
+                await self._api.delete(f"{paths.jobs(key[0])}/{name}", after_children=False)
             obj = self._store.campaigns.get(key)
             if obj is not None:
                 await self._purge.give_up(obj)

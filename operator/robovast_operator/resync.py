@@ -34,6 +34,8 @@ class Kind:
     """Of the collection in a namespace, or in all."""
     known: Callable[[], Iterator[tuple[Id, str]]]
     """What is known now, each with its resource version."""
+    knows: Callable[[Id], bool]
+    """Whether one is known now."""
     learn: Callable[[Object], None]
     forget: Callable[[Id], None]
     selection: Mapping[str, str] = field(default_factory=dict)
@@ -102,7 +104,8 @@ class Resync:
                 id_ = id_of(obj)
                 there.add(id_)
                 if before.get(id_) != metadata(obj).get("resourceVersion"):
-                    new = (self._learn(kind, obj) and id_ not in before) or new
+                    missed = id_ not in before and not kind.knows(id_)  # we may just have made it
+                    new = (self._learn(kind, obj) and missed) or new
         gone = [id_ for id_ in before if id_ not in there]
         for id_ in gone:
             kind.forget(id_)

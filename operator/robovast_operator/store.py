@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
+from robovast.cluster.ranges import count
 from robovast.cluster.resources import CAMPAIGN_LABEL, ROLE_LABEL, UID_LABEL
 from robovast_operator.campaign import Key, Object
-from robovast_operator.lenient import metadata, number, shaped, text, time
+from robovast_operator.lenient import metadata, number, ranges, shaped, text, time
 
 NOTIFY_ROLE = "notify"
 """Of Jobs that send a notice: nothing in a campaign depends on them."""
@@ -60,6 +61,11 @@ class JobState:
     def open(self) -> bool:
         """Whether it may still change."""
         return not self.finished
+
+    @property
+    def left(self) -> int:
+        """Completion indexes that have not come to their end."""
+        return self.size - sum(count(ranges(t, self.size)) for t in (self.completed, self.failed))
 
     @classmethod
     def of(cls, obj: Object) -> JobState:
@@ -148,14 +154,36 @@ class Store:
 
     def drop_job(self, id_: Id) -> Key | None:
         """Forget a Job, and return whose it was; its successor of the same name stays."""
-        namespace, name, uid = id_
-        for key, jobs in self.jobs.items():
-            if key[0] == namespace and name in jobs and jobs[name].uid == uid:
-                del jobs[name]
-                if not jobs:
-                    del self.jobs[key]
-                return key
-        return None
+        key = self._campaign_of(id_)
+        if key is not None:
+            del self.jobs[key][id_[1]]
+            if not self.jobs[key]:
+                del self.jobs[key]
+        return key
+
+    def _campaign_of(self, job: Id) -> Key | None:
+        """Whose a Job is; None when it is not known."""
+        namespace, name, uid = job
+        return next(
+            (
+                key
+                for key, jobs in self.jobs.items()
+                if key[0] == namespace and name in jobs and jobs[name].uid == uid
+            ),
+            None,
+        )
+
+    def knows_campaign(self, id_: Id) -> bool:
+        """Whether a Campaign is known."""
+        return _knows(self.campaigns, id_)
+
+    def knows_configuration(self, id_: Id) -> bool:
+        """Whether a Configuration is known."""
+        return _knows(self.configurations, id_)
+
+    def knows_job(self, id_: Id) -> bool:
+        """Whether a Job is known."""
+        return self._campaign_of(id_) is not None
 
     def jobs_of(self, key: Key, uid: str) -> dict[str, JobState]:
         """The Jobs of a Campaign by name, those of a predecessor of its name left out."""
@@ -199,12 +227,13 @@ def _put(objects: dict[Key, Object], given: Object) -> bool:
     return True
 
 
+def _knows(objects: dict[Key, Object], id_: Id) -> bool:
+    known = objects.get(id_[:2])
+    return known is not None and id_of(known) == id_
+
+
 def _drop(objects: dict[Key, Object], id_: Id) -> Object | None:
-    namespace, name, _ = id_
-    known = objects.get((namespace, name))
-    if known is None or id_of(known) != id_:
-        return None
-    return objects.pop((namespace, name))
+    return objects.pop(id_[:2]) if _knows(objects, id_) else None
 
 
 def _version(obj: Object) -> str:

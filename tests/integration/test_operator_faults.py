@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
 import re
 import threading
 import time
@@ -9,9 +11,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from aiohttp import web
 from faulty_api import (
     Action,
+    Answer,
     FaultyApi,
+    Forward,
     cut_answer,
     cut_first_event,
     cut_in_the_middle,
@@ -127,6 +132,36 @@ def test_an_operator_that_may_not_list_is_not_ready_and_works_as_soon_as_it_may(
     proxy.mend()
     eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
     assert page(port, "readyz") == "ok"
+
+
+def test_a_finalizer_that_somebody_adds_meanwhile_stays(
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: NewOperator
+) -> None:
+    def set_finalizers(*names: str) -> None:
+        patch = json.dumps({"metadata": {"finalizers": names}})
+        about = (f"--namespace={namespace}", "patch", "campaign", "few", "--type=merge")
+        fake_cluster.kubectl(*about, f"--patch={patch}")
+
+    async def be_faster(request: web.Request, forward: Forward) -> Answer:
+        del request
+        await asyncio.to_thread(set_finalizers, "example.org/theirs")
+        return await forward()
+
+    faster = proxy.break_("PATCH", r"/campaigns/few(\?|$)", be_faster, 1)
+    operator = start()
+    fake_cluster.apply(
+        campaign("few", namespace, 1, 1, suspend=True, storage={"retention": "Delete"})
+    )
+
+    def finalizers() -> set[str]:
+        found: Any = fake_cluster.get("campaign", "few", f"--namespace={namespace}")
+        return set(found["metadata"].get("finalizers", ()))
+
+    both = {"example.org/theirs", "robovast.io/purge"}
+    eventually(lambda: finalizers() == both, 30, operator.told)
+    assert faster.hits == 1
+    operator.stop()
+    set_finalizers()
 
 
 def test_a_server_that_cannot_stream_lists_is_listed_and_watched(

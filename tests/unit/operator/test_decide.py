@@ -12,7 +12,7 @@ from operator_world import World, accepted, bad
 
 from robovast.cluster.resources import Acceptance, FailFast
 from robovast_operator import shards as shards_module
-from robovast_operator.decide import CreateShard, DeleteJob, decide
+from robovast_operator.decide import CreateShard, CreateTask, DeleteJob, decide
 
 
 @pytest.fixture(autouse=True)
@@ -187,6 +187,7 @@ def test_jobs_of_a_finished_campaign_go_after_their_time() -> None:
     assert 500 < wait <= 600
     world.now += timedelta(seconds=601)
     world.look()
+    world.look()
     assert world.jobs == {}
     before = world.status
     world.look()
@@ -217,6 +218,47 @@ def test_a_large_campaign_keeps_a_window_of_shards_open() -> None:
         world.work()
     world.look()
     assert len(world.jobs) == shards_module.WINDOW + 1
+
+
+def test_jobs_whose_verdicts_are_in_the_status_go_but_for_the_last_few() -> None:
+    world = World(accepted(runs=100, parallelism=8))
+    most = 0
+    while world.status.state != "Finished":
+        world.look()
+        if not world.work("failed" if len(world.executed) % 7 == 3 else "passed"):
+            world.look()
+        most = max(most, sum(job.role == "shard" for job in world.jobs.values()))
+    assert len(world.status.shards) > 10
+    assert most <= 2 * shards_module.WINDOW + 2
+    left = [name for name, job in world.jobs.items() if job.role == "shard" and not job.deleting]
+    assert left == [shard.job for shard in world.status.shards[-shards_module.WINDOW :]]
+    assert world.status.runs.failed == sum(found == "failed" for found in world.stored.values())
+
+
+def test_the_last_jobs_share_all_pods() -> None:
+    world = World(accepted(runs=5, parallelism=8))
+    world.look()
+    jobs = list(world.jobs.values())
+    assert [(job.size, job.parallelism) for job in jobs] == [(3, 2), (4, 2), (4, 2), (4, 2)]
+    for _ in range(3 + 4 + 1):
+        world.work()
+    world.look()
+    assert [job.parallelism for job in jobs[2:]] == [3, 4]
+    assert world.pods <= 8
+
+
+def test_the_index_is_made_when_the_last_pod_is_gone() -> None:
+    """A pod that is told to end stores what it has first."""
+    world = World(accepted(runs=20, parallelism=4))
+    world.ask(fail_fast=FailFast(max_failed=0))
+    world.look()
+    world.work("failed")
+    world.look()
+    assert any(job.deleting for job in world.jobs.values())
+    assert not any("finish" in name for name in world.created)
+    assert not any("finish" in a.name for a in world.look().actions if isinstance(a, CreateTask))
+    world.look()
+    assert any("finish" in name for name in world.created)
 
 
 def test_a_campaign_of_a_hundred_thousand_runs_stays_small() -> None:
