@@ -13,14 +13,18 @@ from robovast_operator.picture import Trouble
 from robovast_operator.pod_facts import is_stuck, trouble_of, trouble_of_events
 from robovast_operator.reports import final_of, reports_of
 from robovast_operator.settings import Settings
+from robovast_operator.stalls import cause_of
 from robovast_operator.store import JobState
 from robovast_operator.times import now
 
 REPORT_SECONDS = 10.0
 """Least time between two looks at the failed pods of an open Job."""
 
-SAMPLE = "20"
-"""Pods that are looked at where nothing moves: the cause is the same for all."""
+MOST = 1000
+"""Pods of a Job that are looked at where nothing moves."""
+
+PATIENCE = 4
+"""So many times as long nothing may come of pods that are at work, before others are looked at."""
 
 GIVEN_UP = frozenset({"PodFailurePolicy", "BackoffLimitExceeded", "DeadlineExceeded"})
 """Reasons of a Job that failed as a whole."""
@@ -87,44 +91,52 @@ class Diagnosis:
         waiting = [job for job in jobs.values() if job.open and not job.suspended]
         if not waiting or accepted.spec.suspend or (memory.trouble and memory.trouble.final):
             return None
+        at_work = any(job.ready for job in waiting)
         limit = self._settings.stall_seconds
-        still = memory.still_for()
-        if still < limit:
-            return limit - still
-        if all(job.ready and job.ready == job.active and not job.failed_pods for job in waiting):
-            return None  # all pods are at work: runs may be long
+        # Where pods are at work runs may be long; or they die one after the other.
+        quiet, least = memory.still_for(), limit
+        if at_work:
+            quiet, least = memory.fruitless_for(), PATIENCE * limit
+        pause = min(300.0, max(limit, quiet / 2))
+        wait = least - quiet
+        if at_work or memory.diagnosed > memory.moved:
+            wait = max(wait, memory.diagnosed + pause - time.monotonic())
+        if wait > 0:
+            return wait
+        memory.diagnosed = time.monotonic()
         for job in waiting:
-            memory.trouble = await self._look_at_pods(memory, job)
+            memory.trouble = await self._look_at_pods(memory, job, at_work=at_work)
             if memory.trouble is not None:
                 break
-        return min(300.0, max(limit, still / 2))
+        return pause
 
-    async def _look_at_pods(self, memory: Memory, job: JobState) -> Trouble | None:
-        """Why the pods of a Job do not start, by a few of them and by their events."""
-        pods = self._api.list(
-            paths.pods(job.namespace),
-            labelSelector=f"batch.kubernetes.io/controller-uid={job.uid}",
-            fieldSelector="status.phase!=Running,status.phase!=Succeeded",
-            limit=SAMPLE,
-        )
-        seen = [pod async for pod in _first_page(pods)]
+    async def _look_at_pods(
+        self, memory: Memory, job: JobState, *, at_work: bool
+    ) -> Trouble | None:
+        """Why nothing comes of the pods of a Job, by them and by events."""
+        phase = "status.phase=Failed" if at_work else "status.phase!=Succeeded"
+        seen = [pod async for pod in _first(self.pods_of(job, fieldSelector=phase))]
         if any(is_stuck(pod, now()) for pod in seen):
             memory.stuck.add(job.name)
-        found = trouble_of(seen)
-        names = [pod["metadata"]["name"] for pod in seen[:1]] or [job.name]
+        silence = self._settings.silence_minutes * 60
+        found = cause_of(seen, job, now(), silence, at_work=at_work)
+        if at_work:
+            return found
+        pending = [pod for pod in seen if pod["status"].get("phase") == "Pending"]
+        names = [pod["metadata"]["name"] for pod in pending or seen] or [job.name]
         if found is None and (seen or not job.active):
             told = self._api.list(
                 paths.events(job.namespace),
                 fieldSelector=f"type=Warning,involvedObject.name={names[0]}",
             )
-            found = trouble_of_events([event async for event in _first_page(told)])
+            found = trouble_of_events([event async for event in _first(told)])
         return found
 
 
-async def _first_page(pods: AsyncIterator[Object]) -> AsyncIterator[Object]:
+async def _first(objects: AsyncIterator[Object]) -> AsyncIterator[Object]:
     count = 0
-    async for pod in pods:
-        yield pod
+    async for obj in objects:
+        yield obj
         count += 1
-        if count >= int(SAMPLE):
+        if count >= MOST:
             return

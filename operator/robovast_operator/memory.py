@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -46,9 +47,13 @@ class Memory:
     """Configurations that asked for runs and are gone, by uid."""
     problems: dict[str, str] = field(default_factory=dict)
     """By Configuration, why its runs cannot be added."""
-    picture: tuple[object, ...] | None = None
+    picture: tuple[object, object] | None = None
     """The Jobs as they were when something last moved; None before the first look."""
     moved: float = field(default_factory=time.monotonic)
+    progressed: float = field(default_factory=time.monotonic)
+    """When something last came to its end, or was begun."""
+    diagnosed: float = -math.inf
+    """When it was last looked why nothing does."""
     looked: float = 0.0
     """When pods were last looked at."""
     status_written: float = 0.0
@@ -59,16 +64,28 @@ class Memory:
 
     def notice(self, jobs: Mapping[str, JobState]) -> None:
         """Remember when something last moved."""
-        picture = tuple(
-            (job.name, job.completed, job.failed, job.active, job.ready, job.suspended)
-            for job in jobs.values()
-        )
-        if self.picture not in (None, picture):
-            self.moved = time.monotonic()
+        ends = tuple((j.name, j.completed, j.failed, j.suspended) for j in jobs.values())
+        pods = tuple((job.active, job.ready) for job in jobs.values())
+        before, self.picture = self.picture, (ends, pods)
+        if before is None or before == self.picture:
+            return
+        self.moved = time.monotonic()
+        self.stuck.clear()
+        at_work = any(job.ready for job in jobs.values() if job.open)
+        if before[0] != ends or (at_work and not (self.trouble and self.trouble.repeated)):
             self.trouble = None
-            self.stuck.clear()
-        self.picture = picture
+        if before[0] != ends:
+            self.progressed = self.moved
 
     def still_for(self) -> float:
         """How long nothing has moved [s]."""
         return time.monotonic() - self.moved
+
+    def fruitless_for(self) -> float:
+        """How long nothing has come to its end [s]."""
+        return time.monotonic() - self.progressed
+
+    def expect_stall(self, seconds: float) -> None:
+        """Look for the cause of a known stall at once."""
+        self.moved -= seconds
+        self.progressed -= seconds

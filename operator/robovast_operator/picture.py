@@ -26,6 +26,8 @@ class Trouble:
     message: str
     final: bool = False
     """Whether the campaign is given up."""
+    repeated: bool = False
+    """Whether pods that start die of it, too, one after the other."""
 
 
 @dataclass(frozen=True)

@@ -68,27 +68,68 @@ def is_stuck(pod: Object, moment: datetime) -> bool:
 
 def trouble_of(pods: Iterable[Object]) -> Trouble | None:
     """Why pods do not start or do not end well; the most telling cause of all."""
-    found = [trouble for pod in pods for trouble in _troubles(pod)]
-    ranked = ("Incompatible", "InvalidDocument", "InvalidPlan", "ImagePull", "Configuration")
+    return most_telling(trouble for pod in pods for trouble in troubles_of(pod))
+
+
+def most_telling(troubles: Iterable[Trouble]) -> Trouble | None:
+    """Of several causes the one that explains the others."""
+    ranked = (
+        *("Incompatible", "InvalidDocument", "InvalidPlan", "ImagePull", "Configuration"),
+        *("Container", "OutOfMemory", "Storage", "Evicted", "Rejected", "NodeLost", "Silent"),
+    )
     order = {reason: rank for rank, reason in enumerate(ranked)}
-    return min(found, key=lambda t: order.get(t.reason, len(order)), default=None)
+    return min(troubles, key=lambda t: order.get(t.reason, len(order)), default=None)
 
 
-def _troubles(pod: Object) -> Iterator[Trouble]:
+def troubles_of(pod: Object) -> Iterator[Trouble]:
+    """What is in the way of a pod, or was when it ended."""
     status: Object = pod.get("status") or {}
+    if status.get("phase") == "Failed" and text(status.get("reason")):
+        reason = "Evicted" if status["reason"] == "Evicted" else "Rejected"
+        node = text(pod["spec"].get("nodeName"), "?")
+        message = f"the node {node} has ended a pod ({status['reason']}): "
+        yield Trouble(reason, message + text(status.get("message")))
     for condition in status.get("conditions") or ():
         if condition["type"] == "PodScheduled" and condition["status"] == "False":
             yield Trouble("Unschedulable", f"no node for the pod: {condition.get('message', '')}")
-    for container in _containers(pod):
+    for container in containers_of(pod):
         waiting = (container.get("state") or {}).get("waiting") or {}
         if waiting.get("reason") in _WAITING:
             yield Trouble(_WAITING[waiting["reason"]], _waiting_message(container, waiting))
         ended = (container.get("state") or {}).get("terminated") or {}
-        if ended.get("exitCode") in _EXITS:
-            reason = _EXITS[ended["exitCode"]]
-            told = _error(ended.get("message") or "")
-            message = told or f"{container['name']}: exit {ended['exitCode']}"
-            yield Trouble(reason, message, final=reason in _FINAL)
+        trouble = _ending(container, ended) if ended else None
+        if trouble is not None:
+            yield trouble
+
+
+_OWN = frozenset({"compat-version", "fetch", "agent", "compose", "finish", "process", "purge"})
+"""How these end is our business; how others do is a result."""
+
+_ORDINARY = frozenset({0, 10, 11, 75, 137, 143})
+"""Exit codes of ours that are a verdict, or what comes of being told to end."""
+
+
+def _ending(container: Object, ended: Object) -> Trouble | None:
+    """What a container's end says of what is in the way; None when that is a result."""
+    name, code = container["name"], ended.get("exitCode")
+    told = _error(ended.get("message") or "")
+    if ended.get("reason") in ("StartError", "ContainerCannotRun"):
+        return Trouble("Container", f"the container {name} cannot start: {told}")
+    if name not in _OWN:
+        return None
+    if code in _EXITS:
+        reason = _EXITS[code]
+        return Trouble(reason, told or f"{name}: exit {code}", final=reason in _FINAL)
+    if ended.get("reason") == "OOMKilled":
+        return Trouble("OutOfMemory", f"the container {name} needs more memory than its limit")
+    if code in _ORDINARY:
+        return None
+    said = f"exit {code}" + (f": {told}" if told else "")
+    if name == "compat-version":
+        image = container.get("image", "")
+        hint = "Is it built for the architecture of the node, and has it a shell?"
+        return Trouble("Container", f"the image {image} cannot be executed ({said}). {hint}")
+    return Trouble("Container", f"the container {name} fails ({said})")
 
 
 _FINAL = frozenset({"Incompatible", "InvalidDocument", "InvalidPlan"})
@@ -113,7 +154,8 @@ def _waiting_message(container: Object, waiting: Object) -> str:
     return f"the container {name} cannot start ({waiting['reason']}): {told}"
 
 
-def _containers(pod: Object) -> Iterator[Object]:
+def containers_of(pod: Object) -> Iterator[Object]:
+    """What is told of a pod's containers, in their order."""
     status = pod.get("status") or {}
     yield from status.get("initContainerStatuses") or ()
     yield from status.get("containerStatuses") or ()
@@ -126,7 +168,7 @@ def message_of(pod: Object, container: str) -> str:
 
 def ending_of(pod: Object, container: str) -> Object:
     """How a container ended; empty when it has not."""
-    for status in _containers(pod):
+    for status in containers_of(pod):
         if status["name"] == container:
             return mapping(mapping(status.get("state")).get("terminated"))
     return {}

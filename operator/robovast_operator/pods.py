@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any
 
+from robovast.agent.silence import SILENT
 from robovast.cluster.notice import NOTICE_VARIABLE, Order
 from robovast.cluster.resources import Scheduling
 from robovast.cluster.secret_names import may_be_named, refusal
@@ -73,7 +74,7 @@ def run_pod(
     ]
     spec["containers"] = [
         _run_container(accepted, settings, "robovast", [], execution.resources),
-        _own(settings, "agent", ["agent"], mine),
+        _agent(settings, mine),
     ]
     spec["volumes"] = [{"name": "work", "emptyDir": {}}, *spec["volumes"]]
     if execution.timeout is not None:
@@ -204,6 +205,7 @@ def _compat(accepted: Accepted, settings: Settings) -> Object:
             "limits": {"memory": "128Mi"},
         },
         "securityContext": _confined(settings.restricted_runs),
+        "terminationMessagePolicy": "FallbackToLogsOnError",
     }
 
 
@@ -251,6 +253,22 @@ def _own(settings: Settings, name: str, arguments: list[str], mounts: list[Objec
         ],
         "terminationMessagePolicy": "FallbackToLogsOnError",
         "volumeMounts": mounts,
+    }
+
+
+def _agent(settings: Settings, mounts: list[Object]) -> Object:
+    """What stores the runs; its pod is not ready while a run writes nothing to its log."""
+    if not settings.silence_minutes:
+        return _own(settings, "agent", ["agent"], mounts)
+    arguments = ["agent", "--silence", f"{settings.silence_minutes * 60:g}"]
+    marker = f"{WORK['mountPath']}/{SILENT}"
+    return _own(settings, "agent", arguments, mounts) | {
+        "readinessProbe": {
+            "exec": {"command": ["test", "!", "-e", marker]},
+            "periodSeconds": 30,
+            "timeoutSeconds": 10,
+            "failureThreshold": 1,
+        }
     }
 
 

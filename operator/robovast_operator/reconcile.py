@@ -26,7 +26,7 @@ from robovast_operator.decide import (
     SuspendJob,
     decide,
 )
-from robovast_operator.diagnose import Diagnosis
+from robovast_operator.diagnose import PATIENCE, Diagnosis
 from robovast_operator.failures import trouble_of_error
 from robovast_operator.inputs import Inputs
 from robovast_operator.jobs import shard_job, task_job
@@ -135,7 +135,7 @@ class Reconciler:
             memory = self._memories[key] = Memory(identity.uid)
             status = read_status(CampaignStatus, obj.get("status"))
             if is_true(status, "Stalled"):  # a new leader need not wait to find that again
-                memory.moved -= self._settings.stall_seconds
+                memory.expect_stall(PATIENCE * self._settings.stall_seconds)
         return memory
 
     async def _advance(self, obj: Object, memory: Memory, jobs: dict[str, JobState]) -> None:

@@ -33,6 +33,8 @@ class Settings:
     """Port of /healthz, /readyz and /metrics."""
     stall_seconds: float = 15.0
     """How long nothing moves before the operator looks for the cause."""
+    silence_minutes: float = 30.0
+    """How long a run may write nothing to its log before that is told."""
     notify_seconds: float = 300.0
     """How long trouble lasts before people are told who do not watch."""
     status_seconds: float = 5.0
@@ -80,6 +82,7 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         identity=environment.get("POD_NAME", f"operator-{os.getpid()}"),
         port=int(number("ROBOVAST_PORT", 8080)),
         stall_seconds=number("ROBOVAST_STALL_SECONDS", 15),
+        silence_minutes=number("ROBOVAST_SILENCE_MINUTES", 30),
         notify_seconds=number("ROBOVAST_NOTIFY_SECONDS", 300),
         status_seconds=number("ROBOVAST_STATUS_SECONDS", 5),
         resync_seconds=number("ROBOVAST_RESYNC_SECONDS", 600),

@@ -52,6 +52,8 @@ def _carry_out(options: argparse.Namespace, folders: Folders) -> AgentExit:
     index = int(os.environ.get(INDEX, "0"))
     if options.command == "fetch":
         arguments.append(module.Request(options.first_pack, index, options.attempt, options.runs))
+    elif options.command == "agent":
+        arguments.append(options.silence)
     elif options.command == "notify":
         arguments.append(index)
     elif options.command == "share":
@@ -82,6 +84,9 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument(f"--{seen}", metavar="PATH", help="as runs see it")
         if name == "fetch":
             _add_runs(command)
+        elif name == "agent":
+            told = "after how long without a line in its log a run is told to be silent [s]"
+            command.add_argument("--silence", type=float, default=0.0, metavar="S", help=told)
         elif name == "share":
             _add_results(command)
     return parser

@@ -15,6 +15,7 @@ from robovast.agent.messages import verdict_ranges, write_message
 from robovast.agent.orders import RunContainer
 from robovast.agent.pack import Pack, PodJob, read_pack
 from robovast.agent.results import Results
+from robovast.agent.silence import SILENT, Silence
 from robovast.agent.trees import SIDE_BY_SIDE
 from robovast.agent.watch import EndedRun, JobWatch
 from robovast.cluster.endpoint import Credentials, Endpoint
@@ -24,8 +25,12 @@ from robovast.plan import Run
 from robovast.results.verdict import Verdict
 
 
-def agent(folders: Folders) -> AgentExit:
+def agent(folders: Folders, silence: float = 0.0) -> AgentExit:
     """Follow the jobs of a pod, as `fetch` prepared them, until every run has a verdict.
+
+    Args:
+        folders: of the pod.
+        silence: how long a run may write nothing to its log before that is told [s]; 0 is for ever.
 
     Raises:
         StorageError: results cannot be stored.
@@ -44,7 +49,8 @@ def agent(folders: Folders) -> AgentExit:
             with call_on_signals(stop.set), Background() as background:
                 results = Results(Bucket(store, pack.bucket), pack)
                 keeper = _Keeper(folders, results, background, verdicts)
-                _follow_jobs(folders, pack, container, keeper, stop)
+                watched = Silence(folders.work / SILENT, silence)
+                _follow_jobs(folders, pack, container, keeper, stop, watched)
         return _ending(pack, verdicts)
     finally:
         container.end()
@@ -52,7 +58,12 @@ def agent(folders: Folders) -> AgentExit:
 
 
 def _follow_jobs(
-    folders: Folders, pack: Pack, container: RunContainer, keeper: _Keeper, stop: Event
+    folders: Folders,
+    pack: Pack,
+    container: RunContainer,
+    keeper: _Keeper,
+    stop: Event,
+    silence: Silence,
 ) -> None:
     left: tuple[Run, ...] | None = pack.left
     number = 1
@@ -62,7 +73,7 @@ def _follow_jobs(
             keeper.wait()  # what is stored makes room on the pod's disk
             prepare_later_job(folders, pack, job)
             container.run(number)
-        watch = JobWatch(folders, job, pack.timeout, pack.secondaries, keeper, stop.is_set)
+        watch = JobWatch(folders, job, pack.timeout, pack.secondaries, keeper, stop.is_set, silence)
         left = watch.follow()
         number += 1
 

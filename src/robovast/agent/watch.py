@@ -12,6 +12,7 @@ from typing import Protocol
 from robovast.agent.folders import Folders
 from robovast.agent.orders import RunContainer
 from robovast.agent.pack import PodJob
+from robovast.agent.silence import Silence
 from robovast.execution.judge import Ending, judge
 from robovast.execution.progress import is_over, keep_the_rest
 from robovast.plan import Run
@@ -70,6 +71,7 @@ class JobWatch:
         secondaries: tuple[str, ...],
         receiver: Receiver,
         is_stopping: Callable[[], bool],
+        silence: Silence,
     ) -> None:
         self._folders = folders
         self._container = RunContainer(folders)
@@ -78,6 +80,7 @@ class JobWatch:
         self._secondaries = secondaries
         self._receiver = receiver
         self._is_stopping = is_stopping
+        self._silence = silence
         self._own = folders.out / "_jobs" / job.name
         self._current = 0
         """Index of the run that is being executed."""
@@ -90,6 +93,7 @@ class JobWatch:
         None when this pod cannot go on.
         """
         ending = self._wait()
+        self._silence.end()
         if ending is None:
             return None
         if not ending.from_outside:
@@ -113,6 +117,7 @@ class JobWatch:
                 return ending
             if self._since is None and self._never_starts(give_up):
                 return None
+            self._silence.look(self._log)
             time.sleep(POLL)
 
     def _never_starts(self, give_up: float) -> bool:

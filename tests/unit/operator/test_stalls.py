@@ -1,0 +1,284 @@
+"""Why nothing moves: every cause of the table in docs/kubernetes.md, by what kubelets say of it."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import time
+from collections.abc import AsyncIterator
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+from operator_world import SETTINGS, FakeJob, accepted
+
+from robovast_operator.diagnose import Diagnosis
+from robovast_operator.lenient import shaped
+from robovast_operator.memory import Memory
+from robovast_operator.picture import Trouble
+from robovast_operator.pod_facts import trouble_of_events
+from robovast_operator.stalls import cause_of
+from robovast_operator.store import JobState
+from robovast_operator.times import format_time
+
+DOCS = Path(__file__).parents[3] / "docs/kubernetes.md"
+NOW = datetime(2026, 11, 21, 8, tzinfo=UTC)
+START = format_time(NOW - timedelta(minutes=16))
+RUNNING = {"running": {"startedAt": START}}
+DONE = {"terminated": {"exitCode": 0, "reason": "Completed"}}
+READY = {"type": "Ready", "status": "True", "lastTransitionTime": START}
+UNREADY = {
+    "type": "Ready",
+    "status": "False",
+    "reason": "ContainersNotReady",
+    "message": "containers with unready status: [agent]",
+    "lastTransitionTime": START,
+}
+
+
+def ended(code: int, reason: str = "Error", message: str = "") -> dict[str, Any]:
+    return {"terminated": {"exitCode": code, "reason": reason, "message": message}}
+
+
+def pod(
+    phase: str,
+    *conditions: dict[str, Any],
+    index: int = 0,
+    minutes: float = 16,
+    metadata: dict[str, Any] | None = None,
+    told: dict[str, str] | None = None,
+    ready: bool = True,
+    **states: dict[str, Any],
+) -> Any:
+    """A pod as the API server has it, with the states of its containers."""
+    containers = [
+        {"name": name.replace("_", "-"), "image": "runs:1", "ready": ready, "state": state}
+        for name, state in states.items()
+    ]
+    ours = ("compat-version", "fetch")
+    return shaped(
+        {
+            "metadata": {
+                "namespace": "lab",
+                "name": f"drive-0-{index}-x{minutes:g}",
+                "annotations": {"batch.kubernetes.io/job-completion-index": str(index)},
+                "creationTimestamp": format_time(NOW - timedelta(minutes=minutes)),
+                **(metadata or {}),
+            },
+            "spec": {"nodeName": "node-7"},
+            "status": {
+                "phase": phase,
+                "conditions": list(conditions),
+                "initContainerStatuses": [c for c in containers if c["name"] in ours],
+                "containerStatuses": [c for c in containers if c["name"] not in ours],
+                **(told or {}),
+            },
+        }
+    )
+
+
+def waits(reason: str, message: str = "") -> dict[str, Any]:
+    return {"waiting": {"reason": reason, "message": message}}
+
+
+DELETED = {"deletionTimestamp": format_time(NOW - timedelta(minutes=5))}
+BASH = 'exec: "bash": executable file not found in $PATH: unknown'
+NO_ROOM = {"type": "PodScheduled", "status": "False", "message": "0/3 nodes are available"}
+
+CAUSES: dict[str, tuple[str, Any]] = {
+    "image cannot be pulled": (
+        "ImagePull",
+        pod("Pending", compat_version=waits("ImagePullBackOff", "Back-off pulling")),
+    ),
+    "no node has room": ("Unschedulable", pod("Pending", NO_ROOM)),
+    "Secret of the storage is missing": (
+        "Configuration",
+        pod("Pending", fetch=waits("CreateContainerConfigError", "secret not found")),
+    ),
+    "wrong architecture": (
+        "Container",
+        pod("Failed", compat_version=ended(255, message="exec /bin/sh: exec format error")),
+    ),
+    "no bash in the image": (
+        "Container",
+        pod("Running", UNREADY, fetch=DONE, robovast=ended(128, "StartError", BASH), agent=RUNNING),
+    ),
+    "no shell in the image": (
+        "Container",
+        pod("Failed", compat_version=ended(128, "StartError", "no such file or directory")),
+    ),
+    "own container out of memory": (
+        "OutOfMemory",
+        pod("Failed", compat_version=DONE, fetch=ended(137, "OOMKilled")),
+    ),
+    "agent out of memory": (
+        "OutOfMemory",
+        pod("Failed", fetch=DONE, robovast=DONE, agent=ended(137, "OOMKilled")),
+    ),
+    "storage cannot be used": (
+        "Storage",
+        pod("Failed", fetch=ended(74, message="no server at http://s3:9000")),
+    ),
+    "evicted": (
+        "Evicted",
+        pod(
+            "Failed",
+            told={"reason": "Evicted", "message": "The node was low on resource: memory."},
+            agent=ended(137, "ContainerStatusUnknown"),
+        ),
+    ),
+    "refused by the node": (
+        "Rejected",
+        pod("Failed", told={"reason": "OutOfcpu", "message": "Node didn't have enough resource"}),
+    ),
+    "node does not answer": (
+        "NodeLost",
+        pod("Running", READY | {"status": "False"}, robovast=RUNNING, agent=RUNNING),
+    ),
+    "pod cannot end on a lost node": (
+        "NodeLost",
+        pod("Running", READY, metadata=DELETED, robovast=RUNNING, agent=RUNNING),
+    ),
+    "run hangs": (
+        "Silent",
+        pod("Running", UNREADY, ready=False, robovast=RUNNING, agent=RUNNING),
+    ),
+}
+"""By name: the reason that is told, and a pod."""
+
+
+def job(**status: Any) -> JobState:
+    """The Job of 300 packs, with pods that come to nothing."""
+    state = FakeJob("drive-0", "shard", 300, 100).state()
+    return replace(state, **{"active": 1, "ready": 0, **status})
+
+
+def cause(*pods: Any, at_work: bool = False, **status: Any) -> Trouble | None:
+    return cause_of(pods, job(**status), NOW, 1800, at_work=at_work)
+
+
+@pytest.mark.parametrize(("reason", "told"), CAUSES.values(), ids=list(CAUSES))
+def test_each_cause_is_told(reason: str, told: Any) -> None:
+    found = cause(told)
+    assert found is not None
+    assert (found.reason, found.final) == (reason, False)
+    assert len(found.message) > 20
+
+
+def test_the_table_of_causes_names_all_of_them() -> None:
+    """Quota and Refused are told by events alone."""
+    table = DOCS.read_text().partition("### Why nothing moves")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| (`.*?) \|", table, re.MULTILINE)
+    documented = set(re.findall(r"\w+", " ".join(rows)))
+    by_events = {
+        found.reason
+        for reason in ("exceeded quota", "violates PodSecurity")
+        if (found := trouble_of_events([{"reason": "FailedCreate", "message": reason}]))
+    }
+    assert {reason for reason, _ in CAUSES.values()} | by_events == documented
+
+
+def test_what_was_in_the_way_of_pods_before_is_over() -> None:
+    old = pod("Failed", fetch=ended(74, message="no server"), index=1, minutes=90)
+    assert cause(old, completed="0-5") is None
+    assert cause(old, failed="1") is None
+    newer = [pod("Pending", index=1, minutes=m, fetch=RUNNING) for m in (2, 5)]
+    assert cause(*newer, old) is None
+    found = cause(newer[0], old)
+    assert found is not None, "the last one before it tells, as long as the newest says nothing"
+    assert found.reason == "Storage"
+
+
+def test_pods_that_wait_are_no_stall_while_others_work() -> None:
+    waiting = [pod("Pending", NO_ROOM, index=i) for i in range(80)]
+    dead = pod("Failed", fetch=ended(74), index=90)
+    assert cause(*waiting, dead, at_work=True, active=100, ready=20) is None
+    found = cause(*waiting, dead, active=100)
+    assert found is not None
+
+
+def test_pods_that_die_again_and_again_are_a_stall_though_others_start() -> None:
+    _, evicted = CAUSES["evicted"]
+    deaths = [
+        shaped({**evicted, "metadata": {**evicted["metadata"], "name": f"drive-{number}"}})
+        for number in range(3)
+    ]
+    assert cause(*deaths[:2], at_work=True, ready=1) is None
+    found = cause(*deaths, at_work=True, ready=1)
+    assert found is not None
+    assert (found.reason, found.repeated) == ("Evicted", True)
+    assert found.message.startswith("3 pods have died")
+    assert cause(*deaths, at_work=True, active=100, ready=99) is None, "one of a hundred"
+    lost = [pod("Failed", agent=ended(75), index=0, minutes=m) for m in range(5)]
+    assert cause(*lost, at_work=True, ready=1) is None, "how runs end is a result"
+
+
+class Server:
+    """Has pods, and says how often it was asked."""
+
+    def __init__(self, *pods: Any) -> None:
+        self.pods = pods
+        self.asked = 0
+
+    async def list(self, path: str, **selection: str) -> AsyncIterator[Any]:
+        self.asked += 1
+        if path.endswith("/events"):
+            return
+        wanted = selection.get("fieldSelector", "")
+        for found in self.pods:
+            if wanted != "status.phase=Failed" or found["status"]["phase"] == "Failed":
+                yield found
+
+
+class Campaign:
+    """One Job, and what is remembered of it as time goes by."""
+
+    def __init__(self, *pods: Any) -> None:
+        self.server: Any = Server(*pods)
+        self.memory = Memory("uid")
+        self._diagnosis = Diagnosis(self.server, SETTINGS)
+
+    def pass_by(self, seconds: float, **status: Any) -> str:
+        """The time goes by, and then it is looked; returns what is told."""
+        for name in ("moved", "progressed", "diagnosed"):
+            setattr(self.memory, name, getattr(self.memory, name) - seconds)
+        jobs = {"drive-0": job(**status)}
+        self.memory.notice(jobs)
+        asyncio.run(self._diagnosis.update(accepted(), self.memory, jobs))
+        return self.memory.trouble.reason if self.memory.trouble else ""
+
+
+def test_a_stall_neither_flaps_nor_stays() -> None:
+    _, pull = CAUSES["image cannot be pulled"]
+    campaign = Campaign(pull)
+    stall = SETTINGS.stall_seconds
+    assert campaign.pass_by(1) == ""
+    assert campaign.pass_by(stall) == "ImagePull"
+    assert campaign.pass_by(1, active=2) == "ImagePull", "another such pod changes nothing"
+    assert campaign.pass_by(1, active=2, ready=1) == "", "pods are at work"
+    assert campaign.pass_by(1, active=2, ready=1, completed="0") == ""
+    assert campaign.pass_by(1, active=1, ready=0, completed="0") == ""
+    campaign.server.pods = (pod("Pending", NO_ROOM, index=7, minutes=1),)
+    assert campaign.pass_by(stall, active=1, completed="0") == "Unschedulable"
+
+
+def test_pods_at_work_are_left_in_peace() -> None:
+    campaign = Campaign(pod("Running", READY, robovast=RUNNING, agent=RUNNING))
+    for _ in range(240):
+        assert campaign.pass_by(30, active=1, ready=1) == ""
+    assert campaign.server.asked < 40, "in two hours"
+
+
+def test_deaths_one_after_the_other_are_told_and_stay_told() -> None:
+    _, evicted = CAUSES["evicted"]
+    campaign = Campaign()
+    told = []
+    for number in range(12):
+        dead = shaped({**evicted, "metadata": {**evicted["metadata"], "name": f"x{number}"}})
+        campaign.server.pods = (*campaign.server.pods, dead)
+        told += [campaign.pass_by(120, active=1, ready=1), campaign.pass_by(5, active=0)]
+        time.sleep(0)
+    assert told[-12:] == ["Evicted"] * 12
+    assert told[:4] == [""] * 4
