@@ -22,7 +22,14 @@ from robovast_testbed.s3 import Server
 
 from robovast.cluster.endpoint import Credentials, Endpoint
 from robovast.cluster.names import bucket_name
-from robovast.cluster.plan import CampaignPlan, Entry, PlanSpec, first_blocks, format_breaks
+from robovast.cluster.plan import (
+    CampaignPlan,
+    Entry,
+    Owner,
+    PlanSpec,
+    first_blocks,
+    format_breaks,
+)
 from robovast.cluster.storage import ObjectStore
 from robovast.document import load_document
 from robovast.execution.local.process_environment import process_environment
@@ -49,12 +56,16 @@ class Campaign:
     vast: Path
     server: Server
     given: dict[str, Any] = field(default_factory=dict)
-    """Further values of the plan."""
+    """Further values of the plan; `campaign`, `owner` and `bucket` in place of new ones."""
 
     def __post_init__(self) -> None:
         self.pods: list[Pod] = []
-        self.name = f"test-{uuid4().hex[:8]}-2026-01-02-030405"
-        self.bucket = bucket_name(self.name)
+        name = f"test-{uuid4().hex[:8]}-2026-01-02-030405"
+        self.name = self.given.pop("campaign", name)
+        owner = Owner(uid=str(uuid4()), namespace="lab", name="test", campaign=self.name)
+        owner = self.given.pop("owner", owner)
+        uid = owner.uid if owner is not None else ""
+        self.bucket = self.given.pop("bucket", bucket_name(self.name, uid=uid))
         document = load_document(self.vast)
         select = self.given.get("select", ())
         with TemporaryDirectory() as scratch:
@@ -68,6 +79,7 @@ class Campaign:
         self.plan = CampaignPlan(
             campaign=self.name,
             bucket=self.bucket,
+            owner=owner,
             endpoint=f"http://{self.server.endpoint}",
             document=self.vast.name,
             **{"expansion": "pure", **self.given},

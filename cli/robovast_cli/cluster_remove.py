@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
+from robovast.cluster.ownership import is_owned
 from robovast.cluster.resources import UID_LABEL
 from robovast.errors import CannotRunError
 from robovast_cli.cluster_status import CampaignState
@@ -58,9 +59,14 @@ def remove(campaigns: Sequence[CampaignState], kube: Kubernetes, *, data: bool) 
 
 
 def remove_bucket(kube: Kubernetes, campaign: CampaignState) -> None:
-    """Remove the bucket of a campaign; nothing happens when there is none."""
+    """Remove the bucket of a campaign; nothing happens when there is none.
+
+    Raises:
+        OtherOwnerError: it belongs to another campaign.
+    """
     if campaign.status.bucket:
         with open_store(kube, place_of(campaign)) as store:
+            is_owned(store, campaign.status.bucket, campaign.uid)
             store.delete_bucket(campaign.status.bucket)
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from robovast.cluster.resources import MANAGED_BY, MANAGED_LABEL, Scheduling
 from robovast.cluster.share_job import Upload, agent_image, share_variables
 from robovast.errors import CannotRunError, ExitCode, InputError, RobovastError
+from robovast.results.belonging import distinct_name
 from robovast.results.share import SHARE_TYPE, Share, open_share
 from robovast_cli.cluster_status import CampaignState, lookup
 from robovast_cli.downloading import Results, named_results, results_of
@@ -53,7 +54,7 @@ def upload_to_share(
             uploads = _Uploads(kube, share, variables, how)
             try:
                 for results in _chosen(kube, known, names):
-                    uploads.upload(results, lookup(known, results.name))
+                    uploads.upload(_told_apart(results, known))
             except KeyboardInterrupt:
                 say("\nNo longer followed: an upload that has begun goes on in the cluster.")
                 return ExitCode.INTERRUPTED
@@ -74,19 +75,19 @@ class _Uploads:
         self._how = how
         self.errors: list[RobovastError] = []
 
-    def upload(self, results: Results, owner: CampaignState | None) -> None:
+    def upload(self, results: Results) -> None:
         """Upload results, unless they are on the share."""
         name = results.name
         if not self._how.force and self._is_there(name):
             say(f"{name}: is on the share; `--force` replaces it.")
             return
         try:
-            self._upload(results, owner)
+            self._upload(results)
         except RobovastError as error:
             self.errors.append(error)
 
-    def _upload(self, results: Results, owner: CampaignState | None) -> None:
-        name, kube = results.name, self._kube
+    def _upload(self, results: Results) -> None:
+        name, kube, owner = results.name, self._kube, results.campaign
         upload = Upload(
             campaign=name,
             bucket=results.bucket,
@@ -142,6 +143,14 @@ def _chosen(
             "removed."
         )
     return [results_of(campaign) for campaign in stored]
+
+
+def _told_apart(results: Results, known: Sequence[CampaignState]) -> Results:
+    """Results under a name that no other campaign of the namespace has."""
+    alike = [campaign for campaign in known if campaign.status.campaign == results.name]
+    if len(alike) < 2 or results.campaign is None:
+        return results
+    return replace(results, name=distinct_name(results.name, results.campaign.uid))
 
 
 def _agent_image(kube: Kubernetes) -> str:

@@ -148,8 +148,17 @@ class CampaignState:
 
 
 def lookup(known: Iterable[CampaignState], name: str) -> CampaignState | None:
-    """The campaign of a name, or of the name of its results folder; None when there is none."""
-    return next((c for c in known if name in {c.name, c.status.campaign}), None)
+    """The campaign of a name, or of the name of its results folder; None when there is none.
+
+    Raises:
+        InputError: results folders of several have that name.
+    """
+    found = [c for c in known if name in {c.name, c.status.campaign, c.status.bucket}]
+    exact = [c for c in found if c.name == name] or found
+    if len(exact) > 1:
+        names = ", ".join(campaign.name for campaign in exact)
+        raise InputError(f"several campaigns have results called {name}; name one of {names}.")
+    return exact[0] if exact else None
 
 
 def find_campaign(known: Sequence[CampaignState], name: str, namespace: str) -> CampaignState:

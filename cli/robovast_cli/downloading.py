@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from robovast.cluster.names import bucket_name
+from robovast.cluster.ownership import find_bucket, is_owned, owner_of
 from robovast.common.progress import fmt_size
 from robovast.errors import CannotRunError, InputError, StorageError
+from robovast.results.belonging import folder_for
 from robovast.results.download import DownloadObserver, DownloadResult, Silent, download_campaign
 from robovast_cli.cluster_status import CampaignState, find_campaign, lookup
 from robovast_cli.cluster_store import StorePlace, installed_place, open_store, place_of
@@ -28,6 +29,8 @@ class Results:
     """Name of the results folder."""
     bucket: str
     place: StorePlace
+    campaign: CampaignState | None = None
+    """None when it was removed."""
 
 
 def download_campaigns(
@@ -73,15 +76,16 @@ def named_results(kube: Kubernetes, known: Sequence[CampaignState], name: str) -
     """Results by name, also those whose Campaign was removed.
 
     Raises:
-        InputError: there are none.
+        InputError: there are none, or several.
         CannotRunError: nothing is stored yet.
     """
     place = installed_place(kube, known)
     if lookup(known, name) is None and place.endpoint:
-        bucket = bucket_name(name)
         with open_store(kube, place) as store:
-            if bucket in store.buckets():
-                return Results(name, bucket, place)
+            found = find_bucket(store, name)
+        if found is not None:
+            bucket, owner = found
+            return Results(owner.campaign if owner is not None else name, bucket, place)
     return results_of(find_campaign(known, name, kube.namespace))
 
 
@@ -97,7 +101,8 @@ def results_of(campaign: CampaignState) -> Results:
             f"{campaign.name}: nothing is stored yet. `vast exec cluster monitor` shows how far "
             "it is."
         )
-    return Results(status.campaign or campaign.name, status.bucket, place_of(campaign))
+    name = status.campaign or campaign.name
+    return Results(name, status.bucket, place_of(campaign), campaign)
 
 
 def _try(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> bool:
@@ -111,9 +116,14 @@ def _try(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> bo
 
 
 def _download(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> None:
-    folder = output / results.name
-    with open_store(kube, results.place) as store, _view(results.name) as view:
-        result = download_campaign(store, results.bucket, folder, view, force=force)
+    with open_store(kube, results.place) as store:
+        if results.campaign is not None:
+            is_owned(store, results.bucket, results.campaign.uid)
+        folder = folder_for(output, results.name, owner_of(store, results.bucket))
+        if folder.name != results.name:
+            say(f"{results.name} is another campaign's folder here; this one is {folder.name}.")
+        with _view(folder.name) as view:
+            result = download_campaign(store, results.bucket, folder, view, force=force)
     for line in _summary(result):
         say(line)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from robovast.cluster.names import bucket_name, campaign_id, child_name
-from robovast.cluster.plan import Entry, PlanSpec
+from robovast.cluster.plan import CampaignPlan, Entry, Owner, PlanSpec
 from robovast.cluster.resources import (
     API_VERSION,
     CAMPAIGN_LABEL,
@@ -79,6 +79,8 @@ class Accepted:
     """What the document expands to; empty when the compose Job finds it out."""
     breaks: str = ""
     """`PlanSpec.breaks` of it."""
+    planned: CampaignPlan | None = None
+    """What pods know of it already; where its results are does not change any more."""
     default_endpoint: str = ""
     default_region: str | None = None
 
@@ -96,7 +98,23 @@ class Accepted:
     @property
     def bucket(self) -> str:
         """The bucket of the results."""
-        return bucket_name(self.campaign, self.spec.storage.prefix or "")
+        if self.planned is not None:
+            return self.planned.bucket
+        prefix = self.spec.storage.prefix or ""
+        return bucket_name(self.campaign, prefix, self.identity.uid)
+
+    @property
+    def owner(self) -> Owner | None:
+        """Whose the bucket says it is; None when the campaign was begun by an older version."""
+        if self.planned is not None:
+            return self.planned.owner
+        identity = self.identity
+        return Owner(
+            uid=identity.uid,
+            namespace=identity.namespace,
+            name=identity.name,
+            campaign=self.campaign,
+        )
 
     @property
     def endpoint(self) -> str:

@@ -21,7 +21,13 @@ from robovast_operator.campaign import Accepted, Identity, Object, Rejected, Rev
 from robovast_operator.configurations import is_own, own_configurations
 from robovast_operator.jobs import files_config_map, plan_config_map
 from robovast_operator.memory import Memory
-from robovast_operator.revisions import NO_PLAN, next_revision, owners_note, read_revisions
+from robovast_operator.revisions import (
+    NO_PLAN,
+    any_plan,
+    next_revision,
+    owners_note,
+    read_revisions,
+)
 from robovast_operator.settings import Settings
 from robovast_operator.store import Store
 
@@ -41,8 +47,11 @@ class Inputs:
             files = await self._files(obj)
             if isinstance(files, Rejected):
                 return files
-            memory.accepted = await asyncio.to_thread(accept, obj, files, self._settings)
-            memory.accepted_for = mark
+            accepted = await asyncio.to_thread(accept, obj, files, self._settings)
+            if isinstance(accepted, Accepted):
+                await self._load_revisions(accepted.identity, memory)
+                accepted = replace(accepted, planned=memory.planned)
+            memory.accepted, memory.accepted_for = accepted, mark
         return memory.accepted
 
     async def _files(self, obj: Object) -> Files | Rejected | None:
@@ -69,11 +78,10 @@ class Inputs:
 
     async def planned(self, accepted: Accepted, memory: Memory) -> Accepted | None:
         """A campaign with what its compose Job once found out; None when it has not yet."""
-        if memory.revisions is None:
-            memory.revisions = await self._load_revisions(accepted.identity)
-        if not memory.revisions:
+        revisions = await self._load_revisions(accepted.identity, memory)
+        if not revisions:
             return None
-        entries = memory.revisions[0].entries
+        entries = revisions[0].entries
         return replace(accepted, entries=entries[: len(accepted.vast.configuration or [None])])
 
     async def prepare_composing(self, accepted: Accepted, plan: str) -> None:
@@ -121,17 +129,16 @@ class Inputs:
     ) -> Sequence[Revision]:
         """The campaign's plans, with one more when more is asked for."""
         memory.problems = dict(additions.problems)
-        if memory.revisions is None:
-            memory.revisions = await self._load_revisions(accepted.identity)
-        name = accepted.identity.child(f"plan-{len(memory.revisions)}")
-        new = next_revision(accepted, memory.revisions, additions.found, name)
+        revisions = await self._load_revisions(accepted.identity, memory)
+        name = accepted.identity.child(f"plan-{len(revisions)}")
+        new = next_revision(accepted, revisions, additions.found, name)
         if new is not None:
-            told = additions.accepted or accepted
+            told = replace(additions.accepted or accepted, planned=accepted.planned)
             if not await self._create_plan(told, new, new.entries):
-                memory.revisions = None  # another replica was faster: read what it wrote
+                memory.forget_inputs()  # another replica was faster: read what it wrote
                 return await self.revisions(accepted, additions, memory)
-            memory.revisions.append(new)
-        return memory.revisions
+            revisions.append(new)
+        return revisions
 
     async def withdrawn(
         self, accepted: Accepted, revisions: Sequence[Revision], memory: Memory
@@ -151,10 +158,16 @@ class Inputs:
         found = self._api.list(paths.configurations(namespace), fieldSelector=name)
         return owner["uid"] not in [item["metadata"]["uid"] async for item in found]
 
-    async def _load_revisions(self, identity: Identity) -> list[Revision]:
+    async def _load_revisions(self, identity: Identity, memory: Memory) -> list[Revision]:
+        """The campaign's plans as they are in the cluster, read once."""
+        if memory.revisions is not None:
+            return memory.revisions
         selector = ",".join(f"{name}={value}" for name, value in identity.labels.items())
         found = self._api.list(paths.config_maps(identity.namespace), labelSelector=selector)
-        return read_revisions([obj async for obj in found], identity.child("plan-"))
+        plans = [obj async for obj in found]
+        memory.planned = any_plan(plans, identity.child("plan-"))
+        memory.revisions = read_revisions(plans, identity.child("plan-"))
+        return memory.revisions
 
     async def _create_plan(
         self, accepted: Accepted, revision: Revision, entries: tuple[Entry, ...]

@@ -51,7 +51,8 @@ def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Objec
         "podFailurePolicy": {
             "rules": [
                 _on_exit("FailJob", "compat-version", [78]),
-                _on_exit("FailJob", "fetch", [64, 65]),
+                _on_exit("FailJob", "fetch", [64, 65, 73]),
+                _on_exit("FailJob", "agent", [73]),
                 _on_exit("FailIndex", "agent", [10, 11]),
                 _on_exit("Ignore", "fetch", [74]),  # storage that is away costs time, no tries
                 _on_exit("Ignore", "agent", [74]),
@@ -75,7 +76,7 @@ def task_job(accepted: Accepted, settings: Settings, command: str, name: str, pl
         "podReplacementPolicy": "Failed",
         "podFailurePolicy": {
             "rules": [
-                _on_exit("FailJob", command, [64, 65]),
+                _on_exit("FailJob", command, [64, 65, 73]),
                 _on_exit("Ignore", command, [74]),
                 {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]},
             ]
@@ -187,6 +188,7 @@ def campaign_plan(
     return CampaignPlan(
         campaign=accepted.campaign,
         bucket=accepted.bucket,
+        owner=accepted.owner,
         endpoint=accepted.endpoint,
         region=accepted.region,
         document=accepted.document_name,

@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from robovast.cluster.plan import CampaignPlan
 from robovast_operator.campaign import Accepted, Rejected, Revision
 from robovast_operator.picture import Final, Trouble
 from robovast_operator.store import JobState
@@ -23,6 +24,8 @@ class Memory:
     """What `accepted` was made from."""
     accepted: Accepted | Rejected | None = None
     revisions: list[Revision] | None = None
+    planned: CampaignPlan | None = None
+    """A plan that was fixed; all of them agree on where results are."""
     generation_as_planned: int = 0
     """Of the Campaign, whose document was found to be the one that was planned."""
     files_made: bool = False
@@ -76,6 +79,10 @@ class Memory:
             self.trouble = None
         if before[0] != ends:
             self.progressed = self.moved
+
+    def forget_inputs(self) -> None:
+        """Somebody else has fixed a plan: read and check everything anew."""
+        self.accepted = self.revisions = self.planned = None
 
     def still_for(self) -> float:
         """How long nothing has moved [s]."""

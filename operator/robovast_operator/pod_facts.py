@@ -24,7 +24,13 @@ _WAITING = {
 }
 """What a kubelet says of a container that does not start, and the cause for people."""
 
-_EXITS = {74: "Storage", 65: "InvalidDocument", 64: "InvalidPlan", 78: "Incompatible"}
+_EXITS = {
+    64: "InvalidPlan",
+    65: "InvalidDocument",
+    73: "OtherOwner",
+    74: "Storage",
+    78: "Incompatible",
+}
 """Exit codes of our containers (docs/agent.md) that are no verdict."""
 
 
@@ -74,7 +80,8 @@ def trouble_of(pods: Iterable[Object]) -> Trouble | None:
 def most_telling(troubles: Iterable[Trouble]) -> Trouble | None:
     """Of several causes the one that explains the others."""
     ranked = (
-        *("Incompatible", "InvalidDocument", "InvalidPlan", "ImagePull", "Configuration"),
+        *("Incompatible", "InvalidDocument", "InvalidPlan", "OtherOwner"),
+        *("ImagePull", "Configuration"),
         *("Container", "OutOfMemory", "Storage", "Evicted", "Rejected", "NodeLost", "Silent"),
     )
     order = {reason: rank for rank, reason in enumerate(ranked)}
@@ -132,7 +139,7 @@ def _ending(container: Object, ended: Object) -> Trouble | None:
     return Trouble("Container", f"the container {name} fails ({said})")
 
 
-_FINAL = frozenset({"Incompatible", "InvalidDocument", "InvalidPlan"})
+_FINAL = frozenset({"Incompatible", "InvalidDocument", "InvalidPlan", "OtherOwner"})
 
 
 def _error(message: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -31,6 +32,20 @@ class Addition:
     runs: int
     owner: Object
     """Reference to the object."""
+
+
+def any_plan(config_maps: Iterable[Object], prefix: str) -> CampaignPlan | None:
+    """A plan in a campaign's ConfigMaps, also the compose Job's; None when there is none yet.
+
+    One that is none is told where it is needed: `read_revisions`.
+    """
+    for obj in config_maps:
+        if obj["metadata"]["name"].startswith(prefix):
+            with suppress(ValueError):
+                return CampaignPlan.model_validate_json(
+                    text(mapping(obj.get("data")).get("campaign.json"))
+                )
+    return None
 
 
 def read_revisions(config_maps: Iterable[Object], prefix: str) -> list[Revision]:

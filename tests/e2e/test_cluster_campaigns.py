@@ -249,7 +249,7 @@ def test_the_page_in_the_cluster_shows_what_is_in_the_storage(lab: Lab) -> None:
     """At the address that its log says, through `kubectl port-forward`."""
     lab.quick("shown", "true\n")
     lab.wait("shown")
-    name = lab.campaign("shown")["status"]["bucket"]
+    name = lab.campaign("shown")["status"]["campaign"]
     system = ("--namespace", SYSTEM)
     said = lab.cluster.kubectl(*system, "logs", "deployment/robovast-page", "--container", "page")
     found = re.search(r"http://\S+", said)

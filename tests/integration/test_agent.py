@@ -338,7 +338,8 @@ def test_a_finished_campaign_equals_a_local_one_file_by_file(make: Make, tmp_pat
         "failedRuns": "1", "erroredRuns": "", "truncated": False, "failing": ["one-2/0"],
     }  # fmt: skip
     root = run(campaign.vast, tmp_path / "local").campaign
-    assert set(campaign.objects()) == {*files_below(root), "_execution/index.json"}
+    own = {"_execution/index.json", "_transient/owner.json"}
+    assert set(campaign.objects()) == {*files_below(root), *own}
     for name in ("_config/scenario.osc", "one-1/_config/config.yaml", "_transient/entrypoint.sh"):
         assert campaign.read(name) == (root / name).read_text()
     links = "_transient/job_links.yaml"

@@ -58,7 +58,7 @@ def _carry_out(options: argparse.Namespace, folders: Folders) -> AgentExit:
         arguments.append(index)
     elif options.command == "share":
         place = Endpoint.parse(options.endpoint, options.region)
-        arguments.append(module.Request(options.campaign, options.bucket, place))
+        arguments.append(module.Request(options.campaign, options.bucket, place, options.uid))
     code: AgentExit = getattr(module, options.command)(*arguments)
     return code
 
@@ -103,6 +103,7 @@ def _add_results(share: argparse.ArgumentParser) -> None:
     share.add_argument("--bucket", required=True, help="where its results are")
     share.add_argument("--endpoint", required=True, help="URL of the S3 server")
     share.add_argument("--region", help="of the S3 server, where it has any")
+    share.add_argument("--uid", help="of the Campaign that the bucket must be of")
 
 
 if __name__ == "__main__":

@@ -47,7 +47,9 @@ def agent(folders: Folders, silence: float = 0.0) -> AgentExit:
             endpoint = Endpoint.parse(pack.endpoint, pack.region)
             store = ObjectStore(endpoint, credentials, connections=SIDE_BY_SIDE + 2)
             with call_on_signals(stop.set), Background() as background:
-                results = Results(Bucket(store, pack.bucket), pack)
+                bucket = Bucket(store, pack.bucket, pack.owner)
+                bucket.claim()
+                results = Results(bucket, pack)
                 keeper = _Keeper(folders, results, background, verdicts)
                 watched = Silence(folders.work / SILENT, silence)
                 _follow_jobs(folders, pack, container, keeper, stop, watched)

@@ -10,6 +10,8 @@ from collections.abc import Iterable
 from itertools import count
 
 from robovast.agent.pack import job_name
+from robovast.cluster.ownership import claim, is_owned
+from robovast.cluster.plan import Owner
 from robovast.cluster.storage import ObjectStore
 from robovast.plan import Run
 from robovast.results.layout import RUN_RECORD
@@ -23,9 +25,36 @@ class Bucket:
     Every method raises `StorageError` when the server refuses, or is gone for too long.
     """
 
-    def __init__(self, store: ObjectStore, name: str) -> None:
+    def __init__(self, store: ObjectStore, name: str, owner: Owner | None) -> None:
+        """
+        Args:
+            store: where it is.
+            name: its name.
+            owner: whose it is; None when the campaign was begun by an older version.
+        """
         self.store = store
         self.name = name
+        self._owner = owner
+
+    def claim(self) -> None:
+        """Make it, as the campaign's own, unless that was done before.
+
+        Raises:
+            OtherOwnerError: it is another campaign's.
+        """
+        if self._owner is not None:
+            claim(self.store, self.name, self._owner)
+        elif not is_owned(self.store, self.name, None):
+            self.store.make_bucket(self.name)
+
+    def remove(self) -> None:
+        """Remove it with all that is in it; nothing happens when there is none.
+
+        Raises:
+            OtherOwnerError: it is another campaign's.
+        """
+        is_owned(self.store, self.name, self._owner.uid if self._owner is not None else None)
+        self.store.delete_bucket(self.name)
 
     def record(self, run: str) -> RunRecord | None:
         """The record of a run, by `<variant>/<number>`; None when it is not stored."""

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from robovast.agent.bucket import Bucket
 from robovast.agent.exit_codes import PlanError
 from robovast.agent.folders import Folders
 from robovast.agent.sources import copy_inputs
@@ -45,6 +46,11 @@ class Campaign:
         if self.plan.plan is None:
             raise PlanError(f"{self.folders.plan / 'campaign.json'}: `plan` is missing.")
         return self.plan.plan
+
+    @property
+    def bucket(self) -> Bucket:
+        """Where its results are."""
+        return Bucket(self.store, self.plan.bucket, self.plan.owner)
 
 
 def open_campaign(folders: Folders, *, connections: int = 8) -> Campaign:

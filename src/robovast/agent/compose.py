@@ -6,7 +6,6 @@ import json
 import shutil
 from collections import Counter
 
-from robovast.agent.bucket import Bucket
 from robovast.agent.campaign import Campaign, expand, load_inputs, open_campaign
 from robovast.agent.exit_codes import AgentExit
 from robovast.agent.folders import Folders
@@ -34,6 +33,7 @@ def compose(folders: Folders) -> AgentExit:
         StorageError: the bucket cannot be written.
     """
     campaign = open_campaign(folders, connections=SIDE_BY_SIDE)
+    campaign.bucket.claim()
     document = load_inputs(campaign)
     composition = expand(campaign, document, print)
     found = Counter(variant.entry for variant in composition.variants)
@@ -57,11 +57,10 @@ def store_inputs(campaign: Campaign, document: Document, composition: Compositio
 
     The list of configurations comes last: who finds it finds everything.
     """
-    bucket = Bucket(campaign.store, campaign.plan.bucket)
+    bucket = campaign.bucket
     folder = campaign.folders.work / "campaign"
     shutil.rmtree(folder, ignore_errors=True)
     write_configurations(document, composition, folder, timings=True)
-    bucket.store.make_bucket(bucket.name)
     there = {item.key for item in bucket.store.objects(bucket.name)}
     store_tree(bucket, folder, "", there=there, skipped={CONFIGURATIONS})
     bucket.store.put_file(bucket.name, CONFIGURATIONS, folder / CONFIGURATIONS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from enum import IntEnum
 
+from robovast.cluster.ownership import OtherOwnerError
 from robovast.errors import CannotRunError, InputError, RobovastError
 from robovast.results.verdict import Verdict
 
@@ -22,6 +23,8 @@ class AgentExit(IntEnum):
     """The plan is none of this version: trying again is useless."""
     BAD_DOCUMENT = 65
     """The document or its files are wrong: trying again is useless."""
+    OTHER_OWNER = 73
+    """The bucket belongs to another campaign: trying again is useless."""
     STORAGE = 74
     """Storage, or the pod's own disk, gave up: try again."""
     RUNS_LEFT = 75
@@ -38,7 +41,7 @@ def exit_code_of_error(error: Exception) -> AgentExit:
         return AgentExit.BAD_PLAN
     if isinstance(error, InputError | CannotRunError):
         return AgentExit.BAD_DOCUMENT
-    return AgentExit.STORAGE
+    return AgentExit.OTHER_OWNER if isinstance(error, OtherOwnerError) else AgentExit.STORAGE
 
 
 def exit_code_of(verdicts: Iterable[Verdict]) -> AgentExit:

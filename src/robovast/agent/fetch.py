@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from robovast.agent.bucket import Bucket
 from robovast.agent.campaign import (
     Campaign,
     expand,
@@ -59,6 +58,7 @@ def fetch(folders: Folders, request: Request) -> AgentExit:
         OSError: the pod's disk cannot be written.
     """
     campaign = open_campaign(folders)
+    campaign.bucket.claim()
     number, ids = _chosen(campaign, request)
     document, variants = _variants(campaign)
     runs = [_run(campaign, variants, id_) for id_ in ids]
@@ -115,12 +115,13 @@ def _pack(
     campaign: Campaign, document: Document, request: Request, number: int, runs: Sequence[Run]
 ) -> Pack:
     plan, execution = campaign.plan, document.vast.execution
-    bucket = Bucket(campaign.store, plan.bucket)
+    bucket = campaign.bucket
     first_job = bucket.first_free_job(number)
     touched = first_job > 1
     return Pack(
         campaign=plan.campaign,
         bucket=plan.bucket,
+        owner=plan.owner,
         endpoint=plan.endpoint,
         region=plan.region,
         image=plan.image,

@@ -43,8 +43,9 @@ def finish(folders: Folders) -> AgentExit:
         StorageError: the bucket cannot be read or written.
     """
     campaign = open_campaign(folders, connections=SIDE_BY_SIDE)
+    bucket = campaign.bucket
+    bucket.claim()
     document, variants = _complete_inputs(campaign)
-    bucket = Bucket(campaign.store, campaign.plan.bucket)
     runs = _runs(campaign, variants)
     with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
         index = list(pool.map(lambda run: _entry(run, bucket.record(run.path)), runs))
@@ -103,7 +104,6 @@ def _store_execution(
     (layout.transient / "job_links.yaml").write_text(dump_yaml(links), encoding="utf-8")
     text = json.dumps({"campaign": campaign.plan.campaign, "runs": index}, indent=1)
     (layout.execution / "index.json").write_text(text + "\n", encoding="utf-8")
-    bucket.store.make_bucket(bucket.name)
     prefixes = ("_execution/", "_transient/")
     there = {o.key for prefix in prefixes for o in bucket.store.objects(bucket.name, prefix)}
     store_tree(bucket, layout.root, "", there=there)

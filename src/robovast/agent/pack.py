@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from robovast.cluster.plan import Owner
 from robovast.expansion.variant import Variant
 from robovast.plan import Job, Run
 from robovast.results.verdict import Verdict
@@ -31,6 +32,8 @@ class Pack:
 
     campaign: str
     bucket: str
+    owner: Owner | None
+    """Whose the bucket is."""
     endpoint: str
     region: str | None
     image: str
@@ -77,7 +80,8 @@ class Pack:
 
     def write(self, path: Path) -> None:
         """Write it as JSON; numbers that JSON lacks stay what they are."""
-        path.write_text(json.dumps(asdict(self), default=str), encoding="utf-8")
+        data = {**asdict(self), "owner": self.owner and self.owner.model_dump()}
+        path.write_text(json.dumps(data, default=str), encoding="utf-8")
 
 
 def job_name(pack: int, number: int) -> str:
@@ -90,6 +94,7 @@ def read_pack(path: Path) -> Pack:
     data = json.loads(path.read_text(encoding="utf-8"))
     done = {int(id_): Verdict(verdict) for id_, verdict in data["done"].items()}
     changed = {
+        "owner": data["owner"] and Owner(**data["owner"]),
         "runs": tuple(map(_run, data["runs"])),
         "done": done,
         "secondaries": tuple(data["secondaries"]),

@@ -48,12 +48,14 @@ def process(folders: Folders) -> AgentExit:
     endpoint = Endpoint.parse(plan.endpoint, plan.region)
     store = ObjectStore(endpoint, credentials, connections=SIDE_BY_SIDE)
     campaign = folders.work / "results" / plan.campaign
+    bucket = Bucket(store, plan.bucket, plan.owner)
+    bucket.claim()
     there = {item.key: item for item in store.objects(plan.bucket)}
     download_campaign(store, plan.bucket, campaign, Silent())
     (summary,) = postprocess(campaign, Options(), _Log())
     if summary.interrupted:
         return AgentExit.RUNS_LEFT
-    stored = _store_changes(Bucket(store, plan.bucket), campaign, there)
+    stored = _store_changes(bucket, campaign, there)
     _refuse_failures(summary.failures)
     worked = {"runs": summary.runs, "worked": len(summary.worked), "stored": stored}
     write_message(folders.message, worked)

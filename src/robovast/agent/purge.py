@@ -5,14 +5,17 @@ from __future__ import annotations
 from robovast.agent.campaign import open_campaign
 from robovast.agent.exit_codes import AgentExit
 from robovast.agent.folders import Folders
+from robovast.cluster.ownership import OtherOwnerError
 
 
 def purge(folders: Folders) -> AgentExit:
-    """Remove the campaign's bucket with all that is in it.
+    """Remove the campaign's bucket with all that is in it; another campaign's stays.
 
     Raises:
         StorageError: it cannot be removed.
     """
-    campaign = open_campaign(folders)
-    campaign.store.delete_bucket(campaign.plan.bucket)
+    try:
+        open_campaign(folders).bucket.remove()
+    except OtherOwnerError as error:  # so nothing there is this campaign's
+        print(f"nothing is removed: {error}")  # noqa: T201
     return AgentExit.PASSED

@@ -111,7 +111,7 @@ class Results:
     def _name(self, job: PodJob) -> str:
         """Name of a job in the bucket, claimed when the first of it is stored."""
         if job.index not in self._names:
-            self._bucket.store.make_bucket(self._bucket.name)
+            self._bucket.claim()
             documents = parameter_documents(job, self._pack.scenario)
             content = f"# executed by {self._writer}\n{documents}".encode()
             first = self._pack.first_job + job.index - 1

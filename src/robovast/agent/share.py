@@ -14,6 +14,7 @@ from robovast.agent.exit_codes import AgentExit
 from robovast.agent.folders import Folders
 from robovast.agent.messages import write_message
 from robovast.cluster.endpoint import Credentials, Endpoint
+from robovast.cluster.ownership import is_owned
 from robovast.cluster.storage import ObjectStore
 from robovast.common.progress import fmt_size
 from robovast.errors import InputError
@@ -34,6 +35,8 @@ class Request:
     """Name of the results folder."""
     bucket: str
     endpoint: Endpoint
+    uid: str | None = None
+    """Of the Campaign that the bucket must be of."""
 
 
 def share(folders: Folders, request: Request) -> AgentExit:
@@ -76,6 +79,8 @@ def _open(folder: Path) -> Share:
 def _pack(folders: Folders, request: Request, archive: Path) -> None:
     credentials = Credentials.from_folder(folders.credentials)
     store = ObjectStore(request.endpoint, credentials, patience=PATIENCE)
+    if request.uid is not None:
+        is_owned(store, request.bucket, request.uid)
     pack_bucket(store, request.bucket, request.campaign, archive, Progress("packed"))
 
 

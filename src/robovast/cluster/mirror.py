@@ -11,9 +11,11 @@ import time
 from pathlib import Path
 
 from robovast.cluster.endpoint import Credentials, Endpoint
+from robovast.cluster.ownership import owner_of
 from robovast.cluster.storage import ObjectStore
 from robovast.common.execution import is_campaign_dir
 from robovast.errors import StorageError
+from robovast.results.belonging import folder_for
 from robovast.results.download import Silent, download_campaign
 
 LOGGER = logging.getLogger(__name__)
@@ -24,7 +26,8 @@ def mirror(store: ObjectStore, results: Path) -> list[str]:
 
     Args:
         store: the S3 server.
-        results: existing folder; a campaign's folder is called as its bucket.
+        results: existing folder; a campaign's folder is called as at home, that of a bucket that
+            nobody owns as the bucket.
 
     Returns:
         Buckets that could not be read whole; the others are here.
@@ -34,10 +37,11 @@ def mirror(store: ObjectStore, results: Path) -> list[str]:
     """
     failed = []
     for bucket in store.buckets():
-        if not is_campaign_dir(bucket):
-            continue
         try:
-            download_campaign(store, bucket, results / bucket, Silent())
+            owner = owner_of(store, bucket)
+            if owner is not None or is_campaign_dir(bucket):
+                name = owner.campaign if owner is not None else bucket
+                download_campaign(store, bucket, folder_for(results, name, owner), Silent())
         except StorageError as error:
             LOGGER.warning("%s: %s", bucket, error)
             failed.append(bucket)

@@ -182,12 +182,27 @@ class GitSource(_Data):
     path: str = ""
 
 
+class Owner(_Data):
+    """The Campaign that a bucket belongs to."""
+
+    uid: str
+    namespace: str
+    name: str
+    campaign: str
+    """Name of the results folder."""
+
+    def __str__(self) -> str:
+        return f"the Campaign {self.namespace}/{self.name} (uid {self.uid})"
+
+
 class CampaignPlan(_Data):
     """`campaign.json`: what the pods of a campaign know about it."""
 
     campaign: str
     """Name of the results folder."""
     bucket: str
+    owner: Owner | None = None
+    """Whose the bucket is; older plans do not say it."""
     endpoint: str
     """URL of the S3 server as pods reach it."""
     region: str | None = None

@@ -115,7 +115,7 @@ def share_job(upload: Upload, secret: str) -> Object:
                         "onExitCodes": {
                             "containerName": ROLE,
                             "operator": "In",
-                            "values": [64, 65],
+                            "values": [64, 65, 73],
                         },
                     },
                     {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]},
@@ -199,6 +199,7 @@ def _arguments(upload: Upload) -> list[str]:
         "bucket": upload.bucket,
         "endpoint": upload.endpoint,
         "region": upload.region,
+        "uid": upload.owner["metadata"]["uid"] if upload.owner is not None else None,
     }
     return [f"--{name}={value}" for name, value in given.items() if value]
 

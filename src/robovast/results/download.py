@@ -22,14 +22,14 @@ from pathlib import Path, PurePosixPath
 from threading import Event, Lock
 from typing import Protocol
 
+from robovast.cluster.ownership import owner_of
 from robovast.cluster.storage import ObjectStore, StoredObject
 from robovast.errors import RobovastError, StorageError
+from robovast.results.belonging import STAGE, occupy
 from robovast.results.layout import RUN_RECORD
 
 THREADS = 8
 """Files that are fetched at once."""
-STAGE = ".download"
-"""Folder of runs that are not complete yet, in the campaign's folder."""
 
 _JOB = re.compile(r"[\w-][\w.-]*(/[\w-][\w.-]*)*")
 
@@ -134,10 +134,12 @@ def download_campaign(
         force: fetch everything, also what is here.
 
     Raises:
+        OtherOwnerError: what is in the folder is another campaign's.
         StorageError: the bucket cannot be read, the folder cannot be written, or some files
             could not be fetched; those that were stay.
     """
     with _explained(campaign), _locked(campaign):
+        occupy(campaign, owner_of(store, bucket))
         plan = plan_download(store.objects(bucket), campaign, force=force)
         observer.planned(plan.count, plan.size)
         _Fetching(store, bucket, campaign, observer).fetch(plan)

@@ -12,6 +12,7 @@ from robovast.agent.folders import Folders
 from robovast.agent.orders import RunContainer
 from robovast.agent.pack import Pack, read_pack
 from robovast.agent.trees import open_files
+from robovast.cluster.plan import Owner
 from robovast.expansion import Variant
 from robovast.plan import Run
 from robovast.results.verdict import Verdict
@@ -21,7 +22,7 @@ RUNS = tuple(Run(id_, Variant(f"v-{id_}", "v", {"x": id_ / 2}), 0) for id_ in ra
 
 def make_pack(**changes: object) -> Pack:
     values = {
-        "campaign": "c", "bucket": "b", "endpoint": "http://s3", "region": None, "image": "i",
+        "campaign": "c", "bucket": "b", "owner": None, "endpoint": "http://s3", "region": None, "image": "i",
         "number": 7, "attempt": 1, "runs": RUNS, "done": {}, "first_job": 1, "scenario": "s",
         "timeout": None, "secondaries": (), "environment": {},
     }  # fmt: skip
@@ -37,7 +38,8 @@ def folders(tmp_path: Path) -> Folders:
 
 def test_a_pack_is_read_as_it_was_written(tmp_path: Path) -> None:
     odd = Variant("v", "v", {"x": math.inf, "y": [1, {"z": None}], "ü": True})
-    pack = make_pack(runs=(Run(0, odd, 1),), done={5: Verdict.FAILED})
+    owner = Owner(uid="u", namespace="n", name="c", campaign="c-1")
+    pack = make_pack(runs=(Run(0, odd, 1),), done={5: Verdict.FAILED}, owner=owner)
     pack.write(tmp_path / "pack.json")
     assert read_pack(tmp_path / "pack.json") == pack
 

@@ -128,3 +128,10 @@ def test_a_campaign_is_found_by_the_name_of_its_results() -> None:
     assert find_campaign(known, "drive-2026-01-01-000000", "ns").name == "one"
     with pytest.raises(InputError, match="one, two"):
         find_campaign(known, "three", "ns")
+
+
+def test_of_campaigns_of_one_second_one_must_be_named() -> None:
+    twins = [campaign(name, campaign="drive-2026-01-01-000000") for name in ("one", "two")]
+    with pytest.raises(InputError, match="name one of one, two"):
+        find_campaign(twins, "drive-2026-01-01-000000", "ns")
+    assert find_campaign(twins, "one", "ns").name == "one"

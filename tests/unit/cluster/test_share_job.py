@@ -66,6 +66,7 @@ def test_the_job_is_suspended_restricted_and_knows_its_results() -> None:
         "--bucket=hall-2026-03-04-132444",
         "--endpoint=http://s3.ns.svc:9000",
         "--region=eu-1",
+        "--uid=uid-1",
     ]
     volumes = {v["name"]: v.get("secret", {}).get("secretName") for v in pod["volumes"]}
     assert volumes == {"work": None, "credentials": "keys", "share": "described"}

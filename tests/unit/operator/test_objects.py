@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from operator_world import SCENARIO, SETTINGS, accepted, campaign
 
-from robovast.cluster.plan import CampaignPlan
+from robovast.cluster.plan import CampaignPlan, Owner
 from robovast_operator.accept import accept, inline_files, same_document
 from robovast_operator.campaign import Accepted, Rejected
 from robovast_operator.configurations import own_configurations
 from robovast_operator.jobs import (
+    campaign_plan,
     files_config_map,
     plan_config_map,
     shard_job,
@@ -86,7 +88,8 @@ def test_exit_codes_decide_what_is_tried_again() -> None:
     }
     assert told == {
         ("FailJob", "compat-version"): [78],
-        ("FailJob", "fetch"): [64, 65],
+        ("FailJob", "fetch"): [64, 65, 73],
+        ("FailJob", "agent"): [73],
         ("FailIndex", "agent"): [10, 11],
         ("Ignore", "fetch"): [74],
         ("Ignore", "agent"): [74],
@@ -146,7 +149,17 @@ def test_the_plan_says_what_pods_need_and_is_fixed() -> None:
     plan = CampaignPlan.model_validate_json(obj["data"]["campaign.json"])
     assert plan.plan is not None
     assert (plan.plan.total, plan.campaign, plan.runs) == (4, "drive-2026-11-21-070000", 4)
-    assert plan.bucket == "drive-2026-11-21-070000"
+    assert plan.bucket == "drive-2026-11-21-070000-01234567"
+    assert plan.owner == Owner(
+        uid="0123-4567", namespace="lab", name="drive", campaign="drive-2026-11-21-070000"
+    )
+
+
+def test_a_campaign_of_an_older_version_keeps_its_bucket() -> None:
+    made = accepted()
+    older = campaign_plan(made, None, ()).model_copy(update={"bucket": "drive", "owner": None})
+    later = campaign_plan(replace(made, planned=older), None, ())
+    assert (later.bucket, later.owner) == ("drive", None)
 
 
 def test_inline_files_are_mounted_as_the_tree_that_they_are() -> None:

@@ -145,7 +145,7 @@ class BaseConfig:
         """Fetch a campaign and write `<campaign>.tar.gz`.
 
         Args:
-            campaign_id: name of the results folder.
+            campaign_id: name of the results folder; of the bucket where several have that name.
             archive_dir: existing folder.
 
         Returns:
@@ -153,10 +153,11 @@ class BaseConfig:
 
         Raises:
             CannotRunError: this machine does not reach the S3 server.
+            InputError: there is no such campaign, or there are several.
             StorageError: it refuses, or the archive cannot be written.
         """
         from robovast.cluster.endpoint import Credentials, Endpoint
-        from robovast.cluster.names import bucket_name
+        from robovast.cluster.ownership import find_bucket
         from robovast.cluster.storage import ObjectStore
         from robovast.results.download import Silent, download_campaign
 
@@ -165,12 +166,17 @@ class BaseConfig:
             raise CannotRunError("this machine does not reach the S3 server: $ROBOVAST_S3_ENDPOINT")
         endpoint = Endpoint.parse(address, self.get_s3_region())
         store = ObjectStore(endpoint, Credentials(*self.get_s3_credentials()))
-        archive = Path(archive_dir) / f"{campaign_id}.tar.gz"
+        found = find_bucket(store, campaign_id)
+        if found is None:
+            raise InputError(f"{address} has no results of a campaign `{campaign_id}`.")
+        bucket, owner = found
+        name = owner.campaign if owner is not None else campaign_id
+        archive = Path(archive_dir) / f"{name}.tar.gz"
         with TemporaryDirectory(prefix="robovast-") as scratch:
-            folder = Path(scratch) / campaign_id
-            download_campaign(store, bucket_name(campaign_id), folder, Silent())
+            folder = Path(scratch) / name
+            download_campaign(store, bucket, folder, Silent())
             with tarfile.open(archive, "w:gz") as file:
-                file.add(folder, campaign_id)
+                file.add(folder, name)
         return str(archive)
 
     def chart_values(self) -> dict[str, Any]:

@@ -1,0 +1,153 @@
+"""A bucket belongs to one Campaign: real pods, a real S3 server, real downloads."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from uuid import uuid4
+
+import pytest
+from agent_pods import Campaign, Pod
+from local_campaigns import make_campaign
+from robovast_testbed.s3 import Server
+
+from robovast.cluster.mirror import mirror
+from robovast.cluster.names import bucket_name
+from robovast.cluster.ownership import OtherOwnerError, find_bucket, owner_of
+from robovast.cluster.plan import Owner
+from robovast.errors import InputError
+from robovast.results.belonging import folder_for
+from robovast.results.download import Silent, download_campaign
+
+NAME = "nav-2026-03-01-100000"
+PLACES = [("team-a", "nav"), ("team-a", "nav-again"), ("team-b", "nav")]
+
+
+@pytest.fixture
+def campaigns(tmp_path: Path, s3_server: Server) -> Iterator[list[Campaign]]:
+    """Three of one name and one second, each with a step of its own."""
+    made = []
+    for number, (namespace, name) in enumerate(PLACES):
+        folder = tmp_path / str(number)
+        vast = make_campaign(folder / "source", f'echo {number} >"$3/who"\n[ {number} != 1 ]\n')
+        owner = Owner(uid=str(uuid4()), namespace=namespace, name=name, campaign=NAME)
+        given = {"campaign": NAME, "owner": owner}
+        made.append(Campaign(folder / "mounts", vast, s3_server, given))
+    yield made
+    for campaign in made:
+        campaign.close()
+
+
+def of_other(campaign: Campaign, other: Campaign) -> Campaign:
+    """A campaign that was given the bucket of another one."""
+    campaign.plan = campaign.plan.model_copy(update={"bucket": other.bucket})
+    plan = campaign.root / "plan/campaign.json"
+    plan.write_text(campaign.plan.model_dump_json(exclude_none=True))
+    return campaign
+
+
+def test_campaigns_of_one_name_and_one_second_share_nothing(campaigns: list[Campaign]) -> None:
+    codes = [Pod(campaign).run() for campaign in campaigns]
+    assert codes == [0, 10, 0]
+    for number, campaign in enumerate(campaigns):
+        assert campaign.read("one-1/0/who") == f"{number}\n", "results of another campaign"
+        owner = owner_of(campaign.store, campaign.bucket)
+        assert owner is not None
+        assert (owner.namespace, owner.name) == PLACES[number]
+    assert Pod(campaigns[0]).task("purge") == 0
+    assert [c.bucket in c.store.buckets() for c in campaigns] == [False, True, True]
+
+
+@pytest.mark.parametrize("command", ["fetch", "compose", "finish", "process"])
+def test_the_bucket_of_another_campaign_is_left_alone(
+    campaigns: list[Campaign], command: str
+) -> None:
+    assert Pod(campaigns[0]).run() == 0
+    before = campaigns[0].objects()
+    pod = Pod(of_other(campaigns[2], campaigns[0]))
+    assert pod.task(command) == 73, pod.log(command)
+    assert "belongs to the Campaign team-a/nav" in pod.message_file.read_text()
+    assert campaigns[0].objects() == before
+
+
+def test_an_agent_stores_nothing_in_a_bucket_that_became_anothers(
+    campaigns: list[Campaign],
+) -> None:
+    pod = Pod(campaigns[0])
+    assert pod.fetch() == 0
+    campaigns[0].store.delete_bucket(campaigns[0].bucket)
+    assert Pod(of_other(campaigns[1], campaigns[0])).run() == 10
+    before = campaigns[0].objects()
+    container, agent = pod.start_run(), pod.command("agent")
+    assert (agent.wait(60), container.wait(60)) == (73, 0)
+    assert "belongs to" in pod.message()["error"]
+    assert campaigns[0].objects() == before
+
+
+def test_deleting_a_campaign_keeps_the_bucket_of_another(campaigns: list[Campaign]) -> None:
+    assert Pod(campaigns[0]).run() == 0
+    other = of_other(campaigns[2], campaigns[0])
+    pod = Pod(other)
+    assert pod.task("purge") == 0, "nothing is left to be removed"
+    assert "nothing is removed" in pod.log("purge")
+    assert campaigns[0].verdicts() == {"one-1/0": "passed"}
+    other.plan = other.plan.model_copy(update={"owner": None})
+    (other.root / "plan/campaign.json").write_text(other.plan.model_dump_json(exclude_none=True))
+    assert Pod(other).task("purge") == 0
+    assert Pod(other).fetch() == 73
+    assert campaigns[0].verdicts() == {"one-1/0": "passed"}
+
+
+def test_a_campaign_of_an_older_version_goes_on_and_comes_home(
+    campaigns: list[Campaign], tmp_path: Path
+) -> None:
+    older = campaigns[0]
+    older.bucket = bucket_name(f"{NAME}-{uuid4().hex[:6]}")
+    older.plan = older.plan.model_copy(update={"bucket": older.bucket, "owner": None})
+    (older.root / "plan/campaign.json").write_text(older.plan.model_dump_json(exclude_none=True))
+    assert Pod(older).run() == 0
+    assert owner_of(older.store, older.bucket) is None
+    home = folder_for(tmp_path / "results", NAME, None)
+    assert download_campaign(older.store, older.bucket, home, Silent()).fetched == 1
+    assert Pod(older).task("purge") == 0
+    assert older.bucket not in older.store.buckets()
+
+
+def test_campaigns_of_one_name_come_home_into_folders_of_their_own(
+    campaigns: list[Campaign], tmp_path: Path
+) -> None:
+    for campaign in campaigns:
+        Pod(campaign).run()
+    results = tmp_path / "results"
+    homes = []
+    for campaign in [*campaigns, *campaigns]:  # once more finds the same folders
+        home = folder_for(results, NAME, campaign.plan.owner)
+        download_campaign(campaign.store, campaign.bucket, home, Silent())
+        homes.append(home)
+    assert homes[:3] == homes[3:]
+    assert homes[0].name == NAME
+    assert [(home / "one-1/0/who").read_text() for home in homes[:3]] == ["0\n", "1\n", "2\n"]
+    with pytest.raises(OtherOwnerError, match="team-a/nav "):
+        download_campaign(campaigns[2].store, campaigns[2].bucket, homes[0], Silent())
+    store = campaigns[0].store
+    with pytest.raises(InputError, match=campaigns[1].bucket):
+        find_bucket(store, NAME)
+    assert find_bucket(store, campaigns[1].bucket) == (
+        campaigns[1].bucket,
+        campaigns[1].plan.owner,
+    )
+    page = tmp_path / "page"
+    page.mkdir()
+    mirror(store, page)
+    found = {json.loads((p / "_transient/owner.json").read_text())["uid"] for p in page.iterdir()}
+    assert found >= {c.plan.owner.uid for c in campaigns if c.plan.owner is not None}
+
+
+def test_a_local_campaign_of_that_name_is_not_mixed_with_one_of_a_cluster(
+    campaigns: list[Campaign], tmp_path: Path
+) -> None:
+    local = tmp_path / NAME
+    (local / "_config").mkdir(parents=True)
+    Pod(campaigns[0]).run()
+    assert folder_for(tmp_path, NAME, campaigns[0].plan.owner).name != NAME
