@@ -8,6 +8,7 @@ from typing import Literal
 
 from robovast.cluster.resources import CampaignSpec
 from robovast.cluster.status import CampaignStatus, Condition, Runs, read_status
+from robovast.errors import without_userinfo
 from robovast_operator.campaign import Object
 
 Truth = Literal["True", "False", "Unknown"]
@@ -126,7 +127,7 @@ def dated(
                 type=name,
                 status=status,
                 reason=reason,
-                message=message[:4000],
+                message=without_userinfo(message)[:4000],
                 observed_generation=generation,
                 last_transition_time=since or now,
             )

@@ -49,7 +49,9 @@ class Inputs:
                 return files
             accepted = await asyncio.to_thread(accept, obj, files, self._settings)
             if isinstance(accepted, Accepted):
-                await self._load_revisions(accepted.identity, memory)
+                if memory.planned is None:
+                    prefix = accepted.identity.child("plan-")
+                    memory.planned = any_plan(await self._plans(accepted.identity), prefix)
                 accepted = replace(accepted, planned=memory.planned)
             memory.accepted, memory.accepted_for = accepted, mark
         return memory.accepted
@@ -159,15 +161,17 @@ class Inputs:
         return owner["uid"] not in [item["metadata"]["uid"] async for item in found]
 
     async def _load_revisions(self, identity: Identity, memory: Memory) -> list[Revision]:
-        """The campaign's plans as they are in the cluster, read once."""
-        if memory.revisions is not None:
-            return memory.revisions
+        """The campaign's plans, read once."""
+        if memory.revisions is None:
+            plans = await self._plans(identity)
+            memory.revisions = read_revisions(plans, identity.child("plan-"))
+        return memory.revisions
+
+    async def _plans(self, identity: Identity) -> list[Object]:
+        """The campaign's ConfigMaps."""
         selector = ",".join(f"{name}={value}" for name, value in identity.labels.items())
         found = self._api.list(paths.config_maps(identity.namespace), labelSelector=selector)
-        plans = [obj async for obj in found]
-        memory.planned = any_plan(plans, identity.child("plan-"))
-        memory.revisions = read_revisions(plans, identity.child("plan-"))
-        return memory.revisions
+        return [obj async for obj in found]
 
     async def _create_plan(
         self, accepted: Accepted, revision: Revision, entries: tuple[Entry, ...]

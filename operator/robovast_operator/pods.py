@@ -29,6 +29,8 @@ CREDENTIALS: Object = {
     "readOnly": True,
 }
 
+GIT: Object = {"name": "git", "mountPath": "/robovast/git", "readOnly": True}
+
 RECEIVERS: Object = {"name": "receivers", "mountPath": "/robovast/receivers", "readOnly": True}
 
 OWN_RESOURCES: Object = {
@@ -89,6 +91,11 @@ def task_pod(accepted: Accepted, settings: Settings, plan: str, command: str) ->
     container = _own(settings, command, [command], [WORK, PLAN, FILES, CREDENTIALS])
     spec["containers"] = [container | {"resources": TASK_RESOURCES}]
     spec["volumes"] = [{"name": "work", "emptyDir": {}}, *spec["volumes"]]
+    git = accepted.spec.source.git
+    if command == "compose" and git is not None and git.secret_name is not None:
+        container["volumeMounts"].append(GIT)
+        secret = {"secretName": git.secret_name, "defaultMode": 0o440}
+        spec["volumes"].append({"name": "git", "secret": secret})
     return spec
 
 

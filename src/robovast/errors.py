@@ -6,10 +6,13 @@ message alone; a traceback appears only when the user asks for one (`--log-level
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
+
+_USERINFO = re.compile(r"://[^/?#\s]*@")
 
 
 class ExitCode(IntEnum):
@@ -36,6 +39,14 @@ class RobovastError(Exception):
     """Base of every error that is meant for a user."""
 
     exit_code: ExitCode = ExitCode.INTERNAL
+
+    def __str__(self) -> str:
+        return without_userinfo(super().__str__())
+
+
+def without_userinfo(text: str) -> str:
+    """A text in whose URLs nobody's name and password stands."""
+    return _USERINFO.sub("://", text)
 
 
 class InputError(RobovastError):

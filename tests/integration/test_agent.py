@@ -277,7 +277,7 @@ def test_refused_storage_is_told(make: Make) -> None:
     assert pod.fetch() == 74
     told = pod.message_file.read_text()
     assert campaign.plan.endpoint in told
-    assert "Access denied" in told
+    assert "Check the secret key" in told
 
 
 @one_server

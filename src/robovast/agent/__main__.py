@@ -78,7 +78,16 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
     for name, text in _COMMANDS.items():
         command = commands.add_parser(name, help=text, description=text)
-        for folder in ("plan", "files", "credentials", "share", "receivers", "work", "message"):
+        for folder in (
+            "plan",
+            "files",
+            "credentials",
+            "git",
+            "share",
+            "receivers",
+            "work",
+            "message",
+        ):
             command.add_argument(f"--{folder}", type=Path, metavar="PATH")
         for seen in ("config-seen", "out-seen"):
             command.add_argument(f"--{seen}", metavar="PATH", help="as runs see it")

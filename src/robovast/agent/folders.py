@@ -16,6 +16,8 @@ class Folders:
     """Files that belong to the document; need not exist."""
     credentials: Path = Path("/robovast/credentials")
     """`accessKey` and `secretKey`."""
+    git: Path = Path("/robovast/git")
+    """`username` and `password` of an account on a Git server; need not exist."""
     share: Path = Path("/robovast/share")
     """What a share's provider needs: each variable is a file."""
     receivers: Path = Path("/robovast/receivers")

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shlex
 import shutil
 import subprocess
 import tarfile
+from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from robovast.agent.folders import Folders
 from robovast.cluster.plan import Bundle, CampaignPlan, GitSource
@@ -26,9 +29,10 @@ def copy_inputs(plan: CampaignPlan, folders: Folders, store: ObjectStore, target
     if plan.bundle is not None:
         _unpack(plan.bundle, store, target)
     elif plan.git is not None:
-        _checkout(plan.git, folders.scratch / "repository", target)
+        _checkout(plan.git, folders, target)
     elif folders.files.is_dir():
         _copy_mounted(folders.files, target)
+    _refuse_links_out(target)
 
 
 def _copy_mounted(source: Path, target: Path) -> None:
@@ -67,12 +71,13 @@ def _unpack(bundle: Bundle, store: ObjectStore, target: Path) -> None:
         raise InputError(f"{name}: cannot be unpacked: {error}") from error
 
 
-def _checkout(git: GitSource, repository: Path, target: Path) -> None:
+def _checkout(git: GitSource, folders: Folders, target: Path) -> None:
+    repository = folders.scratch / "repository"
     shutil.rmtree(repository, ignore_errors=True)
     repository.mkdir(parents=True)
     for arguments in (
         ("init", "--quiet"),
-        ("fetch", "--quiet", "--depth=1", "--", git.url, git.ref),
+        (*_login(git.url, folders.git), "fetch", "--quiet", "--depth=1", "--", git.url, git.ref),
         ("checkout", "--quiet", "FETCH_HEAD"),
     ):
         result = subprocess.run(
@@ -86,9 +91,59 @@ def _checkout(git: GitSource, repository: Path, target: Path) -> None:
         if result.returncode:
             cause = result.stderr.strip() or f"git ended with code {result.returncode}"
             raise StorageError(f"{git.url}: `{git.ref}` cannot be fetched: {cause}")
+    shutil.rmtree(repository / ".git")  # it holds the URL, with whatever stands in it
     folder = Path(os.path.normpath(repository / git.path))
     if not folder.is_relative_to(repository) or not folder.is_dir():
         raise InputError(f"{git.url}: `{git.ref}` has no folder `{git.path}`.")
-    shutil.copytree(
-        folder, target, dirs_exist_ok=True, symlinks=True, ignore=shutil.ignore_patterns(".git")
+    _resolve_links(folder, repository)
+    shutil.copytree(folder, target, dirs_exist_ok=True, symlinks=True)
+
+
+def _login(url: str, folder: Path) -> list[str]:
+    """Options by which git finds an account's name and password, for this server alone."""
+    if not (folder / "password").is_file():
+        return []
+    parts = urlsplit(url)
+    server = f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}"
+    user, password = (shlex.quote(str(folder / name)) for name in ("username", "password"))
+    script = f'printf "username=%s\\npassword=%s\\n" "$(cat {user})" "$(cat {password})"'
+    return ["-c", "credential.helper=", "-c", f"credential.{server}.helper=!f() {{ {script}; }}; f"]
+
+
+def _resolve_links(folder: Path, checkout: Path) -> None:
+    """Put files in place of links to files elsewhere in a checkout.
+
+    Raises:
+        InputError: a link leads out of it, or to a folder elsewhere in it.
+    """
+    for link in _links(folder):
+        if _leads_out(link, folder):
+            target = Path(os.path.realpath(link))
+            if _leads_out(link, checkout) or not target.is_file():
+                raise _refused(link.relative_to(checkout))
+            link.unlink()
+            shutil.copy(target, link)
+
+
+def _refuse_links_out(folder: Path) -> None:
+    """See that no link leads to what is not the document's, as to our credentials."""
+    for link in _links(folder):
+        if _leads_out(link, folder):
+            raise _refused(link.relative_to(folder))
+
+
+def _links(folder: Path) -> Iterator[Path]:
+    for below, subfolders, names in os.walk(folder):
+        paths = [Path(below, name) for name in (*subfolders, *names)]
+        yield from filter(Path.is_symlink, paths)
+
+
+def _leads_out(link: Path, folder: Path) -> bool:
+    return not Path(os.path.realpath(link)).is_relative_to(os.path.realpath(folder))
+
+
+def _refused(link: Path) -> InputError:
+    return InputError(
+        f"`{link}`, one of the document's files, is a link that leads out of them. Put the file "
+        "itself there, or a relative link to another one of them."
     )

@@ -99,6 +99,8 @@ class GitRepository(_Spec):
     """Commit, tag or branch; only a commit names the same content for ever."""
     path: Annotated[str, Field(max_length=1024)] = ""
     """Folder in the repository; default its top."""
+    secret_name: SecretName | None = None
+    """Secret of the namespace with `username` and `password` of an account, for an `https` URL."""
 
 
 class Source(_Spec):

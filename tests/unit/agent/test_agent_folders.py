@@ -22,7 +22,8 @@ RUNS = tuple(Run(id_, Variant(f"v-{id_}", "v", {"x": id_ / 2}), 0) for id_ in ra
 
 def make_pack(**changes: object) -> Pack:
     values = {
-        "campaign": "c", "bucket": "b", "owner": None, "endpoint": "http://s3", "region": None, "image": "i",
+        "campaign": "c", "bucket": "b", "owner": None, "endpoint": "http://s3", "region": None,
+        "image": "i",
         "number": 7, "attempt": 1, "runs": RUNS, "done": {}, "first_job": 1, "scenario": "s",
         "timeout": None, "secondaries": (), "environment": {},
     }  # fmt: skip

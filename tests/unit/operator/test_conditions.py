@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robovast.cluster.status import CampaignStatus, Runs
-from robovast_operator.conditions import is_news
+from robovast_operator.conditions import is_news, rejected_conditions
 
 
 def after(passed: int, failed: int = 0, errored: int = 0) -> CampaignStatus:
@@ -20,3 +20,10 @@ def test_the_last_verdict_is_told_at_once_whatever_it_is() -> None:
     assert is_news(after(499), after(500))
     assert is_news(after(490, 9), after(490, 9, 1))
     assert not is_news(after(500), after(500))
+
+
+def test_no_condition_says_who_a_url_names() -> None:
+    told = rejected_conditions(
+        "Invalid", "https://bot:ghp_1@git.org/a@b: none", 1, "2026-01-01T00:00:00Z", ()
+    )
+    assert told[0].message == "https://git.org/a@b: none"

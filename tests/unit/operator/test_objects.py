@@ -197,6 +197,17 @@ def test_a_plugin_is_never_executed_here() -> None:
     assert (made.pure, made.entries) == (False, ())
 
 
+def test_an_account_on_a_git_server_is_mounted_where_the_checkout_is_made() -> None:
+    git = {"url": "https://git.example.org/a", "ref": "main", "secretName": "robovast-git"}
+    obj = campaign(source={"git": git})
+    made = accept(obj, None, SETTINGS)
+    assert isinstance(made, Accepted)
+    composing, finishing = (task_job(made, SETTINGS, c, c, "plan") for c in ("compose", "finish"))
+    assert "robovast-git" in json.dumps(composing["spec"])
+    assert "robovast-git" not in json.dumps(finishing["spec"])
+    assert "robovast-git" not in json.dumps(job_of(replace(made, entries=accepted().entries)))
+
+
 def test_tasks_run_our_own_image_alone() -> None:
     job = task_job(accepted(), SETTINGS, "compose", "drive-0123-compose", "plan")
     (container,) = job["spec"]["template"]["spec"]["containers"]
