@@ -10,8 +10,8 @@ from typer.completion import (  # type: ignore[attr-defined]  # documented, not 
     get_completion_script,
 )
 
+from robovast.atomic import write_atomically
 from robovast.errors import InputError, StorageError
-from robovast.plain import write_atomically
 from robovast_cli.lazy import new_app
 
 app = new_app("Complete commands and options in your shell.")

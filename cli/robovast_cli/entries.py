@@ -12,12 +12,13 @@ from typing import Any
 import typer
 import yaml
 
+from robovast.atomic import write_atomically
 from robovast.document import load_document
 from robovast.document.loader import Document, check_source
 from robovast.document.source import Source
 from robovast.errors import InputError, StorageError
 from robovast.expansion import Variant, expand, select_variants
-from robovast.plain import dump_yaml, write_atomically
+from robovast.plain import dump_yaml
 from robovast.results.configurations import read_variants
 from robovast.results.layout import Layout
 from robovast_cli.workspace import shown

@@ -38,7 +38,7 @@ def merge_campaigns(
     for path in result.unidentified:
         say(f"{path}: has no config_identifier, so it was merged with nothing.")
     for path in result.left_out:
-        say(f"{path}: was interrupted, and left out.")
+        say(f"{path}: left out, because it has no `run.json` of a run that went to its end.")
     say(
         f"Merged {_counted(len(sources), 'campaign')} into {shown(target)}: "
         f"{_counted(result.configurations, 'configuration')}, {_counted(result.runs, 'run')}."

@@ -8,11 +8,12 @@ from typing import Literal
 
 from pydantic import ValidationError
 
+from robovast.atomic import write_atomically
 from robovast.document.model import Section
 from robovast.document.problems import problems_of
 from robovast.document.source import Source
 from robovast.errors import DocumentError, InputError, StorageError
-from robovast.plain import dump_yaml, write_atomically
+from robovast.plain import dump_yaml
 
 PROJECT_FILE = ".robovast_project"
 

@@ -19,6 +19,7 @@ from patience import eventually
 
 from robovast.common.execution import campaign_folder_name
 from robovast.errors import CannotRunError, InputError, StorageError
+from robovast.results.merge import merge_campaigns
 
 PASS = 'echo "$1,$2" > "$3/out.csv"\n'
 FAIL_SECOND = 'echo "$1" > "$3/out.csv"; [ "$1" != 2 ]\n'
@@ -174,6 +175,57 @@ def test_kill_9_loses_nothing_and_resume_finishes_the_campaign(tmp_path: Path) -
     assert set(verdicts(resumed).values()) == {"passed"}
     assert len(resumed.records) == 9
     assert all(path.stat().st_mtime_ns == when for path, when in stored.items())
+
+
+NOT_UNDERSTOOD = {
+    "a record of a newer version": lambda text: text.replace('"schema": 1', '"schema": 2'),
+    "a record that a power cut emptied": lambda text: "",
+    "half a record": lambda text: text[:100],
+    "a record without its keys": lambda text: '{"verdict": "passed"}',
+    "a record with values of other kinds": lambda text: text.replace('"run": 0', '"run": []'),
+    "a record that nobody can parse": lambda text: "[" * 100_000,
+    "no record": None,
+}
+
+
+@pytest.mark.parametrize("what", NOT_UNDERSTOOD)
+def test_resuming_moves_aside_what_it_does_not_understand(tmp_path: Path, what: str) -> None:
+    path = make_campaign(tmp_path / "in", 'echo bag > "$3/rosbag.mcap"')
+    summary = run(path, tmp_path / "out", select="one-1", runs=2)
+    record = summary.campaign / "one-1" / "0" / "run.json"
+    (record.parent / "precious").touch()
+    spoil = NOT_UNDERSTOOD[what]
+    if spoil is None:
+        record.unlink()
+    else:
+        record.write_text(spoil(record.read_text()))
+    left = record.read_bytes() if spoil else None
+
+    (summary.campaign / "_config/files/step.sh").write_text("exit 1\n")
+    recorder = Recorder()
+    resumed = resume(summary.campaign, recorder, select="one-1", runs=2)
+    assert verdicts(resumed) == {"one-1/0": "failed", "one-1/1": "passed"}
+    aside = summary.campaign / ".aside" / "one-1" / "0"
+    assert {"precious", "rosbag.mcap", "test.xml"} <= {item.name for item in aside.iterdir()}
+    assert left is None or (aside / "run.json").read_bytes() == left
+    (message,) = [text for text in recorder.messages if ".aside" in text]
+    assert "`one-1/0`" in message
+    assert "\n" not in message
+
+    record.write_text("")
+    resume(summary.campaign, select="one-1", runs=2)
+    assert {item.name for item in aside.parent.iterdir()} == {"0", "0.1"}
+
+
+def test_a_record_with_further_keys_is_understood(tmp_path: Path) -> None:
+    summary = run(make_campaign(tmp_path / "in", PASS), tmp_path / "out", select="one-1", runs=1)
+    record = summary.campaign / "one-1" / "0" / "run.json"
+    record.write_text(record.read_text().replace('"schema": 1', '"schema": 1, "weather": "fair"'))
+    recorder = Recorder()
+    assert len(resume(summary.campaign, recorder, select="one-1", runs=1).records) == 1
+    assert recorder.started == []
+    merged = merge_campaigns([summary.campaign], tmp_path / "merged").target
+    assert '"weather": "fair"' in (merged / "one-1" / "0" / "run.json").read_text()
 
 
 def test_an_output_folder_that_cannot_be_written_is_refused_before_anything_runs(

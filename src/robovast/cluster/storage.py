@@ -20,6 +20,7 @@ from minio.deleteobjects import DeleteObject
 from minio.error import MinioException, S3Error
 from urllib3.exceptions import HTTPError, ProtocolError
 
+from robovast.atomic import put_in_place
 from robovast.cluster.endpoint import Credentials, Endpoint
 from robovast.cluster.faults import explained, passes, persist
 from robovast.cluster.s3_client import CreateOnly, connect
@@ -281,7 +282,7 @@ class ObjectStore:
         with self._explained(f"fetch {bucket}/{item.key}"):
             self._persist(lambda: self._fetch(bucket, item, part, meter))
         os.utime(part, (item.modified, item.modified))
-        os.replace(part, target)
+        put_in_place(part, target)
 
     def _fetch(self, bucket: str, item: StoredObject, part: Path, meter: _Meter) -> None:
         with part.open("ab+") as file:

@@ -9,6 +9,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 
+from robovast.atomic import appearing_file
+
 
 class ContentCache:
     """A folder of files by key; entries appear complete or not at all.
@@ -37,10 +39,8 @@ class ContentCache:
 
     def put(self, key: str, file: str | Path) -> Path:
         """Keep a copy of a file under a key."""
-        self._folder.mkdir(parents=True, exist_ok=True)
-        temporary = self._folder / f".{key}.{os.getpid()}"
-        shutil.copyfile(file, temporary)
-        os.replace(temporary, self._folder / key)
+        with appearing_file(self._folder / key) as part:
+            shutil.copyfile(file, part)
         return self._folder / key
 
 

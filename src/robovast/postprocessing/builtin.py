@@ -9,6 +9,8 @@ import tarfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from robovast.atomic import appearing_file
+
 _LINES_SHOWN = 5
 _LONGEST_FIRST_LINE = 256
 
@@ -92,12 +94,6 @@ def compress(
     def wanted(member: tarfile.TarInfo) -> tarfile.TarInfo | None:
         return None if excluded & set(Path(member.name).parts[1:]) else member
 
-    folder.mkdir(parents=True, exist_ok=True)
-    temporary = archive.with_name(f".{archive.name}.{os.getpid()}.tmp")
-    try:
-        with tarfile.open(temporary, "w:gz") as file:
-            file.add(campaign, campaign.name, filter=wanted)
-        os.replace(temporary, archive)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with appearing_file(archive) as part, tarfile.open(part, "w:gz") as file:
+        file.add(campaign, campaign.name, filter=wanted)
     return True, f"Wrote {archive}"

@@ -10,7 +10,8 @@ from typing import Any
 
 import yaml
 
-from robovast.plain import dump_yaml, to_plain, write_atomically
+from robovast.atomic import write_atomically
+from robovast.plain import dump_yaml, to_plain
 from robovast.postprocessing.content import RECORD
 from robovast.postprocessing.outcome import Entry
 
@@ -70,7 +71,7 @@ def update(path: Path, entries: Iterable[Entry], **facts: Any) -> None:
     merged.update({_identity(entry): entry for entry in entries})
     after = to_plain({**before, **facts, "entries": list(merged.values())})
     if after != before:
-        write_atomically(path, dump_yaml(after))
+        write_atomically(path, dump_yaml(after), lasting=False)
 
 
 def read_record(path: Path) -> dict[str, Any]:

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import IO, Any
 
 from robovast import __version__
+from robovast.atomic import appearing_file, write_atomically
 from robovast.errors import InputError, StorageError
-from robovast.plain import dump_yaml, write_atomically
+from robovast.plain import dump_yaml
 from robovast.provenance.findings import Findings
 from robovast.provenance.graph import Graph
 from robovast.provenance.metadata import collect_metadata, read_configurations
@@ -108,14 +109,12 @@ def _write_graph(
 ) -> None:
     started = now()
     graph = Graph(root, metadata, configurations, findings)
-    temporary = root / f".{GRAPH}.{os.getpid()}.tmp"
-    with _explained(root):
-        try:
-            with temporary.open("w", encoding="utf-8") as file:
-                _write_nodes(file, graph, started)
-            os.replace(temporary, root / GRAPH)
-        finally:
-            temporary.unlink(missing_ok=True)
+    with (
+        _explained(root),
+        appearing_file(root / GRAPH) as part,
+        part.open("w", encoding="utf-8") as file,
+    ):
+        _write_nodes(file, graph, started)
 
 
 def _write_nodes(file: IO[str], graph: Graph, started: str) -> None:

@@ -8,9 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from robovast.atomic import write_atomically
 from robovast.environment import environment
 from robovast.errors import CannotRunError, InputError, StorageError
-from robovast.plain import write_atomically
 from robovast.publication.context import Campaign, PublicationContext
 
 if TYPE_CHECKING:

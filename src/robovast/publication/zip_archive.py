@@ -14,6 +14,7 @@ from filecmp import cmp
 from pathlib import Path
 from typing import Any
 
+from robovast.atomic import appearing_file
 from robovast.common.execution import get_campaign_timestamp
 from robovast.common.progress import fmt_size
 from robovast.errors import InputError, StorageError
@@ -22,7 +23,6 @@ from robovast.publication.context import Campaign, PublicationContext, context_o
 from robovast.publication.ro_crate import FILE_NAME as RO_CRATE
 from robovast.publication.ro_crate import ro_crate
 from robovast.publication.selection import Filter, archive_path, files_of, link_target
-from robovast.results.appearing import appearing_file
 from robovast.results.mappings import read_mapping
 
 CHUNK = 2**20

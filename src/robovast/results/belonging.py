@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from robovast.atomic import write_atomically
 from robovast.cluster.names import uid_digits
 from robovast.cluster.ownership import OWNER, OtherOwnerError, parse_owner
 from robovast.cluster.plan import Owner
 from robovast.common.execution import get_campaign_timestamp
 from robovast.errors import StorageError
-from robovast.plain import write_atomically
 
 STAGE = ".download"
 """Folder of runs that are not complete yet, in the campaign's folder."""

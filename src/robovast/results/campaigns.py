@@ -12,7 +12,7 @@ def find_campaigns(results: Path) -> list[Path]:
     """The campaigns in a folder, sorted by name; the folder itself when it is one.
 
     A campaign is told by its `_execution` folder or the .vast file in its `_config` folder, or by
-    its name alone when it was aborted early.
+    its name alone when it was aborted early. A hidden folder is none: it is still being written.
 
     Raises:
         InputError: there is no such folder, or no campaign in it.
@@ -21,7 +21,8 @@ def find_campaigns(results: Path) -> list[Path]:
         raise InputError(f"{results}: there is no such folder of results.")
     if _holds_campaign(results):
         return [results]
-    folders = (path for path in sorted(results.iterdir()) if path.is_dir())
+    visible = (path for path in sorted(results.iterdir()) if not path.name.startswith("."))
+    folders = (path for path in visible if path.is_dir())
     found = [path for path in folders if is_campaign_dir(path) or _holds_campaign(path)]
     if not found:
         raise InputError(

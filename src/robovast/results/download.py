@@ -10,11 +10,9 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import os
 import re
-import shutil
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
@@ -22,9 +20,11 @@ from pathlib import Path, PurePosixPath
 from threading import Event, Lock
 from typing import Protocol
 
+from robovast.atomic import put_in_place
 from robovast.cluster.ownership import owner_of
 from robovast.cluster.storage import ObjectStore, StoredObject
 from robovast.errors import RobovastError, StorageError
+from robovast.locks import exclusive_folder
 from robovast.results.belonging import STAGE, occupy
 from robovast.results.layout import RUN_RECORD
 
@@ -138,12 +138,12 @@ def download_campaign(
         StorageError: the bucket cannot be read, the folder cannot be written, or some files
             could not be fetched; those that were stay.
     """
-    with _explained(campaign), _locked(campaign):
+    refusal = f"{campaign}: another download writes into it. Wait until it has ended."
+    with _explained(campaign), exclusive_folder(campaign / STAGE, refusal):
         occupy(campaign, owner_of(store, bucket))
         plan = plan_download(store.objects(bucket), campaign, force=force)
         observer.planned(plan.count, plan.size)
         _Fetching(store, bucket, campaign, observer).fetch(plan)
-        shutil.rmtree(campaign / STAGE)
     return DownloadResult(campaign, len(plan.runs), plan.present, plan.unfinished, plan.size)
 
 
@@ -270,14 +270,7 @@ class _Fetching:
         for path in [path for path in stage.rglob("*") if path.is_file() and path not in expected]:
             path.unlink()  # of a run that was repeated since
         _link_job(stage)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        if target.exists():
-            old = stage.with_name(f"{stage.name}.old")
-            os.rename(target, old)
-            os.rename(stage, target)
-            shutil.rmtree(old)
-        else:
-            os.rename(stage, target)
+        put_in_place(stage, target, replace=True)
 
 
 def _link_job(run: Path) -> None:
@@ -295,21 +288,6 @@ def job_link(record: Path) -> Path | None:
         return None  # a record of another version; the files are all here
     named = isinstance(job, str) and _JOB.fullmatch(job)
     return Path("..", "..", "_jobs", job) if named else None
-
-
-@contextlib.contextmanager
-def _locked(campaign: Path) -> Iterator[None]:
-    """Keep other downloads out of the folder."""
-    stage = campaign / STAGE
-    stage.mkdir(parents=True, exist_ok=True)
-    with (stage / "lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise StorageError(
-                f"{campaign}: another download writes into it. Wait until it has ended."
-            ) from None
-        yield
 
 
 @contextlib.contextmanager

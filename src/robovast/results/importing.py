@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
+from robovast.atomic import explained, put_in_place, scratch_folder
 from robovast.errors import InputError
-from robovast.results.appearing import explained, take_place
 from robovast.results.archive import refuse_links_out, unpack
 
 _SUFFIXES = (".tar.gz", ".tgz", ".tar.xz", ".tar.bz2", ".tar", ".zip")
@@ -28,15 +27,14 @@ def import_archive(archive: Path, output: Path, *, force: bool = False) -> Path:
         InputError: the archive cannot be read, is unsafe, or holds no campaign.
         StorageError: the campaign is here already, or cannot be written.
     """
-    with explained(output):
-        output.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(prefix=".import-", dir=output) as scratch:
-            whole = Path(scratch) / campaign_of_archive(archive.name)
-            whole.mkdir()
-            links = unpack(archive, whole)
-            campaign = _campaign_in(archive, whole)
-            refuse_links_out(archive, links, campaign)
-            take_place(campaign, output / campaign.name, replace=force)
+    name = campaign_of_archive(archive.name)
+    with explained(output), scratch_folder(output / name) as scratch:
+        whole = scratch / name
+        whole.mkdir()
+        links = unpack(archive, whole)
+        campaign = _campaign_in(archive, whole)
+        refuse_links_out(archive, links, campaign)
+        put_in_place(campaign, output / campaign.name, replace=force)
     return output / campaign.name
 
 

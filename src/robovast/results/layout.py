@@ -9,6 +9,7 @@
   <variant>/_config/  config.yaml, scenario.config, files of this variant
   <variant>/<run>/    test.xml, what the run wrote, run.json, job -> ../../_jobs/job-N
   .running/job-N/     what is being executed; gone when the campaign is over
+  .aside/<variant>/<run>   what stood in a run's place and was not understood; nobody reads it
 ```
 """
 
@@ -53,6 +54,11 @@ class Layout:
     def running(self) -> Path:
         """Work folders of jobs that are being executed."""
         return self.root / ".running"
+
+    @property
+    def aside(self) -> Path:
+        """What stood in a run's place and was not understood."""
+        return self.root / ".aside"
 
     def job(self, name: str) -> Path:
         """A job's own output: system information, logs, resource usage."""

@@ -6,20 +6,20 @@ folder of its name: `_jobs/<campaign>/job-N`.
 
 from __future__ import annotations
 
-import dataclasses
+import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path, PurePath
 from typing import Any
 
+from robovast.atomic import appearing_folder
 from robovast.errors import InputError
 from robovast.plain import dump_yaml
-from robovast.results.appearing import appearing_folder
 from robovast.results.layout import RUN_RECORD, Layout
 from robovast.results.mappings import read_mapping
-from robovast.results.run_record import read_run_record
+from robovast.results.run_record import copy_run_record, read_run_record
 
 JOB = "job"
 """Link in a run's folder to its job's own output."""
@@ -33,7 +33,7 @@ class MergeResult:
     configurations: int
     runs: int
     left_out: tuple[str, ...]
-    """`<campaign>/<configuration>/<run>` of runs that were interrupted."""
+    """`<campaign>/<configuration>/<run>` of runs that did not go to their end."""
     unidentified: tuple[str, ...]
     """`<campaign>/<configuration>` of those that stay alone: they have no `config_identifier`."""
 
@@ -135,6 +135,7 @@ class _Runs:
         """Job of each run, by `<configuration>/<run>`."""
         self._layout = layout
         self._campaign = campaign
+        self._foreign: dict[Layout, bool] = {}
 
     def copy(self, name: str, group: Sequence[_Part]) -> None:
         """Copy all runs of a group of equal configurations."""
@@ -142,26 +143,32 @@ class _Runs:
         for part in group:
             for source in part.campaign.run_folders_of(part.name):
                 record = read_run_record(source)
-                if record is not None and not record.finished:
+                if not (record.finished if record else self._is_foreign(part.campaign)):
                     self.left_out.append(f"{part.path}/{source.name}")
                     continue
                 target = self._layout.run(f"{name}/{number}")
-                shutil.copytree(
-                    source, target, symlinks=True, ignore=shutil.ignore_patterns(RUN_RECORD)
-                )
+                shutil.copytree(source, target, symlinks=True, ignore=_own_record(source))
                 job = self._link_job(target, part.campaign.root.name)
                 if record is not None:
-                    dataclasses.replace(
-                        record,
+                    copy_run_record(
+                        source,
+                        target,
                         campaign=self._campaign,
                         variant=name,
                         run=number,
                         id=self.number,
                         job=job or record.job,
-                    ).write(target)
+                    )
                 number += 1
                 self.number += 1
         self.most = max(self.most, number)
+
+    def _is_foreign(self, campaign: Layout) -> bool:
+        """Whether a campaign is of a tool that leaves no records, so that none is missing."""
+        if campaign not in self._foreign:
+            records = (os.path.lexists(run / RUN_RECORD) for run in campaign.run_folders())
+            self._foreign[campaign] = not any(records)
+        return self._foreign[campaign]
 
     def _link_job(self, run: Path, campaign: str) -> str | None:
         """Let a copied run's link lead to its job's new place; returns the job's new name."""
@@ -176,6 +183,11 @@ class _Runs:
         link.symlink_to(PurePath("../../_jobs") / job)
         self.jobs[f"{run.parent.name}/{run.name}"] = job
         return job
+
+
+def _own_record(run: Path) -> Callable[[str, list[str]], set[str]]:
+    """Leave out the run's record, but no other file of that name that the run wrote."""
+    return lambda folder, _: {RUN_RECORD} if folder == str(run) else set()
 
 
 def _write_records(

@@ -13,9 +13,9 @@ from itertools import count
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 
+from robovast.atomic import appearing_file
 from robovast.cluster.storage import ObjectStore, StoredObject
 from robovast.errors import InputError
-from robovast.results.appearing import appearing_file
 from robovast.results.download import THREADS, job_link, plan_download
 from robovast.results.layout import RUN_RECORD
 

@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from robovast.plain import write_atomically
+from pydantic import TypeAdapter
+
 from robovast.results.layout import RUN_RECORD
 from robovast.results.verdict import Verdict
 
 SCHEMA = 1
-"""Version of the record's format."""
+"""Version of the record's format; it stays when keys are added, which older versions ignore."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +54,35 @@ class RunRecord:
         return self.verdict is not Verdict.INTERRUPTED
 
     def write(self, folder: Path) -> None:
-        """Write `run.json` into a run's folder."""
-        write_atomically(folder / RUN_RECORD, self.to_json())
+        """Write `run.json` into the folder of a run that is not in its place yet."""
+        _write(folder, asdict(self))
 
     def to_json(self) -> str:
         """The text of `run.json`."""
-        return json.dumps(asdict(self), indent=1, default=str) + "\n"
+        return _text(asdict(self))
+
+
+def copy_run_record(source: Path, target: Path, **changes: Any) -> None:
+    """Copy `run.json` of one run's folder to another's, which is not in its place yet.
+
+    Args:
+        source: folder of a run with a record.
+        target: folder of a run without.
+        changes: other values of keys; all other keys stay, those of newer versions too.
+    """
+    data = json.loads((source / RUN_RECORD).read_bytes())
+    _write(target, {**data, **changes})
+
+
+def _write(folder: Path, data: dict[str, Any]) -> None:
+    path = folder / RUN_RECORD
+    path.unlink(missing_ok=True)
+    with path.open("x", encoding="utf-8") as file:
+        file.write(_text(data))
+
+
+def _text(data: dict[str, Any]) -> str:
+    return json.dumps(data, indent=1, default=str) + "\n"
 
 
 def read_run_record(folder: Path) -> RunRecord | None:
@@ -71,7 +96,12 @@ def read_run_record(folder: Path) -> RunRecord | None:
 def parse_run_record(text: str | bytes) -> RunRecord | None:
     """The record in the text of a `run.json`; None when it is none of this format."""
     try:
-        data = json.loads(text)
-        return RunRecord(**{**data, "verdict": Verdict(data["verdict"])})
-    except (ValueError, TypeError, KeyError):
+        record = _adapter().validate_json(text)
+    except ValueError:
         return None
+    return record if record.schema <= SCHEMA else None
+
+
+@cache
+def _adapter() -> TypeAdapter[RunRecord]:
+    return TypeAdapter(RunRecord)

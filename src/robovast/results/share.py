@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from robovast.atomic import put_in_place
 from robovast.environment import dotenv_loaded
 from robovast.errors import CannotRunError, InputError, RobovastError, StorageError
 from robovast.execution.cluster_execution.share_providers.base import (
@@ -123,7 +124,7 @@ class Share:
                 f"of {campaign.archive} {found} of {campaign.size} bytes are here. Try again: the "
                 "rest will be fetched."
             )
-        os.replace(part, target)
+        put_in_place(part, target)
 
     @contextmanager
     def _explained(self, what: str) -> Iterator[None]:

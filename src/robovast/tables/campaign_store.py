@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import sqlite3
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -13,6 +12,7 @@ from typing import Any
 
 import yaml
 
+from robovast.atomic import appearing_file
 from robovast.errors import StorageError
 from robovast.results.layout import Layout
 from robovast.tables.runs import PARAMETER, run_rows
@@ -49,14 +49,12 @@ def write_campaign_store(layout: Layout, document: Path | None, runs: Iterable[s
     try:
         if path.exists() and not _is_ours(path):
             return
-        temporary = layout.root / f".{FILE}.{os.getpid()}.tmp"
-        temporary.unlink(missing_ok=True)
-        try:
-            with closing(sqlite3.connect(temporary)) as connection, connection:
-                _write(connection, layout, document, list(run_rows(layout, runs)))
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        with (
+            appearing_file(path) as part,
+            closing(sqlite3.connect(part)) as connection,
+            connection,
+        ):
+            _write(connection, layout, document, list(run_rows(layout, runs)))
     except (OSError, sqlite3.Error) as error:
         raise StorageError(f"{path}: cannot be written: {error}.") from error
 

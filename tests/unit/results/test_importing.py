@@ -8,8 +8,10 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from dying import begin_dying, deaths
 
 from robovast.errors import InputError, StorageError
+from robovast.results.campaigns import find_campaigns
 from robovast.results.importing import import_archive
 
 NAME = "my-campaign-2026-03-05-121530"
@@ -151,3 +153,24 @@ def test_a_campaign_that_is_here_is_replaced_on_demand_only(tmp_path: Path) -> N
     import_archive(archive, tmp_path / "results", force=True)
     assert not kept.exists()
     assert [path.name for path in (tmp_path / "results").iterdir()] == [NAME]
+
+
+def test_wherever_it_is_killed_the_old_campaign_is_there_or_the_new(tmp_path: Path) -> None:
+    archive = archive_of(tmp_path, *GOOD)
+
+    def replace(place: Path) -> None:
+        old = place / "results" / NAME / "_config" / "old.vast"
+        old.parent.mkdir(parents=True)
+        old.touch()
+        begin_dying()
+        import_archive(archive, place / "results", force=True)
+
+    seen = []
+    for number, place in deaths(tmp_path / "places", replace):
+        (campaign,) = find_campaigns(place / "results")
+        seen.append([path.name for path in (campaign / "_config").iterdir()])
+        if not number % 20:
+            import_archive(archive, place / "results", force=True)
+            assert [path.name for path in (place / "results").iterdir()] == [NAME]
+    assert seen == sorted(seen, reverse=True)
+    assert [seen[0], seen[-1]] == [["old.vast"], ["a file.vast"]]

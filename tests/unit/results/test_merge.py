@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 import yaml
+from dying import begin_dying, deaths
 from small_disk import small_disk
 
 from robovast.errors import InputError, StorageError
+from robovast.results.campaigns import find_campaigns
 from robovast.results.merge import merge_campaigns
 from robovast.results.run_record import RunRecord, read_run_record
 from robovast.results.verdict import Verdict
@@ -165,3 +167,38 @@ def test_a_failure_in_the_middle_leaves_nothing(tmp_path: Path) -> None:
     with small_disk(2**15), pytest.raises(StorageError, match="merged: cannot be written"):
         merge_campaigns([first], tmp_path / "merged")
     assert [path.name for path in tmp_path.iterdir()] == [FIRST]
+
+
+def test_a_file_of_the_records_name_that_a_run_wrote_comes_along(tmp_path: Path) -> None:
+    first = make_campaign(tmp_path, FIRST, {"one": "A"}, 1)
+    (first / "one" / "0" / "nav").mkdir()
+    (first / "one" / "0" / "nav" / "run.json").write_text("mine")
+    merged = merge_campaigns([first], tmp_path / "merged").target
+    assert (merged / "one" / "0" / "nav" / "run.json").read_text() == "mine"
+
+
+@pytest.mark.parametrize("record", [None, "", '{"verdict": "passed"}'])
+def test_half_a_run_is_left_out(tmp_path: Path, record: str | None) -> None:
+    first = make_campaign(tmp_path, FIRST, {"one": "A"}, 3)
+    half = first / "one" / "1" / "run.json"
+    half.unlink() if record is None else half.write_text(record)
+    result = merge_campaigns([first], tmp_path / "merged")
+    assert result.left_out == (f"{FIRST}/one/1",)
+    assert result.runs == 2
+    assert {path.name for path in (result.target / "one").iterdir()} == {"_config", "0", "1"}
+
+
+def test_wherever_it_is_killed_no_campaign_but_whole_ones_are_found(tmp_path: Path) -> None:
+    def merge(place: Path) -> None:
+        first = make_campaign(place, FIRST, {"one": "A"}, 1)
+        second = make_campaign(place, SECOND, {"one": "A"}, 1)
+        begin_dying()
+        merge_campaigns([first, second], place / "merged")
+
+    both = {FIRST, SECOND}
+    for number, place in deaths(tmp_path, merge, every=7):
+        found = {path.name for path in find_campaigns(place)}
+        assert found in (both, {*both, "merged"})
+        if not number % 49:
+            merge_campaigns(find_campaigns(place)[:2], place / "again")
+            assert not [path for path in place.iterdir() if path.name.startswith(".")]

@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 
 import yaml
 
+from robovast.atomic import make_folder, sync_folder, sync_tree
 from robovast.common.execution import campaign_folder_name
 from robovast.document import Document, load_document
 from robovast.errors import InputError, StorageError
@@ -66,6 +67,8 @@ def run_campaign(
                 image=identity.image,
                 image_revision=identity.digest,
             )
+            sync_tree(layout.root)
+            sync_folder(output)
     variants = _stored_files(layout, composition.variants)
     session = Session(document, layout, options, runtime, identity)
     return execute_campaign(session, plan_runs(variants, runs), observer)
@@ -94,7 +97,7 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
 def _make_folder(output: Path, name: str) -> Layout:
     root = output.absolute() / name
     try:
-        output.mkdir(parents=True, exist_ok=True)
+        make_folder(output)
         root.mkdir()
     except FileExistsError:
         raise StorageError(

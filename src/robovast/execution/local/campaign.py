@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import fcntl
 import queue
 import shutil
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from threading import Event, Lock, Thread
 from typing import Any
 
-from robovast.errors import StorageError
+from robovast.atomic import write_atomically
 from robovast.execution.contract import contract_files
 from robovast.execution.generate import copy_file
 from robovast.execution.inputs import container_files
 from robovast.execution.local.events import Observer, Summary
 from robovast.execution.local.job_execution import JobExecution
 from robovast.execution.local.session import Session
-from robovast.execution.local.store import explained
+from robovast.execution.local.store import explained, finished_runs
 from robovast.execution.signals import call_on_signals
+from robovast.locks import exclusive_folder
 from robovast.plain import dump_yaml
 from robovast.plan import Job, Run, pack_runs
 from robovast.results.layout import Layout
-from robovast.results.run_record import RunRecord, read_run_record
+from robovast.results.run_record import RunRecord
 from robovast.results.verdict import Verdict
 
 
@@ -33,38 +32,22 @@ def execute_campaign(session: Session, runs: Sequence[Run], observer: Observer) 
     Raises:
         StorageError: another program executes the campaign, or results cannot be stored.
     """
-    with _exclusive(session.layout):
-        done = {run.id: record for run in runs if (record := _finished_record(session, run))}
+    root = session.layout.root
+    refusal = f"{root}: another `vast` is executing this campaign; wait for it or stop it."
+    with exclusive_folder(session.layout.running, refusal):
+        with explained(root):
+            done = finished_runs(session, runs, observer.message)
         todo = [run for run in runs if run.id not in done]
         session.runtime.clean_up_campaign(session.token)
         _prepare_common(session)
         execution = _CampaignExecution(session, todo, observer, done)
         count = min(session.jobs_side_by_side, len(todo))
         how = f"{session.runtime.name}, {count} side by side"
-        observer.campaign_started(session.layout.root, len(runs), len(done), how)
+        observer.campaign_started(root, len(runs), len(done), how)
         interrupted = execution.run(count)
         _write_job_links(session.layout, execution.records)
-    shutil.rmtree(session.layout.running, ignore_errors=True)
     records = [execution.records[run.id] for run in runs if run.id in execution.records]
     return Summary(session.layout.root, len(runs), records, interrupted)
-
-
-@contextmanager
-def _exclusive(layout: Layout) -> Iterator[None]:
-    layout.running.mkdir(exist_ok=True)
-    with (layout.running / "lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise StorageError(
-                f"{layout.root}: another `vast` is executing this campaign; wait for it or stop it."
-            ) from None
-        yield
-
-
-def _finished_record(session: Session, run: Run) -> RunRecord | None:
-    record = read_run_record(session.layout.run(run.path))
-    return record if record is not None and record.finished else None
 
 
 def _prepare_common(session: Session) -> None:
@@ -81,7 +64,7 @@ def _prepare_common(session: Session) -> None:
 def _write_job_links(layout: Layout, records: dict[int, RunRecord]) -> None:
     links = {f"{record.variant}/{record.run}": record.job for record in records.values()}
     with explained(layout.root):
-        (layout.transient / "job_links.yaml").write_text(dump_yaml(links), encoding="utf-8")
+        write_atomically(layout.transient / "job_links.yaml", dump_yaml(links))
 
 
 class _CampaignExecution:

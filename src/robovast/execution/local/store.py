@@ -5,16 +5,22 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
 
+from robovast.atomic import make_folder, put_in_place
 from robovast.errors import StorageError
 from robovast.execution.local.session import Session
 from robovast.execution.record import Circumstances, make_record
 from robovast.plan import Job, Run
+from robovast.results.layout import Layout
 from robovast.results.run_record import RunRecord, read_run_record
 from robovast.results.verdict import TestResult
+
+_NAMED = 3
+"""How many runs are named in a message."""
 
 
 def store_run(
@@ -55,11 +61,44 @@ def store_run(
             folder = Path(shutil.copytree(folder, folder.with_name(f"{folder.name}.copy")))
         _link_job(folder, job)
         record.write(folder)
-        target.parent.mkdir(exist_ok=True)
-        if target.exists():  # interrupted before, or left by a program that was killed
-            shutil.rmtree(target)
-        os.rename(folder, target)
+        put_in_place(folder, target, replace=earlier is not None and not earlier.finished)
     return record
+
+
+def finished_runs(
+    session: Session, runs: Sequence[Run], tell: Callable[[str], None]
+) -> dict[int, RunRecord]:
+    """Records of the runs that need not be executed again, by id.
+
+    What stands in a run's place and is not understood (a record of a newer version, or one that a
+    power cut emptied, a folder without any) is moved aside: it may be all that is left of a run.
+    """
+    found: dict[int, RunRecord] = {}
+    aside = []
+    for run in runs:
+        place = session.layout.run(run.path)
+        record = read_run_record(place)
+        if record is None and os.path.lexists(place):
+            aside.append(run.path)
+            _set_aside(session.layout, run)
+        elif record is not None and record.finished:
+            found[run.id] = record
+    if aside:
+        listed = ", ".join(f"`{path}`" for path in aside[:_NAMED])
+        more = f" and {len(aside) - _NAMED} more" if len(aside) > _NAMED else ""
+        tell(
+            f"Not understood, so moved to `{session.layout.aside}` and executed again: "
+            f"{listed}{more} (no `run.json` of this version)."
+        )
+    return found
+
+
+def _set_aside(layout: Layout, run: Run) -> None:
+    names = (f"{run.number}" if not n else f"{run.number}.{n}" for n in count())
+    places = (layout.aside / run.variant.name / name for name in names)
+    place = next(place for place in places if not os.path.lexists(place))
+    make_folder(place.parent)
+    os.rename(layout.run(run.path), place)
 
 
 @contextmanager
