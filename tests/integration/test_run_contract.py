@@ -269,6 +269,19 @@ def test_asked_to_stop_a_pack_ends_and_keeps_its_verdicts(job: Job) -> None:
     assert [job.verdict(f"a b/{index}") for index in range(3)] == [True, False, None]
 
 
+def test_asked_to_stop_before_its_first_run_a_pack_begins_none(job: Job) -> None:
+    """What has a folder has begun, for whoever judges runs, and for the job that comes next."""
+    job.pack(*["true"] * 500)
+    with job.start() as process:
+        eventually(lambda: (job.output / "logs/system.log").exists())
+        eventually(lambda: "Applying parameter overrides" in job.log())
+        process.terminate()
+        process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert [path.name for path in job.out.iterdir() if path.name == "a b"] == []
+    assert not (job.output / "finished_runs").exists()
+
+
 def test_the_pre_command_sets_the_environment_of_the_run(job: Job) -> None:
     job.write("files/pre.sh", 'export GREETING="it\'s $(pwd)"\n')
     job.single(job.program('[[ $GREETING == "it\'s "* ]]'))

@@ -148,25 +148,31 @@ def unparsable(name: str, reason: str) -> Any:
     return tree
 
 
+def parse_one_by_one(execution: Any) -> None:
+    """Parse each document of the parameter file alone, since one of them at least is wrong."""
+    scenarios: list[Any] = []
+    for path, name, folder in single_documents(execution.scenario_parameter_file):
+        execution.scenario_parameter_file = path
+        if original.parse(execution):
+            scenarios += execution.scenarios_list
+        else:
+            failure = execution.results.pop()
+            reason = f"{failure.failure_message}: {failure.failure_output}"
+            scenarios.append((unparsable(name, reason), {}, folder))
+    execution.scenarios_list = scenarios
+
+
 class Pack:
     """Methods that take the place of those of ScenarioExecution, whose instance `self` is."""
 
     def parse(self: Any) -> bool:
         """Parse; a document that is wrong becomes a run that fails."""
-        if original.parse(self):
-            return True
-        self.results.clear()
-        scenarios: list[Any] = []
-        for path, name, folder in single_documents(self.scenario_parameter_file):
-            self.scenario_parameter_file = path
-            if original.parse(self):
-                scenarios += self.scenarios_list
-            else:
-                failure = self.results.pop()
-                reason = f"{failure.failure_message}: {failure.failure_output}"
-                scenarios.append((unparsable(name, reason), {}, folder))
-        self.scenarios_list = scenarios
-        return bool(scenarios)
+        if not original.parse(self):
+            self.results.clear()
+            parse_one_by_one(self)
+        if state.stopped:  # meanwhile: no run begins, nor leaves a folder as if it had
+            self.scenarios_list.clear()
+        return bool(self.scenarios_list)
 
     def run(self: Any) -> None:
         """Run one scenario after the other, whatever becomes of each."""
