@@ -8,7 +8,7 @@ in a trace outside of the results, and every file that it writes says of which e
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -63,6 +63,8 @@ LINES = 200
 RECORD = "run.json"
 OURS = frozenset({RECORD, "test.xml"})
 """What a run's folder has beside what its script wrote."""
+_JOB = ("job/logs/", "job/resource_usage_", "job/sysinfo.yaml")
+"""Where the link `job` was followed."""
 
 MIXTURE: tuple[Kind, ...] = (
     *(Kind.PASS, Kind.FAIL, Kind.PASS, Kind.ODD, Kind.CRASH, Kind.PASS, Kind.PASS, Kind.MEMORY),
@@ -128,10 +130,12 @@ class Course:
     """Tells its files from those of every other campaign; letters, digits and `-`."""
     trace: str
     """Command of bash that appends its standard input, a line, to a trace."""
+    name: str = "course"
+    """Of the document."""
     variants: int = 6
     runs: int = 2
     runs_per_job: int = 4
-    timeout: int = 45
+    timeout: int = 90
     """When a run that hangs is ended; none else may come near it, on a busy machine neither [s]."""
     pause: float = 1.0
     """Between a run's first file and its others [s]."""
@@ -153,7 +157,7 @@ class Course:
         values = list(range(1, self.variants + 1))
         return (
             "version: 1\n"
-            f"metadata: {{name: {self.salt}}}\n"
+            f"metadata: {{name: {self.name}}}\n"
             "configuration:\n"
             "- name: one\n"
             "  variations:\n"
@@ -221,8 +225,15 @@ class Seen:
 
     executions: frozenset[str]
     """Of which executions they are."""
-    wrong: tuple[str, ...]
-    """What is missing, was cut, is twice, or is not this run's."""
+    missing: tuple[str, ...]
+    """What is not there, or was cut."""
+    foreign: tuple[str, ...]
+    """What this run did not write, or not so."""
+
+    @property
+    def wrong(self) -> tuple[str, ...]:
+        """All that is not as it must be, but for more than one execution."""
+        return self.missing + self.foreign
 
 
 def look_at_files(course: Course, run: str, files: Mapping[str, bytes]) -> Seen:
@@ -234,42 +245,45 @@ def look_at_files(course: Course, run: str, files: Mapping[str, bytes]) -> Seen:
         files: content by path below the run's folder; what we store beside them is left alone.
     """
     names = course.names(run)
-    found: Counter[int] = Counter()
-    executions, wrong = set(), []
+    executions: set[str] = set()
+    complete: Counter[int] = Counter()
+    foreign = []
     for path, content in files.items():
-        if path in OURS or path.startswith(("job/logs/", "job/resource", "job/sysinfo")):
+        if path in OURS or path.startswith(_JOB) or _is_cut_at_once(course, run, content):
             continue
         parsed = _parse(course, run, content)
-        if parsed is None:
-            wrong.append(f"{path!r} has another content")
+        if parsed is None or parsed[0] >= len(names):
+            foreign.append(f"{path!r} has another content")
             continue
-        index, execution = parsed
-        found[index] += 1
+        index, execution, lines = parsed
         executions.add(execution)
-        if index >= len(names) or (_is_plain(names[index]) and path != names[index].decode()):
-            wrong.append(f"{path!r} was written under another name")
-    wrong += _counted(names, found)
-    return Seen(frozenset(executions), tuple(wrong))
+        complete[index] += lines == LINES
+        if names[index] in PLAIN and path != names[index].decode():
+            foreign.append(f"{path!r} was written under another name")
+    missing = [
+        f"{name!r} is there {complete[index]} times"
+        for index, name in enumerate(names)
+        if complete[index] != 1
+    ]
+    return Seen(frozenset(executions), tuple(missing), tuple(foreign))
 
 
-def _counted(names: Sequence[bytes], found: Counter[int]) -> Iterator[str]:
-    for index, name in enumerate(names):
-        if found[index] != 1:
-            yield f"{name!r} is there {found[index]} times"
+def _is_cut_at_once(course: Course, run: str, content: bytes) -> bool:
+    """Say whether a file ends before its first line does."""
+    begin = f"{course.salt} {run} ".encode()
+    return b"\n" not in content and (content.startswith(begin) or begin.startswith(content))
 
 
-def _parse(course: Course, run: str, content: bytes) -> tuple[int, str] | None:
-    """Number and execution of a file; None when it is not one of this run, or not complete."""
+def _parse(course: Course, run: str, content: bytes) -> tuple[int, str, int] | None:
+    """Number, execution and whole lines of a file; None when it is not one of this run."""
     line, _, _ = content.partition(b"\n")
+    lines = content.count(b"\n")
     match line.decode(errors="replace").split(" "):
         case [course.salt, whose, index, execution] if whose == run and index.isdigit():
-            complete = content == (line + b"\n") * LINES
-            return (int(index), execution) if complete else None
+            whole = (line + b"\n") * lines
+            cut = content[: len(whole)] == whole and line.startswith(content[len(whole) :])
+            return (int(index), execution, lines) if cut else None
     return None
-
-
-def _is_plain(name: bytes) -> bool:
-    return name in PLAIN
 
 
 @dataclass(frozen=True)

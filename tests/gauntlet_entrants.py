@@ -1,0 +1,208 @@
+"""Campaigns that run the gauntlet: what becomes of each was decided before it began."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from random import Random
+from typing import Any
+
+from cluster_lab import Lab
+from gauntlet_trace import SEND
+from gauntlet_truth import Course
+from robovast_testbed.errors import StartFailed
+
+
+class Deed(StrEnum):
+    """What is asked of a campaign after it was made."""
+
+    SUSPEND = "suspended and resumed"
+    RETRY = "bad runs retried"
+    MORE = "more runs"
+    DELETE_EARLY = "deleted while it runs"
+    DELETE_LATE = "deleted at its end"
+
+
+DESTINIES: Sequence[tuple[Deed, ...]] = (
+    (),
+    (),
+    (Deed.SUSPEND,),
+    (Deed.SUSPEND, Deed.RETRY),
+    (Deed.RETRY,),
+    (Deed.MORE,),
+    (Deed.MORE, Deed.RETRY),
+    (Deed.RETRY, Deed.MORE),
+    (Deed.DELETE_EARLY,),
+    (Deed.DELETE_LATE,),
+    (Deed.SUSPEND, Deed.DELETE_LATE),
+)
+PATIENCE = 420.0
+"""For how long a campaign may take once nothing is done to it any more [s]."""
+
+
+@dataclass
+class Entrant:
+    """A campaign, and what was asked of it."""
+
+    lab: Lab
+    name: str
+    course: Course
+    retention: str
+    parallelism: int
+    destiny: Sequence[Deed]
+    done: list[Deed] = field(default_factory=list)
+    retries: list[float] = field(default_factory=list)
+    """When its bad runs were asked for again [s since the epoch]."""
+    last: dict[str, Any] = field(default_factory=dict)
+    """What the API server said of it last."""
+    there: bool = False
+    deleted: bool = False
+    finished: bool = False
+    """Its results were complete, as far as it was asked for."""
+
+    @property
+    def key(self) -> tuple[str, str]:
+        return self.lab.namespace, self.name
+
+    @property
+    def attempts(self) -> int:
+        return 1 + len(self.retries)
+
+    @property
+    def status(self) -> dict[str, Any]:
+        found: dict[str, Any] = self.last.get("status", {})
+        return found
+
+    @property
+    def bucket(self) -> str | None:
+        return self.status.get("bucket")
+
+    def prepared(self) -> dict[str, Any]:
+        """Its object."""
+        folder = self.lab.folder / self.course.salt
+        path = folder / "course.vast" if folder.exists() else self.course.write(folder)
+        made = self.lab.prepared(path, self.name)
+        spec = {"parallelism": self.parallelism, "storage": {"retention": self.retention}}
+        return {**made, "spec": {**made["spec"], **spec}}
+
+    def see(self, campaigns: Mapping[tuple[str, str], dict[str, Any]]) -> None:
+        """Take note of what the API server says now."""
+        self.there = self.key in campaigns
+        self.last = campaigns.get(self.key, self.last)
+
+    def play(self, over: Callable[[], bool]) -> Iterator[None]:
+        """Do what is its destiny, step by step; nothing more begins once the time is over."""
+        for deed in self.destiny:
+            if deed in (Deed.SUSPEND, Deed.DELETE_EARLY):
+                yield from self._until(lambda: self.status.get("runs", {}).get("stored", 0) > 0)
+            else:
+                yield from self._until(self._is_complete)
+            if over():
+                break
+            yield from _DEEDS[deed](self)
+            self.done.append(deed)
+            if self.deleted:
+                return
+        yield from self._until(self._is_complete)
+        self.finished = True
+
+    def _until(self, condition: Callable[[], bool]) -> Iterator[None]:
+        while not condition() and not self._is_complete():
+            yield
+
+    def _is_complete(self) -> bool:
+        status, generation = self.status, self.last.get("metadata", {}).get("generation")
+        available = any(
+            item["type"] == "ResultsAvailable"
+            and item["status"] == "True"
+            and item.get("observedGeneration") == generation
+            for item in status.get("conditions", [])
+        )
+        total = status.get("runs", {}).get("total")
+        return (
+            available
+            and total == len(self.course.truth())
+            and status.get("attempt", 1) == self.attempts
+        )
+
+    def _suspend(self) -> Iterator[None]:
+        yield from self._patch({"suspend": True})
+        end = time.monotonic() + 6
+        while time.monotonic() < end:
+            yield
+        yield from self._patch({"suspend": False})
+
+    def _retry(self) -> Iterator[None]:
+        asked = time.time()
+        yield from self._patch({"attempt": self.attempts + 1})
+        self.retries.append(asked)
+
+    def _more(self) -> Iterator[None]:
+        course = self.course.with_runs(self.course.runs + 1)
+        yield from self._patch({"runs": course.runs})
+        self.course = course
+
+    def _delete(self) -> Iterator[None]:
+        self.finished = self._is_complete()
+        self.deleted = True
+        words = ("delete", "campaign", self.name, "--wait=false", "--ignore-not-found")
+        yield from persistently(lambda: self.lab.kubectl(*words))
+        yield
+        while self.there:
+            yield
+
+    def _patch(self, spec: dict[str, Any]) -> Iterator[None]:
+        patch = json.dumps({"spec": spec})
+        words = ("patch", "campaign", self.name, "--type=merge", f"--patch={patch}")
+        yield from persistently(lambda: self.lab.kubectl(*words))
+        # What was seen before the change says nothing of it.
+        self.last = {**self.last, "status": {**self.status, "conditions": []}}
+
+
+_DEEDS: Mapping[Deed, Callable[[Entrant], Iterator[None]]] = {
+    Deed.SUSPEND: Entrant._suspend,
+    Deed.RETRY: Entrant._retry,
+    Deed.MORE: Entrant._more,
+    Deed.DELETE_EARLY: Entrant._delete,
+    Deed.DELETE_LATE: Entrant._delete,
+}
+
+
+def persistently(ask: Callable[[], object]) -> Iterator[None]:
+    """Ask the API server until it answers."""
+    while True:
+        try:
+            ask()
+        except StartFailed:
+            yield
+        else:
+            return
+
+
+def draw(chance: Random, labs: Sequence[Lab], number: int) -> list[Entrant]:
+    """The next campaign, or two of one name in two namespaces that are made in one request."""
+    twins = chance.random() < 0.25
+    chosen = list(labs) if twins else [chance.choice(labs)]
+    return [_draw_one(chance, lab, number, "ab"[index]) for index, lab in enumerate(chosen)]
+
+
+def _draw_one(chance: Random, lab: Lab, number: int, letter: str) -> Entrant:
+    course = Course(
+        salt=f"g{number}{letter}-{chance.randrange(16**6):06x}",
+        trace=SEND,
+        variants=chance.randint(2, 6),
+        runs=chance.randint(1, 3),
+        runs_per_job=chance.randint(1, 6),
+        pause=round(chance.uniform(0.1, 2), 1),
+    )
+    return Entrant(
+        lab,
+        f"g{number}",
+        course,
+        chance.choice(["Retain", "Retain", "Delete"]),
+        chance.randint(1, 2),
+        chance.choice(DESTINIES),
+    )

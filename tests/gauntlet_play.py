@@ -1,0 +1,121 @@
+"""Campaigns come and go while one fault is done after the other."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from random import Random
+
+from cluster_lab import Lab
+from gauntlet_entrants import PATIENCE, Entrant, draw, persistently
+from gauntlet_faults import FAULTS, Arena
+from robovast_testbed.errors import StartFailed
+
+ROUND = 1.5
+"""How often campaigns are looked at [s]."""
+
+
+def say(text: str) -> None:
+    print(f"{time.strftime('%H:%M:%S')} {text}", flush=True)
+
+
+class Faults:
+    """Does one fault after the other in a thread of its own."""
+
+    def __init__(self, where: Arena, chance: Random, pause: float) -> None:
+        self._arena, self._chance, self._pause = where, chance, pause
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._rage, daemon=True)
+        self.done: Counter[str] = Counter()
+
+    def __enter__(self) -> Faults:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _rage(self) -> None:
+        names = list(FAULTS)
+        weights = [FAULTS[name][0] for name in names]
+        while not self._over.wait(self._chance.uniform(0.3, 1.7) * self._pause):
+            name = self._chance.choices(names, weights)[0]
+            say(f"- {name}")
+            try:
+                FAULTS[name][1](self._arena, Random(self._chance.random()))  # noqa: S311
+            except (StartFailed, OSError) as error:
+                say(f"  it could not be done: {str(error).splitlines()[0]}")
+            else:
+                self.done[name] += 1
+
+
+@dataclass
+class Gauntlet:
+    """Campaigns that come and go."""
+
+    arena: Arena
+    labs: Sequence[Lab]
+    chance: Random
+    alive: int
+    """How many campaigns are executed at once."""
+    entrants: list[Entrant] = field(default_factory=list)
+
+    def run(self, minutes: float, pause: float) -> Counter[str]:
+        """Let campaigns run until the time is over and all have ended; returns the faults."""
+        playing: list[Iterator[None]] = []
+        end = time.monotonic() + minutes * 60
+
+        def is_over() -> bool:
+            return time.monotonic() > end
+
+        with Faults(self.arena, Random(self.chance.random()), pause) as faults:  # noqa: S311
+            while not is_over():
+                if len(playing) < self.alive:
+                    playing += self._more(is_over)
+                playing = self._round(playing)
+        say("all is repaired")
+        give_up = time.monotonic() + PATIENCE
+        while playing and time.monotonic() < give_up:
+            playing = self._round(playing)
+        return faults.done
+
+    def _more(self, is_over: Callable[[], bool]) -> list[Iterator[None]]:
+        new = draw(self.chance, self.labs, len(self.entrants))
+        objects = {"apiVersion": "v1", "kind": "List", "items": [e.prepared() for e in new]}
+        for entrant in new:
+            self.arena.salts[entrant.key] = entrant.course.salt
+            say(
+                f"+ {entrant.name} in {entrant.lab.namespace}: {len(entrant.course.truth())} runs, "
+                f"{entrant.retention}, {', '.join(entrant.destiny) or 'plain'}"
+            )
+        self.entrants += new
+        words = ("apply", "--filename=-")
+        for _ in persistently(
+            lambda: self.arena.cluster.kubectl(*words, stdin=json.dumps(objects))
+        ):
+            time.sleep(ROUND)
+        return [entrant.play(is_over) for entrant in new]
+
+    def _round(self, playing: list[Iterator[None]]) -> list[Iterator[None]]:
+        begin = time.monotonic()
+        try:
+            text = self.arena.cluster.kubectl(
+                *("get", "campaigns", "--all-namespaces", "--output=json", "--request-timeout=10s")
+            )
+        except StartFailed:
+            text = ""
+        if text:
+            items = json.loads(text)["items"]
+            self.arena.campaigns = {
+                (item["metadata"]["namespace"], item["metadata"]["name"]): item for item in items
+            }
+            for entrant in self.entrants:
+                entrant.see(self.arena.campaigns)
+        left = [steps for steps in playing if next(steps, self) is not self]
+        time.sleep(max(0.1, ROUND - (time.monotonic() - begin)))
+        return left
