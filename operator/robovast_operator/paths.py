@@ -35,20 +35,29 @@ def events(namespace: str) -> str:
     return f"/api/v1{_in(namespace)}/events"
 
 
-def workloads(namespace: str) -> str:
+KUEUE = "kueue.x-k8s.io"
+KUEUE_VISIBILITY = "visibility.kueue.x-k8s.io"
+
+
+def group(name: str) -> str:
+    """An API group: in which versions it is served."""
+    return f"/apis/{name}"
+
+
+def workloads(version: str, namespace: str) -> str:
     """Kueue's Workloads of a namespace."""
-    return f"/apis/kueue.x-k8s.io/v1beta1{_in(namespace)}/workloads"
+    return f"/apis/{KUEUE}/{version}{_in(namespace)}/workloads"
 
 
-def local_queue(namespace: str, name: str) -> str:
+def local_queue(version: str, namespace: str, name: str) -> str:
     """A LocalQueue of Kueue."""
-    return f"/apis/kueue.x-k8s.io/v1beta1{_in(namespace)}/localqueues/{name}"
+    return f"/apis/{KUEUE}/{version}{_in(namespace)}/localqueues/{name}"
 
 
-def pending_workloads(namespace: str, queue: str) -> str:
+def pending_workloads(version: str, namespace: str, queue: str) -> str:
     """What waits in a LocalQueue, in order, as Kueue's visibility server answers."""
-    version = "/apis/visibility.kueue.x-k8s.io/v1beta1"
-    return f"{version}{_in(namespace)}/localqueues/{queue}/pendingworkloads"
+    queues = f"/apis/{KUEUE_VISIBILITY}/{version}{_in(namespace)}/localqueues"
+    return f"{queues}/{queue}/pendingworkloads"
 
 
 def leases(namespace: str) -> str:

@@ -272,8 +272,8 @@ def _agent(settings: Settings, mounts: list[Object]) -> Object:
     return _own(settings, "agent", arguments, mounts) | {
         "readinessProbe": {
             "exec": {"command": ["test", "!", "-e", marker]},
-            "periodSeconds": 30,
-            "timeoutSeconds": 10,
+            "periodSeconds": 60,
+            "timeoutSeconds": 20,
             "failureThreshold": 1,
         }
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -24,7 +25,9 @@ FIRST_SECONDS = 2.0
 ANSWER_SECONDS = 10.0
 """How long an answer about a queue serves all campaigns that wait in it."""
 QUEUE_SECONDS = 600.0
-"""How long it is remembered which ClusterQueue a LocalQueue belongs to."""
+"""How long it is remembered which ClusterQueue a LocalQueue belongs to, and what is served."""
+VERSIONS = ("v1beta2", "v1beta1")
+"""Of Kueue's APIs, the newest first; what is read here is the same in all."""
 
 
 class Queues:
@@ -108,7 +111,8 @@ class Queues:
         return Waiting(job.name, "NoKueue", message, helpless=True)
 
     async def _place(self, job: JobState) -> QueuePlace | None:
-        path = paths.pending_workloads(job.namespace, job.queue)
+        version = await self._version(paths.KUEUE_VISIBILITY)
+        path = paths.pending_workloads(version, job.namespace, job.queue)
         answer = await self._answer(path, ANSWER_SECONDS)
         if answer is None:
             return None
@@ -122,14 +126,22 @@ class Queues:
         return [job for job in busy if await self._cluster_queue(job) == queue]
 
     async def _cluster_queue(self, job: JobState) -> str:
-        answer = await self._answer(paths.local_queue(job.namespace, job.queue), QUEUE_SECONDS)
+        version = await self._version(paths.KUEUE)
+        path = paths.local_queue(version, job.namespace, job.queue)
+        answer = await self._answer(path, QUEUE_SECONDS)
         return text(mapping(mapping(answer).get("spec")).get("clusterQueue"))
+
+    async def _version(self, group: str) -> str:
+        """The version of Kueue's API to speak: the newest that both know."""
+        answer = await self._answer(paths.group(group), QUEUE_SECONDS)
+        served = {text(item.get("version")) for item in mappings(mapping(answer).get("versions"))}
+        return next((version for version in VERSIONS if version in served), VERSIONS[-1])
 
     async def _answer(self, path: str, seconds: float) -> Object | None:
         """What is at a path, or was there a moment ago; None when it cannot be had."""
         moment = time.monotonic()
-        asked, answer = self._answers.get(path, (0.0, None))
-        if path in self._answers and moment - asked < seconds:
+        asked, answer = self._answers.get(path, (-math.inf, None))
+        if moment - asked < (seconds if answer else min(seconds, ANSWER_SECONDS)):
             return answer
         try:
             answer = await self._api.get(path, tries=1)
@@ -150,7 +162,9 @@ class Queues:
         ours = PARKED in (workload["metadata"].get("annotations") or {})
         if ours != parked:
             mark = {"metadata": {"annotations": {PARKED: "true" if parked else None}}}
-            path = f"{paths.workloads(job.namespace)}/{workload['metadata']['name']}"
+            version = await self._version(paths.KUEUE)
+            name = workload["metadata"]["name"]
+            path = f"{paths.workloads(version, job.namespace)}/{name}"
             await self._api.patch(path, {**mark, "spec": {"active": not parked}})
         (memory.parked.add if parked else memory.parked.discard)(job.name)
         memory.queue_job = ()
@@ -159,7 +173,7 @@ class Queues:
     async def _workload(self, job: JobState) -> Object | None:
         """Kueue's Workload of a Job."""
         selector = f"kueue.x-k8s.io/job-uid={job.uid}"
-        path = paths.workloads(job.namespace)
+        path = paths.workloads(await self._version(paths.KUEUE), job.namespace)
         try:
             found = [item async for item in self._api.list(path, labelSelector=selector)]
         except ApiError as error:

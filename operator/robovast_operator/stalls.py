@@ -119,7 +119,7 @@ def _is_silent(pod: Object, moment: datetime) -> bool:
     if running is None or agent.get("ready") is not False or not isinstance(since, str):
         return False
     started = running.get("startedAt")
-    return isinstance(started, str) and parse_time(started) + timedelta(seconds=120) < moment
+    return isinstance(started, str) and parse_time(started) + timedelta(seconds=60) < moment
 
 
 def _readiness(pod: Object) -> Object:

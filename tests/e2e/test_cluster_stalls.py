@@ -1,0 +1,100 @@
+"""What keeps a campaign from moving on a real node: the user is told what it is."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from cluster_lab import QUICK, SYSTEM, Lab
+from local_campaigns import make_campaign
+from patience import eventually
+from robovast_testbed import containerd, gobuild, outages, scratch
+
+FOREIGN_PROGRAM = b"\x7fELF\x02\x01\x01".ljust(16, b"\0") + (2).to_bytes(2, "little") + b"\xb7\0"
+"""The beginning of an executable for aarch64; no machine of another kind executes it."""
+
+
+def apply(lab: Lab, name: str, image: str) -> None:
+    """Apply a campaign whose runs have an image that is none of ours."""
+    made = lab.prepared(make_campaign(lab.folder / name, "true\n", "", QUICK), name)
+    made["spec"]["vast"]["execution"]["image"] = image
+    lab.kubectl("apply", "--filename=-", stdin=json.dumps(made))
+
+
+def wait_stalled(lab: Lab, name: str, reason: str, seconds: int = 120) -> str:
+    """Wait until a campaign says that it is stalled; returns its message."""
+
+    def told() -> str:
+        found = lab.conditions(name).get("Stalled", {})
+        right = found.get("status") == "True" and found["reason"] == reason
+        return found["message"] if right else ""
+
+    message: str = eventually(told, seconds, lambda: lab.describe(name))
+    return message
+
+
+def wait_recovered(lab: Lab, name: str, seconds: int = 120) -> None:
+    eventually(
+        lambda: lab.conditions(name)["Stalled"]["status"] == "False",
+        seconds,
+        lambda: lab.describe(name),
+    )
+
+
+def test_images_that_the_node_cannot_execute_are_told(lab: Lab, tmp_path: Path) -> None:
+    """One without a shell, one for another architecture."""
+    engine = containerd.of(lab.cluster.bed)
+    foreign = tmp_path / "foreign"
+    foreign.write_bytes(FOREIGN_PROGRAM.ljust(4096, b"\0"))
+    engine.load(scratch.archive(foreign, "bin/sh"))
+    apply(lab, "without-shell", scratch.image(gobuild.build_own("pause").name))
+    apply(lab, "foreign", scratch.image(foreign.name))
+    told = wait_stalled(lab, "without-shell", "Container")
+    assert "/bin/sh" in told
+    assert "no such file" in told
+    told = wait_stalled(lab, "foreign", "Container")
+    assert "exec format error" in told
+    assert "architecture" in told
+
+
+@contextmanager
+def impatient_operator(lab: Lab) -> Iterator[None]:
+    """The installed operator finds runs silent that write nothing for 12 s."""
+    deployment = ("--namespace", SYSTEM, "deployment/robovast-operator")
+
+    def set_minutes(value: str) -> None:
+        variable = f"ROBOVAST_SILENCE_MINUTES={value}"
+        lab.cluster.kubectl("set", "env", *deployment, variable)
+        lab.cluster.kubectl("rollout", "status", *deployment, "--timeout=60s")
+
+    set_minutes("0.2")
+    try:
+        yield
+    finally:
+        set_minutes("30")
+
+
+def test_a_run_that_writes_nothing_and_a_node_that_is_cut_off_are_told(lab: Lab) -> None:
+    """The run goes on through both: nobody has ended it."""
+    script = "for i in 1 2 3 4 5 6 7 8; do sleep 5; echo tick; done\nsleep 60\n"
+    with impatient_operator(lab):
+        lab.quick("hangs", "sleep 90\n", parallelism=1)
+        assert "kubectl logs" in wait_stalled(lab, "hangs", "Silent", 180)
+        lab.kubectl("delete", "campaign", "hangs", "--wait=false")
+        lab.quick("cut-off", f"{script}\n{script}", "  runs: 1\n", parallelism=3)
+        eventually(lambda: at_work(lab), 120, lambda: lab.describe("cut-off"))
+    (node,) = lab.cluster.kubectl("get", "nodes", "--output=name").split()
+    with outages.paused(lab.cluster, "kubelet"):
+        told = wait_stalled(lab, "cut-off", "NodeLost", 180)
+        assert node.removeprefix("node/") in told
+        assert "kubectl delete node" in told
+    wait_recovered(lab, "cut-off")
+    assert lab.conditions("cut-off")["Stalled"]["status"] == "False"
+
+
+def at_work(lab: Lab) -> bool:
+    """Whether all pods of the campaign are ready."""
+    jobs = lab.get("jobs", "--selector=robovast.io/campaign=cut-off")["items"]
+    return any(job["status"].get("ready") == 3 for job in jobs)
