@@ -16,6 +16,9 @@ from robovast_operator.times import parse_time
 REPEATED = 3
 """So many pods of one pack die before it is told that they do so again and again."""
 
+RECOVERY = timedelta(minutes=15)
+"""When a pod lives for so long, and longer than those before, they do not die any more."""
+
 LOST_SECONDS = 60.0
 """How long the node of a pod that should be gone may be silent."""
 
@@ -46,16 +49,30 @@ def cause_of(
         for cause in next((causes for _, causes in pods_of_index[:2] if causes), [])
     )
     deaths = [
-        sum(bool(causes) and _is_dead(pod) for pod, causes in pods_of_index)
+        [parse_time(_created(pod)) for pod, causes in pods_of_index if causes and _is_dead(pod)]
         for pods_of_index in tries
     ]
-    repeated = max(deaths, default=0) >= REPEATED and sum(deaths) >= job.active
+    number = sum(map(len, deaths))
+    repeated = number >= job.active and any(_goes_on(times, moment) for times in deaths)
     if found is None or (at_work and not repeated):
         return None
     if not repeated:
         return found
-    told = f"{sum(deaths)} pods have died without a result, the last of this: {found.message}"
+    told = f"{number} pods have died without a result, the last of this: {found.message}"
     return replace(found, message=told, repeated=True)
+
+
+def _goes_on(deaths: Sequence[datetime], moment: datetime) -> bool:
+    """Whether pods of an index die one after the other: the next one has not lived for longer.
+
+    Args:
+        deaths: when those that died were made, the newest first.
+        moment: the time.
+    """
+    if len(deaths) < REPEATED:
+        return False
+    usual = (deaths[0] - deaths[-1]) / (len(deaths) - 1)
+    return moment - deaths[0] < max(RECOVERY, 3 * usual)
 
 
 def _open_tries(pods: Iterable[Object], job: JobState) -> list[list[Object]]:

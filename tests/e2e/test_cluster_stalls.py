@@ -46,15 +46,16 @@ def wait_recovered(lab: Lab, name: str, seconds: int = 120) -> None:
 def test_images_that_the_node_cannot_execute_are_told(lab: Lab, tmp_path: Path) -> None:
     """One without a shell, one for another architecture."""
     engine = containerd.of(lab.cluster.bed)
-    foreign = tmp_path / "foreign"
+    foreign = tmp_path / "of-aarch64" / "foreign"
+    foreign.parent.mkdir()
     foreign.write_bytes(FOREIGN_PROGRAM.ljust(4096, b"\0"))
     engine.load(scratch.archive(foreign, "bin/sh"))
     apply(lab, "without-shell", scratch.image(gobuild.build_own("pause").name))
-    apply(lab, "foreign", scratch.image(foreign.name))
+    apply(lab, "other-kind", scratch.image(foreign.name))
     told = wait_stalled(lab, "without-shell", "Container")
     assert "/bin/sh" in told
     assert "no such file" in told
-    told = wait_stalled(lab, "foreign", "Container")
+    told = wait_stalled(lab, "other-kind", "Container")
     assert "exec format error" in told
     assert "architecture" in told
 

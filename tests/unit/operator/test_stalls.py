@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import re
-import time
 from collections.abc import AsyncIterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -21,7 +20,7 @@ from robovast_operator.picture import Trouble
 from robovast_operator.pod_facts import trouble_of_events
 from robovast_operator.stalls import cause_of
 from robovast_operator.store import JobState
-from robovast_operator.times import format_time
+from robovast_operator.times import format_time, now
 
 DOCS = Path(__file__).parents[3] / "docs/kubernetes.md"
 NOW = datetime(2026, 11, 21, 8, tzinfo=UTC)
@@ -85,6 +84,7 @@ def waits(reason: str, message: str = "") -> dict[str, Any]:
 
 DELETED = {"deletionTimestamp": format_time(NOW - timedelta(minutes=5))}
 BASH = 'exec: "bash": executable file not found in $PATH: unknown'
+EVICTED = {"reason": "Evicted", "message": "The node was low on resource: memory."}
 NO_ROOM = {"type": "PodScheduled", "status": "False", "message": "0/3 nodes are available"}
 
 CAUSES: dict[str, tuple[str, Any]] = {
@@ -125,7 +125,7 @@ CAUSES: dict[str, tuple[str, Any]] = {
         "Evicted",
         pod(
             "Failed",
-            told={"reason": "Evicted", "message": "The node was low on resource: memory."},
+            told=EVICTED,
             agent=ended(137, "ContainerStatusUnknown"),
         ),
     ),
@@ -200,17 +200,15 @@ def test_pods_that_wait_are_no_stall_while_others_work() -> None:
 
 
 def test_pods_that_die_again_and_again_are_a_stall_though_others_start() -> None:
-    _, evicted = CAUSES["evicted"]
-    deaths = [
-        shaped({**evicted, "metadata": {**evicted["metadata"], "name": f"drive-{number}"}})
-        for number in range(3)
-    ]
+    deaths = [pod("Failed", told=EVICTED, minutes=minutes) for minutes in (12, 8, 4)]
     assert cause(*deaths[:2], at_work=True, ready=1) is None
     found = cause(*deaths, at_work=True, ready=1)
     assert found is not None
     assert (found.reason, found.repeated) == ("Evicted", True)
     assert found.message.startswith("3 pods have died")
     assert cause(*deaths, at_work=True, active=100, ready=99) is None, "one of a hundred"
+    old = [pod("Failed", told=EVICTED, minutes=minutes) for minutes in (60, 50, 40)]
+    assert cause(*old, at_work=True, ready=1) is None, "the next one has lived for longer"
     lost = [pod("Failed", agent=ended(75), index=0, minutes=m) for m in range(5)]
     assert cause(*lost, at_work=True, ready=1) is None, "how runs end is a result"
 
@@ -272,13 +270,12 @@ def test_pods_at_work_are_left_in_peace() -> None:
 
 
 def test_deaths_one_after_the_other_are_told_and_stay_told() -> None:
-    _, evicted = CAUSES["evicted"]
     campaign = Campaign()
     told = []
     for number in range(12):
-        dead = shaped({**evicted, "metadata": {**evicted["metadata"], "name": f"x{number}"}})
+        dead = pod("Failed", told=EVICTED, minutes=0)
+        dead["metadata"] |= {"name": f"x{number}", "creationTimestamp": format_time(now())}
         campaign.server.pods = (*campaign.server.pods, dead)
         told += [campaign.pass_by(120, active=1, ready=1), campaign.pass_by(5, active=0)]
-        time.sleep(0)
     assert told[-12:] == ["Evicted"] * 12
     assert told[:4] == [""] * 4
