@@ -107,6 +107,8 @@ def _is_wrong(picture: Picture, job: JobState) -> bool:
 
 def _is_to_be_made_anew(picture: Picture, job: JobState) -> bool:
     """Whether a Job holds pods that are to go, or waits in a queue that is not its own any more."""
+    if job.deleting:
+        return False
     queue = picture.observed.accepted.spec.queue_name
     right = {"", DEFAULT_QUEUE} if queue is None else {queue}
     return job.name in picture.observed.stuck or (job.suspended and job.queue not in right)

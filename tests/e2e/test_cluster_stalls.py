@@ -11,6 +11,7 @@ from cluster_lab import QUICK, SYSTEM, Lab
 from local_campaigns import make_campaign
 from patience import eventually
 from robovast_testbed import containerd, gobuild, outages, scratch
+from robovast_testbed.kubernetes import Manifest
 
 FOREIGN_PROGRAM = b"\x7fELF\x02\x01\x01".ljust(16, b"\0") + (2).to_bytes(2, "little") + b"\xb7\0"
 """The beginning of an executable for aarch64; no machine of another kind executes it."""
@@ -58,6 +59,51 @@ def test_images_that_the_node_cannot_execute_are_told(lab: Lab, tmp_path: Path) 
     told = wait_stalled(lab, "other-kind", "Container")
     assert "exec format error" in told
     assert "architecture" in told
+
+
+def shrink_fetch(lab: Lab) -> Iterator[Manifest]:
+    """Give the container `fetch` of the namespace's pods less memory than it needs."""
+    name, group = f"small-fetch-{lab.namespace}", "admissionregistration.k8s.io/v1"
+    amounts = [f"/spec/initContainers/1/resources/{kind}/memory" for kind in ("limits", "requests")]
+    patches = ", ".join(f'JSONPatch{{op: "replace", path: "{p}", value: "24Mi"}}' for p in amounts)
+    yield {
+        "apiVersion": group,
+        "kind": "MutatingAdmissionPolicy",
+        "metadata": {"name": name},
+        "spec": {
+            "failurePolicy": "Fail",
+            "reinvocationPolicy": "Never",
+            "matchConstraints": {
+                "namespaceSelector": {
+                    "matchLabels": {"kubernetes.io/metadata.name": lab.namespace}
+                },
+                "objectSelector": {"matchLabels": {"robovast.io/role": "shard"}},
+                "resourceRules": [
+                    {
+                        "apiGroups": [""],
+                        "apiVersions": ["v1"],
+                        "operations": ["CREATE"],
+                        "resources": ["pods"],
+                    }
+                ],
+            },
+            "mutations": [{"patchType": "JSONPatch", "jsonPatch": {"expression": f"[{patches}]"}}],
+        },
+    }
+    yield {
+        "apiVersion": group,
+        "kind": "MutatingAdmissionPolicyBinding",
+        "metadata": {"name": name},
+        "spec": {"policyName": name},
+    }
+
+
+def test_a_container_of_ours_that_lacks_memory_is_told(lab: Lab) -> None:
+    """Whenever the policy begins to hold: no later pod comes to its run."""
+    lab.cluster.apply(*shrink_fetch(lab))
+    lab.quick("small", "true\n", "  runs: 20\n", parallelism=2)
+    told = wait_stalled(lab, "small", "OutOfMemory", 180)
+    assert "fetch" in told
 
 
 @contextmanager

@@ -291,6 +291,9 @@ def test_a_job_that_holds_pods_which_are_to_go_is_made_anew() -> None:
     world.look()
     held = replace(world.observed(), stuck=frozenset({"drive-0123-0"}))
     assert decide(held).actions == (DeleteJob("drive-0123-0"),)
+    world.jobs["drive-0123-0"].deleting = True
+    held = replace(world.observed(), stuck=frozenset({"drive-0123-0"}))
+    assert decide(held).actions == (), "once is enough"
 
 
 def test_a_campaign_ends_without_the_runs_of_a_configuration_that_is_gone() -> None:
