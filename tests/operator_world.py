@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from robovast.cluster.ranges import format_ranges, parse_ranges, spans
+from robovast.cluster.ranges import count, format_ranges, merge, parse_ranges, spans, truncate
+from robovast.cluster.repetition import (
+    GroupSizes,
+    list_name,
+    list_text,
+    parse_list,
+    retry_groups,
+)
 from robovast.cluster.status import CampaignStatus, Runs
 from robovast_operator.accept import accept
 from robovast_operator.campaign import Accepted, Revision
@@ -22,7 +30,7 @@ from robovast_operator.decide import (
 from robovast_operator.picture import Final, Observed
 from robovast_operator.revisions import next_revision
 from robovast_operator.settings import Settings
-from robovast_operator.shards import ShardPlan, run_ids
+from robovast_operator.shards import ShardPlan
 from robovast_operator.store import JobState
 from robovast_operator.verdicts import Report
 
@@ -135,6 +143,13 @@ class World:
         self.executed: list[int] = []
         """Run ids in the order in which they were stored."""
         self.created: list[str] = []
+        self._groups: dict[str, list[list[int]]] = {}
+        self.mute: set[str] = set()
+        """Finish Jobs whose pods are gone."""
+        self.unseen: dict[str, set[int]] = {}
+        """Failed indexes whose pods have not been looked at, by Job."""
+        self.lists: dict[str, str] = {}
+        """Lists of bad runs by name, as in the bucket."""
         self.withdrawn: frozenset[str] = frozenset()
         self.now = datetime(2026, 11, 21, 8, tzinfo=UTC)
         self.plan_more()
@@ -166,6 +181,7 @@ class World:
             self._act(action)
         for name in going:
             self.jobs.pop(name, None)
+            self.mute.discard(name)
         return decision
 
     def observed(self) -> Observed:
@@ -181,7 +197,7 @@ class World:
             finals={
                 name: self._final()
                 for name, job in self.jobs.items()
-                if job.role == "finish" and job.over
+                if job.role == "finish" and job.over and name not in self.mute
             },
         )
 
@@ -202,6 +218,18 @@ class World:
             job.done[index] = verdict if verdict != "passed" else "failed"
         return True
 
+    def work_all(self, verdict: Callable[[int], str]) -> None:
+        """Let all pods of all open Jobs end, each run as its id says."""
+        for job in self.jobs.values():
+            busy = job.role == "shard" and not job.suspended
+            for index in range(job.size if busy and not job.over else 0):
+                for id_ in self._ids(job, index):
+                    self.executed.append(id_)
+                    self.stored[id_] = verdict(id_)
+                found = {self.stored[id_] for id_ in self._ids(job, index)}
+                bad = [kind for kind in ("errored", "failed") if kind in found]
+                job.done.setdefault(index, bad[0] if bad else "passed")
+
     def settle(self, verdict: str = "passed", looks: int = 400) -> None:
         """Go on until nothing happens any more."""
         for _ in range(looks):
@@ -215,6 +243,10 @@ class World:
         """A condition's status."""
         return next(c.status for c in self.status.conditions if c.type == name)
 
+    def truth_of(self, name: str) -> str:
+        """A condition's status, empty before the first look."""
+        return self.truth(name) if self.status.conditions else ""
+
     @property
     def pods(self) -> int:
         return sum(
@@ -222,39 +254,52 @@ class World:
         )
 
     def _ids(self, job: FakeJob, index: int) -> list[int]:
+        """The runs of a pod, as its fetch container finds them."""
         if job.shard is None:
             return []
-        plan = self.revisions[-1].plan
-        found = run_ids(plan, job.shard, [(index, index)])
-        return [id_ for first, last in found for id_ in range(first, last + 1)]
+        plan, pack = self.revisions[-1].plan, job.shard.first_pack + index
+        if not job.shard.repeat:
+            return list(plan.pack(pack))
+        name = job.shard.repeat
+        if name not in self._groups:
+            text = self.lists[name].encode()
+            self._groups[name] = retry_groups(plan, parse_list(name, text))
+        return self._groups[name][pack]
 
     def _reports(self, job: FakeJob) -> dict[int, Report]:
         reports = {}
         for index, verdict in job.done.items():
-            if verdict == "lost":
+            if verdict == "lost" or index in self.unseen.get(job.name, ()):
                 continue
             ids: dict[str, list[int]] = {"passed": [], "failed": [], "errored": []}
             for id_ in self._ids(job, index):
                 ids[self.stored[id_]].append(id_)
             reports[index] = Report(
-                *(tuple(spans(ids[k])) for k in ("passed", "failed", "errored"))
+                *(len(found) for found in ids.values()),
+                tuple(spans(ids["failed"])),
+                tuple(spans(ids["errored"])),
+                final=True,
             )
         return reports
 
     def _final(self) -> Final:
-        def of(verdict: str) -> list[int]:
-            return sorted(id_ for id_, found in self.stored.items() if found == verdict)
-
+        """What finish finds in the bucket, and stores there."""
         total = self.revisions[-1].plan.total
-        runs = Runs(
-            total=total,
-            passed=len(of("passed")),
-            failed=len(of("failed")),
-            errored=len(of("errored")) + len(of("lost")) + total - len(self.stored),
-        )
-        missing = [id_ for id_ in range(total) if id_ not in self.stored]
-        errored = format_ranges(spans([*of("errored"), *of("lost"), *missing]))
-        return Final(runs, format_ranges(spans(of("failed"))), errored, False, ())
+        verdicts = [self.stored.get(id_, "errored") for id_ in range(total)]
+        by = {
+            kind: spans(id_ for id_, found in enumerate(verdicts) if found in names)
+            for kind, names in (("failed", ["failed"]), ("errored", ["errored", "lost"]))
+        }
+        numbers = {kind: count(found) for kind, found in by.items()}
+        runs = Runs(total=total, passed=total - sum(numbers.values()), **numbers)
+        bad = merge([*by["failed"], *by["errored"]])
+        text = list_text(bad)
+        name = list_name(text) if bad else ""
+        self.lists[name] = text
+        sizes = str(GroupSizes.of(retry_groups(self.revisions[-1].plan, bad)))
+        told = [truncate(format_ranges(ids), 1500) for ids in (by["failed"], by["errored"])]
+        texts = [parse_ranges(text) for text, _ in told]
+        return Final(runs, *texts, any(cut for _, cut in told), (), name, sizes)
 
     def _act(self, action: object) -> None:
         match action:

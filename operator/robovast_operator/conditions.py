@@ -38,11 +38,6 @@ class Facts:
     unprocessed: Why | None = None
     """Why the results could not be worked up."""
 
-    @property
-    def done(self) -> int:
-        """Runs with a verdict."""
-        return self.runs.passed + self.runs.failed + self.runs.errored
-
 
 Found = tuple[str, Truth, str, str]
 """Type, status, reason and message of a condition."""
@@ -165,7 +160,7 @@ def _reconciling(facts: Facts) -> Found:
         return ("Reconciling", "True", "Finishing", "the results are being completed")
     if facts.spec.suspend:
         return ("Reconciling", "False", "Suspended", "spec.suspend is set")
-    return ("Reconciling", "True", "Running", f"{facts.done} of {facts.runs.total} runs")
+    return ("Reconciling", "True", "Running", f"{facts.runs.decided} of {facts.runs.total} runs")
 
 
 def _stalled(facts: Facts) -> Found:
@@ -216,8 +211,7 @@ def is_news(old: CampaignStatus, new: CampaignStatus) -> bool:
         return [(shard.job, shard.state) for shard in status.shards]
 
     def all_done(status: CampaignStatus) -> bool:
-        done = status.runs.passed + status.runs.failed + status.runs.errored
-        return done == status.runs.total
+        return status.runs.decided == status.runs.total
 
     return (
         facts(old) != facts(new)

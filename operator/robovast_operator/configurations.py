@@ -8,12 +8,11 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from robovast.cluster.plan import Block, Entry
-from robovast.cluster.ranges import Span, count, parse_ranges
+from robovast.cluster.ranges import Span, clip, count, parse_ranges
 from robovast.cluster.resources import API_VERSION, ConfigurationSpec
 from robovast.cluster.status import CampaignStatus, ConfigurationStatus, Runs, read_status
 from robovast_operator.campaign import Accepted, Identity, Object, Revision
 from robovast_operator.conditions import Found, dated, is_true
-from robovast_operator.verdicts import within
 
 NAME_LIMIT = 200
 
@@ -108,22 +107,31 @@ def configuration_status(
     if problem:
         truth = ("Accepted", "False", "Invalid", problem)
     spans, variants = _spans(entry_name(obj), revision.entries, revision.plan.blocks)
-    failed, errored = (
-        sum(within(parse_ranges(text), first, last) for first, last in spans)
-        for text in (status.failed_runs, status.errored_runs)
-    )
-    total = count(spans)
-    ended = is_true(status, "ResultsAvailable")
-    passed = total - failed - errored if ended else 0
     return ConfigurationStatus(
         observed_generation=generation,
         variants=variants,
-        progress=f"{passed + failed + errored}/{total}",
-        runs=Runs(
-            total=total, passed=passed, failed=failed, errored=errored, stored=passed + failed
-        ),
+        **_numbers(spans, status),
         conditions=dated([truth], generation, now, old.conditions),
     )
+
+
+def _numbers(spans: Sequence[Span], status: CampaignStatus) -> dict[str, Any]:
+    """The numbers of some runs of a campaign; undecided when not all ids of bad runs are told."""
+    total = count(spans)
+    if not is_true(status, "ResultsAvailable"):
+        runs = Runs(total=total)
+    elif status.ranges_truncated:
+        runs = Runs(total=total, undecided=total)
+    else:
+        failed, errored = (
+            sum(count(clip(parse_ranges(text), first, last)) for first, last in spans)
+            for text in (status.failed_runs, status.errored_runs)
+        )
+        passed = total - failed - errored
+        runs = Runs(
+            total=total, passed=passed, failed=failed, errored=errored, stored=passed + failed
+        )
+    return {"runs": runs, "progress": f"{runs.decided}/{total}"}
 
 
 def _spans(name: str, entries: Sequence[Entry], blocks: Sequence[Block]) -> tuple[list[Span], int]:

@@ -89,7 +89,7 @@ def decide(observed: Observed) -> Decision:
 def _open_jobs(picture: Picture) -> list[Action]:
     """Changes of Jobs that are at work."""
     spec = picture.observed.accepted.spec
-    if picture.over:
+    if picture.quiet:
         return []
     wrong = [job for job in picture.open if _is_wrong(picture, job) and not job.deleting]
     actions: list[Action] = [SuspendJob(job.name, spec.suspend) for job in wrong]
@@ -158,13 +158,15 @@ def _new_jobs(picture: Picture) -> list[Action]:
     spec = picture.observed.accepted.spec
     if spec.suspend:
         return []
-    if not picture.over:
+    if not picture.quiet:
         pods = [job.parallelism for job in picture.open]
         chosen = next_shards(picture.waiting, pods, spec.parallelism)
         if spec.queue_name is not None or any(job.queue for job in picture.open):
             # one waits at most: others have their turn, too
             chosen = [] if any(job.suspended for job in picture.open) else chosen[:1]
         return [CreateShard(shard) for shard in chosen]
+    if picture.repetition_due and picture.all_known:
+        return []
     return [] if picture.indexed or _at_work(picture) else _last_jobs(picture)
 
 
@@ -172,15 +174,18 @@ def _last_jobs(picture: Picture) -> list[Action]:
     """When nothing more is to be executed: the index, then what the results are worked up to."""
     plan, jobs = picture.observed.revisions[-1].config_map, picture.observed.jobs
     if picture.final is None:
-        finish = CreateTask("finish", picture.finish_name, plan)
-        return [] if picture.finish_name in jobs else [finish]
+        finish = jobs.get(picture.finish_name)
+        if finish is None:
+            return [CreateTask("finish", picture.finish_name, plan)]
+        lost = finish.finished == "Complete" and not finish.deleting
+        return [DeleteJob(finish.name)] if lost else []  # its words are gone with its pod
     process = CreateTask("process", picture.process_name, plan)
     return [] if picture.process_name in jobs else [process]
 
 
 def _cancel(picture: Picture) -> list[Action]:
     """Of a campaign that was given up, what is still at work goes."""
-    if picture.aborted is None or picture.repetition_due:
+    if picture.aborted is None or picture.repeats:
         return []
     return [DeleteJob(job.name) for job in _at_work(picture) if not job.deleting]
 

@@ -35,8 +35,8 @@ _QUIET = {"argocd.argoproj.io/ignore-resource-updates": "true"}
 def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Object:
     """The Indexed Job of a shard: a completion index for each pack."""
     arguments = ["--first-pack", str(shard.first_pack), "--attempt", str(shard.attempt)]
-    if shard.runs:
-        arguments += ["--runs", shard.runs]
+    if shard.repeat:
+        arguments += ["--repeat", shard.repeat]
     job = _job(accepted.identity, shard.job, "shard", {SHARD_LABEL: str(shard.index)})
     pod = run_pod(accepted, settings, shard.plan, arguments)
     queue = accepted.spec.queue_name

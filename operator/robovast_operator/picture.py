@@ -7,13 +7,22 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime
 
 from robovast.cluster.plan import PlanSpec
-from robovast.cluster.ranges import Span, count, merge, parse_ranges, subtract
-from robovast.cluster.status import CampaignStatus, Runs, Shard
+from robovast.cluster.ranges import Span, merge
+from robovast.cluster.repetition import GroupSizes
+from robovast.cluster.status import (
+    SHARDS_LIMIT,
+    BadRuns,
+    CampaignStatus,
+    Runs,
+    Settled,
+    Shard,
+)
 from robovast_operator.campaign import Accepted, Revision
 from robovast_operator.conditions import is_true
-from robovast_operator.shards import ShardPlan, first_attempts, repetitions, run_ids
+from robovast_operator.lenient import ranges
+from robovast_operator.shards import ShardPlan, first_attempts, repetitions
 from robovast_operator.store import JobState
-from robovast_operator.verdicts import Report, Verdicts, combine, shard_verdicts
+from robovast_operator.verdicts import Report, ShardRuns, Tally, tally_of, total
 from robovast_operator.waiting import Waiting
 
 
@@ -35,10 +44,15 @@ class Final:
     """What the finish Job found in the bucket."""
 
     runs: Runs
-    failed: str
-    errored: str
+    failed: Sequence[Span]
+    errored: Sequence[Span]
     truncated: bool
+    """Whether ids are missing in these two."""
     failing: tuple[str, ...]
+    list: str = ""
+    """Name of the list of all bad runs in the bucket; empty when none is bad, or none is stored."""
+    sizes: str = ""
+    """Sizes of the groups in which they are executed once more."""
 
 
 @dataclass(frozen=True)
@@ -74,22 +88,25 @@ class Picture:
 
     observed: Observed
     shards: tuple[ShardPlan, ...]
-    """All shards, those that bad runs are repeated in last."""
+    """The shards that are not settled: first attempts, then those that repeat bad runs."""
     records: Mapping[str, Shard]
     """What the status says of shards, by Job."""
-    verdicts: Verdicts
+    tallies: Mapping[str, Tally]
+    """What is known of the shards' runs, by Job."""
     aborted: Trouble | None
 
     @classmethod
     def of(cls, observed: Observed) -> Picture:
         """The picture of a moment."""
-        accepted, status = observed.accepted, observed.status
+        status = observed.status
         records = {record.job: record for record in status.shards}
-        shards = first_attempts(accepted.identity, observed.revisions)
-        shards += _repeated(observed)
-        shards += _new_repetitions(observed, shards, records)
-        verdicts = _verdicts(observed, shards, records)
-        return cls(observed, tuple(shards), records, verdicts, _aborted(observed, verdicts))
+        identity, settled = observed.accepted.identity, status.settled
+        shards = first_attempts(identity, observed.revisions)[settled.first :]
+        if status.bad is not None and status.attempt > status.bad.attempt:
+            shards += repetitions(identity, status.bad, status.attempt)[settled.repeated :]
+        tallies = {shard.job: _tally(observed, shard, records.get(shard.job)) for shard in shards}
+        picture = cls(observed, tuple(shards), records, tallies, None)
+        return replace(picture, aborted=_aborted(picture))
 
     @property
     def plan(self) -> PlanSpec:
@@ -99,6 +116,10 @@ class Picture:
     def job(self, shard: ShardPlan) -> JobState | None:
         """The Job of a shard, if it is there."""
         return self.observed.jobs.get(shard.job)
+
+    def runs_of(self, shard: ShardPlan) -> ShardRuns:
+        """The runs of a shard."""
+        return shard_runs(self.observed, shard)
 
     def withdrawn(self, shard: ShardPlan) -> bool:
         """Whether the Configuration that asked for a shard is gone, and its Job with it."""
@@ -118,8 +139,7 @@ class Picture:
         record = self.records.get(shard.job)
         if record is None or record.state not in {"Complete", "Failed"}:
             return False
-        mine = run_ids(self.plan, shard, [(0, shard.size - 1)])
-        return not subtract(mine, self.verdicts.decided)
+        return self.tallies[shard.job].decided == self.runs_of(shard).all
 
     @property
     def open(self) -> list[JobState]:
@@ -129,14 +149,10 @@ class Picture:
 
     @property
     def waiting(self) -> list[ShardPlan]:
-        """Shards that have no Job yet and may have one."""
-        return [
-            shard
-            for shard in self.shards
-            if self.job(shard) is None
-            and not self.ended(shard)
-            and (shard.attempt == 1 or shard.job in self.records)
-        ]
+        """Shards that have no Job yet and may have one: as many as the status can tell of."""
+        begun = next((n for n, shard in enumerate(self.shards) if not self.ended(shard)), 0)
+        near = self.shards[: begun + SHARDS_LIMIT]
+        return [shard for shard in near if self.job(shard) is None and not self.ended(shard)]
 
     @property
     def held(self) -> Waiting | None:
@@ -145,25 +161,48 @@ class Picture:
 
     @property
     def all_ended(self) -> bool:
-        """Whether every shard has come to its end."""
-        return all(self.ended(shard) for shard in self.shards)
+        """Whether every shard has come to its end, and no Job is left that repeats runs."""
+        known = {shard.job for shard in self.shards}
+        jobs = self.observed.jobs.values()
+        strays = (job for job in jobs if job.role == "shard" and job.name not in known)
+        return all(self.ended(shard) for shard in self.shards) and not any(j.open for j in strays)
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing more is to be executed, but for bad runs once more."""
+        return self.aborted is not None or self.all_ended
+
+    @property
+    def attempt(self) -> int:
+        """The attempt that is under way, or done: without bad runs each is done at once."""
+        spec, status = self.observed.accepted.spec, self.observed.status
+        return (
+            status.attempt
+            if self.repetition_due and not self.repeats
+            else max(spec.attempt, status.attempt)
+        )
 
     @property
     def repetition_due(self) -> bool:
         """Whether bad runs are to be executed once more."""
-        return self.observed.accepted.spec.attempt > self.observed.status.attempt
+        none_bad = self.all_known and self.bad is not None and not self.bad.runs
+        return self.observed.accepted.spec.attempt > self.observed.status.attempt and not none_bad
+
+    @property
+    def repeats(self) -> bool:
+        """Whether bad runs are executed once more from now on: it is known which they are."""
+        listed = self.all_known and self.bad is not None and bool(self.bad.list)
+        return self.repetition_due and listed
 
     @property
     def over(self) -> bool:
         """Whether nothing more is to be executed."""
-        if self.repetition_due:
-            return False
-        return self.aborted is not None or self.all_ended
+        return self.quiet and not self.repetition_due
 
     @property
     def ended_shards(self) -> int:
         """How many shards have come to their end."""
-        return sum(self.ended(shard) for shard in self.shards)
+        return self.observed.status.settled.shards + sum(self.ended(s) for s in self.shards)
 
     @property
     def finish_name(self) -> str:
@@ -192,86 +231,105 @@ class Picture:
     @property
     def final(self) -> Final | None:
         """What the finish Job of these shards found, if it has ended."""
-        return self.observed.finals.get(self.finish_name)
+        final = self.observed.finals.get(self.finish_name) if self.quiet else None
+        return final if final is not None and final.runs.total == self.plan.total else None
 
-
-def _repeated(observed: Observed) -> list[ShardPlan]:
-    """The shards in which bad runs are executed once more, as the status remembers them."""
-    identity = observed.accepted.identity
-    made = []
-    for record in observed.status.shards:
-        if record.attempt == 1:
-            continue
-        revision = next(r for r in observed.revisions if r.config_map == record.plan)
-        (shard,) = repetitions(
-            identity, revision, record.attempt, parse_ranges(record.runs), record.index
+    @property
+    def bad(self) -> BadRuns | None:
+        """What the last index of the bucket says of bad runs."""
+        status, final = self.observed.status, self.final
+        if final is None:
+            return status.bad
+        return BadRuns(
+            shards=self.ended_shards,
+            total=final.runs.total,
+            attempt=status.attempt,
+            plan=self.observed.revisions[-1].config_map,
+            runs=final.runs.failed + final.runs.errored,
+            list=final.list,
+            sizes=final.sizes,
         )
-        made.append(replace(shard, job=record.job))
-    return made
 
+    @property
+    def all_known(self) -> bool:
+        """Whether that index covers everything that ran."""
+        bad = self.bad
+        covered = (self.ended_shards, self.plan.total)
+        return self.quiet and bad is not None and (bad.shards, bad.total) == covered
 
-def _new_repetitions(
-    observed: Observed, shards: Sequence[ShardPlan], records: Mapping[str, Shard]
-) -> list[ShardPlan]:
-    """Shards for the bad runs, when their repetition is asked for and all else has ended."""
-    status, spec = observed.status, observed.accepted.spec
-    ended = all(
-        (record := records.get(shard.job)) is not None and record.state in {"Complete", "Failed"}
-        for shard in shards
-    )
-    if spec.attempt <= status.attempt or not (ended or _was_aborted(status)):
-        return []
-    bad = merge([*parse_ranges(status.failed_runs), *parse_ranges(status.errored_runs)])
-    first = max((shard.index for shard in shards), default=-1) + 1
-    revision = observed.revisions[-1]
-    return repetitions(observed.accepted.identity, revision, spec.attempt, bad, first)
+    @property
+    def settled(self) -> Settled:
+        """The shards that are remembered as numbers from now on: those that the index covers."""
+        settled, final = self.observed.status.settled, self.final
+        if final is not None:
+            settled = Settled(
+                shards=self.ended_shards,
+                first=len(first_attempts(self.observed.accepted.identity, self.observed.revisions)),
+                passed=final.runs.passed,
+                failed=final.runs.failed,
+                errored=final.runs.errored,
+            )
+        if self.repeats:  # what was bad has no verdict now
+            settled = settled.model_copy(update={"failed": 0, "errored": 0, "repeated": 0})
+        return settled
 
+    @property
+    def tally(self) -> Tally:
+        """What is known of all runs now."""
+        settled = self.observed.status.settled
+        before = Tally(settled.passed, settled.failed, settled.errored)
+        return total([before, *self.tallies.values()])
 
-def _was_aborted(status: CampaignStatus) -> bool:
-    return any(c.type == "Succeeded" and c.status == "False" for c in status.conditions)
+    @property
+    def undecided(self) -> int:
+        """How many runs have ended without a verdict that is known."""
+        return sum(self._undecided(shard) for shard in self.shards)
 
-
-def _verdicts(
-    observed: Observed, shards: Sequence[ShardPlan], records: Mapping[str, Shard]
-) -> Verdicts:
-    """All verdicts: of shards that have ended from the status, of others from their Jobs."""
-    plan = observed.revisions[-1].plan
-    status = observed.status
-    settled: list[Span] = []
-    live: list[Verdicts] = []
-    for shard in shards:
-        record, job = records.get(shard.job), observed.jobs.get(shard.job)
-        if record is not None and record.state in {"Complete", "Failed"}:
-            settled += run_ids(plan, shard, [(0, shard.size - 1)])
+    def _undecided(self, shard: ShardPlan) -> int:
+        runs, job = self.runs_of(shard), self.job(shard)
+        if self.ended(shard):
+            ended = runs.all
         elif job is not None:
-            live.append(shard_verdicts(plan, shard, job, observed.reports.get(job.name, {})))
-    settled = merge(settled)
-    failed = _common(parse_ranges(status.failed_runs), settled)
-    errored = _common(parse_ranges(status.errored_runs), settled)
-    remembered = Verdicts(subtract(settled, [*failed, *errored]), failed, errored)
-    return combine([remembered, *live])
+            ended = runs.number(
+                merge([*ranges(job.completed, shard.size), *ranges(job.failed, shard.size)])
+            )
+        else:
+            return 0
+        return max(0, ended - self.tallies[shard.job].decided)
 
 
-def _common(some: Sequence[Span], others: Sequence[Span]) -> list[Span]:
-    return subtract(some, subtract(some, others))
+def shard_runs(observed: Observed, shard: ShardPlan) -> ShardRuns:
+    """The runs of a shard."""
+    bad = observed.status.bad
+    sizes = GroupSizes.parse(bad.sizes if bad is not None else "")
+    return ShardRuns(observed.revisions[-1].plan, shard, sizes)
 
 
-def _aborted(observed: Observed, verdicts: Verdicts) -> Trouble | None:
+def _tally(observed: Observed, shard: ShardPlan, record: Shard | None) -> Tally:
+    """What is known of a shard's runs: of one that has ended from the status, else from its Job."""
+    job = observed.jobs.get(shard.job)
+    if record is not None and record.state in {"Complete", "Failed"}:
+        return Tally(record.passed, record.failed, record.errored)
+    if job is None:
+        return Tally()
+    return tally_of(shard_runs(observed, shard), job, observed.reports.get(job.name, {}))
+
+
+def _aborted(picture: Picture) -> Trouble | None:
     """Why the campaign is given up, if it is."""
-    status, spec = observed.status, observed.accepted.spec
-    if spec.attempt > status.attempt:
-        return None
+    status, limits = picture.observed.status, picture.observed.accepted.spec.fail_fast
     for condition in status.conditions:
         if condition.type == "Succeeded" and condition.status == "False":
             return Trouble(condition.reason, condition.message, final=True)
-    if observed.trouble is not None and observed.trouble.final:
-        return observed.trouble
-    limits = spec.fail_fast
-    for name, limit, ids in (
-        ("failed", limits.max_failed, verdicts.failed),
-        ("errored", limits.max_errored, verdicts.errored),
+    trouble = picture.observed.trouble
+    if trouble is not None and trouble.final:
+        return trouble
+    known = picture.tally
+    for name, limit, found in (
+        ("failed", limits.max_failed, known.failed),
+        ("errored", limits.max_errored, known.errored),
     ):
-        if limit is not None and count(ids) > limit:
-            message = f"{count(ids)} runs have {name}; spec.failFast allows {limit}"
+        if limit is not None and found > limit and not picture.all_ended:
+            message = f"{found} runs have {name}; spec.failFast allows {limit}"
             return Trouble("FailFast", message, final=True)
     return None

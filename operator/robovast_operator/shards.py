@@ -9,8 +9,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from robovast.cluster.plan import PlanSpec, retry_groups
-from robovast.cluster.ranges import Span, format_ranges, parse_ranges, spans
+from robovast.cluster.plan import PlanSpec
+from robovast.cluster.ranges import Span, format_ranges
+from robovast.cluster.repetition import GroupSizes
+from robovast.cluster.status import BadRuns
 from robovast_operator.campaign import Identity, Object, Revision
 
 SHARD_PACKS = 500
@@ -36,8 +38,8 @@ class ShardPlan:
     size: int
     """Number of completion indexes."""
     attempt: int = 1
-    runs: str = ""
-    """Ids of the runs that are executed once more; empty for a first attempt."""
+    repeat: str = ""
+    """Name of the list of bad runs of which it executes groups; empty for a first attempt."""
     configuration: str = ""
     """The Configuration object that it belongs to, if any."""
     owner: Object | None = None
@@ -46,9 +48,8 @@ class ShardPlan:
 
     @property
     def packs(self) -> str:
-        """The packs as a range; empty for a repetition."""
-        last = self.first_pack + self.size - 1
-        return "" if self.runs else format_ranges([(self.first_pack, last)])
+        """The packs, or groups of bad runs, as a range."""
+        return format_ranges([(self.first_pack, self.first_pack + self.size - 1)])
 
 
 def first_attempts(identity: Identity, revisions: Sequence[Revision]) -> list[ShardPlan]:
@@ -97,26 +98,21 @@ def evenly(packs: int) -> list[Span]:
     return [(a, b - a) for a, b in pairwise(bounds)]
 
 
-def repetitions(
-    identity: Identity, revision: Revision, attempt: int, bad: Iterable[Span], first_index: int
-) -> list[ShardPlan]:
-    """The shards that execute bad runs once more."""
-    groups = retry_groups(revision.plan, bad)
-    made = []
-    for number, begin in enumerate(range(0, len(groups), SHARD_PACKS)):
-        part = groups[begin : begin + SHARD_PACKS]
-        made.append(
-            ShardPlan(
-                index=first_index + number,
-                job=identity.child(f"r{attempt}-{number}"),
-                plan=revision.config_map,
-                first_pack=0,
-                size=len(part),
-                attempt=attempt,
-                runs=format_ranges(spans(id_ for group in part for id_ in group)),
-            )
+def repetitions(identity: Identity, bad: BadRuns, attempt: int) -> list[ShardPlan]:
+    """The shards that execute bad runs once more; none when none is bad."""
+    groups = GroupSizes.parse(bad.sizes).groups
+    return [
+        ShardPlan(
+            index=number,
+            job=identity.child(f"r{attempt}-{number}"),
+            plan=bad.plan,
+            first_pack=first,
+            size=size,
+            attempt=attempt,
+            repeat=bad.list,
         )
-    return made
+        for number, (first, size) in enumerate(evenly(groups) if groups else ())
+    ]
 
 
 def next_shards(
@@ -141,13 +137,3 @@ def next_shards(
         made.append(replace(shard, parallelism=pods))
         budget -= pods
     return made
-
-
-def run_ids(plan: PlanSpec, shard: ShardPlan, indexes: Iterable[Span]) -> list[Span]:
-    """The run ids of completion indexes of a shard."""
-    if not shard.runs:
-        packs = [(shard.first_pack + first, shard.first_pack + last) for first, last in indexes]
-        return plan.ids_of(packs)
-    groups = retry_groups(plan, parse_ranges(shard.runs))
-    chosen = (id_ for first, last in indexes for g in groups[first : last + 1] for id_ in g)
-    return spans(chosen)

@@ -16,6 +16,8 @@ from local_campaigns import DOCUMENT, make_campaign, run
 from patience import eventually
 from robovast_testbed.s3 import Server
 
+from robovast.cluster.repetition import list_key, list_name
+
 PASS = 'echo "$1,$2" > "$3/out.csv"\n'
 FAIL_SECOND = PASS + '[ "$1" != 2 ]\n'
 PACK = "  runs_per_job: 3\n"
@@ -74,7 +76,7 @@ def test_a_pack_is_one_pod(make: Make) -> None:
     campaign = make(FAIL_SECOND, PACK)
     pod = Pod(campaign)
     assert pod.run() == 10, pod.log("agent")
-    assert pod.message() == {"passed": "0,2", "failed": "1", "errored": ""}
+    assert pod.message() == {"passed": "0,2", "failed": "1", "errored": "", "counts": [2, 1, 0]}
     assert campaign.verdicts() == {"one-1/0": "passed", "one-2/0": "failed", "one-3/0": "passed"}
     assert campaign.read("one-3/0/out.csv") == "3,a\n"
     assert campaign.read("_transient/job-0.params.yaml").count("_output_dir") == 3
@@ -85,7 +87,7 @@ def test_a_run_that_kills_its_process_is_errored_and_the_others_go_on(make: Make
     campaign = make(PASS + 'if [ "$1" = 2 ]; then kill -9 $PPID; fi\n', PACK)
     pod = Pod(campaign)
     assert pod.run() == 11, pod.log("agent")
-    assert pod.message() == {"passed": "0,2", "failed": "", "errored": "1"}
+    assert pod.message() == {"passed": "0,2", "failed": "", "errored": "1", "counts": [2, 0, 1]}
     assert campaign.read("one-2/0/out.csv") == "2,a\n", "partial output is kept"
     assert "SIGKILL" in campaign.record("one-2/0")["reason"]
     jobs = [campaign.record(f"one-{n}/0")["job"] for n in (1, 2, 3)]
@@ -124,13 +126,13 @@ def test_a_container_that_is_killed_costs_one_run(make: Make) -> None:
     eventually(lambda: (pod.out / "one-2/0/out.csv").exists())
     pod.kill(container)
     assert agent.wait(30) == 75
-    assert pod.message() == {"passed": "0", "failed": "", "errored": "1"}
+    assert pod.message() == {"passed": "0", "failed": "", "errored": "1", "counts": [1, 0, 1]}
     assert "SIGKILL" in campaign.record("one-2/0")["reason"]
     assert campaign.read("one-2/0/out.csv") == "2,a\n"
     assert "Executing scenario" in campaign.read("_jobs/job-0/logs/system.log")
     later = Pod(campaign)
     assert later.run() == 11
-    assert later.message() == {"passed": "0,2", "failed": "", "errored": "1"}
+    assert later.message() == {"passed": "0,2", "failed": "", "errored": "1", "counts": [2, 0, 1]}
     assert campaign.record("one-3/0")["job"] == "job-0-2"
 
 
@@ -144,7 +146,7 @@ def test_a_pod_that_is_told_to_end_keeps_what_is_over(make: Make) -> None:
     agent.terminate()
     assert (agent.wait(30), container.wait(30)) == (75, 0)
     assert campaign.verdicts() == {"one-1/0": "passed"}
-    assert pod.message() == {"passed": "0", "failed": "", "errored": ""}
+    assert pod.message() == {"passed": "0", "failed": "", "errored": "", "counts": [1, 0, 0]}
 
 
 @one_server
@@ -167,18 +169,24 @@ def test_a_pod_with_nothing_left_ends_at_once(make: Make) -> None:
     before = campaign.objects()
     pod = Pod(campaign)
     assert pod.run() == 10
-    assert pod.message() == {"passed": "0,2", "failed": "1", "errored": ""}
+    assert pod.message() == {"passed": "0,2", "failed": "1", "errored": "", "counts": [2, 1, 0]}
     assert campaign.objects() == before
 
 
 def test_a_repetition_replaces_bad_runs_alone(make: Make) -> None:
     campaign = make('echo "$1" >"$3/first-$1"; [ "$1" = 3 ]\n', PACK)
     assert Pod(campaign).run() == 10
+    finishing = Pod(campaign)
+    assert finishing.task("finish") == 0
+    finished = finishing.message()
     step = campaign.root / "files/files/step.sh"
     step.write_text('echo "$1" >"$3/second-$1"; [ "$1" != 2 ]\n')
     pod = Pod(campaign)
-    assert pod.run(0, "--attempt", 2, "--runs", "0-1") == 10
-    assert pod.message() == {"passed": "0", "failed": "1", "errored": ""}
+    repeat = finished["repeat"]
+    assert repeat["sizes"] == "2x1"
+    assert campaign.read(f"_transient/bad-runs-{repeat['list']}.txt") == "0-1"
+    assert pod.run(0, "--attempt", 2, "--repeat", repeat["list"]) == 10
+    assert pod.message() == {"passed": "0", "failed": "1", "errored": "", "counts": [1, 1, 0]}
     assert set(campaign.objects("one-1/")) == {
         "one-1/0/run.json", "one-1/0/second-1", "one-1/0/test.xml",
     }  # fmt: skip
@@ -336,9 +344,10 @@ def test_a_finished_campaign_equals_a_local_one_file_by_file(make: Make, tmp_pat
     assert pod.message() == {
         "total": 3, "passed": 2, "failed": 1, "errored": 0, "stored": 3,
         "failedRuns": "1", "erroredRuns": "", "truncated": False, "failing": ["one-2/0"],
+        "repeat": {"list": list_name("1"), "sizes": "1x1"},
     }  # fmt: skip
     root = run(campaign.vast, tmp_path / "local").campaign
-    own = {"_execution/index.json", "_transient/owner.json"}
+    own = {"_execution/index.json", "_transient/owner.json", list_key(list_name("1"))}
     assert set(campaign.objects()) == {*files_below(root), *own}
     for name in ("_config/scenario.osc", "one-1/_config/config.yaml", "_transient/entrypoint.sh"):
         assert campaign.read(name) == (root / name).read_text()
@@ -351,6 +360,21 @@ def test_a_finished_campaign_equals_a_local_one_file_by_file(make: Make, tmp_pat
     execution = yaml.safe_load(campaign.read("_execution/execution.yaml"))
     assert execution["execution_type"] == "cluster"
     assert execution["execution_time"].startswith("2026-01-02T03:04:05")
+
+
+@one_server
+@pytest.mark.parametrize("name", ["0123456789abcdef", list_name("0-1")])
+def test_a_list_of_bad_runs_that_is_not_what_finish_stored_is_refused(
+    make: Make, name: str
+) -> None:
+    campaign = make(PASS, PACK)
+    campaign.store.make_bucket(campaign.bucket)
+    campaign.store.put_bytes(campaign.bucket, list_key(list_name("0-1")), b"0-2")
+    pod = Pod(campaign)
+    assert pod.fetch(0, "--attempt", 2, "--repeat", name) == 64
+    assert (
+        list_key(name) in pod.message_file.read_text() or "stored" in pod.message_file.read_text()
+    )
 
 
 @one_server

@@ -43,6 +43,7 @@ def finds(campaign: str, shards: int, total: int, failed: str = "") -> str:
         "errored": 0,
         "failedRuns": failed,
         "failing": [f"one-1/{run}" for run in bad],
+        "repeat": {"list": "0123456789abcdef", "sizes": f"1x{len(bad)}"} if bad else {},
     }
     stage = yaml.safe_load(FINISH_STAGE.format(campaign=campaign, message=json.dumps(found)))
     stage["metadata"]["name"] += f"-{shards}"

@@ -51,7 +51,7 @@ def _carry_out(options: argparse.Namespace, folders: Folders) -> AgentExit:
     arguments: list[object] = [folders]
     index = int(os.environ.get(INDEX, "0"))
     if options.command == "fetch":
-        arguments.append(module.Request(options.first_pack, index, options.attempt, options.runs))
+        arguments.append(module.Request(options.first_pack, index, options.attempt, options.repeat))
     elif options.command == "agent":
         arguments.append(options.silence)
     elif options.command == "notify":
@@ -102,9 +102,9 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_runs(fetch: argparse.ArgumentParser) -> None:
-    fetch.add_argument("--first-pack", type=int, default=0, help=f"the pack of ${INDEX} 0")
+    fetch.add_argument("--first-pack", type=int, default=0, help=f"the pack or group of ${INDEX} 0")
     fetch.add_argument("--attempt", type=int, default=1, help="which repetition it is, from 1")
-    fetch.add_argument("--runs", help="ids of the runs to repeat, as `17,204-206`")
+    fetch.add_argument("--repeat", help="name of the list of runs that are repeated")
 
 
 def _add_results(share: argparse.ArgumentParser) -> None:

@@ -19,8 +19,8 @@ from robovast.agent.folders import Folders
 from robovast.agent.job_files import prepare_output, write_environment
 from robovast.agent.orders import RunContainer
 from robovast.agent.pack import Pack
-from robovast.cluster.plan import retry_groups
-from robovast.cluster.ranges import parse_ranges
+from robovast.cluster.ranges import Span
+from robovast.cluster.repetition import list_key, parse_list, retry_groups
 from robovast.common.scenario import read_scenario
 from robovast.document import Document
 from robovast.document.model import merge_pairs
@@ -44,8 +44,8 @@ class Request:
     index: int
     """The pod's completion index."""
     attempt: int = 1
-    runs: str | None = None
-    """Ranges of run ids that are repeated; whole packs when None."""
+    repeat: str | None = None
+    """Name of the list of bad runs that are repeated, in groups; whole packs when None."""
 
 
 def fetch(folders: Folders, request: Request) -> AgentExit:
@@ -82,16 +82,29 @@ def fetch(folders: Folders, request: Request) -> AgentExit:
 def _chosen(campaign: Campaign, request: Request) -> tuple[int, Sequence[int]]:
     """Number of the pod's pack, and the ids of its runs."""
     plan = campaign.packs
+    number = request.first_pack + request.index
     try:
-        if request.runs is None:
-            number = request.first_pack + request.index
+        if request.repeat is None:
             return number, plan.pack(number)
-        ids = retry_groups(plan, parse_ranges(request.runs))[request.index]
+        ids = retry_groups(plan, _bad_runs(campaign, request.repeat))[number]
         return plan.pack_of(ids[0]), ids
     except (IndexError, ValueError) as error:
         raise PlanError(
             f"completion index {request.index}: the plan has no such runs: {error}"
         ) from error
+
+
+def _bad_runs(campaign: Campaign, name: str) -> list[Span]:
+    """The runs that are repeated, as `finish` stored them.
+
+    Raises:
+        ValueError: they are not there, or not as they were stored.
+        StorageError: the bucket cannot be read.
+    """
+    content = campaign.store.read(campaign.plan.bucket, list_key(name))
+    if content is None:
+        raise ValueError(f"the bucket has no {list_key(name)}, which names them")
+    return parse_list(name, content)
 
 
 def _variants(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:

@@ -13,9 +13,11 @@ from robovast.agent.campaign import Campaign, expand, load_inputs, open_campaign
 from robovast.agent.compose import store_inputs
 from robovast.agent.exit_codes import AgentExit
 from robovast.agent.folders import Folders
-from robovast.agent.messages import write_message
+from robovast.agent.messages import LIMIT, write_message
 from robovast.agent.trees import SIDE_BY_SIDE, store_tree
 from robovast.cluster.ranges import format_ranges, spans, truncate
+from robovast.cluster.repetition import GroupSizes, list_key, list_name, list_text, retry_groups
+from robovast.cluster.status import FAILING_LIMIT
 from robovast.common.execution import get_campaign_timestamp
 from robovast.document import Document
 from robovast.execution.generate import write_execution
@@ -28,7 +30,6 @@ from robovast.results.verdict import Verdict
 
 RANGES_LIMIT = 1500
 """Longest text of failed runs, and of errored ones, in the termination message."""
-FAILING_LIMIT = 10
 
 NO_RESULT = "no pod of it has stored a result"
 
@@ -36,7 +37,8 @@ NO_RESULT = "no pod of it has stored a result"
 def finish(folders: Folders) -> AgentExit:
     """Store what a campaign has beside its runs, `_execution/index.json` among it.
 
-    The termination message has counts, ranges of failed and errored runs, and the first of them.
+    The termination message has counts, ranges of failed and errored runs, the first of them, and
+    under which name all of them are stored, to be executed once more.
 
     Raises:
         InputError: the document, or a file that it needs, is wrong.
@@ -50,7 +52,8 @@ def finish(folders: Folders) -> AgentExit:
     with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
         index = list(pool.map(lambda run: _entry(run, bucket.record(run.path)), runs))
     _store_execution(campaign, document, bucket, index)
-    write_message(folders.message, summary(index))
+    repeat = _store_bad_runs(campaign, bucket, index)
+    write_message(folders.message, fitting({**summary(index), **repeat}))
     return AgentExit.PASSED
 
 
@@ -109,6 +112,23 @@ def _store_execution(
     store_tree(bucket, layout.root, "", there=there)
 
 
+def _store_bad_runs(
+    campaign: Campaign, bucket: Bucket, index: Iterable[Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Store the ids of all bad runs; returns the list's name and the sizes of a retry's groups.
+
+    The name follows from the ids, so a list that pods are working from never changes.
+    """
+    bad = spans(item["id"] for item in index if item["verdict"] is not Verdict.PASSED)
+    if not bad:
+        return {}
+    text = list_text(bad)
+    name = list_name(text)
+    bucket.store.put_bytes(bucket.name, list_key(name), text.encode())
+    sizes = GroupSizes.of(retry_groups(campaign.packs, bad))
+    return {"repeat": {"list": name, "sizes": str(sizes)}}
+
+
 def _started(campaign: str) -> datetime:
     """When a campaign was created: its name says it."""
     timestamp = get_campaign_timestamp(campaign)
@@ -134,6 +154,15 @@ def summary(index: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "truncated": failed_cut or errored_cut,
         "failing": [f"{item['variant']}/{item['run']}" for item in bad[:FAILING_LIMIT]],
     }
+
+
+def fitting(message: dict[str, Any]) -> dict[str, Any]:
+    """A summary that Kubernetes keeps whole: what is for people alone makes room."""
+    for key in ("failing", "erroredRuns", "failedRuns"):
+        if len(json.dumps(message)) <= LIMIT:
+            break
+        message = {**message, key: type(message[key])(), "truncated": True}
+    return message
 
 
 def _ranges(index: Iterable[Mapping[str, Any]], kind: Verdict) -> tuple[str, bool]:

@@ -19,15 +19,16 @@ ERROR_LIMIT = 1500
 
 
 def verdict_ranges(verdicts: Mapping[int, Verdict]) -> dict[str, Any]:
-    """`{"passed": "0-3", "failed": "4", "errored": ""}`, ids of runs."""
+    """`{"passed": "0-3", "failed": "4", "errored": "", "counts": [4, 1, 0]}`, ids of runs.
+
+    Ids that there is no room for are missing, and `truncated` is set; the counts are always exact.
+    """
     kinds = (Verdict.PASSED, Verdict.FAILED, Verdict.ERRORED)
-    texts = {
-        str(kind): format_ranges(spans(id_ for id_, found in verdicts.items() if found is kind))
-        for kind in kinds
-    }
-    cut = {kind: truncate(text, RANGES_LIMIT) for kind, text in texts.items()}
-    message: dict[str, Any] = {kind: text for kind, (text, _) in cut.items()}
-    return message | ({"truncated": True} if any(was_cut for _, was_cut in cut.values()) else {})
+    ids = [[id_ for id_, found in verdicts.items() if found is kind] for kind in kinds]
+    cut = [truncate(format_ranges(spans(some)), RANGES_LIMIT) for some in ids]
+    message: dict[str, Any] = {str(kind): text for kind, (text, _) in zip(kinds, cut, strict=True)}
+    message["counts"] = [len(some) for some in ids]
+    return message | ({"truncated": True} if any(was_cut for _, was_cut in cut) else {})
 
 
 def write_message(path: Path, message: Mapping[str, Any]) -> None:

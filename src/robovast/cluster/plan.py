@@ -7,15 +7,26 @@ the operator (how many pods?), the agent (which runs are mine?) and the command 
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby, pairwise
+from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, PositiveInt
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    NonNegativeInt,
+    PositiveInt,
+    field_validator,
+    model_validator,
+)
 
-from robovast.cluster.ranges import Span, format_ranges, ids, merge, parse_ranges, spans
+from robovast.cluster.ranges import Span, clip, format_ranges, ids, parse_ranges, spans
+
+RUNS_LIMIT = 10_000_000
+"""Most runs of a campaign: what is larger is a mistake, and no cluster could execute it."""
 
 
 class _Data(BaseModel):
@@ -56,6 +67,18 @@ class PlanSpec(_Data):
     runs_per_job: PositiveInt = 1
     breaks: str = ""
     """Indexes of the variants that cannot share a pack with the one before, as ranges."""
+
+    @field_validator("breaks")
+    @classmethod
+    def _check_breaks(cls, breaks: str) -> str:
+        parse_ranges(breaks)
+        return breaks
+
+    @model_validator(mode="after")
+    def _check_size(self) -> PlanSpec:
+        if self.total > RUNS_LIMIT:
+            raise ValueError(f"{self.total} runs are more than a campaign can have: {RUNS_LIMIT}")
+        return self
 
     @cached_property
     def total(self) -> int:
@@ -98,16 +121,23 @@ class PlanSpec(_Data):
             first += block.size
         raise IndexError(f"run {id_} of {self.total}")
 
-    def pack_of(self, id_: int) -> int:
-        """The pack that a run id is in.
+    def stretch_of(self, id_: int) -> int:
+        """The stretch of runs, which may share a pack all of them, that a run id is in.
 
         Raises:
             IndexError: there is no such run.
         """
         if not 0 <= id_ < self.total:
             raise IndexError(f"run {id_} of {self.total}")
-        at = bisect_right(self._segments, id_, key=lambda segment: segment.first_id) - 1
-        segment = self._segments[at]
+        return bisect_right(self._segments, id_, key=lambda segment: segment.first_id) - 1
+
+    def pack_of(self, id_: int) -> int:
+        """The pack that a run id is in.
+
+        Raises:
+            IndexError: there is no such run.
+        """
+        segment = self._segments[self.stretch_of(id_)]
         return segment.first_pack + (id_ - segment.first_id) // self.runs_per_job
 
     def ids_of(self, packs: Sequence[Span]) -> list[Span]:
@@ -127,9 +157,8 @@ class PlanSpec(_Data):
 
     def _stretches(self) -> Iterator[tuple[int, int]]:
         """First id and size of every stretch of runs that no break divides."""
-        cuts = [
-            index for first, last in parse_ranges(self.breaks) for index in range(first, last + 1)
-        ]
+        variants = max((b.first_variant + b.variants for b in self.blocks), default=0)
+        cuts = list(ids(clip(parse_ranges(self.breaks), 0, variants)))
         first_id = 0
         for block in self.blocks:
             end = block.first_variant + block.variants
@@ -151,14 +180,6 @@ class Entry(_Data):
 def first_blocks(entries: Sequence[Entry], runs: int) -> tuple[Block, ...]:
     """The block of a document's entries."""
     return (Block(first_variant=0, variants=sum(e.variants for e in entries), runs=runs),)
-
-
-def retry_groups(plan: PlanSpec, runs: Iterable[Span]) -> list[list[int]]:
-    """Run ids that are executed once more, in groups: each is a pod's share.
-
-    Runs stay with those of their own pack, so no group is larger than a pack.
-    """
-    return [list(group) for _, group in groupby(ids(merge(runs)), plan.pack_of)]
 
 
 def format_breaks(indexes: Sequence[int]) -> str:

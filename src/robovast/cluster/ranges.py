@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator, Sequence
 
 Span = tuple[int, int]
 """First and last id, both included."""
@@ -55,6 +56,12 @@ def clip(parts: Iterable[Span], first: int, last: int) -> list[Span]:
 def shift(parts: Iterable[Span], by: int) -> list[Span]:
     """Every id increased by `by`."""
     return [(first + by, last + by) for first, last in parts]
+
+
+def contains(parts: Sequence[Span], id_: int) -> bool:
+    """Whether an id is in ascending spans that do not touch."""
+    at = bisect_right(parts, id_, key=lambda span: span[0]) - 1
+    return at >= 0 and id_ <= parts[at][1]
 
 
 def count(parts: Iterable[Span]) -> int:

@@ -10,13 +10,17 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from pydantic.alias_generators import to_camel
 
 from robovast.cluster.ranges import parse_ranges
+from robovast.cluster.repetition import GroupSizes
 
 RANGES_LIMIT = 16_384
 """Most characters of the ranges of bad runs; the index in the bucket is complete."""
 
 SHARDS_LIMIT = 512
+"""Most shards that are told one by one; older ones are remembered as numbers."""
 
 NOTIFIED_LIMIT = 50
+
+FAILING_LIMIT = 10
 
 ConditionType = Literal[
     "Accepted",
@@ -48,6 +52,10 @@ def check_time(text: str) -> str:
 def _check_ranges(text: str) -> str:
     parse_ranges(text)
     return text
+
+
+def _check_sizes(text: str) -> str:
+    return str(GroupSizes.parse(text))
 
 
 def _check_given_time(text: str) -> str:
@@ -100,6 +108,13 @@ class Runs(_Status):
     """Runs that something else ended."""
     stored: int = 0
     """Runs whose results are in the bucket."""
+    undecided: int = 0
+    """Runs that have ended and whose verdict is not known yet; the index in the bucket tells."""
+
+    @property
+    def decided(self) -> int:
+        """Runs with a verdict."""
+        return self.passed + self.failed + self.errored
 
 
 class Shard(_Status):
@@ -112,15 +127,55 @@ class Shard(_Status):
     state: Literal["Waiting", "Open", "Complete", "Failed"]
     """`Failed` when its Job did not come to its end."""
     packs: str = ""
-    """Its packs as a range; empty for a repetition."""
+    """Its packs as a range, of a repetition its groups of bad runs."""
     attempt: int = 1
     """1, or the repetition that it belongs to."""
-    runs: str = ""
-    """Ids of the runs that it repeats; empty for a first attempt."""
+    passed: int = 0
+    """Of a shard that has ended: its runs that passed."""
+    failed: int = 0
+    """Of a shard that has ended: its runs that failed."""
+    errored: int = 0
+    """Of a shard that has ended: its runs that errored."""
     configuration: str = ""
     """Configuration object that it belongs to; empty when it belongs to the document."""
     plan: str = ""
     """ConfigMap with its plan."""
+
+
+class Settled(_Status):
+    """What is known of the shards that have ended and are remembered as numbers only."""
+
+    shards: int = 0
+    """How many they are."""
+    first: int = 0
+    """How many of them are first attempts: the campaign's first ones."""
+    repeated: int = 0
+    """How many of them belong to the repetition that is under way: its first ones."""
+    passed: int = 0
+    """Their runs that passed."""
+    failed: int = 0
+    """Their runs that failed."""
+    errored: int = 0
+    """Their runs that errored."""
+
+
+class BadRuns(_Status):
+    """The failed and errored runs that the last index of the bucket names."""
+
+    shards: int
+    """How many shards that index covers."""
+    total: int
+    """How many runs it covers."""
+    attempt: int
+    """After which attempt it was made."""
+    runs: int
+    """How many are bad."""
+    plan: str
+    """ConfigMap with the plan."""
+    list: str = ""
+    """Name of the list in the bucket, `_transient/bad-runs-LIST.txt`; empty without one."""
+    sizes: Annotated[str, AfterValidator(_check_sizes)] = ""
+    """Sizes of the groups in which they are executed once more, `20x13,4x1`."""
 
 
 class QueuePlace(_Status):
@@ -163,12 +218,16 @@ class CampaignStatus(_Status):
     """Ids of errored runs as ranges."""
     ranges_truncated: bool = False
     """Whether ids are missing above; `_execution/index.json` in the bucket has them all."""
-    failing: Annotated[list[str], Field(max_length=10)] = Field(default_factory=list)
+    failing: Annotated[list[str], Field(max_length=FAILING_LIMIT)] = Field(default_factory=list)
     """First bad runs by results folder."""
     shards: Annotated[list[Shard], Field(max_length=SHARDS_LIMIT)] = Field(default_factory=list)
-    """The Jobs so far."""
+    """The Jobs, the latest of them."""
     finished_shards: int = 0
     """How many shards the index in the bucket covers."""
+    settled: Settled = Field(default_factory=Settled)
+    """Shards that are remembered as numbers only."""
+    bad: BadRuns | None = None
+    """The bad runs that the index in the bucket names; `spec.attempt` repeats them."""
     queue: QueuePlace | None = None
     """Its place in the queue, while all of it waits there."""
     start_time: Time | None = None

@@ -11,7 +11,12 @@ from robovast.results.verdict import Verdict
 
 def test_verdicts_are_told_as_ranges() -> None:
     verdicts = {0: Verdict.PASSED, 1: Verdict.PASSED, 4: Verdict.FAILED, 2: Verdict.ERRORED}
-    assert verdict_ranges(verdicts) == {"passed": "0-1", "failed": "4", "errored": "2"}
+    assert verdict_ranges(verdicts) == {
+        "passed": "0-1",
+        "failed": "4",
+        "errored": "2",
+        "counts": [2, 1, 1],
+    }
 
 
 def test_a_message_is_never_longer_than_kubernetes_keeps(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robovast.cluster.plan import Block, PlanSpec, format_breaks, retry_groups
+from robovast.cluster.plan import Block, PlanSpec, format_breaks
 from robovast.cluster.ranges import (
     count,
     format_ranges,
@@ -17,6 +17,7 @@ from robovast.cluster.ranges import (
     subtract,
     truncate,
 )
+from robovast.cluster.repetition import GroupSizes, retry_groups
 from robovast.expansion.variant import ConfigFile, Variant
 from robovast.plan import breaks, pack_runs, plan_runs
 
@@ -127,14 +128,19 @@ def test_truncated_ranges_are_ranges_of_the_beginning(some: set[int], limit: int
 
 
 @given(plans(), st.data())
-def test_runs_that_are_repeated_stay_with_those_of_their_pack(
+def test_bad_runs_are_repeated_exactly_in_groups_that_few_sizes_tell(
     plan: PlanSpec, data: st.DataObject
 ) -> None:
     chosen = data.draw(st.sets(st.integers(0, plan.total - 1)))
     groups = retry_groups(plan, spans(chosen))
-    assert [id_ for group in groups for id_ in group] == sorted(chosen)
-    assert len({plan.pack_of(group[0]) for group in groups}) == len(groups)
-    assert all(len({plan.pack_of(id_) for id_ in group}) == 1 for group in groups)
+    assert sorted(id_ for group in groups for id_ in group) == sorted(chosen)
+    assert all(len({plan.stretch_of(id_) for id_ in group}) == 1 for group in groups)
+    assert all(len(group) <= plan.runs_per_job for group in groups)
+    sizes = GroupSizes.parse(str(GroupSizes.of(groups)))
+    assert (sizes.groups, sizes.runs) == (len(groups), len(chosen))
+    assert len(sizes.parts) <= 2 + plan.runs_per_job.bit_length()
+    some = data.draw(st.sets(st.integers(0, max(0, len(groups) - 1)))) if groups else set()
+    assert sizes.runs_of(spans(some)) == sum(len(groups[number]) for number in some)
 
 
 def test_variants_that_bring_copies_of_one_file_share_a_job(tmp_path: Path) -> None:

@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from operator_world import World, accepted, bad
 
 from robovast.cluster.resources import Acceptance, FailFast
+from robovast_operator import picture as picture_module
 from robovast_operator import shards as shards_module
+from robovast_operator import tell as tell_module
 from robovast_operator.decide import CreateShard, CreateTask, DeleteJob, decide
 
 
@@ -195,15 +197,145 @@ def test_jobs_of_a_finished_campaign_go_after_their_time() -> None:
     assert world.created == ["drive-0123-0", "drive-0123-finish-1"]
 
 
-def test_a_lost_pod_is_an_error_not_a_failure() -> None:
+def test_a_lost_pod_is_undecided_until_the_bucket_is_read() -> None:
     world = World(accepted(runs=1))
     world.look()
     job = world.jobs["drive-0123-0"]
     job.done = {0: "lost", 1: "passed", 2: "passed"}
     world.stored = {1: "passed", 2: "passed"}
     world.look()
-    assert (world.status.runs.failed, world.status.runs.errored) == (0, 1)
+    runs = world.status.runs
+    assert (runs.passed, runs.failed, runs.errored, runs.undecided) == (2, 0, 0, 1)
+    assert world.status.progress == "2/3"
+    assert world.truth("Passed") == "Unknown"
+    world.settle()
+    assert (world.status.runs.errored, world.status.runs.undecided) == (1, 0)
     assert world.status.errored_runs == "0"
+
+
+def test_failures_that_no_pod_was_asked_about_do_not_end_a_campaign_for_errors() -> None:
+    """Pods are looked at now and then only; what failed since is neither failed nor errored."""
+    world = World(accepted(runs=5, parallelism=2))
+    world.ask(fail_fast=FailFast(max_errored=0))
+    world.look()
+    world.unseen = {"drive-0123-0": {0, 1}}
+    for _ in range(2):
+        world.work("failed")
+        world.look()
+    assert world.truth("Succeeded") == "Unknown"
+    runs = world.status.runs
+    assert (runs.failed, runs.errored, runs.undecided) == (0, 0, 2)
+    world.unseen.clear()
+    world.look()
+    assert (world.status.runs.failed, world.status.runs.undecided) == (2, 0)
+    world.settle()
+    assert world.truth("Succeeded") == "True"
+    assert world.status.runs.failed == 2
+
+
+@settings(max_examples=15, deadline=None)
+@given(moments, st.integers(1, 8), st.sets(st.integers(0, 3)))
+def test_numbers_never_say_more_than_is_known(
+    events: list[tuple[str, int, str]], runs: int, unseen: set[int]
+) -> None:
+    world = World(accepted(runs=runs, parallelism=4))
+    world.unseen = {f"drive-0123-{number}": unseen for number in range(20)}
+    for kind, which, verdict in events:
+        if kind == "work":
+            world.work(verdict, which)
+        world.look()
+        told = world.status.runs
+        true = [list(world.stored.values()).count(k) for k in ("passed", "failed", "errored")]
+        assert told.passed <= true[0]
+        assert told.failed <= true[1]
+        assert told.errored <= true[2]
+        assert told.decided + told.undecided <= len(world.stored)
+    world.settle()
+    assert world.status.runs.failed == list(world.stored.values()).count("failed")
+
+
+@pytest.mark.parametrize("runs_per_job", [1, 20])
+def test_all_that_was_bad_is_repeated_and_nothing_else(
+    runs_per_job: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The ranges of 1,000 scattered runs are longer than any status or message may be."""
+    monkeypatch.setattr(shards_module, "SHARD_PACKS", 500)
+    made = accepted(runs=3334, parallelism=400)
+    execution = made.vast.execution.model_copy(update={"runs_per_job": runs_per_job})
+    world = World(replace(made, vast=made.vast.model_copy(update={"execution": execution})))
+    failed = set(range(3, 10_002, 10))
+    while world.truth_of("ResultsAvailable") != "True":
+        bad = [verdict for verdict in world.stored.values() if verdict != "passed"]
+        world.look()
+        assert world.status.runs.failed == len(bad)
+        world.work_all(lambda id_: "failed" if id_ in failed else "passed")
+        world.work()
+    assert world.status.runs.failed == len(failed) == 1000
+    assert world.status.ranges_truncated
+    assert len(world.status.model_dump_json()) < 150_000
+    world.executed.clear()
+    world.ask(attempt=2)
+    world.look(dies="before")
+    world.look()
+    assert (world.status.runs.passed, world.status.runs.failed) == (9002, 0)
+    while world.truth_of("ResultsAvailable") != "True":
+        world.look(dies="amid")
+        world.look()
+        world.work_all(lambda id_: "passed")
+        world.work()
+    assert sorted(world.executed) == sorted(failed)
+    assert world.status.runs.passed == 10_002
+    assert world.status.failed_runs == ""
+
+
+def test_the_words_of_the_finish_job_are_asked_for_again_when_its_pod_is_gone() -> None:
+    world = World(accepted(runs=1))
+    world.mute = {"drive-0123-finish-1"}
+    world.settle()
+    for _ in range(3):
+        world.look()
+        world.work()
+    assert world.created.count("drive-0123-finish-1") == 2
+    assert world.status.state == "Finished"
+
+
+def test_a_campaign_that_was_given_up_can_be_repeated() -> None:
+    world = World(accepted(runs=20, parallelism=2))
+    world.ask(fail_fast=FailFast(max_failed=1))
+    for _ in range(3):
+        world.look()
+        world.work("failed")
+    world.settle()
+    assert world.status.state == "Failed"
+    done = {id_ for id_, verdict in world.stored.items() if verdict == "passed"}
+    world.executed.clear()
+    world.ask(attempt=2)
+    world.settle()
+    assert sorted(world.executed) == [id_ for id_ in range(60) if id_ not in done]
+    assert world.truth("Succeeded") == world.truth("Passed") == "True"
+
+
+def test_more_shards_than_a_status_can_tell_of_are_remembered_as_numbers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for module in (picture_module, tell_module):
+        monkeypatch.setattr(module, "SHARDS_LIMIT", 5)
+    world = World(accepted(runs=1, parallelism=3))
+    for runs in range(2, 30):
+        world.ask(runs=runs)
+        world.look()
+        world.work("failed" if runs % 7 == 0 else "passed")
+        world.look(dies="before" if runs % 3 else "")
+        assert len(world.status.shards) <= 5
+    world.settle()
+    assert sorted(world.executed) == list(range(87))
+    bad = sum(verdict != "passed" for verdict in world.stored.values())
+    assert (world.status.runs.failed, world.status.runs.passed) == (bad, 87 - bad)
+    world.executed.clear()
+    world.ask(attempt=2)
+    world.settle()
+    assert len(world.executed) == bad
+    assert world.truth("Passed") == "True"
 
 
 def test_a_large_campaign_keeps_a_window_of_shards_open() -> None:

@@ -9,11 +9,14 @@ from typing import Any
 
 import pytest
 
+from robovast.agent.messages import verdict_ranges
+from robovast.results.verdict import Verdict
 from robovast_operator.conditions import dated
 from robovast_operator.events import messages
 from robovast_operator.lenient import shaped
 from robovast_operator.pod_facts import is_stuck, trouble_of, trouble_of_events
 from robovast_operator.reports import composed_of, final_of, reports_of
+from robovast_operator.verdicts import Report
 from robovast_operator.work_queue import WorkQueue, work
 
 
@@ -88,7 +91,33 @@ def test_the_last_pod_of_an_index_counts() -> None:
         created="2026-01-01T00:05:00Z",
     )
     report = reports_of([last, first])[3]
-    assert (report.passed, report.failed) == (((9, 9),), ((10, 10),))
+    assert (report.passed, report.failed, report.errored) == (1, 1, 0)
+    assert report.failed_ids == ((10, 10),)
+
+
+def test_a_message_that_was_cut_counts_all_the_same() -> None:
+    """Of a pack of 1,000 of which 95 failed, scattered; older agents do not count."""
+    verdicts = dict.fromkeys(range(99000, 100000), Verdict.PASSED)
+    verdicts |= dict.fromkeys(range(99003, 99953, 10), Verdict.FAILED)
+    said = verdict_ranges(verdicts)
+    assert said["truncated"]
+    report = reports_of([pod(0, ended("agent", 10, json.dumps(said)))])[0]
+    assert (report.passed, report.failed, report.errored) == (905, 95, 0)
+    del said["counts"]
+    report = reports_of([pod(0, ended("agent", 10, json.dumps(said)))]).get(0, Report())
+    assert (report.passed, report.errored) == (0, 0)
+
+
+def test_an_exit_code_alone_says_that_one_run_was_bad() -> None:
+    assert reports_of([pod(0, ended("agent", 10))]) == {0: Report(failed=1)}
+    assert reports_of([pod(0, ended("agent", 11))]) == {0: Report(errored=1)}
+
+
+def test_runs_that_a_later_pod_may_have_stored_are_undecided() -> None:
+    told = ended("agent", 75, '{"passed": "0", "failed": "", "errored": ""}')
+    silent = pod(0, ended("agent", 137), created="2026-01-01T00:05:00Z")
+    assert reports_of([pod(0, told)])[0].final
+    assert not reports_of([silent, pod(0, told)])[0].final
 
 
 @pytest.mark.parametrize("message", ["", "killed", "[]", '{"passed": "x"}', '{"passed": 3}'])
@@ -120,7 +149,7 @@ def test_the_finish_job_has_the_last_word() -> None:
         [pod(0, ended("finish", 1, "x")), pod(0, ended("finish", 0, json.dumps(told)))]
     )
     assert final is not None
-    assert (final.runs.failed, final.failed, final.truncated) == (2, "1-2", False)
+    assert (final.runs.failed, final.failed, final.truncated) == (2, [(1, 2)], False)
     assert final_of([pod(0, ended("finish", 0, "{}"))]) is None
 
 
