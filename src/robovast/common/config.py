@@ -9,7 +9,8 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AliasChoices, BaseModel, ConfigDict, ValidationError
+from pydantic.fields import FieldInfo
 
 from robovast.errors import InputError
 
@@ -17,9 +18,9 @@ ConfigT = TypeVar("ConfigT", bound=BaseModel)
 
 
 class VariationConfig(BaseModel):
-    """Base of the parameter model of a variation type; unknown parameters are refused."""
+    """Base of the parameter model of a variation type; unknown parameters have no effect."""
 
-    model_config = ConfigDict(extra="forbid", use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="ignore", use_attribute_docstrings=True)
 
 
 def get_validated_config(parameters: Any, config_class: type[ConfigT]) -> ConfigT:
@@ -28,11 +29,33 @@ def get_validated_config(parameters: Any, config_class: type[ConfigT]) -> Config
     Raises:
         ValueError: what is wrong, with the key, and what would be right.
     """
+    given = parameters if parameters is not None else {}
+    for key, near in unknown_parameters(given, config_class).items():
+        if near is not None:
+            raise ValueError(f"unknown parameter `{key}` (did you mean `{near}`?)")
     try:
-        return config_class.model_validate(parameters if parameters is not None else {})
+        return config_class.model_validate(given)
     except ValidationError as error:
         lines = [_explain(details, config_class) for details in error.errors(include_url=False)]
         raise ValueError("; ".join(lines)) from error
+
+
+def unknown_parameters(parameters: Any, config_class: type[BaseModel]) -> dict[str, str | None]:
+    """Parameters that a model does not know and ignores, each with the one that was meant.
+
+    None stands for those that look like nothing that is known.
+    """
+    if config_class.model_config.get("extra") != "ignore" or not isinstance(parameters, dict):
+        return {}
+    known = {name for field in config_class.model_fields.items() for name in _names(*field)}
+    unknown = (str(key) for key in parameters if key not in known)
+    return {key: next(iter(difflib.get_close_matches(key, known, n=1)), None) for key in unknown}
+
+
+def _names(name: str, field: FieldInfo) -> list[str]:
+    """The field's name, and the others under which it may be given."""
+    alias = field.validation_alias
+    return [name, *(map(str, alias.choices) if isinstance(alias, AliasChoices) else ())]
 
 
 def _explain(details: Any, config_class: type[BaseModel]) -> str:

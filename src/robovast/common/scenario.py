@@ -100,6 +100,14 @@ def scenario_defaults(scenario_file: str | Path) -> dict[str, Any]:
     return {parameter.name: _default(parameter.default_text) for parameter in parameters}
 
 
+def parameter_types(scenario_file: str | Path) -> dict[str, str]:
+    """Declared types of the first scenario's parameters by name; none when it cannot be read."""
+    try:
+        return {p.name: p.type for p in read_scenario(scenario_file).parameters}
+    except InputError:
+        return {}
+
+
 def is_scenario_parameter(name: str, scenario_file: str | Path) -> bool:
     """True when the file's scenario has the parameter."""
     return name in scenario_defaults(scenario_file)

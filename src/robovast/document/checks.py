@@ -11,6 +11,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from robovast.common.config import unknown_parameters
 from robovast.common.scenario import Scenario, read_scenario
 from robovast.common.variation import Variation
 from robovast.common.variation.loader import load_variation
@@ -76,6 +77,11 @@ def warnings_of(parts: Parts) -> Iterator[Problem]:
                 f"`{pattern}` matches no file in {parts.folder}",
                 "Patterns are relative to the .vast file and stay in its folder.",
             )
+    for base, variation, parameters in _variations(parts):
+        if variation.CONFIG_CLASS is not None:
+            for key in unknown_parameters(parameters, variation.CONFIG_CLASS):
+                message = f"`{base[-1]}` does not know the parameter `{key}`; it has no effect"
+                yield parts.source.problem((*base, key), message, at_key=True)
 
 
 def _check_scenario(parts: Parts) -> Iterator[Problem]:
@@ -159,9 +165,25 @@ def _check_variation(parts: Parts, path: KeyPath, call: PluginCall) -> Iterator[
     except InputError as error:
         yield parts.source.problem(path, str(error))
         return
-    in_mapping = isinstance(_value_at(parts.source.data, path), dict)
-    base = (*path, call.name) if in_mapping else path
+    base = _place_of_parameters(parts, path, call)
     yield from _check_variation_parameters(parts, base, variation, call.parameters)
+
+
+def _place_of_parameters(parts: Parts, path: KeyPath, call: PluginCall) -> KeyPath:
+    in_mapping = isinstance(_value_at(parts.source.data, path), dict)
+    return (*path, call.name) if in_mapping else path
+
+
+def _variations(parts: Parts) -> Iterator[tuple[KeyPath, type[Variation], dict[str, Any]]]:
+    """Variation types that can be loaded, with the place of their parameters."""
+    for index, entry in parts.entries.items():
+        for position, call in enumerate(entry.variations or []):
+            try:
+                variation = load_variation(call.name, parts.folder)
+            except InputError:
+                continue  # told where variations are checked
+            path: KeyPath = ("configuration", index, "variations", position)
+            yield _place_of_parameters(parts, path, call), variation, call.parameters
 
 
 def _check_variation_parameters(
@@ -169,14 +191,21 @@ def _check_variation_parameters(
 ) -> Iterator[Problem]:
     model: type[BaseModel] | None = variation.CONFIG_CLASS
     if model is not None:
+        for key, near in unknown_parameters(parameters, model).items():
+            path = (*base, key)
+            if near is not None:
+                remedy = f"Did you mean `{near}`?"
+                yield parts.source.problem(path, f"unknown key `{key}`", remedy, at_key=True)
         try:
             model.model_validate(parameters)
         except ValidationError as error:
             yield from problems_of(error, parts.source, model, base)
             return
     # A plugin's `name` may mean anything; of the built-in ones it is a scenario parameter.
-    name = parameters.get("name")
-    if variation.__module__.startswith("robovast.common.variation.") and isinstance(name, str):
+    if not variation.__module__.startswith("robovast.common.variation."):
+        return
+    named = parameters.get("name")
+    for name in [named] if isinstance(named, str) else named or []:
         problem = _unknown_parameter(parts, (*base, "name"), name, at_key=False)
         if problem is not None:
             yield problem

@@ -8,8 +8,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
+from robovast.common.config import VariationConfig
 from robovast.common.scenario import read_scenario
 from robovast.common.variation import ProvContribution, Variation
 from robovast.errors import InputError
@@ -30,6 +31,12 @@ Reference = Annotated[str, Field(pattern=r"^@[A-Za-z_]\w*$")]
 Pointer = Reference | dict[str, Any]
 """A pose, or the parameter that has it or gets it."""
 FloatOrList = float | list[float]
+
+
+class NavigationConfig(VariationConfig):
+    """Base of the parameter models of this package; unknown parameters are refused."""
+
+    model_config = ConfigDict(extra="forbid")
 
 
 def as_list(value: FloatOrList) -> list[float]:

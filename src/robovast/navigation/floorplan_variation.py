@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from robovast.common.config import VariationConfig
 from robovast.common.variation import ProvContribution
 from robovast.errors import DocumentError, InputError
-from robovast.navigation.base import Config, NavigationVariation, with_record
+from robovast.navigation.base import Config, NavigationConfig, NavigationVariation, with_record
 from robovast.navigation.extra import nav_extra
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ Files = Annotated[list[str], Field(min_length=1)]
 Container = Annotated[str, Field(min_length=1)] | None
 
 
-class FloorplanGenerationConfig(VariationConfig):
+class FloorplanGenerationConfig(NavigationConfig):
     """Parameters of FloorplanGeneration."""
 
     name: Annotated[list[str], Field(min_length=1, max_length=2)]
@@ -37,7 +36,7 @@ class FloorplanGenerationConfig(VariationConfig):
     """Image of a generator to use instead of the one in this process."""
 
 
-class FloorplanVariationConfig(VariationConfig):
+class FloorplanVariationConfig(NavigationConfig):
     """Parameters of FloorplanVariation."""
 
     name: Annotated[list[str], Field(min_length=1, max_length=2)]

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
-from robovast.common.config import VariationConfig
 from robovast.navigation.base import (
     RECORD,
     Config,
+    NavigationConfig,
     NavigationVariation,
     Pointer,
     Reference,
@@ -31,7 +31,7 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Several = NotNegative | Annotated[list[NotNegative], Field(min_length=1)]
 
 
-class ObstacleKindConfig(VariationConfig):
+class ObstacleKindConfig(NavigationConfig):
     """Obstacles of one kind."""
 
     amount: Annotated[int, Field(ge=0)] | None = None
@@ -58,7 +58,7 @@ class ObstacleKindConfig(VariationConfig):
         return value
 
 
-class ObstacleVariationConfig(VariationConfig):
+class ObstacleVariationConfig(NavigationConfig):
     """Parameters of ObstacleVariation."""
 
     name: str

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, model_validator
 
-from robovast.common.config import VariationConfig
 from robovast.navigation.base import (
     Config,
+    NavigationConfig,
     NavigationVariation,
     Pointer,
     Reference,
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
-class _PathConfig(VariationConfig):
+class _PathConfig(NavigationConfig):
     start_pose: Pointer
     """`@parameter` that gets the start, or has it from before; or a fixed `{x, y, yaw}`."""
     map_file: str | None = None

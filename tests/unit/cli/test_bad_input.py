@@ -93,7 +93,7 @@ error: 2 problems in bad.vast
         "  - ParamVariationList: {name: speed, values: [1]}\n" + TAIL,
         """\
 bad.vast:5:29: configuration[0].variations[0].ParameterVariationList: the key `values` is missing
-    Its values, one configuration for each.
+    Its values, one configuration for each; of several parameters lists, as long as `name`.
 bad.vast:5:43: configuration[0].variations[0].ParameterVariationList.value: unknown key `value`
     Did you mean `values`?
 bad.vast:6:5: configuration[0].variations[1]: there is no plugin `ParamVariationList` in \

@@ -6,6 +6,7 @@ import copy
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,6 +19,7 @@ from robovast.common.variation import (
     ProvContribution,
     Variation,
 )
+from robovast.common.variation.legacy_random import LegacyRandom
 from robovast.common.variation.loader import load_variation
 from robovast.errors import InputError
 
@@ -47,6 +49,69 @@ def test_uniform_values_are_the_same_on_every_machine() -> None:
     assert values(apply(ParameterVariationDistributionUniform, parameters)) == pytest.approx(
         [6.754841186120954, 1.2250967970040025, 3.4752638653220735], abs=1e-12
     )
+
+
+def test_several_parameters_change_together() -> None:
+    made = apply(ParameterVariationList, {"name": ["x", "y"], "values": [[1.0, "a"], [2.0, "b"]]})
+    assert [config["config"] for config in made] == [{"x": 1.0, "y": "a"}, {"x": 2.0, "y": "b"}]
+
+
+def test_text_that_reads_as_a_number_is_one_unless_the_scenario_wants_text(tmp_path: Path) -> None:
+    given = {"name": "x", "values": ["1.5", "yes", "plain", True, {"a": "1"}]}
+    assert values(apply(ParameterVariationList, given)) == [1.5, True, "plain", True, {"a": "1"}]
+    scenario = tmp_path / "a.osc"
+    scenario.write_text("scenario a:\n    x: string\n    do serial:\n        log(x)\n")
+    variation = ParameterVariationList(".", given, {}, None, str(scenario), None)
+    assert values(variation.variation(START))[:2] == ["1.5", "yes"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "low", "high", "drawn"),
+    [
+        ("float", 0, 1, [0.3238, 0.1508, 0.6509]),
+        ("double", 1, 0, [0.6762, 0.8492, 0.3491]),
+        ("integer", 0.9, 3.9, [2, 1, 3, 0]),
+        ("int", 3.9, 0.9, [2, 1, 3, 0]),
+        ("bool", 0, 0.5, [True, True, False, True]),
+        ("string", 1, 9, ["6", "3", "7"]),
+        ("anything", 0, 0.5, ["0.16191638"]),
+    ],
+)
+def test_uniform_values_by_type(kind: str, low: float, high: float, drawn: list[Any]) -> None:
+    parameters = {"name": "x", "num_variations": len(drawn), "min": low, "max": high}
+    found = values(
+        apply(ParameterVariationDistributionUniform, parameters | {"seed": 7, "type": kind})
+    )
+    if isinstance(drawn[0], float):
+        assert found == pytest.approx(drawn, abs=1e-4)
+    else:
+        assert [v[:10] if kind == "anything" else v for v in found] == drawn
+        assert list(map(type, found)) == list(map(type, drawn))
+
+
+@pytest.mark.parametrize(
+    ("settings", "drawn"),
+    [
+        ({"std": 0.5}, [1.8453, 0.7670, 1.0164]),
+        ({"std": 3, "min": 0, "max": 3, "type": "integer"}, [3, 0, 1, 2]),
+        ({"std": 3, "type": "bool"}, [True, False, True, True]),
+    ],
+)
+def test_gaussian_values_by_type(settings: dict[str, Any], drawn: list[Any]) -> None:
+    parameters = {"name": "x", "num_variations": len(drawn), "mean": 1, "seed": 7, **settings}
+    found = values(apply(ParameterVariationDistributionGaussian, parameters))
+    assert found == pytest.approx(drawn, abs=1e-4)
+    assert list(map(type, found)) == list(map(type, drawn))
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_normal_numbers_are_those_of_numpy(seed: int) -> None:
+    theirs, ours = np.random.RandomState(seed), LegacyRandom(seed)
+    assert [ours.normal(2, 3) for _ in range(5)] == [theirs.normal(2, 3) for _ in range(5)]
+
+
+def test_a_parameter_that_is_not_known_has_no_effect_unless_it_is_misspelt() -> None:
+    assert values(apply(ParameterVariationList, {"name": "x", "values": [1], "group": 7})) == [1]
 
 
 def test_without_a_seed_the_values_follow_from_the_names() -> None:
@@ -82,8 +147,18 @@ def test_one_of_adds_its_alternatives() -> None:
         (ParameterVariationList, {"name": "x", "values": []}, "`values`"),
         (
             ParameterVariationDistributionUniform,
-            {"name": "x", "num_variations": 1, "min": 2, "max": 1},
-            "`min` must not be above `max`",
+            {"name": "x", "num_variations": 1, "min": 0, "max": 1, "sed": 1},
+            "did you mean `seed`",
+        ),
+        (
+            ParameterVariationList,
+            {"name": ["x", "y"], "values": [1]},
+            r"`values\[0\]` must be a list",
+        ),
+        (
+            ParameterVariationDistributionGaussian,
+            {"name": "x", "num_variations": 1, "mean": 2, "std": 1, "seed": -1},
+            "`seed`",
         ),
     ],
 )

@@ -1,27 +1,44 @@
-"""Variations of one scenario parameter: listed values, or values drawn from a distribution."""
+"""Variations of scenario parameters: listed values, or values drawn from a distribution."""
 
 from __future__ import annotations
 
 import hashlib
+import math
 import random
-from collections.abc import Callable
-from typing import Annotated, Any, Literal
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any
 
+import yaml
 from pydantic import AliasChoices, Field, model_validator
 
 from robovast.common.config import VariationConfig
+from robovast.common.scenario import parameter_types
 from robovast.common.variation.base_variation import Variation
+from robovast.common.variation.legacy_random import LegacyRandom
 
 Configs = list[dict[str, Any]]
+Value = int | float | str | bool
 
 
 class ParameterVariationListConfig(VariationConfig):
     """Parameters of ParameterVariationList."""
 
-    name: str
-    """Scenario parameter."""
+    name: str | Annotated[list[str], Field(min_length=1)]
+    """Scenario parameter, or several that change together."""
     values: Annotated[list[Any], Field(min_length=1)]
-    """Its values, one configuration for each."""
+    """Its values, one configuration for each; of several parameters lists, as long as `name`."""
+
+    @model_validator(mode="after")
+    def _as_many_values_as_names(self) -> ParameterVariationListConfig:
+        if isinstance(self.name, str):
+            return self
+        for position, item in enumerate(self.values):
+            if not isinstance(item, list) or len(item) != len(self.name):
+                raise ValueError(
+                    f"`values[{position}]` must be a list of {len(self.name)} values, one for each "
+                    f"of {', '.join(self.name)}"
+                )
+        return self
 
 
 class ParameterVariationList(Variation):
@@ -31,8 +48,33 @@ class ParameterVariationList(Variation):
 
     def variation(self, in_configs: Configs) -> Configs:
         """Each configuration with each value."""
+        chosen = list(self._chosen())
+        return [self.update_config(c, values) for c in in_configs for values in chosen]
+
+    def _chosen(self) -> list[dict[str, Any]]:
         name, values = self.parameters.name, self.parameters.values
-        return [self.update_config(c, {name: value}) for c in in_configs for value in values]
+        if isinstance(name, list):
+            return [dict(zip(name, item, strict=True)) for item in values]
+        is_text = parameter_types(self.scenario_file).get(name) == "string"
+        return [{name: value if is_text else _number_in(value)} for value in values]
+
+
+def _number_in(value: Any) -> Any:
+    """The number or truth value that a text reads as; else the value itself."""
+    if not isinstance(value, str):
+        return value
+    try:
+        read = yaml.safe_load(value)
+    except yaml.YAMLError:
+        return value
+    return read if isinstance(read, bool | int | float) else value
+
+
+_KINDS: Mapping[str, str] = {
+    "int": "int", "integer": "int", "float": "float", "double": "float", "number": "float",
+    "bool": "bool",
+}  # fmt: skip
+_TEXT = frozenset({"string", "str", "text"})
 
 
 class _DistributionConfig(VariationConfig):
@@ -40,32 +82,33 @@ class _DistributionConfig(VariationConfig):
     """Scenario parameter."""
     num_variations: Annotated[int, Field(ge=1)]
     """Number of values to draw."""
-    type: Literal["int", "float", "string"] = "float"
-    """Type of the values; `int` rounds, `string` is the number as text."""
+    type: str = "float"
+    """Type of the values: `int` or `integer`, `float`, `double` or `number`, `bool`; else text."""
     seed: int | None = None
     """Seed; without one it follows from the configuration's and the parameter's name."""
+
+    @property
+    def kind(self) -> str:
+        """`int`, `float`, `bool` or `text`."""
+        return _KINDS.get(self.type, "text")
 
 
 class ParameterVariationDistributionUniformConfig(_DistributionConfig):
     """Parameters of ParameterVariationDistributionUniform."""
 
     min: float
-    """Least value."""
+    """One end of the values."""
     max: float
-    """Largest value."""
-
-    @model_validator(mode="after")
-    def _check_range(self) -> ParameterVariationDistributionUniformConfig:
-        if self.min > self.max:
-            raise ValueError("`min` must not be above `max`")
-        return self
+    """The other end; of `bool` the share of true values."""
 
 
 class ParameterVariationDistributionGaussianConfig(_DistributionConfig):
     """Parameters of ParameterVariationDistributionGaussian."""
 
+    seed: Annotated[int, Field(ge=0, lt=2**32)] | None = None
+    """Seed; without one it follows from the configuration's and the parameter's name."""
     mean: float
-    """Mean of the distribution."""
+    """Mean of the distribution; a `bool` is true from there on."""
     std: Annotated[float, Field(ge=0, validation_alias=AliasChoices("std", "std_dev"))]
     """Standard deviation."""
     min: float | None = None
@@ -75,44 +118,67 @@ class ParameterVariationDistributionGaussianConfig(_DistributionConfig):
 
 
 class _DistributionVariation(Variation):
-    def _draw(self, in_configs: Configs, draw: Callable[[random.Random], float]) -> Configs:
+    def _with_each(self, in_configs: Configs, draw: Callable[[], Value]) -> Configs:
         """Each configuration with each drawn value; all get the same values."""
-        name = self.parameters.name
-        seed = self.parameters.seed
-        if seed is None:
-            identity = f"{self.entry}/{name}".encode()
-            seed = int.from_bytes(hashlib.sha256(identity).digest()[:8])
-        generator = random.Random(seed)  # noqa: S311  # repeatable on purpose
-        values = [self._typed(draw(generator)) for _ in range(self.parameters.num_variations)]
+        name, kind = self.parameters.name, self.parameters.type
+        if self.parameters.kind == "text" and kind not in _TEXT:
+            self.progress_update(f"`type: {kind}` is no type that is known: the values are text")
+        values = [draw() for _ in range(self.parameters.num_variations)]
         return [self.update_config(c, {name: value}) for c in in_configs for value in values]
 
-    def _typed(self, value: float) -> int | float | str:
-        if self.parameters.type == "int":
-            return round(value)
-        return str(value) if self.parameters.type == "string" else value
+    def _seed(self) -> int:
+        if self.parameters.seed is not None:
+            return int(self.parameters.seed)
+        identity = f"{self.entry}/{self.parameters.name}".encode()
+        return int.from_bytes(hashlib.sha256(identity).digest()[:4])
 
 
 class ParameterVariationDistributionUniform(_DistributionVariation):
-    """Values drawn from a uniform distribution; integers include both ends."""
+    """Values drawn from a uniform distribution; integers include both ends, cut to whole numbers.
+
+    They are those of Python's `random` with the same seed.
+    """
 
     CONFIG_CLASS = ParameterVariationDistributionUniformConfig
 
     def variation(self, in_configs: Configs) -> Configs:
         """Each configuration with each drawn value."""
-        low, high = self.parameters.min, self.parameters.max
-        if self.parameters.type == "int":
-            return self._draw(in_configs, lambda r: r.randint(round(low), round(high)))
-        return self._draw(in_configs, lambda r: r.uniform(low, high))
+        generator = random.Random(self._seed())  # noqa: S311  # repeatable on purpose
+        return self._with_each(in_configs, lambda: self._draw(generator))
+
+    def _draw(self, generator: random.Random) -> Value:
+        kind, low, high = self.parameters.kind, self.parameters.min, self.parameters.max
+        if kind == "bool":
+            return bool(generator.random() < high)
+        ends_are_whole = low.is_integer() and high.is_integer()
+        if kind == "int" or (kind == "text" and ends_are_whole):
+            drawn: float = generator.randint(*sorted((int(low), int(high))))
+        else:
+            drawn = generator.uniform(low, high)
+        return str(drawn) if kind == "text" else drawn
 
 
 class ParameterVariationDistributionGaussian(_DistributionVariation):
-    """Values drawn from a normal distribution."""
+    """Values drawn from a normal distribution, those of `numpy.random.seed` and `.normal`."""
 
     CONFIG_CLASS = ParameterVariationDistributionGaussianConfig
 
     def variation(self, in_configs: Configs) -> Configs:
         """Each configuration with each drawn value."""
-        low = -float("inf") if self.parameters.min is None else self.parameters.min
-        high = float("inf") if self.parameters.max is None else self.parameters.max
-        mean, std = self.parameters.mean, self.parameters.std
-        return self._draw(in_configs, lambda r: min(high, max(low, r.gauss(mean, std))))
+        generator = LegacyRandom(self._seed())
+        return self._with_each(in_configs, lambda: self._draw(generator))
+
+    def _draw(self, generator: LegacyRandom) -> Value:
+        settings: ParameterVariationDistributionGaussianConfig = self.parameters
+        value = generator.normal(settings.mean, settings.std)
+        low = -math.inf if settings.min is None else settings.min
+        high = math.inf if settings.max is None else settings.max
+        value = min(high, max(low, value))
+        match settings.kind:
+            case "int":
+                return int(value)
+            case "bool":
+                return bool(value >= settings.mean)
+            case "text":
+                return str(value)
+        return value
