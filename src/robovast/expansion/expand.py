@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -19,6 +20,8 @@ from robovast.errors import CannotRunError, InputError, RobovastError
 from robovast.expansion.containers import ContainerRunner, Containers
 from robovast.expansion.variant import ConfigFile, Variant, VariationRecord
 from robovast.plain import to_plain
+
+_log = logging.getLogger(__name__)
 
 Progress = Callable[[str], None]
 
@@ -121,8 +124,23 @@ def _expand_entry(
         used.append(variation)
         duration = round(time.perf_counter() - clock, 6)
         records.append(VariationRecord(call.name, started.isoformat(), duration))
-    known = frozenset(parameter.name for parameter in scenario.parameters)
-    return [_variant(entry, config, tuple(records), scenario, known) for config in configs]
+    _warn_of_unknown(entry, configs, scenario)
+    return [_variant(entry, config, tuple(records)) for config in configs]
+
+
+def _warn_of_unknown(
+    entry: ConfigurationEntry, configs: list[dict[str, Any]], scenario: Scenario
+) -> None:
+    """Tell which parameters a variation type writes and the scenario lacks: its runs will err."""
+    known = {parameter.name for parameter in scenario.parameters}
+    written = dict.fromkeys(key for config in configs for key in config.get("config") or {})
+    for key in written:
+        if key not in known and not key.startswith("_"):
+            _log.warning(
+                "configuration `%s`: a variation writes `%s`, but the scenario `%s` has no such "
+                "parameter; it has %s.",
+                *(entry.name, key, scenario.name, ", ".join(sorted(known)) or "none"),
+            )
 
 
 def _apply(
@@ -169,8 +187,6 @@ def _variant(
     entry: ConfigurationEntry,
     config: Mapping[str, Any],
     records: tuple[VariationRecord, ...],
-    scenario: Scenario,
-    known: frozenset[str],
 ) -> Variant:
     name = config.get("name")
     if not isinstance(name, str) or not re.match(NAME_PATTERN, name):
@@ -179,12 +195,6 @@ def _variant(
             "type made it."
         )
     parameters = config.get("config") or {}
-    unknown = [key for key in parameters if key not in known and not key.startswith("_")]
-    if unknown:
-        raise InputError(
-            f"configuration `{name}`: the scenario `{scenario.name}` has no parameter "
-            f"`{unknown[0]}`; it has {', '.join(sorted(known)) or 'none'}."
-        )
     files = tuple(_config_file(name, item) for item in config.get("_config_files") or ())
     extra = {key: value for key, value in config.items() if key not in _OWN_KEYS}
     try:

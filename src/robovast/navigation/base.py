@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import random
 from functools import cached_property
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import ConfigDict, Field
 
 from robovast.common.config import VariationConfig
-from robovast.common.scenario import read_scenario
+from robovast.common.scenario import read_scenario, scenario_defaults
 from robovast.common.variation import ProvContribution, Variation
 from robovast.errors import InputError
 from robovast.navigation.poses import Pose, read_pose
@@ -20,14 +21,16 @@ from robovast.navigation.provenance import METADATA_KEY, counts
 if TYPE_CHECKING:
     from robovast.navigation.costmap import Costmap
 
+_log = logging.getLogger(__name__)
+
 Config = dict[str, Any]
 
 RECORD = "_navigation"
 """Key of a configuration under which variations leave what others, pictures and provenance use."""
 
 RobotDiameter = Annotated[float, Field(gt=0, le=100)]
-Reference = Annotated[str, Field(pattern=r"^@[A-Za-z_]\w*$")]
-"""`@name` of a scenario parameter."""
+Reference = Annotated[str, Field(pattern=r"^@?[A-Za-z_]\w*$")]
+"""Name of a scenario parameter; a `@` before it may be there."""
 Pointer = Reference | dict[str, Any]
 """A pose, or the parameter that has it or gets it."""
 FloatOrList = float | list[float]
@@ -50,35 +53,29 @@ class NavigationVariation(Variation):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._maps: set[Path] = set()
+        self._warned: set[str] = set()
 
     def error(self, config: Config, message: object) -> InputError:
         """An error that names the configuration."""
         return InputError(f"configuration `{config['name']}`: {type(self).__name__}: {message}")
 
     def reference(self, value: Any) -> str | None:
-        """The scenario parameter that `@name` refers to; None when a value is no reference.
+        """The scenario parameter that a text refers to; None when a value is no text."""
+        return value.removeprefix("@") if isinstance(value, str) else None
 
-        Raises:
-            InputError: the scenario has no such parameter.
-        """
-        if not (isinstance(value, str) and value.startswith("@")):
-            return None
-        name = value[1:]
-        if name not in self._types:
-            known = ", ".join(self._types) or "none"
-            raise InputError(
-                f"{type(self).__name__}: the scenario {self.scenario_file} has no parameter "
-                f"`{name}`; it has {known}."
-            )
-        return name
+    def warn_once(self, message: str) -> None:
+        """Tell the user what most often is a mistake; the same thing only once."""
+        if message not in self._warned:
+            self._warned.add(message)
+            _log.warning("%s: %s", type(self).__name__, message)
 
     def has_parameter(self, name: str) -> bool:
         """True when the scenario has a parameter."""
         return name in self._types
 
-    def type_of(self, name: str) -> str:
-        """The declared type of a scenario parameter."""
-        return self._types[name]
+    def type_of(self, name: str) -> str | None:
+        """The declared type of a scenario parameter; None when there is no such parameter."""
+        return self._types.get(name)
 
     @cached_property
     def _types(self) -> dict[str, str]:
@@ -124,13 +121,19 @@ class NavigationVariation(Variation):
             raise self.error(config, error) from None
 
     def map_name(self, config: Config, map_file: str | None) -> str:
-        """The map as it is named: by the parameter, or by the floor plan that made it."""
-        if map_file is not None:
-            name = self.given(config, map_file)
-            if name is None:
-                name = self._default(map_file[1:])
+        """The map as it is named: by the parameter, or by the floor plan that made it.
+
+        A text that is a parameter's name refers to it, with and without `@`; any other is a path.
+        Where none is given, that of a variation before counts, else the configuration's `map_file`.
+        """
+        values = config["config"]
+        if map_file is None:
+            name = config.get(RECORD, {}).get("map_file") or values.get("map_file")
+        elif map_file.startswith("@") or self.has_parameter(map_file):
+            parameter = map_file.removeprefix("@")
+            name = values.get(parameter) or self._defaults.get(parameter)
         else:
-            name = config.get(RECORD, {}).get("map_file")
+            name = map_file
         if not isinstance(name, str) or not name:
             raise self.error(
                 config,
@@ -139,10 +142,10 @@ class NavigationVariation(Variation):
             )
         return name
 
-    def _default(self, parameter: str) -> Any:
-        from robovast.common.scenario import scenario_defaults
-
-        return scenario_defaults(self.scenario_file)[parameter]
+    @cached_property
+    def _defaults(self) -> dict[str, Any]:
+        """Default values of the scenario's parameters."""
+        return scenario_defaults(self.scenario_file)
 
     def get_input_files(self) -> list[str]:
         """The maps that were read and not made by a variation, and their images."""

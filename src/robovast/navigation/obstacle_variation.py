@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -63,14 +64,14 @@ class ObstacleVariationConfig(NavigationConfig):
 
     name: str
     """Scenario parameter that gets the list of obstacles."""
-    obstacle_configs: Annotated[list[ObstacleKindConfig], Field(min_length=1)]
+    obstacle_configs: list[ObstacleKindConfig]
     """Kinds of obstacles."""
     seed: int | None = None
     """Seed; without one it follows from the configuration's name."""
     robot_diameter: RobotDiameter = 0.35
     """There is still a way for a robot of this width [m]."""
     map_file: str | None = None
-    """Map, or `@parameter` with it; without, the map of the variation before."""
+    """Map, or parameter with it; without, the map of the variation before."""
     count: Annotated[int, Field(ge=1)] = 1
     """Number of placements for each combination of the lists."""
 
@@ -79,15 +80,23 @@ class ObstacleVariationWithDistanceTriggerConfig(ObstacleVariationConfig):
     """Parameters of ObstacleVariationWithDistanceTrigger."""
 
     spawn_trigger_point: Reference
-    """`@parameter` that gets the point of the path that is next to the first obstacle."""
+    """Parameter that gets the place of the first obstacle."""
     spawn_trigger_threshold: Reference
-    """`@parameter` that gets the distance from there at which obstacles appear [m]."""
+    """Parameter that gets the distance from there at which obstacles appear [m]."""
     trigger_distance: Several
     """That distance [m]; a list multiplies."""
     start_pose: Pointer | None = None
-    """Start of the path, or `@parameter` with it; without, that of the path variation before."""
+    """Start of the path, or parameter with it; without, that of the path variation before."""
     goal_pose: Pointer | None = None
-    """Its goal, or `@parameter` with it."""
+    """Its goal, or parameter with it."""
+    goal_poses: Pointer | list[Pointer] | None = None
+    """Older spelling of `goal_pose`; of several the first counts."""
+
+    @property
+    def goal(self) -> Pointer | None:
+        """The goal, under either spelling."""
+        older = self.goal_poses[:1] if isinstance(self.goal_poses, list) else [self.goal_poses]
+        return self.goal_pose if self.goal_pose is not None else next(iter(older), None)
 
 
 class ObstacleVariation(NavigationVariation):
@@ -97,7 +106,6 @@ class ObstacleVariation(NavigationVariation):
 
     def variation(self, in_configs: list[Config]) -> list[Config]:
         """Each configuration with each placement of obstacles."""
-        self.reference(f"@{self.parameters.name}")
         made = []
         with nav_extra(type(self).__name__):
             from robovast.navigation.paths import NoPathError
@@ -154,7 +162,9 @@ class ObstacleVariation(NavigationVariation):
                 "`amount_per_m` and `max_distance` need a path: put a path variation before.",
             )
         length = length_of(list(course.points))
-        amount = settings.amount if amount_per_m is None else round(amount_per_m * length)
+        amount = (
+            settings.amount if amount_per_m is None else math.floor(amount_per_m * length + 1e-9)
+        )
         return Kind(amount or 0, radius_of(settings.xacro_arguments), max_distance)
 
     def _with_obstacles(
@@ -169,7 +179,7 @@ class ObstacleVariation(NavigationVariation):
                 "spawn_pose": one.pose.parameter(),
                 "xacro_arguments": kind.xacro_arguments,
             }
-            for number, (kind, one) in enumerate(zip(settings, placed, strict=True), start=1)
+            for number, (kind, one) in enumerate(zip(settings, placed, strict=True))
         ]
         shapes = [
             {"x": round(one.pose.x, 4), "y": round(one.pose.y, 4), "radius": one.kind.radius}
@@ -180,7 +190,10 @@ class ObstacleVariation(NavigationVariation):
             "map_file": self.map_name(config, self.parameters.map_file),
             "obstacles": shapes,
         }
-        values = {self.parameters.name: obstacles, **self._trigger(course, placed)}
+        values = {
+            self.parameters.name.removeprefix("@"): obstacles,
+            **self._trigger(course, placed),
+        }
         return self.update_config(config, values, other_values=with_record(config, **record))
 
     def _trigger(self, course: Course, placed: list[Placed]) -> dict[str, Any]:
@@ -193,12 +206,6 @@ class ObstacleVariationWithDistanceTrigger(ObstacleVariation):
 
     CONFIG_CLASS = ObstacleVariationWithDistanceTriggerConfig
 
-    def variation(self, in_configs: list[Config]) -> list[Config]:
-        """Each configuration with each placement of obstacles, and their trigger."""
-        self.reference(self.parameters.spawn_trigger_point)
-        self.reference(self.parameters.spawn_trigger_threshold)
-        return super().variation(in_configs)
-
     def _skips(self) -> list[float]:
         # An obstacle nearer to the start would be there from the beginning.
         return as_list(self.parameters.trigger_distance)
@@ -209,7 +216,7 @@ class ObstacleVariationWithDistanceTrigger(ObstacleVariation):
         from robovast.navigation.placing import Course
 
         start = self._pose(config, self.parameters.start_pose)
-        goal = self._pose(config, self.parameters.goal_pose)
+        goal = self._pose(config, self.parameters.goal)
         if start is None or goal is None:
             course = super()._course(config, costmap, skip)
             if not course.points:
@@ -227,14 +234,12 @@ class ObstacleVariationWithDistanceTrigger(ObstacleVariation):
         return None if pointer is None else self.given_pose(config, pointer)
 
     def _trigger(self, course: Course, placed: list[Placed]) -> dict[str, Any]:
-        from robovast.navigation.placing import nearest_on
-
-        point_name = self.parameters.spawn_trigger_point[1:]
-        threshold_name = self.parameters.spawn_trigger_threshold[1:]
+        point_name = self.parameters.spawn_trigger_point.removeprefix("@")
+        threshold_name = self.parameters.spawn_trigger_threshold.removeprefix("@")
         if not placed:
             return {threshold_name: course.skip}
-        point = nearest_on(course.points, placed[0].pose.point)
-        is_pose = self.type_of(point_name).startswith("pose")
+        point = placed[0].pose.point
+        is_pose = (self.type_of(point_name) or "").startswith("pose")
         value = Pose(*point).parameter() if is_pose else position(point)
         return {point_name: value, threshold_name: course.skip}
 

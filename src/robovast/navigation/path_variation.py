@@ -28,10 +28,8 @@ Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class _PathConfig(NavigationConfig):
-    start_pose: Pointer
-    """`@parameter` that gets the start, or has it from before; or a fixed `{x, y, yaw}`."""
     map_file: str | None = None
-    """Map, or `@parameter` with it; without, the map of the floor plan variation before."""
+    """Map, or parameter with it; without, the map of a variation before."""
     path_length: Length | Annotated[list[Length], Field(min_length=1)]
     """Length of the way from the start through all goals [m]; a list multiplies."""
     path_length_tolerance: Length = 0.5
@@ -43,12 +41,14 @@ class _PathConfig(NavigationConfig):
 class PathVariationRandomConfig(_PathConfig):
     """Parameters of PathVariationRandom."""
 
+    start_pose: Pointer
+    """Parameter that gets the start, or has it from before; or a fixed `{x, y, yaw}`."""
     goal_poses: Reference | Annotated[list[Pointer], Field(min_length=1)] | None = None
-    """`@parameter` that gets the goals (one pose unless it is a list), or fixed poses."""
+    """Parameter that gets the goals (the first one unless it is a list), or fixed poses."""
     num_goal_poses: Annotated[int, Field(ge=1)] | None = None
     """Number of goals; 1 when neither this nor the next is given."""
-    num_goal_poses_per_m: Length | None = None
-    """Number of goals by the length of the way, at least 1 [1/m]."""
+    num_goal_poses_per_m: Length | Annotated[list[Length], Field(min_length=1)] | None = None
+    """Number of goals by the length of the way, at least 1 [1/m]; a list multiplies."""
     num_paths: Annotated[int, Field(ge=1)] = 1
     """Number of paths of each length."""
     min_distance: Annotated[float, Field(ge=0)] = 0.0
@@ -62,18 +62,22 @@ class PathVariationRandomConfig(_PathConfig):
             raise ValueError("give `num_goal_poses` or `num_goal_poses_per_m`, not both")
         return self
 
-    def goals(self, length: float) -> int:
-        """Number of goals of a path [m]."""
-        if self.num_goal_poses_per_m is not None:
-            return max(1, round(length * self.num_goal_poses_per_m))
-        return self.num_goal_poses or 1
+    def goals(self, length: float) -> Iterator[int]:
+        """Numbers of goals of paths of a length [m], one for each `num_goal_poses_per_m`."""
+        if self.num_goal_poses_per_m is None:
+            yield self.num_goal_poses or 1
+            return
+        for per_m in as_list(self.num_goal_poses_per_m):
+            yield max(1, round(length * per_m))
 
 
 class PathVariationRasterizedConfig(_PathConfig):
     """Parameters of PathVariationRasterized."""
 
+    start_pose: Pointer | None = None
+    """Parameter that gets the start; with a pose (its own, or a fixed one) only that one starts."""
     goal_poses: Reference | None = None
-    """`@parameter` that gets the goals; without, `goal_poses` or `goal_pose` of the scenario."""
+    """Parameter that gets the goals; without, `goal_pose` for one and `goal_poses` for several."""
     num_goal_poses: Annotated[int, Field(ge=1)] = 1
     """Number of goals."""
     raster_size: Length
@@ -105,11 +109,13 @@ class _PathVariation(NavigationVariation):
 
     def _goals_parameter_name(self) -> str:
         """The parameter for the goals: the one that is named, else the scenario's own."""
-        named = self.parameters.goal_poses
-        if named is None:
-            named = "@goal_poses" if self.has_parameter("goal_poses") else "@goal_pose"
-        self.reference(named)
-        return str(named[1:])
+        named = self.reference(self.parameters.goal_poses)
+        if named is not None:
+            return named
+        own = ["goal_pose", "goal_poses"]
+        if self.parameters.num_goal_poses not in (None, 1) or not self.has_parameter(own[0]):
+            own.reverse()
+        return next(filter(self.has_parameter, own), own[0])
 
     def _with_path(self, config: Config, path: Path) -> Config:
         values: dict[str, Any] = {}
@@ -118,7 +124,7 @@ class _PathVariation(NavigationVariation):
             values[start] = path.start.parameter()
         if not isinstance(self.parameters.goal_poses, list):
             name = self._goals_parameter_name()
-            values[name] = self._goals_parameter(config, name, path)
+            values[name] = self._goals_parameter(name, path)
         record = {
             "map_file": self.map_name(config, self.parameters.map_file),
             "robot_diameter": self.parameters.robot_diameter,
@@ -129,17 +135,16 @@ class _PathVariation(NavigationVariation):
         }
         return self.update_config(config, values, other_values=with_record(config, **record))
 
-    def _goals_parameter(self, config: Config, name: str, path: Path) -> Any:
+    def _goals_parameter(self, name: str, path: Path) -> Any:
         poses = [goal.parameter() for goal in path.goals]
-        if self.type_of(name).startswith("list"):
-            return poses
-        if len(poses) > 1:
-            raise self.error(
-                config,
-                f"the parameter `{name}` holds one pose, not {len(poses)}; declare it as "
-                "`list of pose_3d`, or ask for one goal.",
+        declared = self.type_of(name)
+        is_list = name != "goal_pose" if declared is None else declared.startswith("list")
+        if not is_list and len(poses) > 1:
+            self.warn_once(
+                f"the parameter `{name}` holds one pose, not {len(poses)}: it gets the first goal "
+                "of each path. Declare it as `list of pose_3d`, or ask for one goal."
             )
-        return poses[0]
+        return poses if is_list else poses[0]
 
 
 class PathVariationRandom(_PathVariation):
@@ -150,19 +155,22 @@ class PathVariationRandom(_PathVariation):
     def _paths(self, config: Config, costmap: Costmap) -> Iterator[Path]:
         from robovast.navigation.paths import draw_path
 
-        for length in as_list(self.parameters.path_length):
-            for number in range(self.parameters.num_paths):
-                rng = self.generator(self.parameters.seed, length, number)
-                yield draw_path(costmap, rng, self._wish(config, length))
+        lengths = as_list(self.parameters.path_length)
+        by_length = [list(self.parameters.goals(length)) for length in lengths]
+        for goals in zip(*by_length, strict=True):
+            for length, count in zip(lengths, goals, strict=True):
+                for number in range(self.parameters.num_paths):
+                    rng = self.generator(self.parameters.seed, length, number)
+                    yield draw_path(costmap, rng, self._wish(config, length, count))
 
-    def _wish(self, config: Config, length: float) -> Wish:
+    def _wish(self, config: Config, length: float, goals: int) -> Wish:
         from robovast.navigation.paths import Wish
 
         return Wish(
             length,
             self.parameters.path_length_tolerance,
             self.parameters.min_distance,
-            self.parameters.goals(length),
+            goals,
             self.given_pose(config, self.parameters.start_pose),
             self._fixed_goals(config),
         )
@@ -188,7 +196,8 @@ class PathVariationRasterized(_PathVariation):
 
         offset = (self.parameters.raster_offset_x, self.parameters.raster_offset_y)
         raster = Raster(self.parameters.raster_size, offset)
-        start = self.given_pose(config, self.parameters.start_pose)
+        named = self.parameters.start_pose
+        start = None if named is None else self.given_pose(config, named)
         for length in as_list(self.parameters.path_length):
             wish = Wish(
                 length,

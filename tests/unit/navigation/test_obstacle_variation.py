@@ -93,6 +93,27 @@ def test_lists_multiply_and_count_repeats(expanded) -> None:
     assert max(nearest[0], nearest[1], nearest[4], nearest[5]) <= 0.5
 
 
+def test_amounts_are_cut_numbers_begin_at_zero_and_there_may_be_no_kind(expanded) -> None:
+    cut = expanded(PATH, obstacles({"amount_per_m": 0.2}, {"amount": 1})).variants[0]
+    names = [one["entity_name"] for one in cut.parameters["obstacles"]]
+    assert names == ["obstacle_0", "obstacle_1"]  # 1.6 of the first kind
+    assert expanded(PATH, obstacles()).variants[0].parameters["obstacles"] == []
+
+
+def test_an_obstacle_triggers_where_it_is_and_goals_may_be_a_list(expanded) -> None:
+    parameters = triggered({"amount": 1, "max_distance": 1.0})
+    settings = parameters["ObstacleVariationWithDistanceTrigger"]
+    settings["goal_poses"] = [settings.pop("goal_pose"), START]
+    settings |= {
+        "spawn_trigger_point": "trigger_point",
+        "spawn_trigger_threshold": "trigger_threshold",
+    }
+    variant = expanded(parameters).variants[0]
+    place = variant.parameters["obstacles"][0]["spawn_pose"]["position"]
+    assert variant.parameters["trigger_point"] == {**place, "z": 0.0}
+    assert variant.parameters["trigger_threshold"] == 2.0
+
+
 def test_equal_seeds_give_equal_obstacles(expanded) -> None:
     kind = {"amount": 2, "max_distance": 1.0}
     first, again, other = (

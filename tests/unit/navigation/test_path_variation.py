@@ -67,10 +67,41 @@ def test_the_parameters_are_the_ends_of_the_path(expanded) -> None:
     assert set(start["orientation"]) == {"roll", "pitch", "yaw"}
 
 
-def test_a_reference_to_a_single_pose_gets_one(expanded) -> None:
+def test_a_reference_to_a_single_pose_gets_the_first(expanded, caplog) -> None:
     variant = expanded(random_paths(goal_poses="@goal_pose")).variants[0]
     assert read_pose(variant.parameters["goal_pose"]).point == tuple(corners(variant)[-1])
-    assert "holds one pose, not 2" in refusal(expanded, goal_poses="@goal_pose", num_goal_poses=2)
+    variant = expanded(random_paths(goal_poses="goal_pose", num_goal_poses=2)).variants[0]
+    first = variant.extra["_navigation"]["goals"][0]
+    assert variant.parameters["goal_pose"] == first
+    assert "holds one pose, not 2" in caplog.text
+
+
+def test_references_need_no_mark(expanded) -> None:
+    marked = expanded(random_paths()).variants[0]
+    bare = expanded(random_paths(start_pose="start_pose", goal_poses="goal_poses")).variants[0]
+    assert bare.parameters == marked.parameters
+
+
+def test_a_map_may_be_named_by_its_parameter_or_by_the_configuration(expanded) -> None:
+    maps = {"ParameterVariationList": {"name": "map_file", "values": ["hall.yaml"]}}
+    wanted = corners(expanded(random_paths()).variants[0])
+    for map_file in ("map_file", "@map_file", None):
+        made = expanded(maps, random_paths(map_file=map_file)).variants[0]
+        assert corners(made) == wanted
+
+
+def test_a_parameter_that_the_scenario_lacks_is_written_and_told(expanded, caplog) -> None:
+    variant = expanded(random_paths(start_pose="begin")).variants[0]
+    assert "begin" in variant.parameters
+    assert "a variation writes `begin`, but the scenario `drive` has no such" in caplog.text
+
+
+def test_lengths_multiply_inside_of_goals_per_metre(expanded) -> None:
+    variants = expanded(
+        random_paths(num_goal_poses_per_m=[0.5, 1.0], path_length=[2.0, 3.0], num_paths=2)
+    ).variants
+    assert [v.name for v in variants] == [f"hall-{n}" for n in range(1, 9)]
+    assert [len(v.parameters["goal_poses"]) for v in variants] == [1, 1, 2, 2, 2, 2, 3, 3]
 
 
 def test_equal_seeds_give_equal_paths_and_more_paths_only_append(expanded) -> None:
@@ -171,10 +202,9 @@ def test_a_map_with_a_missing_image(expanded, folder: Path) -> None:
         ({"robot_diameter": 0}, "robot_diameter: must be greater than 0, not 0"),
         ({"path_length": -1.0}, "path_length"),
         ({"path_length": float("inf")}, "path_length"),
-        ({"start_pose": "start_pose"}, "start_pose"),
         ({"goal_poses": []}, "goal_poses"),
         ({"num_goal_poses": 1, "num_goal_poses_per_m": 1.0}, "not both"),
-        ({"start_pose": "@begin"}, "has no parameter `begin`"),
+        ({"start_pose": "not a name"}, "start_pose"),
     ],
 )
 def test_wrong_parameters(expanded, changes, reason: str) -> None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from robovast.errors import InputError
 from robovast.navigation import raster
+from robovast.navigation.occupancy import OccupancyMap, write_map
 from robovast.navigation.poses import read_pose
 
 START = {"x": 1.0, "y": 3.0}
@@ -25,7 +28,7 @@ def rasterized(**changes):
 
 
 def ends(composition) -> list[tuple[float, float]]:
-    return [read_pose(v.parameters["goal_poses"][-1]).point for v in composition.variants]
+    return [read_pose(v.parameters["goal_pose"]).point for v in composition.variants]
 
 
 def test_every_point_at_the_length_is_a_goal(expanded) -> None:
@@ -51,6 +54,23 @@ def test_without_a_given_start_every_point_is_one(expanded) -> None:
     starts = {read_pose(v.parameters["start_pose"]).point for v in composition.variants}
     assert len(starts) > 2
     assert all(x % 2 == 0 and y % 2 == 0 for x, y in starts)
+
+
+def test_all_ordered_pairs_of_a_hall_with_half_a_wall(expanded, folder: Path) -> None:
+    free = np.zeros((120, 160), bool)
+    free[3:-3, 3:-3] = True
+    free[49:, 78:82] = False  # a wall at x = 0 from y = -0.55 up
+    write_map(OccupancyMap(free, ~free, 0.05, (-4.0, -3.0)), folder / "hall.yaml")
+    given = rasterized(
+        raster_size=2.0, path_length=2.0, path_length_tolerance=0.3, robot_diameter=0.5
+    )
+    del given["PathVariationRasterized"]["start_pose"]
+    made = [v.extra["_navigation"] for v in expanded(given).variants]
+    pairs = [(read_pose(m["start"]).point, read_pose(m["goals"][0]).point) for m in made]
+    assert pairs == [
+        ((-2, -1), (0, -1)), ((-2, -1), (-2, 1)), ((0, -1), (-2, -1)), ((0, -1), (2, -1)),
+        ((2, -1), (0, -1)), ((2, -1), (2, 1)), ((-2, 1), (-2, -1)), ((2, 1), (2, -1)),
+    ]  # fmt: skip
 
 
 def test_several_goals_share_the_length(expanded) -> None:
