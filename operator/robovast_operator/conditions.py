@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,6 +10,7 @@ from robovast.cluster.resources import CampaignSpec
 from robovast.cluster.status import CampaignStatus, Condition, Runs, read_status
 from robovast.errors import without_userinfo
 from robovast_operator.campaign import Object
+from robovast_operator.store import JobState
 
 Truth = Literal["True", "False", "Unknown"]
 Why = tuple[str, str]
@@ -222,15 +223,19 @@ def is_news(old: CampaignStatus, new: CampaignStatus) -> bool:
     )
 
 
-def is_settled(obj: Object, jobs: Mapping[str, object], configurations: Iterable[Object]) -> bool:
+def is_settled(
+    obj: Object, jobs: Mapping[str, JobState], configurations: Collection[Object]
+) -> bool:
     """Whether a campaign is finished for good: it costs nothing more."""
     status = read_status(CampaignStatus, obj.get("status"))
     spec = obj.get("spec") or {}
     expires = spec.get("ttlSecondsAfterFinished") is not None and bool(jobs)
+    there = {"", *(item["metadata"]["uid"] for item in configurations)}
     return (
         status.observed_generation == obj["metadata"].get("generation")
         and is_true(status, "ResultsAvailable")
         and not expires
+        and all(job.configuration in there for job in jobs.values())
         and all(
             (item.get("status") or {}).get("observedGeneration")
             == item["metadata"].get("generation")

@@ -78,14 +78,12 @@ def added_entries(added: Iterable[Object]) -> list[dict[str, Any]]:
 
 
 def reference(obj: Object) -> Object:
-    """The reference that removes Jobs together with their Configuration."""
+    """Which Configuration runs belong to, as the plan keeps it."""
     return {
         "apiVersion": API_VERSION,
         "kind": "Configuration",
         "name": obj["metadata"]["name"],
         "uid": obj["metadata"]["uid"],
-        "controller": True,
-        "blockOwnerDeletion": False,
     }
 
 

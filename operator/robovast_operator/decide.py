@@ -82,7 +82,7 @@ def decide(observed: Observed) -> Decision:
     actions = [*_open_jobs(picture), *_new_jobs(picture)]
     created = [action.shard for action in actions if isinstance(action, CreateShard)]
     status = tell(picture, created)
-    later = [*_cancel(picture), *_tidy(picture), *_expire(picture)]
+    later = [*_cancel(picture), *_withdraw(picture), *_tidy(picture), *_expire(picture)]
     return Decision(status, tuple(actions), tuple(later), _again(picture))
 
 
@@ -204,6 +204,17 @@ def _tidy(picture: Picture) -> list[Action]:
         if (job := picture.job(shard)) is not None and not job.open and picture.is_remembered(shard)
     ]
     return [DeleteJob(job.name) for job in known[:-WINDOW] if not job.deleting]
+
+
+def _withdraw(picture: Picture) -> list[Action]:
+    """What a Configuration asked for that is gone, goes with it: nothing else removes its Jobs.
+
+    The Campaign is their owner, so that they go with that, whether the operator is there or not.
+    An object goes when its last owner does, so the Configuration cannot be another one; nor can it
+    belong to the Campaign: GitOps tools do not prune what has an owner.
+    """
+    gone = (picture.job(shard) for shard in picture.shards if picture.withdrawn(shard))
+    return [DeleteJob(job.name) for job in gone if job is not None and not job.deleting]
 
 
 def _expiry(picture: Picture) -> datetime | None:

@@ -6,8 +6,8 @@ import asyncio
 from collections.abc import Sequence
 from dataclasses import replace
 
-from robovast.cluster.plan import Entry
-from robovast.cluster.resources import CampaignSpec
+from robovast.cluster.plan import CampaignPlan, Entry
+from robovast.cluster.resources import CampaignSpec, Source
 from robovast_operator import paths
 from robovast_operator.accept import (
     Files,
@@ -19,7 +19,7 @@ from robovast_operator.additions import Additions, with_additions
 from robovast_operator.api import Api, ApiError
 from robovast_operator.campaign import Accepted, Identity, Object, Rejected, Revision
 from robovast_operator.configurations import is_own, own_configurations
-from robovast_operator.jobs import files_config_map, plan_config_map
+from robovast_operator.jobs import campaign_plan, files_config_map, plan_config_map
 from robovast_operator.memory import Memory
 from robovast_operator.revisions import (
     NO_PLAN,
@@ -30,6 +30,9 @@ from robovast_operator.revisions import (
 )
 from robovast_operator.settings import Settings
 from robovast_operator.store import Store
+
+Begun = tuple[Accepted, CampaignPlan]
+"""A campaign that may have results, and what its pods know of it."""
 
 
 class Inputs:
@@ -55,6 +58,25 @@ class Inputs:
                 accepted = replace(accepted, planned=memory.planned)
             memory.accepted, memory.accepted_for = accepted, mark
         return memory.accepted
+
+    async def begun(self, obj: Object, memory: Memory) -> Begun | Rejected:
+        """A Campaign and where its results are, whatever has gone of that which it was made from.
+
+        Its status knows what its plans would say, unless it was never looked at again.
+        """
+        accepted = await asyncio.to_thread(accept, obj, None, self._settings)
+        if isinstance(accepted, Rejected):
+            return accepted
+        without = accepted.spec.model_copy(update={"source": Source()})
+        accepted = replace(accepted, spec=without)
+        await self._load_revisions(accepted.identity, memory)
+        if memory.planned is not None:
+            return accepted, memory.planned
+        plan, status = campaign_plan(accepted, None, ()), obj.get("status") or {}
+        where = {key: status[key] for key in ("bucket", "endpoint") if status.get(key)}
+        if where.get("bucket", plan.bucket) != plan.bucket:
+            where["owner"] = None  # an older version has named it
+        return accepted, plan.model_copy(update=where)
 
     async def _files(self, obj: Object) -> Files | Rejected | None:
         """The input files, as far as the operator can read them."""
@@ -177,7 +199,8 @@ class Inputs:
         self, accepted: Accepted, revision: Revision, entries: tuple[Entry, ...]
     ) -> bool:
         plan = revision.plan if revision.number >= 0 else None
-        obj = plan_config_map(accepted, revision.config_map, plan, entries)
+        told = campaign_plan(accepted, plan, entries)
+        obj = plan_config_map(accepted, revision.config_map, told)
         obj["metadata"]["annotations"] = owners_note(revision)
         made = await self._api.create(paths.config_maps(accepted.identity.namespace), obj)
         return made is not None

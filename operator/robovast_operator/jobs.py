@@ -12,6 +12,7 @@ from robovast_operator.pods import inline_items, notify_pod, run_pod, task_pod
 from robovast_operator.settings import Settings
 from robovast_operator.shards import ShardPlan
 from robovast_operator.store import (
+    CONFIGURATION_LABEL,
     NOTIFY_ROLE,
     QUEUE_LABEL,
 )
@@ -64,7 +65,7 @@ def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Objec
     if queue is not None:
         job["metadata"]["labels"][QUEUE_LABEL] = queue
     if shard.owner is not None:
-        job["metadata"]["ownerReferences"] = [shard.owner]
+        job["metadata"]["labels"][CONFIGURATION_LABEL] = shard.owner["uid"]
     return job
 
 
@@ -134,9 +135,7 @@ def _on_exit(action: str, container: str, codes: list[int]) -> Object:
     }
 
 
-def plan_config_map(
-    accepted: Accepted, name: str, plan: PlanSpec | None, entries: tuple[Entry, ...]
-) -> Object:
+def plan_config_map(accepted: Accepted, name: str, plan: CampaignPlan) -> Object:
     """The ConfigMap that tells a campaign's pods about it; it never changes."""
     return {
         "apiVersion": "v1",
@@ -149,9 +148,7 @@ def plan_config_map(
         },
         "immutable": True,
         "data": {
-            "campaign.json": campaign_plan(accepted, plan, entries).model_dump_json(
-                exclude_none=True
-            ),
+            "campaign.json": plan.model_dump_json(exclude_none=True),
             "document.vast": accepted.document_text,
         },
     }

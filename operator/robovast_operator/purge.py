@@ -7,10 +7,13 @@ from collections.abc import Mapping
 
 from robovast_operator import paths
 from robovast_operator.api import Api
-from robovast_operator.campaign import Accepted, Object, Rejected
-from robovast_operator.jobs import task_job
+from robovast_operator.campaign import Identity, Object, Rejected
+from robovast_operator.events import Message, event
+from robovast_operator.inputs import Begun
+from robovast_operator.jobs import plan_config_map, task_job
 from robovast_operator.settings import Settings
 from robovast_operator.store import JobState
+from robovast_operator.times import format_time, now
 
 LOGGER = logging.getLogger(__name__)
 
@@ -24,8 +27,17 @@ class Purge:
         self._api = api
         self._settings = settings
 
+    @staticmethod
+    def holds(obj: Object) -> bool:
+        """Whether a Campaign waits for its bucket to be removed."""
+        return FINALIZER in (obj["metadata"].get("finalizers") or ())
+
     async def protect(self, obj: Object) -> None:
-        """Hold a Campaign back until its bucket is gone, or let go of it, as its spec says."""
+        """Hold a Campaign back until its bucket is gone, or let go of it, as its spec says.
+
+        This comes before the first pod that could make a bucket, and not earlier: a Campaign that
+        was never accepted goes at once.
+        """
         storage = (obj.get("spec") or {}).get("storage") or {}
         finalizers = list(obj["metadata"].get("finalizers") or ())
         wanted = storage.get("retention") == "Delete"
@@ -34,16 +46,20 @@ class Purge:
             await self._set(obj, [*others, FINALIZER] if wanted else others)
 
     async def carry_out(
-        self, obj: Object, accepted: Accepted | Rejected, jobs: Mapping[str, JobState]
+        self, obj: Object, begun: Begun | Rejected, jobs: Mapping[str, JobState]
     ) -> float | None:
-        """The next step of removing a bucket; returns when to look again [s]."""
-        finalizers = list(obj["metadata"].get("finalizers") or ())
-        if FINALIZER not in finalizers:
-            return None
-        others = [name for name in finalizers if name != FINALIZER]
-        if isinstance(accepted, Rejected) or not (obj.get("status") or {}).get("bucket"):
+        """The next step of removing a bucket; returns when to look again [s].
+
+        Nothing that the Campaign was made from is needed: all of it may go before it does.
+        """
+        others = [name for name in obj["metadata"]["finalizers"] if name != FINALIZER]
+        if isinstance(begun, Rejected):
+            if (obj.get("status") or {}).get("bucket"):
+                await self._tell_that_it_waits(obj, begun)
+                return 300.0
             await self._set(obj, others)  # it never had a bucket
             return None
+        accepted, where = begun
         namespace = accepted.identity.namespace
         name = accepted.identity.child("purge")
         job = jobs.get(name)
@@ -56,19 +72,29 @@ class Purge:
                 await self._api.delete(f"{paths.jobs(namespace)}/{other.name}")
         if at_work:
             return 2.0  # what still stores results would make the bucket anew
+        plan = accepted.identity.child("plan-purge")
+        told = plan_config_map(accepted, plan, where)
+        await self._api.create(paths.config_maps(namespace), told)
         if job is None:
-            plan = f"{accepted.identity.child('plan')}-{0 if accepted.pure else 'compose'}"
             made = task_job(accepted, self._settings, "purge", name, plan)
             await self._api.create(paths.jobs(namespace), made)
         return 15.0
 
     async def give_up(self, obj: Object) -> None:
         """Let a Campaign go whose namespace is being deleted: no Job can be made there."""
-        finalizers = list(obj["metadata"].get("finalizers") or ())
-        if "deletionTimestamp" in obj["metadata"] and FINALIZER in finalizers:
+        if "deletionTimestamp" in obj["metadata"] and self.holds(obj):
+            finalizers = obj["metadata"]["finalizers"]
             await self._set(obj, [name for name in finalizers if name != FINALIZER])
             bucket = (obj.get("status") or {}).get("bucket")
             LOGGER.warning("the bucket %s stays: its namespace is being deleted", bucket)
+
+    async def _tell_that_it_waits(self, obj: Object, rejected: Rejected) -> None:
+        """Say by an Event why no Job can remove the bucket."""
+        text = f"its bucket stays, and so does the Campaign: {rejected.message}"
+        message = Message("Warning", "NotPurged", text)
+        identity = Identity.of(obj)
+        told = event(identity, message, format_time(now()), about=rejected.message)
+        await self._api.create(paths.events(identity.namespace), told)
 
     async def _set(self, obj: Object, finalizers: list[str]) -> None:
         meta = obj["metadata"]

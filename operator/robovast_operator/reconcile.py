@@ -139,8 +139,9 @@ class Reconciler:
         return memory
 
     async def _advance(self, obj: Object, memory: Memory, jobs: dict[str, JobState]) -> None:
-        await self._purge.protect(obj)
         accepted = await self._inputs.accepted(obj, memory)
+        if isinstance(accepted, Accepted):
+            await self._purge.protect(obj)
         if isinstance(accepted, Accepted) and not (accepted.pure or accepted.entries):
             composed = await self._composed(obj, accepted, memory, jobs)
             if composed is None:
@@ -264,8 +265,10 @@ class Reconciler:
 
     async def _deleted(self, obj: Object, memory: Memory, jobs: dict[str, JobState]) -> None:
         """A Campaign that is being deleted; only `retention: Delete` leaves anything to do."""
-        accepted = await self._inputs.accepted(obj, memory)
-        again = await self._purge.carry_out(obj, accepted, jobs)
+        if not self._purge.holds(obj):
+            return
+        begun = await self._inputs.begun(obj, memory)
+        again = await self._purge.carry_out(obj, begun, jobs)
         if again is not None:
             self._queue.add((obj["metadata"]["namespace"], obj["metadata"]["name"]), again)
 

@@ -16,6 +16,9 @@ NOTIFY_ROLE = "notify"
 QUEUE_LABEL = "kueue.x-k8s.io/queue-name"
 """Of a Job: the LocalQueue that it stands in."""
 
+CONFIGURATION_LABEL = "robovast.io/configuration-uid"
+"""Of a Job: the Configuration applied by hand that asked for its runs, and that it goes with."""
+
 Id = tuple[str, str, str]
 """Namespace, name and uid of an object."""
 
@@ -51,6 +54,8 @@ class JobState:
     """Kueue's LocalQueue that it stands in; Kueue may have chosen one itself."""
     started: str = ""
     """When its pods were last allowed to start; empty while they are not."""
+    configuration: str = ""
+    """Uid of the Configuration applied by hand that asked for its runs, if one did."""
 
     @property
     def key(self) -> Key:
@@ -96,6 +101,7 @@ class JobState:
             size=number(spec.get("completions"), 1),
             queue=labels.get(QUEUE_LABEL, ""),
             started=time(status.get("startTime")) if "startTime" in status else "",
+            configuration=labels.get(CONFIGURATION_LABEL, ""),
         )
 
 

@@ -144,7 +144,7 @@ def test_the_plan_says_what_pods_need_and_is_fixed() -> None:
     made = accepted(runs=4, select=["hall-1*"])
     revision = next_revision(made, (), (), "plan-0")
     assert revision is not None
-    obj = plan_config_map(made, "plan-0", revision.plan, revision.entries)
+    obj = plan_config_map(made, "plan-0", campaign_plan(made, revision.plan, revision.entries))
     assert obj["immutable"] is True
     plan = CampaignPlan.model_validate_json(obj["data"]["campaign.json"])
     assert plan.plan is not None
