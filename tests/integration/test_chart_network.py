@@ -26,6 +26,11 @@ def of_campaign(namespace: str, job: dict[str, Any]) -> Peer:
 (SHARD,) = first_attempts(accepted().identity, [next_revision(accepted(), (), (), "plan-0")])
 RUN = of_campaign("a", shard_job(accepted(), SETTINGS, SHARD))
 FINISH = of_campaign("b", task_job(accepted(), SETTINGS, "finish", "finish", "plan-0"))
+COMPOSE, PROCESS, PURGE = (
+    of_campaign("a", task_job(accepted(), SETTINGS, command, command, "plan-0"))
+    for command in ("compose", "process", "purge")
+)
+NOTIFY = Peer("a", {"robovast.io/role": "notify"})
 UPLOAD = of_campaign("a", share_job(Upload("drive", "drive", "http://s3:9000", "agent:1"), "share"))
 STRANGER = Peer("other", {"app": "anything"})
 NEIGHBOUR = Peer("system", {"app": "anything"})
@@ -51,6 +56,8 @@ EXTERNAL: Object = {
     },
     "networkPolicy": {"runs": True, "storage": ["10.0.0.0/24"], "apiServer": ["10.0.0.0/24"]},
 }
+ADDRESSES = {key: ["10.0.0.0/24"] for key in ("git", "notify", "share")}
+NAMED: Object = {**RUNS, "networkPolicy": {"runs": True, **ADDRESSES}}
 NARROW = {"metrics": {"namespaces": ["monitoring"]}, "operator": {"namespaces": ["a"]}}
 
 
@@ -81,8 +88,24 @@ NARROW = {"metrics": {"namespaces": ["monitoring"]}, "operator": {"namespaces": 
         (RUNS, RUN, WORLD, 443, False),
         (RUNS, RUN, S3, 9000, True),
         (RUNS, STRANGER, RUN, 80, False),
-        (RUNS, FINISH, WORLD, 443, True),
+        *((RUNS, pod, S3, 9000, True) for pod in (COMPOSE, PROCESS, PURGE, UPLOAD)),
+        *((RUNS, pod, WORLD, 443, False) for pod in (COMPOSE, PROCESS, PURGE)),
+        *((RUNS, STRANGER, pod, 80, False) for pod in (COMPOSE, PROCESS, PURGE, UPLOAD, NOTIFY)),
+        (RUNS, FINISH, WORLD, 443, True),  # no policy was asked for in that namespace
         (RUNS, UPLOAD, WORLD, 443, True),
+        (RUNS, UPLOAD, WORLD, 22, True),
+        (RUNS, UPLOAD, WORLD, 25, False),
+        (RUNS, NOTIFY, WORLD, 443, True),
+        (RUNS, NOTIFY, WORLD, 22, False),
+        (RUNS, NOTIFY, S3, 9000, False),
+        (NAMED, NOTIFY, SERVER, 8065, True),
+        (NAMED, NOTIFY, WORLD, 443, False),
+        (NAMED, UPLOAD, SERVER, 2222, True),
+        (NAMED, UPLOAD, WORLD, 443, False),
+        (NAMED, RUN, SERVER, 443, True),
+        (NAMED, COMPOSE, SERVER, 443, True),
+        (NAMED, PURGE, SERVER, 443, False),
+        (NAMED, RUN, WORLD, 443, False),
         (EXTERNAL, RUN, SERVER, 9123, True),
         (EXTERNAL, RUN, SERVER, 443, False),
         (EXTERNAL, RUN, WORLD, 9123, False),
@@ -98,8 +121,17 @@ def test_pods_reach_what_they_need_and_nothing_else(
     assert reaches(values, source, target, port) is expected
 
 
-@pytest.mark.parametrize("source", [OPERATOR, PAGE, RUN])
-def test_names_can_be_looked_up(source: Peer) -> None:
+@pytest.mark.parametrize("source", [OPERATOR, PAGE, RUN, COMPOSE, PROCESS, PURGE, UPLOAD, NOTIFY])
+def test_names_can_be_looked_up_by_the_clusters_dns_alone(source: Peer) -> None:
     for protocol in ("UDP", "TCP"):
         assert reaches(RUNS, source, DNS, 53, protocol)
+        for other in (WORLD, SERVER, NEIGHBOUR):
+            assert not reaches(RUNS, source, other, 53, protocol)
     assert not reaches(RUNS, source, DNS, 54, "UDP")
+
+
+def test_a_cluster_with_another_dns_names_it() -> None:
+    cache = Peer("169.254.20.10/32")
+    named = {"networkPolicy": {"runs": True, "dns": [{"ipBlock": {"cidr": "169.254.20.10/32"}}]}}
+    assert reaches({**RUNS, **named}, RUN, cache, 53, "UDP")
+    assert not reaches({**RUNS, **named}, RUN, DNS, 53, "UDP")
