@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import copy
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from pydantic import ValidationError
 
+from robovast.plain import dump_yaml
 from robovast_operator.accept import Files, accept
 from robovast_operator.campaign import Accepted, Object, Rejected
 from robovast_operator.configurations import added_entries, entry_name, reference
@@ -30,47 +31,88 @@ def with_additions(
     obj: Object,
     accepted: Accepted,
     added: Sequence[Object],
-    files: Files | None,
+    files: Files | Rejected | None,
     settings: Settings,
+    known: dict[str, int | str],
 ) -> Additions:
-    """What Configurations add to a campaign; one that is wrong does not harm the others."""
+    """What Configurations add to a campaign; one that is wrong does not harm the others.
+
+    Args:
+        obj: the Campaign.
+        accepted: the same, accepted.
+        added: the Configurations, oldest first.
+        files: the campaign's input files, or why they cannot be read.
+        settings: of the installation.
+        known: variants by content of an entry, from the last time, or what is wrong with it.
+    """
     if not accepted.pure:
         told = "runs can only be added to a campaign whose variations are all built in"
         return Additions(problems={item["metadata"]["name"]: told for item in added})
+    taken = {str(entry["name"]) for entry in _written(obj)}
+    found: list[Addition] = []
     good: list[Object] = []
-    whole = accepted
     problems: dict[str, str] = {}
-    for item in added:
-        tried = _accept_with(obj, [*good, item], files, settings)
-        if isinstance(tried, Rejected):
-            problems[item["metadata"]["name"]] = tried.message
-        else:
-            good.append(item)
-            whole = tried
-    counts = {entry.name: entry.variants for entry in whole.entries}
-    found = tuple(
-        Addition(
-            name=entry_name(item),
-            variants=counts[entry_name(item)],
-            runs=item["spec"].get("runs") or accepted.runs,
-            owner=reference(item),
-        )
-        for item in good
-    )
-    return Additions(found, whole, problems)
+    expanded = _expand_new(obj, added, files, settings, known)
+    for item, variants in zip(added, expanded, strict=True):
+        name = entry_name(item)
+        if name in taken:
+            variants = f"the campaign has an entry `{name}` already; results are kept by name"
+        if isinstance(variants, str):
+            problems[item["metadata"]["name"]] = variants
+            continue
+        taken.add(name)
+        good.append(item)
+        runs = item["spec"].get("runs") or accepted.runs
+        found.append(Addition(name, variants, runs, reference(item)))
+    vast = _document(obj, [*_written(obj), *added_entries(good)])
+    select = accepted.spec.select and [*accepted.spec.select, *(one.name for one in found)]
+    spec = accepted.spec.model_copy(update={"vast": vast, "select": select})
+    whole = replace(accepted, spec=spec, document_text=dump_yaml(vast))
+    return Additions(tuple(found), whole, problems)
 
 
-def _accept_with(
-    obj: Object, added: Sequence[Object], files: Files | None, settings: Settings
-) -> Accepted | Rejected:
-    """The campaign with further entries in its document."""
+def _expand_new(
+    obj: Object,
+    added: Sequence[Object],
+    files: Files | Rejected | None,
+    settings: Settings,
+    known: dict[str, int | str],
+) -> list[int | str]:
+    """Variants of each Configuration, or what is wrong; what is known is not expanded again."""
+    generation = obj["metadata"]["generation"]
+    marks = [json.dumps([generation, entry_name(item), item["spec"]]) for item in added]
+    for mark in known.keys() - set(marks):
+        del known[mark]
+    if isinstance(files, Rejected):
+        return [known.get(mark, files.message) for mark in marks]
+    for mark, item in zip(marks, added, strict=True):
+        if mark not in known:
+            known[mark] = _variants(obj, item, files, settings)
+    return [known[mark] for mark in marks]
+
+
+def _variants(obj: Object, item: Object, files: Files | None, settings: Settings) -> int | str:
+    """How many variants an entry has, expanded as the only one of the document; or what is wrong.
+
+    So each is expanded once, however many others come and go.
+    """
     try:
-        entries = added_entries(added)
+        (entry,) = added_entries([item])
     except ValidationError as error:
-        return Rejected("InvalidSpec", str(error))
-    changed = copy.deepcopy(obj)
-    vast = changed["spec"]["vast"]
-    vast["configuration"] = [*(vast.get("configuration") or [{"name": "config1"}]), *entries]
-    if changed["spec"].get("select"):
-        changed["spec"]["select"] += [entry["name"] for entry in entries]
-    return accept(changed, files, settings)
+        return str(error)
+    scenario = {k: v for e in _written(obj) for k, v in e.items() if k == "scenario_file"}
+    spec = {**obj["spec"], "select": [], "vast": _document(obj, [scenario | entry])}
+    alone = accept({**obj, "spec": spec}, files, settings)
+    if isinstance(alone, Rejected):
+        return alone.message
+    return sum(found.variants for found in alone.entries)
+
+
+def _written(obj: Object) -> list[Object]:
+    """The entries of a campaign's own document."""
+    return obj["spec"]["vast"].get("configuration") or [{"name": "config1"}]
+
+
+def _document(obj: Object, entries: list[Object]) -> Object:
+    """A campaign's document with these entries."""
+    return {**obj["spec"]["vast"], "configuration": entries}

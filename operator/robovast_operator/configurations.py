@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable, Sequence
+from bisect import bisect_right
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import accumulate
 from typing import Any
 
 from robovast.cluster.plan import Block, Entry
@@ -87,67 +89,73 @@ def reference(obj: Object) -> Object:
     }
 
 
-def configuration_status(
-    obj: Object, revision: Revision, status: CampaignStatus, now: str, problem: str = ""
-) -> ConfigurationStatus:
-    """The status of a Configuration.
+class ConfigurationStatuses:
+    """The statuses of a campaign's Configurations, of which there may be thousands."""
 
-    Args:
-        obj: the Configuration.
-        revision: the newest plan of its campaign.
-        status: of its campaign.
-        now: the time.
-        problem: why its runs cannot be added.
-    """
-    old = read_status(ConfigurationStatus, obj.get("status"))
-    generation = obj["metadata"].get("generation", 0)
-    truth: Found = ("Accepted", "True", "Valid", "")
-    if problem:
-        truth = ("Accepted", "False", "Invalid", problem)
-    spans, variants = _spans(entry_name(obj), revision.entries, revision.plan.blocks)
-    return ConfigurationStatus(
-        observed_generation=generation,
-        variants=variants,
-        **_numbers(spans, status),
-        conditions=dated([truth], generation, now, old.conditions),
-    )
+    def __init__(
+        self, revision: Revision, status: CampaignStatus, now: str, problems: Mapping[str, str]
+    ) -> None:
+        """
+        Args:
+            revision: the newest plan of the campaign.
+            status: of the campaign.
+            now: the time.
+            problems: by Configuration, why its runs cannot be added.
+        """
+        self._status = status
+        self._now = now
+        self._problems = problems
+        self._variants = {entry.name: entry.variants for entry in revision.entries}
+        self._spans = _spans(revision.entries, revision.plan.blocks)
+        self._failed = parse_ranges(status.failed_runs)
+        self._errored = parse_ranges(status.errored_runs)
 
+    def of(self, obj: Object) -> ConfigurationStatus:
+        """The status of a Configuration."""
+        old = read_status(ConfigurationStatus, obj.get("status"))
+        generation = obj["metadata"].get("generation", 0)
+        problem, name = self._problems.get(obj["metadata"]["name"], ""), entry_name(obj)
+        truth: Found = ("Accepted", "True", "Valid", "")
+        if problem:
+            truth = ("Accepted", "False", "Invalid", problem)
+        runs = self._runs(self._spans.get(name, []))
+        return ConfigurationStatus(
+            observed_generation=generation,
+            variants=self._variants.get(name, 0),
+            runs=runs,
+            progress=f"{runs.decided}/{runs.total}",
+            conditions=dated([truth], generation, self._now, old.conditions),
+        )
 
-def _numbers(spans: Sequence[Span], status: CampaignStatus) -> dict[str, Any]:
-    """The numbers of some runs of a campaign; undecided when not all ids of bad runs are told."""
-    total = count(spans)
-    if not is_true(status, "ResultsAvailable"):
-        runs = Runs(total=total)
-    elif status.ranges_truncated:
-        runs = Runs(total=total, undecided=total)
-    else:
+    def _runs(self, spans: Sequence[Span]) -> Runs:
+        """The numbers of some runs; undecided when not all ids of bad runs are told."""
+        total = count(spans)
+        if not is_true(self._status, "ResultsAvailable"):
+            return Runs(total=total)
+        if self._status.ranges_truncated:
+            return Runs(total=total, undecided=total)
         failed, errored = (
-            sum(count(clip(parse_ranges(text), first, last)) for first, last in spans)
-            for text in (status.failed_runs, status.errored_runs)
+            sum(count(clip(bad, first, last)) for first, last in spans)
+            for bad in (self._failed, self._errored)
         )
         passed = total - failed - errored
-        runs = Runs(
+        return Runs(
             total=total, passed=passed, failed=failed, errored=errored, stored=passed + failed
         )
-    return {"runs": runs, "progress": f"{runs.decided}/{total}"}
 
 
-def _spans(name: str, entries: Sequence[Entry], blocks: Sequence[Block]) -> tuple[list[Span], int]:
-    """The run ids of an entry, and how many variants it has."""
-    first_variant = 0
-    for entry in entries:
-        if entry.name == name:
-            break
-        first_variant += entry.variants
-    else:
-        return [], 0
-    spans: list[Span] = []
+def _spans(entries: Sequence[Entry], blocks: Sequence[Block]) -> dict[str, list[Span]]:
+    """The run ids of each entry."""
+    starts = list(accumulate((entry.variants for entry in entries), initial=0))
+    found: dict[str, list[Span]] = {entry.name: [] for entry in entries}
     first_id = 0
     for block in blocks:
-        low = max(first_variant, block.first_variant)
-        high = min(first_variant + entry.variants, block.first_variant + block.variants)
-        if low < high:
+        end = block.first_variant + block.variants
+        for index in range(bisect_right(starts, block.first_variant) - 1, len(entries)):
+            low, high = max(starts[index], block.first_variant), min(starts[index + 1], end)
+            if low >= high:
+                break
             begin = first_id + (low - block.first_variant) * block.runs
-            spans.append((begin, begin + (high - low) * block.runs - 1))
+            found[entries[index].name].append((begin, begin + (high - low) * block.runs - 1))
         first_id += block.size
-    return spans, entry.variants
+    return found

@@ -19,6 +19,7 @@ from robovast_operator.additions import Additions, with_additions
 from robovast_operator.api import Api, ApiError
 from robovast_operator.campaign import Accepted, Identity, Object, Rejected, Revision
 from robovast_operator.configurations import is_own, own_configurations
+from robovast_operator.few_at_once import few_at_once
 from robovast_operator.jobs import campaign_plan, files_config_map, plan_config_map
 from robovast_operator.memory import Memory
 from robovast_operator.revisions import (
@@ -52,10 +53,8 @@ class Inputs:
                 return files
             accepted = await asyncio.to_thread(accept, obj, files, self._settings)
             if isinstance(accepted, Accepted):
-                if memory.planned is None:
-                    prefix = accepted.identity.child("plan-")
-                    memory.planned = any_plan(await self._plans(accepted.identity), prefix)
-                accepted = replace(accepted, planned=memory.planned)
+                planned = await self._where(accepted.identity, memory)
+                accepted = replace(accepted, planned=planned)
             memory.accepted, memory.accepted_for = accepted, mark
         return memory.accepted
 
@@ -69,9 +68,9 @@ class Inputs:
             return accepted
         without = accepted.spec.model_copy(update={"source": Source()})
         accepted = replace(accepted, spec=without)
-        await self._load_revisions(accepted.identity, memory)
-        if memory.planned is not None:
-            return accepted, memory.planned
+        planned = await self._where(accepted.identity, memory)
+        if planned is not None:
+            return accepted, planned
         plan, status = campaign_plan(accepted, None, ()), obj.get("status") or {}
         where = {key: status[key] for key in ("bucket", "endpoint") if status.get(key)}
         if where.get("bucket", plan.bucket) != plan.bucket:
@@ -120,33 +119,43 @@ class Inputs:
                 await self._api.create(paths.config_maps(accepted.identity.namespace), config_map)
             memory.files_made = True
 
-    async def additions(self, obj: Object, accepted: Accepted) -> Additions:
-        """The document's own Configurations are made; those applied by hand are read."""
+    async def make_configurations(self, accepted: Accepted) -> None:
+        """The Configurations of the document's own entries; nothing waits for them."""
         identity = accepted.identity
-        key = (identity.namespace, identity.name)
-        there = self._store.configurations_of(key)
+        there = self._store.configurations_of((identity.namespace, identity.name))
         names = {item["metadata"]["name"] for item in there}
-        for wanted in own_configurations(accepted):
-            if wanted["metadata"]["name"] not in names:
-                made = await self._api.create(paths.configurations(identity.namespace), wanted)
-                if made is not None:
-                    self._store.put_configuration(made)
+        missing = (
+            wanted
+            for wanted in own_configurations(accepted)
+            if wanted["metadata"]["name"] not in names
+        )
+        await few_at_once(self._make_configuration(wanted) for wanted in missing)
+
+    async def _make_configuration(self, wanted: Object) -> None:
+        path = paths.configurations(wanted["metadata"]["namespace"])
+        made = await self._api.create(path, wanted)
+        if made is not None:
+            self._store.put_configuration(made)
+
+    async def additions(self, obj: Object, accepted: Accepted, memory: Memory) -> Additions:
+        """What Configurations that were applied by hand add; found out once for each change."""
+        identity = accepted.identity
         added = [
             item
-            for item in there
+            for item in self._store.configurations_of((identity.namespace, identity.name))
             if not is_own(item, identity) and "deletionTimestamp" not in item["metadata"]
         ]
         if not added:
             return Additions()
-        files = await self._files(obj)
-        return await asyncio.to_thread(
-            with_additions,
-            obj,
-            accepted,
-            added,
-            files if not isinstance(files, Rejected) else None,
-            self._settings,
-        )
+        each = ((item["metadata"]["uid"], item["metadata"].get("generation")) for item in added)
+        mark = (obj["metadata"]["generation"], *each)
+        if memory.additions is None or memory.additions_for != mark:
+            files = await self._files(obj)
+            memory.additions = await asyncio.to_thread(
+                with_additions, obj, accepted, added, files, self._settings, memory.expanded
+            )
+            memory.additions_for = () if isinstance(files, Rejected) else mark
+        return memory.additions
 
     async def revisions(
         self, accepted: Accepted, additions: Additions, memory: Memory
@@ -188,6 +197,12 @@ class Inputs:
             plans = await self._plans(identity)
             memory.revisions = read_revisions(plans, identity.child("plan-"))
         return memory.revisions
+
+    async def _where(self, identity: Identity, memory: Memory) -> CampaignPlan | None:
+        """A plan that was fixed: all agree on where the results are."""
+        if memory.planned is None:
+            memory.planned = any_plan(await self._plans(identity), identity.child("plan-"))
+        return memory.planned
 
     async def _plans(self, identity: Identity) -> list[Object]:
         """The campaign's ConfigMaps."""

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from robovast.cluster.plan import CampaignPlan
+from robovast_operator.additions import Additions
 from robovast_operator.campaign import Accepted, Rejected, Revision
 from robovast_operator.picture import Final, Trouble
 from robovast_operator.store import JobState
@@ -46,6 +47,12 @@ class Memory:
     """When that was."""
     queue_looked: float = 0.0
     """When Kueue was last asked."""
+    additions: Additions | None = None
+    """What Configurations that were applied by hand add."""
+    additions_for: tuple[object, ...] = ()
+    """What `additions` was made from."""
+    expanded: dict[str, int | str] = field(default_factory=dict)
+    """By content of an entry that was added, how many variants it has, or what is wrong."""
     withdrawn: set[str] = field(default_factory=set)
     """Configurations that asked for runs and are gone, by uid."""
     problems: dict[str, str] = field(default_factory=dict)

@@ -160,7 +160,7 @@ class Reconciler:
     ) -> None:
         """Bring an accepted campaign further."""
         await self._inputs.make_files(accepted, memory)
-        additions = await self._inputs.additions(obj, accepted)
+        additions = await self._inputs.additions(obj, accepted, memory)
         revisions = await self._inputs.revisions(accepted, additions, memory)
         if not _is_as_planned(obj, accepted, revisions[0], memory):
             await self._statuses.rejected(obj, DOCUMENT_CHANGED, memory)
@@ -191,6 +191,7 @@ class Reconciler:
         )
         decision = decide(observed)
         await self._carry_out(obj, accepted, decision, memory)
+        await self._inputs.make_configurations(accepted)
         await self._statuses.configurations(accepted, revisions[-1], decision.status, memory)
         for delay in (again, queued, decision.again):
             if delay is not None:

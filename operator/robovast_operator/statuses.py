@@ -16,8 +16,9 @@ from robovast_operator.conditions import (
     is_true,
     rejected_conditions,
 )
-from robovast_operator.configurations import configuration_status
+from robovast_operator.configurations import ConfigurationStatuses, is_own
 from robovast_operator.events import Message, event, messages
+from robovast_operator.few_at_once import few_at_once
 from robovast_operator.memory import Memory
 from robovast_operator.notifier import Notifier
 from robovast_operator.picture import Trouble
@@ -132,18 +133,20 @@ class Statuses:
         status: CampaignStatus,
         memory: Memory,
     ) -> None:
-        """Write the Configurations' statuses: at their beginning and at the campaign's end."""
-        ended = is_true(status, "ResultsAvailable")
-        key = (accepted.identity.namespace, accepted.identity.name)
-        for item in self._store.configurations_of(key):
-            name = item["metadata"]["name"]
-            seen = (item.get("status") or {}).get("observedGeneration")
-            if not ended and seen == item["metadata"].get("generation"):
-                continue
-            told = configuration_status(
-                item, revision, status, format_time(now()), memory.problems.get(name, "")
-            )
-            await self._write_configuration_status(item, told)
+        """Write the Configurations' statuses at the campaign's end.
+
+        Of those that were applied by hand also at their beginning, as they may be wrong. The
+        operator's own have one write when they are made, and one at the end.
+        """
+        identity, ended = accepted.identity, is_true(status, "ResultsAvailable")
+        due = [
+            item
+            for item in self._store.configurations_of((identity.namespace, identity.name))
+            if ended or not (is_own(item, identity) or _is_known(item))
+        ]
+        if due:
+            tell = ConfigurationStatuses(revision, status, format_time(now()), memory.problems)
+            await few_at_once(self._write_configuration_status(i, tell.of(i)) for i in due)
 
     async def _write_configuration_status(self, item: Object, told: ConfigurationStatus) -> None:
         body = compact(told.model_dump(by_alias=True, exclude_none=True))
@@ -162,3 +165,9 @@ class Statuses:
         )
         if written is not None:
             self._store.put_configuration(written)
+
+
+def _is_known(item: Object) -> bool:
+    """Whether a Configuration's status is about what it is now."""
+    seen = (item.get("status") or {}).get("observedGeneration")
+    return bool(seen == item["metadata"].get("generation"))

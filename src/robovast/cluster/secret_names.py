@@ -9,9 +9,10 @@ pod with what was stored before there was that rule.
 from __future__ import annotations
 
 from collections.abc import Container, Iterator, Sequence
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, GetJsonSchemaHandler
+from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema
 
 SECRET_PREFIX = "robovast-"  # noqa: S105 - what names of Secrets begin with
@@ -66,11 +67,18 @@ def _foreign(spec: BaseModel, allowed: Container[str]) -> Iterator[tuple[str, st
     """Where a spec names a Secret that it may not name, and which."""
     for name, field in type(spec).model_fields.items():
         value, place = getattr(spec, name), field.alias or name
-        named = MADE_FOR_CAMPAIGNS in field.metadata and value is not None
+        named = value is not None and MADE_FOR_CAMPAIGNS in _marks(field)
         if named and not may_be_named(value, allowed):
             yield place, value
         for key, part in _parts(value):
             yield from ((f"{place}{key}.{at}", bad) for at, bad in _foreign(part, allowed))
+
+
+def _marks(field: FieldInfo) -> Iterator[object]:
+    """What the annotation of a field says beside its type; `… | None` keeps it inside."""
+    yield from field.metadata
+    for alternative in get_args(field.annotation):
+        yield from getattr(alternative, "__metadata__", ())
 
 
 def _parts(value: object) -> Iterator[tuple[str, BaseModel]]:

@@ -46,6 +46,7 @@ def test_the_api_server_looks_at_every_name_of_a_secret() -> None:
 @pytest.mark.parametrize(
     "spec",
     [
+        {"source": {"git": {"url": "https://a/b", "ref": "main", "secretName": "payroll-db"}}},
         {"storage": {"secretName": "payroll-db"}},
         {"scheduling": {"imagePullSecrets": [{"name": "robovast-a"}, {"name": "payroll-db"}]}},
     ],

@@ -20,7 +20,7 @@ from robovast.cluster.plan import Block, PlanSpec
 from robovast_operator import operator as operator_module
 from robovast_operator.api import Api, ApiError
 from robovast_operator.campaign import Object, Revision
-from robovast_operator.jobs import plan_config_map, shard_job, task_job
+from robovast_operator.jobs import campaign_plan, plan_config_map, shard_job, task_job
 from robovast_operator.operator import Operator
 from robovast_operator.shards import first_attempts
 
@@ -137,7 +137,9 @@ def _jobs() -> list[Object]:
 def _plan() -> Object:
     made = accepted()
     plan = PlanSpec(blocks=(Block(first_variant=0, variants=3, runs=1),))
-    obj = plan_config_map(made, made.identity.child("plan-0"), plan, made.entries)
+    obj = plan_config_map(
+        made, made.identity.child("plan-0"), campaign_plan(made, plan, made.entries)
+    )
     return {**obj, "metadata": {**obj["metadata"], **_meta(obj["metadata"]["name"])}}
 
 

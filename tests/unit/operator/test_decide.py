@@ -437,8 +437,8 @@ def test_a_campaign_ends_without_the_runs_of_a_configuration_that_is_gone() -> N
     world.look()
     world.work()
     world.withdrawn = frozenset({owner["uid"]})
-    world.jobs.clear()
     before = list(world.created)
+    assert world.look().later == (DeleteJob("drive-0123-0"),)
     world.look()
     assert world.created[len(before) :] == [name for name in world.created if "finish" in name]
     world.settle()

@@ -15,7 +15,7 @@ PAGE = Path(__file__).parents[3] / "docs" / "kubernetes.md"
 
 def test_the_documented_campaign_is_accepted_and_has_four_runs() -> None:
     blocks = PAGE.read_text(encoding="utf-8").split("```yaml\n")[1:]
-    obj, notifying = (yaml.safe_load(block.partition("```")[0]) for block in blocks)
+    obj, _source, notifying = (yaml.safe_load(block.partition("```")[0]) for block in blocks)
     obj["spec"] |= notifying["spec"]
     obj["metadata"] |= {
         "namespace": "default",

@@ -1,0 +1,56 @@
+"""A document of many entries, on a real API server with fake nodes."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from operator_process import ACCOUNT, NewOperator, campaign, finished
+from patience import eventually
+from robovast_testbed.kubernetes import Cluster
+
+ENTRIES = 300
+
+
+def many_entries(namespace: str) -> dict[str, Any]:
+    """A Campaign of one run for each entry."""
+    made = campaign("hunted", namespace, 1, 1)
+    entries = [{"name": f"e{number}", "parameters": [{"x": number}]} for number in range(ENTRIES)]
+    made["spec"]["vast"] |= {"configuration": entries}
+    made["spec"]["vast"]["execution"]["runs_per_job"] = 30
+    return made
+
+
+def writes(cluster: Cluster, namespace: str) -> list[str]:
+    """What the operator wrote in a namespace, in order, as "VERB RESOURCE"."""
+    found = []
+    for line in cluster.audit_log.read_text().splitlines():
+        entry = json.loads(line) if f'"namespace":"{namespace}"' in line else {}
+        about = entry.get("objectRef", {})
+        done = entry.get("stage") == "ResponseComplete" and entry["user"]["username"] == ACCOUNT
+        if done and entry["verb"] in {"create", "patch"}:
+            part = f"/{about['subresource']}" if "subresource" in about else ""
+            found.append(f"{entry['verb']} {about['resource']}{part}")
+    return found
+
+
+def test_the_first_job_of_a_document_of_many_entries_waits_for_none_of_their_objects(
+    fake_cluster: Cluster, namespace: str, new_operator: NewOperator
+) -> None:
+    """An entry costs one write when it begins and one when it ends: no status can be created."""
+    operator = new_operator()
+    operator.start()
+    fake_cluster.apply(many_entries(namespace))
+
+    def told() -> bool:
+        """Whether each entry has its verdict."""
+        found: Any = fake_cluster.get("configurations", f"--namespace={namespace}")
+        runs = [(item.get("status") or {}).get("runs", {}) for item in found["items"]]
+        return len(runs) == ENTRIES and all(run.get("passed") == 1 for run in runs)
+
+    eventually(lambda: finished(fake_cluster, namespace, "hunted"), 120, operator.told)
+    eventually(told, 120, operator.told)
+    done = writes(fake_cluster, namespace)
+    assert done.index("create jobs") < done.index("create configurations")
+    assert done.count("create configurations") == ENTRIES
+    assert done.count("patch configurations/status") == ENTRIES

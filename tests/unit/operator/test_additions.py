@@ -1,0 +1,125 @@
+"""Configurations that were applied by hand, and the statuses of all of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import yaml
+from operator_world import SCENARIO, SETTINGS, accepted, campaign
+
+from robovast.cluster.plan import Block, Entry, PlanSpec
+from robovast.cluster.status import CampaignStatus, Condition
+from robovast_operator.accept import Files
+from robovast_operator.additions import Additions, with_additions
+from robovast_operator.campaign import Object, Rejected, Revision
+from robovast_operator.configurations import ConfigurationStatuses
+from robovast_operator.jobs import shard_job
+from robovast_operator.revisions import next_revision
+from robovast_operator.shards import first_attempts
+
+FILES = {"scenario.osc": SCENARIO.encode()}
+
+
+def configuration(name: str, **spec: Any) -> Object:
+    """A Configuration; two variants unless it says otherwise."""
+    values = {"ParameterVariationList": {"name": "speed", "values": [7, 8]}}
+    spec = {"campaign": "drive", **(spec or {"variations": [values]})}
+    return {"metadata": {"name": name, "uid": f"uid-{name}", "generation": 1}, "spec": spec}
+
+
+def added(
+    *items: Object, files: Files | Rejected | None = FILES, known: Any = None, **spec: Any
+) -> Additions:
+    """What Configurations add to the campaign."""
+    known = {} if known is None else known
+    return with_additions(campaign(**spec), accepted(**spec), items, files, SETTINGS, known)
+
+
+def test_each_adds_its_runs_and_a_wrong_one_harms_no_other() -> None:
+    wrong = configuration("wrong", parameters=[{"no_such": 1}])
+    twice = configuration("hall", parameters=[{"speed": 9}])
+    items = [
+        configuration("a"),
+        wrong,
+        twice,
+        configuration("b", parameters=[{"speed": 9}], runs=4),
+    ]
+    found = added(*items)
+    assert [(one.name, one.variants, one.runs) for one in found.found] == [("a", 2, 1), ("b", 1, 4)]
+    assert found.problems.keys() == {"wrong", "hall"}
+    assert "no_such" in found.problems["wrong"]
+    assert "`hall`" in found.problems["hall"]
+    assert found.accepted is not None
+    written = yaml.safe_load(found.accepted.document_text)["configuration"]
+    assert [entry["name"] for entry in written] == ["hall", "a", "b"]
+
+
+def test_what_was_expanded_once_is_not_expanded_again() -> None:
+    """However many there are, one more costs its own expansion; nothing new costs none."""
+    known: dict[str, int | str] = {}
+    many = [configuration(f"c{number}") for number in range(5)]
+    added(*many, known=known)
+    assert list(known.values()) == [2] * 5
+    known.update(dict.fromkeys(known, 3))  # so that another expansion shows
+    found = added(*many, configuration("more"), known=known)
+    assert [one.variants for one in found.found] == [3, 3, 3, 3, 3, 2]
+    gone = Rejected("SourceNotFound", "the ConfigMap is not there")
+    again = added(*many[1:], configuration("late"), files=gone, known=known)
+    assert [one.variants for one in again.found] == [3, 3, 3, 3]
+    assert again.problems == {"late": "the ConfigMap is not there"}
+    assert len(known) == 4, "what is gone is not remembered"
+
+
+def test_a_selection_does_not_leave_out_what_was_added() -> None:
+    found = added(configuration("a"), select=["hall-1"])
+    assert [(one.name, one.variants) for one in found.found] == [("a", 2)]
+    assert found.accepted is not None
+    assert found.accepted.spec.select == ["hall-1", "a"]
+
+
+def test_jobs_of_what_was_added_belong_to_the_campaign() -> None:
+    """An object goes when its last owner does: with two, deleting the Campaign would leave Jobs."""
+    made = accepted()
+    first = next_revision(made, (), (), "plan-0")
+    assert first is not None
+    more = next_revision(made, [first], added(configuration("a")).found, "plan-1")
+    assert more is not None
+    jobs = [shard_job(made, SETTINGS, s) for s in first_attempts(made.identity, [first, more])]
+    assert [job["metadata"]["ownerReferences"] for job in jobs] == [[made.identity.owner]] * 2
+    marks = [job["metadata"]["labels"].get("robovast.io/configuration-uid") for job in jobs]
+    assert marks == [None, "uid-a"]
+
+
+@pytest.mark.parametrize("ended", [True, False])
+def test_a_status_counts_the_runs_of_its_entry_alone(ended: bool) -> None:
+    entries = tuple(Entry(name=n, variants=v) for n, v in (("a", 2), ("b", 1), ("extra", 3)))
+    blocks = (
+        Block(first_variant=0, variants=3, first_run=0, runs=4),
+        Block(first_variant=3, variants=3, first_run=0, runs=2),
+        Block(first_variant=0, variants=3, first_run=4, runs=1),
+    )
+    revision = Revision(0, "plan-0", PlanSpec(blocks=blocks), entries)
+    over = Condition(
+        type="ResultsAvailable", status="True", reason="", message="", last_transition_time=""
+    )
+    # a: 0-7, 18-19; b: 8-11, 20; extra: 12-17
+    status = CampaignStatus(
+        failed_runs="0,7-8", errored_runs="12,19", conditions=[over] if ended else []
+    )
+    tell = ConfigurationStatuses(revision, status, "2026-01-01T00:00:00Z", {"c": "wrong"})
+    found = {name: tell.of(configuration(name)) for name in ("a", "b", "extra", "c")}
+    if not ended:
+        assert {s.runs.decided for s in found.values()} == {0}
+        return
+    numbers = {
+        n: (s.variants, s.runs.total, s.runs.failed, s.runs.errored) for n, s in found.items()
+    }
+    assert numbers == {
+        "a": (2, 10, 2, 1),
+        "b": (1, 5, 1, 0),
+        "extra": (3, 6, 0, 1),
+        "c": (0, 0, 0, 0),
+    }
+    assert found["a"].runs.passed == 7
+    assert found["c"].conditions[0].status == "False"
