@@ -98,6 +98,10 @@ export interface LogPage {
   matches: number;
   total: number;
   counts: Record<string, number>;
+  /** Which part of the file they are of [bytes]. */
+  begin: number;
+  end: number;
+  size: number;
 }
 
 export interface Table {

@@ -2,7 +2,7 @@
 import type { TargetedEvent } from "preact";
 import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 import { address, ask, fileAddress, type LogPage } from "./api";
-import { count, plural } from "./format";
+import { bytes, count, plural } from "./format";
 import { Select, Waiting } from "./parts";
 import { choose } from "./route";
 
@@ -28,6 +28,7 @@ export function Log({ paths, query, period, packed = false, live = false }: LogP
   const levels = query.get("levels") ?? "";
   const only = (query.get("lines") ?? (packed ? "run" : "all")) === "run" && period;
   const [before, setBefore] = useState(0);
+  const [end, setEnd] = useState(0);
   const [page, setPage] = useState<LogPage | null>(null);
   const [error, setError] = useState<string | null>(null);
   const [round, setRound] = useState(0);
@@ -39,7 +40,8 @@ export function Log({ paths, query, period, packed = false, live = false }: LogP
     until: only ? period[1] : undefined,
   };
   const url = address(["log"], question);
-  useEffect(() => setBefore(0), [url]);
+  useEffect(() => setEnd(0), [url]);
+  useEffect(() => setBefore(0), [url, end]);
   useEffect(() => {
     if (!live) return;
     const timer = setInterval(() => !document.hidden && setRound((one) => one + 1), PERIOD);
@@ -48,7 +50,7 @@ export function Log({ paths, query, period, packed = false, live = false }: LogP
   useEffect(() => {
     if (!path) return;
     const controller = new AbortController();
-    const asked = before ? `${url}&before=${before}` : url;
+    const asked = url + (before ? `&before=${before}` : "") + (end ? `&end=${end}` : "");
     const wait = setTimeout(
       () =>
         ask<LogPage>(asked, controller.signal).then(
@@ -64,7 +66,7 @@ export function Log({ paths, query, period, packed = false, live = false }: LogP
       clearTimeout(wait);
       controller.abort();
     };
-  }, [url, before, round]);
+  }, [url, before, end, round]);
   if (!path) return <p class="hint">The run left no log.</p>;
   const chosen = new Set(levels.split(",").filter(Boolean));
   const toggle = (level: string) => {
@@ -105,7 +107,18 @@ export function Log({ paths, query, period, packed = false, live = false }: LogP
         </a>
         <span class="quiet" role="status">
           {page && (page.matches === page.total ? plural(page.total, "line") : `${count(page.matches)} of ${plural(page.total, "line")}`)}
+          {page && page.end - page.begin < page.size && `, of ${part(page)}`}
         </span>
+        {page && page.begin > 0 && (
+          <button type="button" onClick={() => setEnd(page.begin)}>
+            Part before
+          </button>
+        )}
+        {end > 0 && (
+          <button type="button" onClick={() => setEnd(0)}>
+            Last part
+          </button>
+        )}
       </div>
       {error !== null || !page ? (
         <Waiting error={error} />
@@ -114,6 +127,12 @@ export function Log({ paths, query, period, packed = false, live = false }: LogP
       )}
     </>
   );
+}
+
+/** Which part of a large log is shown; its lines are numbered from there. */
+function part(page: LogPage): string {
+  const place = page.end < page.size ? `${bytes(page.begin)} to ${bytes(page.end)}` : `the last ${bytes(page.end - page.begin)}`;
+  return `${place} of ${bytes(page.size)}`;
 }
 
 function short(path: string): string {

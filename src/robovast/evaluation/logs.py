@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections import deque
 from collections.abc import Iterable, Iterator
@@ -16,6 +17,10 @@ PAGE = 2000
 """Lines of a page."""
 LONGEST_LINE = 4000
 """Characters that are kept of a line."""
+PART = 16 << 20
+"""Of a larger log, how much is read for one answer [bytes]."""
+_PROBE = 1 << 16
+"""Where a time is looked for in a large log, how much is read at a place [bytes]."""
 
 _LEVEL = re.compile(
     r"\[\s*(DEBUG|INFO|WARN(?:ING)?|ERROR|FATAL|CRITICAL)\s*\]"
@@ -24,6 +29,7 @@ _LEVEL = re.compile(
 )
 _NAMES = {"warning": "warn", "critical": "fatal"}
 _STAMP = re.compile(r"\[(\d{9,10}\.\d{3,9})\]")
+_STAMP_BYTES = re.compile(_STAMP.pattern.encode())
 _ESCAPES = re.compile(r"\x1b\[[0-9;?]*[ -/]*[@-~]|\x1b\][^\x07]*\x07|[\x00-\x08\x0b-\x1f\x7f]")
 
 
@@ -37,15 +43,25 @@ class LogLine(NamedTuple):
 
 @dataclass(frozen=True)
 class LogPage:
-    """Lines that match a question, the last ones of them first asked for."""
+    """Lines that match a question, the last ones of them first asked for.
+
+    They are of the whole file, or of a part of one that is larger than `PART`.
+    """
 
     lines: list[LogLine]
+    """Numbered from where the part begins."""
     matches: int
-    """Lines that match in the whole file."""
+    """Lines that match."""
     total: int
-    """Lines of the file."""
+    """All lines."""
     counts: dict[str, int]
-    """Lines of each level in the whole file."""
+    """Lines of each level."""
+    begin: int
+    """Where the part begins [bytes]; 0 in a file that was read as a whole."""
+    end: int
+    """Where it ends."""
+    size: int
+    """Of the file."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +77,13 @@ class LogQuestion:
     until: float | None = None
     before: int | None = None
     """Only lines before this number: the page that precedes another."""
+    end: int | None = None
+    """Of a large file the part that ends here [bytes]: the one that precedes another."""
 
 
 def read_log(root: Path, relative: str, question: LogQuestion) -> LogPage:
-    """The last page of the lines that match.
+    """The last page of the lines that match; of a large file, of those in its last part, or in the
+    one that ends with the period.
 
     Raises:
         InputError: there is no such file below `root`.
@@ -74,7 +93,9 @@ def read_log(root: Path, relative: str, question: LogQuestion) -> LogPage:
     counts = dict.fromkeys(LEVELS, 0)
     matches = total = 0
     with open_inside(root, relative) as file:
-        for line in _in_period(parse_lines(_lines(file)), question):
+        size = os.fstat(file.fileno()).st_size
+        begin, end = _part(file, size, question)
+        for line in _in_period(parse_lines(_lines(file, begin, end)), question):
             total += 1
             if line.level:
                 counts[line.level] += 1
@@ -85,7 +106,30 @@ def read_log(root: Path, relative: str, question: LogQuestion) -> LogPage:
             matches += 1
             if question.before is None or line.number < question.before:
                 page.append(line)
-    return LogPage(list(page), matches, total, counts)
+    return LogPage(list(page), matches, total, counts, begin, end, size)
+
+
+def _part(file: BinaryIO, size: int, question: LogQuestion) -> tuple[int, int]:
+    end = size
+    if size > PART and question.end is not None:
+        end = max(0, min(question.end, size))
+    elif size > PART and question.until is not None:
+        end = _place_after(file, size, question.until)
+    return max(0, end - PART), end
+
+
+def _place_after(file: BinaryIO, size: int, moment: float) -> int:
+    """A place behind all lines that are stamped up to a moment: stamps grow on the whole."""
+    low, high = 0, size
+    while high - low > _PROBE:
+        middle = (low + high) // 2
+        file.seek(middle)
+        stamp = _STAMP_BYTES.search(file.read(_PROBE))
+        if stamp and float(stamp[1]) <= moment:
+            low = middle
+        else:
+            high = middle
+    return min(size, high + _PROBE)
 
 
 def parse_lines(lines: Iterable[str]) -> Iterator[LogLine]:
@@ -108,10 +152,13 @@ def _ends_traceback(level: str, text: str) -> bool:
     return level == "error" and bool(re.match(r"[\w.]+(Error|Exception)\b", text))
 
 
-def _lines(file: BinaryIO) -> Iterator[str]:
-    """Lines of a file; what is too long for a line is passed over, not held in memory."""
-    goes_on = False
-    while raw := file.readline(4 * LONGEST_LINE):
+def _lines(file: BinaryIO, begin: int, end: int) -> Iterator[str]:
+    """Lines that begin in a part of a file; what is too long for a line is passed over, not held
+    in memory."""
+    file.seek(begin)
+    goes_on = begin > 0  # a line that begins before is of the part before
+    while begin < end and (raw := file.readline(4 * LONGEST_LINE)):
+        begin += len(raw)
         if not goes_on:
             yield raw.decode("utf-8", "replace").rstrip("\r\n")[:LONGEST_LINE]
         goes_on = not raw.endswith(b"\n")

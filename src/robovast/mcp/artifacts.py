@@ -76,7 +76,12 @@ class ArtifactTools:
         return answer
 
     def search_run_log(
-        self, path: str, text: str = "", levels: list[Level] | None = None, before: int = 0
+        self,
+        path: str,
+        text: str = "",
+        levels: list[Level] | None = None,
+        before: int = 0,
+        end: int = 0,
     ) -> dict[str, Any]:
         """Search a log: its last lines that match, as number, level, text.
 
@@ -86,8 +91,11 @@ class ArtifactTools:
             levels: only lines of these levels; all when omitted.
             before: only lines before this number, 0 for all: how to go on after an answer that
                 was cut.
+            end: of a log that is large the part before this place [bytes], 0 for its last part.
         """
-        question = LogQuestion(text, frozenset(levels or ()), before=before or None)
+        question = LogQuestion(
+            text, frozenset(levels or ()), before=before or None, end=end or None
+        )
         found = read_log(self._results, path, question)
         lines = _last(found.lines)
         answer = {
@@ -98,6 +106,11 @@ class ArtifactTools:
         }
         if len(lines) < len(found.lines) or (lines and found.matches > len(found.lines)):
             answer["cut"] = f"earlier lines match too; go on with before={lines[0][0]}"
+        if found.begin > 0:
+            answer["part"] = (
+                f"only bytes {found.begin} to {found.end} of {found.size} were searched, and lines "
+                f"numbered from there; the part before is end={found.begin}"
+            )
         return answer
 
     def get_run_data(self, path: str, columns: list[str] | None = None) -> Any:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
 
-from robovast.evaluation.logs import LONGEST_LINE, PAGE, LogQuestion, parse_lines, read_log
+from robovast.evaluation.logs import LONGEST_LINE, PAGE, PART, LogQuestion, parse_lines, read_log
 
 
 @pytest.mark.parametrize(
@@ -72,3 +73,50 @@ def test_a_line_without_an_end_is_cut(tmp_path: Path) -> None:
     (tmp_path / "log").write_bytes(b"x" * 1_000_000 + b"\n\xff\xfe broken\n")
     found = read_log(tmp_path, "log", LogQuestion())
     assert [len(line.text) for line in found.lines] == [LONGEST_LINE, 9]
+
+
+@pytest.fixture(scope="module")
+def large(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log of three parts and a bit, a line for each millisecond."""
+    folder = tmp_path_factory.mktemp("large")
+    with (folder / "log").open("w") as file:
+        file.writelines(
+            f"[INFO] [{1000000000 + i / 1000:.3f}] [n]: line {i:07} {'.' * 60}\n"
+            for i in range(3 * PART // 105 + 20_000)
+        )
+    return folder
+
+
+def test_of_a_large_log_the_last_part_is_read_then_the_part_before(large: Path) -> None:
+    last = read_log(large, "log", LogQuestion())
+    assert last.begin > 0
+    assert last.end == last.size == (large / "log").stat().st_size
+    before = read_log(large, "log", LogQuestion(end=last.begin))
+    assert (before.begin, before.end) == (last.begin - PART, last.begin)
+    assert {len(line.text) for line in before.lines} == {len(last.lines[0].text)}, "whole lines"
+
+
+def test_every_line_is_in_one_part(large: Path) -> None:
+    total, end = 0, None
+    while end != 0:
+        part = read_log(large, "log", LogQuestion(end=end))
+        total, end = total + part.total, part.begin
+    assert total == 3 * PART // 105 + 20_000
+
+
+def test_in_a_large_log_the_lines_of_a_period_are_found(large: Path) -> None:
+    period = LogQuestion(since=1000000003.5, until=1000000003.502)
+    found = read_log(large, "log", period)
+    assert [line.text[29:41] for line in found.lines] == [f"line {i:07}" for i in range(3500, 3503)]
+
+
+def test_a_log_of_any_size_costs_no_more_than_a_part(tmp_path: Path) -> None:
+    with (tmp_path / "log").open("wb") as file:
+        file.truncate(1 << 40)
+        file.seek(0, 2)
+        file.write(b"\n[ERROR] [1000000000.000] [n]: the end\n")
+    began = time.process_time()
+    found = read_log(tmp_path, "log", LogQuestion(levels=frozenset({"error"})))
+    assert [line.text[-7:] for line in found.lines] == ["the end"]
+    read_log(tmp_path, "log", LogQuestion(since=1.0, until=2.0))
+    assert time.process_time() - began < 10, "seconds"

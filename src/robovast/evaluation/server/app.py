@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable, Mapping
 from importlib.resources import files
 from pathlib import PurePosixPath
@@ -176,6 +177,7 @@ class Pages:
             since=_number(asked.get("since")),
             until=_number(asked.get("until")),
             before=int(_number(asked.get("before")) or 0) or None,
+            end=int(_number(asked.get("end")) or 0) or None,
         )
         return Data(read_log(self._library.results, _asked(request, "path"), question))
 
@@ -226,9 +228,12 @@ def _asked(request: Request, key: str) -> str:
 
 def _number(text: str | None) -> float | None:
     try:
-        return None if text is None else float(text)
+        number = None if text is None else float(text)
     except ValueError:
-        raise InputError(f"{text!r} is no number.") from None
+        number = math.nan
+    if number is not None and not math.isfinite(number):
+        raise InputError(f"{text!r} is no number.")
+    return number
 
 
 def _refuse(_: Request, cause: Exception) -> Response:
