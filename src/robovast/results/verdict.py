@@ -8,6 +8,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from robovast.results.layout import TEST_RESULT
+from robovast.safe_paths import read_text
 
 
 class Verdict(StrEnum):
@@ -30,7 +31,7 @@ class TestResult:
         verdict: passed or failed; errored when the file says nothing that can be read.
         reason: the first failure's message, or why there is no verdict; empty when passed.
         started_at: start of the scenario [s since the epoch].
-        duration: [s]
+        duration: [s]; this and the start are None where the file says nothing that makes sense.
     """
 
     __test__ = False  # not a test class, whatever its name
@@ -41,50 +42,145 @@ class TestResult:
     duration: float | None = None
 
 
-def read_test_result(run: Path) -> TestResult:
-    """The test result in a run's folder; never raises: what cannot be read is `errored`."""
-    path = run / TEST_RESULT
+MOST = 16 << 20
+"""Of a test result that is read [bytes]."""
+
+
+def read_test_result(run: Path, root: Path | None = None) -> TestResult:
+    """The test result in a run's folder; never raises: what cannot be read is `errored`.
+
+    Args:
+        run: the folder.
+        root: folder on the way to it, from which on no link is followed; its own when None.
+    """
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = read_text(run / TEST_RESULT, root=root or run.parent, most=MOST)
     except FileNotFoundError:
         return TestResult(Verdict.ERRORED, f"the run wrote no {TEST_RESULT}")
     except OSError as error:
         return TestResult(Verdict.ERRORED, f"{TEST_RESULT} cannot be read: {error.strerror}")
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        return TestResult(Verdict.ERRORED, f"{TEST_RESULT} declares entities, which none needs")
+        return _no_report("it declares a type or entities, which none needs")
+    report = _Report()
+    parser = ET.XMLParser(target=report)  # noqa: S314  # no entities, see above
     try:
-        suite = ET.fromstring(text)  # noqa: S314  # no entities, see above
-        return _parse(suite)
+        parser.feed(text)
+        parser.close()
     except (ET.ParseError, ValueError) as error:
         return TestResult(Verdict.ERRORED, f"{TEST_RESULT} is not valid: {error}")
+    return report.result()
 
 
-def _parse(suite: ET.Element) -> TestResult:
-    if suite.tag == "testsuites":
-        suite = suite if suite.get("failures") else next(iter(suite), suite)
-    bad = int(suite.get("failures") or 0) + int(suite.get("errors") or 0)
-    start = suite.find(".//property[@name='start_time']")
-    started_at = float(start.get("value") or 0) if start is not None else None
-    duration = float(suite.get("time") or 0)
-    if not bad:
-        return TestResult(Verdict.PASSED, "", started_at, duration)
-    return TestResult(Verdict.FAILED, _failure(suite), started_at, duration)
+def _no_report(why: str) -> TestResult:
+    return TestResult(Verdict.ERRORED, f"{TEST_RESULT} is no JUnit report: {why}")
+
+
+_SUITES = ("testsuite", "testsuites")
+
+
+class _Report:
+    """What a JUnit report says, taken down while it is parsed: all of its suites and cases."""
+
+    def __init__(self) -> None:
+        self._root = ""
+        self._suites: list[tuple[int, int]] = []
+        """Of those that are open: how many tests they say to have, cases before them."""
+        self._suite_count = self._cases = self._skipped = self._bad = 0
+        self._incomplete = ""
+        self._started_at: float | None = None
+        self._durations: dict[int, list[float]] = {1: [], 2: []}
+        """Of suites at the top, and in these."""
+        self._failures: dict[str, tuple[str, list[str]]] = {}
+        """Message and text of the first failure, and of the first error."""
+        self._text: list[str] | None = None
+        """Of the failure that is open."""
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        """An element begins."""
+        name = tag.rpartition("}")[2]
+        self._root = self._root or name
+        if name in _SUITES:
+            self._start_suite(name, attributes)
+        elif name == "testcase":
+            self._cases += 1
+        elif name == "skipped":
+            self._skipped += 1
+        elif name in {"failure", "error"}:
+            self._bad += 1
+            self._text = []
+            message = (attributes.get("message") or "").strip()
+            self._failures.setdefault(name, (message, self._text))
+        elif attributes.get("name") == "start_time" and self._started_at is None:
+            self._started_at = _seconds(attributes.get("value"))
+
+    def _start_suite(self, name: str, attributes: dict[str, str]) -> None:
+        self._suite_count += name == "testsuite"
+        self._bad += _count(attributes, "failures") + _count(attributes, "errors")
+        self._suites.append((_count(attributes, "tests"), self._cases))
+        duration = _seconds(attributes.get("time"))
+        if duration is not None and len(self._suites) in self._durations:
+            self._durations[len(self._suites)].append(duration)
+
+    def data(self, text: str) -> None:
+        """Text in an element."""
+        if self._text is not None:
+            self._text.append(text)
+
+    def end(self, tag: str) -> None:
+        """An element ends."""
+        self._text = None
+        if tag.rpartition("}")[2] in _SUITES:
+            said, before = self._suites.pop()
+            if said > self._cases - before:
+                self._incomplete = f"a suite of {said} tests has {self._cases - before} of them"
+
+    def close(self) -> None:
+        """The report ends."""
+
+    def result(self) -> TestResult:
+        """The verdict: passed is what has cases, none of which failed in any suite."""
+        if self._root not in _SUITES:
+            return _no_report(f"its outermost element is `{self._root[:40]}`")
+        duration = next((sum(d) for d in self._durations.values() if d), None)
+        if self._bad:
+            return TestResult(Verdict.FAILED, self._failure(), self._started_at, duration)
+        why = self._incomplete
+        if not self._suite_count or not self._cases:
+            why = "it has no test case"
+        elif self._skipped >= self._cases:
+            why = "all of its test cases were skipped"
+        if why:
+            return TestResult(Verdict.ERRORED, f"{TEST_RESULT} says nothing: {why}")
+        return TestResult(Verdict.PASSED, "", self._started_at, duration)
+
+    def _failure(self) -> str:
+        message, text = self._failures.get("failure") or self._failures.get("error") or ("", [])
+        return ": ".join(filter(None, (message, _detail("".join(text))))) or "the scenario failed"
+
+
+def _count(attributes: dict[str, str], name: str) -> int:
+    number = int(attributes.get(name) or 0)
+    if number < 0:
+        raise ValueError(f"`{name}` is {number}")
+    return number
+
+
+_LATEST = float(1 << 33)
+"""Times and durations beyond say nothing [s]: calendars must hold the sum of two."""
+
+
+def _seconds(text: str | None) -> float | None:
+    try:
+        number = float(text or "nan")
+    except ValueError:
+        return None
+    return number if 0 <= number < _LATEST else None
 
 
 _FAILED_LEAF = "[✕] -- "
 """In a drawn behaviour tree, what precedes the message of the behaviour that failed."""
 _TREE = ("-^-", "[", "{", "-->", "/_/")
 """How the lines of a drawn behaviour tree begin; they say little without the rest of it."""
-
-
-def _failure(suite: ET.Element) -> str:
-    failure = suite.find(".//failure")
-    if failure is None:
-        failure = suite.find(".//error")
-    if failure is None:
-        return "the scenario failed"
-    message = (failure.get("message") or "").strip()
-    return ": ".join(filter(None, (message, _detail(failure.text or "")))) or "the scenario failed"
 
 
 def _detail(text: str, limit: int = 200) -> str:

@@ -1,9 +1,14 @@
 """test.xml decides; what cannot be read is an error of the run, never of the reader."""
 
+import os
+import resource
 from pathlib import Path
 
 import pytest
 
+from robovast.execution.record import Circumstances, make_record
+from robovast.expansion import Variant
+from robovast.plan import Run
 from robovast.results.verdict import Verdict, read_test_result
 
 SUITE = '<testsuite errors="{e}" failures="{f}" tests="1" time="1.5">{case}</testsuite>'
@@ -59,3 +64,90 @@ def test_what_cannot_be_read_is_errored(tmp_path: Path, text: str, reason: str) 
 def test_a_missing_file_is_errored(tmp_path: Path) -> None:
     result = read_test_result(tmp_path)
     assert (result.verdict, result.reason) == (Verdict.ERRORED, "the run wrote no test.xml")
+
+
+def report(*suites: str, **attributes: int) -> str:
+    counters = " ".join(f'{name}="{value}"' for name, value in attributes.items())
+    return f"<testsuites {counters}>{''.join(suites)}</testsuites>"
+
+
+GOOD = '<testsuite errors="0" failures="0" tests="1" time="2"><testcase name="a"/></testsuite>'
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        report(GOOD, SUITE.format(e=0, f=1, case="<testcase/>")),
+        report(GOOD, GOOD, failures=1),
+        report(GOOD, f"<testsuite>{SUITE.format(e=1, f=0, case='<testcase/>')}</testsuite>"),
+        SUITE.format(e=0, f=0, case="<testcase><failure/></testcase>"),
+        SUITE.format(e=0, f=0, case="<testcase/><testcase><error/></testcase>"),
+        SUITE.format(e=0, f=0, case="<error/><testcase/>"),
+        '<testsuite xmlns="https://junit.org"><testcase><failure/></testcase></testsuite>',
+    ],
+)
+def test_whatever_failed_anywhere_is_failed(tmp_path: Path, text: str) -> None:
+    assert result_of(tmp_path, text).verdict is Verdict.FAILED
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("<a/>", "no JUnit report: its outermost element is `a`"),
+        ("<html><body><p>404</p></body></html>", "outermost element is `html`"),
+        ("<!DOCTYPE html><html/>", "no JUnit report"),
+        ("<testcase/>", "no JUnit report"),
+        ("<testsuites/>", "no test case"),
+        ("<testsuites><testcase/></testsuites>", "no test case"),
+        ('<testsuite errors="0" failures="0" tests="0"/>', "no test case"),
+        (SUITE.format(e=0, f=0, case="<testcase><skipped/></testcase>"), "were skipped"),
+        ('<testsuite tests="3"><testcase/></testsuite>', "a suite of 3 tests has 1 of them"),
+        ('<testsuite failures="-1" errors="1"><testcase/></testsuite>', "`failures` is -1"),
+    ],
+)
+def test_what_shows_no_case_that_passed_is_errored(tmp_path: Path, text: str, reason: str) -> None:
+    result = result_of(tmp_path, text)
+    assert result.verdict is Verdict.ERRORED
+    assert reason in result.reason
+
+
+def test_cases_of_all_suites_pass_and_take_their_time(tmp_path: Path) -> None:
+    mixed = "<testcase/><testcase><skipped/></testcase>"
+    result = result_of(tmp_path, report(GOOD, SUITE.format(e=0, f=0, case=mixed)))
+    assert (result.verdict, result.duration) == (Verdict.PASSED, 3.5)
+
+
+@pytest.mark.parametrize("time", ["nan", "inf", "-inf", "-1", "1e300", "9" * 5000, "soon", ""])
+def test_times_that_make_no_sense_are_no_times(tmp_path: Path, time: str) -> None:
+    start = f'<property name="start_time" value="{time}"/>'
+    suite = f'<testsuite time="{time}"><testcase>{start}</testcase></testsuite>'
+    result = result_of(tmp_path, suite)
+    assert result.verdict is Verdict.PASSED
+    assert (result.started_at, result.duration) == (None, None)
+
+
+def test_times_that_are_large_can_be_added(tmp_path: Path) -> None:
+    start = '<property name="start_time" value="8589934591"/>'
+    suite = f'<testsuite time="8589934591"><testcase>{start}</testcase></testsuite>'
+    circumstances = Circumstances("c", 1, "job-0", "docker", "i", "", "h")
+    run = Run(0, Variant("v", "v", {}), 0)
+    record = make_record(run, result_of(tmp_path, suite), (0.0, 1.0), 0, circumstances)
+    assert record.finished_at.startswith("2514-")
+
+
+def test_a_pipe_or_a_link_is_no_result(tmp_path: Path) -> None:
+    (tmp_path / "0").mkdir()
+    os.mkfifo(tmp_path / "0" / "test.xml")
+    assert "is no regular file" in read_test_result(tmp_path / "0").reason
+    (tmp_path / "test.xml").write_text(GOOD)
+    (tmp_path / "link").symlink_to(tmp_path)
+    assert read_test_result(tmp_path / "link").verdict is Verdict.ERRORED
+
+
+def test_a_gigabyte_of_nothing_is_told_and_not_read(tmp_path: Path) -> None:
+    with (tmp_path / "test.xml").open("wb") as file:
+        file.truncate(1 << 30)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    result = read_test_result(tmp_path)
+    assert (result.verdict, "is larger than" in result.reason) == (Verdict.ERRORED, True)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 32 << 10, "KiB"
