@@ -20,6 +20,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from robovast.errors import StorageError
+from robovast.safe_paths import create_file
 
 _PART = re.compile(r"\..+\.[0-9]+(-[0-9a-f]{8})?\.part", re.DOTALL)
 _FEW = 500
@@ -41,7 +42,8 @@ def write_atomically(path: Path, text: str, *, lasting: bool = True) -> None:
             for what can be made again, many thousand files at a time.
     """
     with _part_of(path) as part:
-        part.write_text(text, encoding="utf-8")
+        with create_file(part) as file:
+            file.write(text.encode())
         if lasting:
             put_in_place(part, path)
         else:

@@ -14,12 +14,16 @@ import os
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from io import BufferedReader
+from itertools import chain, count
 from pathlib import Path
 from typing import BinaryIO
 from uuid import uuid4
 
-MOST = 64 << 20
-"""Of a file whose content is held in memory, unless its reader says otherwise [bytes]."""
+MOST = 8 << 20
+"""Of a file of one run whose content is held in memory [bytes]; as data it takes much more."""
+MOST_OF_ALL = 1 << 30
+"""Of a file that grows with the number of runs."""
 DEEPEST = 200
 """Levels of folders that are copied."""
 
@@ -33,7 +37,7 @@ _ATTEMPTS = 5
 """To make a folder where somebody else makes something at the same time."""
 
 
-def open_file(path: Path, root: Path | None = None) -> BinaryIO:
+def open_file(path: Path, root: Path | None = None) -> BufferedReader:
     """Open a regular file to read it.
 
     Args:
@@ -72,6 +76,24 @@ def read_end(path: Path, root: Path, most: int) -> bytes:
         return file.read(most)
 
 
+def has_holes(file: BinaryIO) -> bool:
+    """True for a file that takes less of the disk than its size."""
+    found = os.fstat(file.fileno())
+    return found.st_blocks * 512 < found.st_size
+
+
+def extents(file: BinaryIO) -> Iterator[tuple[int, int]]:
+    """Where a file has content: one of terabytes may have none."""
+    size, end = os.fstat(file.fileno()).st_size, 0
+    while end < size:
+        try:
+            begin = os.lseek(file.fileno(), end, os.SEEK_DATA)
+        except OSError:  # nothing but a hole follows
+            return
+        end = os.lseek(file.fileno(), begin, os.SEEK_HOLE)
+        yield begin, end
+
+
 def status(path: Path, root: Path) -> os.stat_result | None:
     """What is at a path, of a link the link itself; None when nothing is, or links lead there."""
     try:
@@ -102,11 +124,17 @@ def names(path: Path, root: Path) -> list[str]:
         return []
 
 
-def create_file(path: Path, root: Path | None = None) -> BinaryIO:
+def unused(path: Path, root: Path) -> Path:
+    """The path, or with `.1`, `.2`, … at its end, where nothing is yet."""
+    others = (path.with_name(f"{path.name}.{number}") for number in count(1))
+    return next(place for place in chain([path], others) if status(place, root) is None)
+
+
+def create_file(path: Path, root: Path | None = None, buffering: int = -1) -> BinaryIO:
     """Open a new file to write it, in place of what was there; see `open_file` for `root`."""
     with _parent(path, root) as (folder, name):
         _remove(folder, name)
-        return os.fdopen(os.open(name, _CREATE, 0o666, dir_fd=folder), "wb")
+        return os.fdopen(os.open(name, _CREATE, 0o666, dir_fd=folder), "wb", buffering)
 
 
 def make_folder(path: Path, root: Path) -> None:
@@ -162,6 +190,15 @@ def move(source: Path, source_root: Path, target: Path, target_root: Path) -> No
         _rename_or_copy(folder, name, there, new)
 
 
+def copy(source: Path, source_root: Path, target: Path, target_root: Path) -> None:
+    """Copy a file, a link or a folder to where nothing is, as `move` does what it cannot take."""
+    with (
+        _parent(source, source_root) as (folder, name),
+        _parent(target, target_root, make=True) as (there, new),
+    ):
+        _copy(folder, name, there, new, DEEPEST)
+
+
 def _rename_or_copy(folder: int, name: str, there: int, new: str) -> None:
     for attempt in (_rename, _rename_accessible):
         try:
@@ -205,7 +242,7 @@ def _copy_file(folder: int, name: str, there: int, new: str) -> None:
         os.fdopen(os.open(new, _CREATE, 0o600, dir_fd=there), "wb") as target,
     ):
         found = os.fstat(source.fileno())
-        for begin, end in _extents(source.fileno(), found.st_size):
+        for begin, end in extents(source):
             source.seek(begin)
             target.seek(begin)
             while begin < end and (chunk := source.read(min(end - begin, 1 << 20))):
@@ -213,18 +250,6 @@ def _copy_file(folder: int, name: str, there: int, new: str) -> None:
         target.truncate(found.st_size)
         os.fchmod(target.fileno(), stat.S_IMODE(found.st_mode) & 0o777)
         os.utime(target.fileno(), ns=(found.st_atime_ns, found.st_mtime_ns))
-
-
-def _extents(file: int, size: int) -> Iterator[tuple[int, int]]:
-    """Where a file has content: one of terabytes may have none."""
-    end = 0
-    while end < size:
-        try:
-            begin = os.lseek(file, end, os.SEEK_DATA)
-        except OSError:  # nothing but a hole follows
-            return
-        end = os.lseek(file, begin, os.SEEK_HOLE)
-        yield begin, end
 
 
 def _remove(folder: int, name: str) -> None:

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from hostile_runs import KEY, assert_untouched, links, make_host
 from local_campaigns import EXAMPLES, Recorder, make_campaign, run, verdicts
 
 from robovast.document import load_document
@@ -42,6 +43,29 @@ def test_growth_sim_equals_the_process_runtime_file_by_file(
     assert record["image"] == slim_image
     assert record["image_digest"].startswith("sha256:")
     assert containers() == []
+
+
+@pytest.mark.parametrize("extra", ["", "  runs_per_job: 3\n", "  run_as_user: 4321\n"])
+def test_what_a_container_links_to_is_neither_written_nor_read(
+    slim_image: str, tmp_path: Path, extra: str
+) -> None:
+    """Links of a container lead nowhere, also where its files are another user's."""
+    host = make_host(tmp_path / "host")
+    path = make_campaign(tmp_path / "in", links(host), extra)
+    summary = run(path, tmp_path / "out", runtime="docker", image=slim_image)
+    assert set(verdicts(summary).values()) == {"passed"}
+    assert_untouched(host)
+    folder = summary.campaign / "one-2" / "0"
+    assert os.readlink(folder / "map.png") == str(host / "id_ed25519")
+    assert (folder / "job" / "out.1" / "authorized_keys").read_text() == "stolen\n"
+    assert not [path for path in summary.campaign.rglob("*") if _holds(path, KEY)]
+    assert containers() == []
+
+
+def _holds(path: Path, text: str) -> bool:
+    """True for a file with a text; links, pipes and huge files are none."""
+    small = path.is_file() and not path.is_symlink() and path.stat().st_size < 1 << 20
+    return small and text.encode() in path.read_bytes()
 
 
 def _files(campaign: Path) -> set[str]:

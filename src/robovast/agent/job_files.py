@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping
 
+from robovast import safe_paths
 from robovast.agent.folders import Folders
 from robovast.agent.pack import Pack, PodJob
 from robovast.execution.job_config import (
@@ -18,10 +19,13 @@ ENVIRONMENT_FILE = "environment.sh"
 
 
 def prepare_output(folders: Folders, job: PodJob) -> None:
-    """Make the folders that a job writes to."""
-    (folders.out / "_jobs" / job.name / "logs").mkdir(parents=True)
+    """Make the folders that a job writes to, in place of what jobs before it made there."""
+    out = folders.out
+    out.mkdir(parents=True, exist_ok=True)
+    safe_paths.remove(out / "_jobs", out)
+    safe_paths.make_folder(out / "_jobs" / job.name / "logs", out)
     if not is_pack(job):
-        (folders.out / job.runs[0].path).mkdir(parents=True)
+        safe_paths.make_folder(out / job.runs[0].path, out)
 
 
 def write_environment(folders: Folders, environment: Mapping[str, str]) -> None:

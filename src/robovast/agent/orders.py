@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import fcntl
 import os
+import re
 import time
 from collections.abc import Iterable
 from pathlib import Path
 from threading import Thread
 
+from robovast import safe_paths
 from robovast.agent.folders import Folders
 
 HEARTBEAT = 5.0
@@ -19,11 +21,15 @@ _SIZE = 32
 
 
 class RunContainer:
-    """The main container of a pod, which is known by files alone."""
+    """The main container of a pod, which is known by files alone.
+
+    Its answers are in a folder that the runs' own code can write: anything may be there.
+    """
 
     def __init__(self, folders: Folders) -> None:
         self._config = folders.config
         self._answers = folders.answers
+        self._out = folders.out
 
     def prepare(self) -> None:
         """Make the files, before any container is started."""
@@ -55,34 +61,43 @@ class RunContainer:
 
     def started(self, job: int) -> float | None:
         """When a job began [s since the epoch]; None when it did not."""
-        try:
-            return (self._answers / f"{job}.started").stat().st_mtime
-        except FileNotFoundError:
-            return None
+        found = safe_paths.status(self._answers / f"{job}.started", self._out)
+        return None if found is None else found.st_mtime
 
     def exit_code(self, job: int) -> int | None:
         """How a job ended; None when it did not."""
-        codes = (path.suffix[1:] for path in self._answers.glob(f"{job}.code.*"))
-        return next(map(int, codes), None)
+        answers = safe_paths.names(self._answers, self._out)
+        found = (re.fullmatch(rf"{job}\.code\.(\d{{1,3}})", name) for name in answers)
+        return next((int(match[1]) for match in found if match), None)
 
     def all_over(self, job: int, secondaries: Iterable[str]) -> bool:
         """True when a job has ended in all secondary containers."""
-        return all((self._answers / f"{job}.over.{name}").exists() for name in secondaries)
+        return all(self._says(f"{job}.over.{name}") for name in secondaries)
 
     def is_terminated(self) -> bool:
         """True when the container was told to end, by somebody else."""
-        return (self._answers / "terminated").exists()
+        return self._says("terminated")
+
+    def _says(self, answer: str) -> bool:
+        return safe_paths.status(self._answers / answer, self._out) is not None
 
     def is_gone(self, job: int) -> bool:
         """True when the container was killed before it could end a job.
 
         Whoever starts the first job holds the lock.
         """
-        return (
-            self.started(1) is not None
-            and _is_free(self._answers / "lock")
-            and self.exit_code(job) is None
-        )
+        return self.started(1) is not None and self._is_free() and self.exit_code(job) is None
+
+    def _is_free(self) -> bool:
+        """True when nobody holds the lock; a run that has removed it is on its own."""
+        try:
+            with safe_paths.open_file(self._answers / "lock", self._out) as file:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        except OSError:
+            return True
+        return True
 
 
 def _padded(text: str) -> bytes:
@@ -95,12 +110,3 @@ def _rewrite(path: Path, text: str) -> None:
         os.pwrite(file, _padded(text), 0)
     finally:
         os.close(file)
-
-
-def _is_free(lock: Path) -> bool:
-    with lock.open("rb") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-    return True

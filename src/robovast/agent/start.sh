@@ -22,11 +22,18 @@ word='' number='' job=0 child='' beat='' heard=0 terminated='' held=''
 
 read_order() { read -r word number <"$here/order"; }
 
+# Sets uptime [s]; $SECONDS would follow a clock that is set.
+read_uptime() {
+    read -r uptime _ </proc/uptime
+    uptime=${uptime%%.*}
+}
+
 agent_lives() {
-    local now=''
+    local now='' uptime
     read -r now <"$here/heartbeat"
-    [[ $now == "$beat" ]] || { beat=$now heard=$SECONDS; }
-    ((SECONDS - heard < silence))
+    read_uptime
+    [[ $now == "$beat" ]] || { beat=$now heard=$uptime; }
+    ((uptime - heard < silence))
 }
 
 # Sets job; false when there is no other.
@@ -101,8 +108,10 @@ terminate() {
 }
 
 main() {
-    local answers
+    local answers uptime
     trap terminate TERM INT
+    read_uptime
+    heard=$uptime
     read_order
     [[ $word == end ]] && exit
     # shellcheck source=/dev/null

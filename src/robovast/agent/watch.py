@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from robovast import safe_paths
 from robovast.agent.folders import Folders
 from robovast.agent.orders import RunContainer
 from robovast.agent.pack import PodJob
 from robovast.agent.silence import Silence
 from robovast.execution.judge import Ending, judge
-from robovast.execution.progress import is_over, keep_the_rest
+from robovast.execution.progress import LOG, JobOutput, keep_the_rest
+from robovast.execution.stopwatch import Stopwatch
 from robovast.plan import Run
 from robovast.results.verdict import TestResult, Verdict, read_test_result
 
@@ -81,11 +82,11 @@ class JobWatch:
         self._receiver = receiver
         self._is_stopping = is_stopping
         self._silence = silence
-        self._own = folders.out / "_jobs" / job.name
+        self._output = JobOutput(folders.out, folders.out / "_jobs" / job.name, folders.out)
         self._current = 0
         """Index of the run that is being executed."""
-        self._since: float | None = None
-        """When it began [s since the epoch]."""
+        self._stopwatch: Stopwatch | None = None
+        """Of that run, once it has begun."""
 
     def follow(self) -> tuple[Run, ...] | None:
         """Follow the job to its end; returns the runs that it never came to.
@@ -115,9 +116,9 @@ class JobWatch:
                 return None
             if ending is not None:
                 return ending
-            if self._since is None and self._never_starts(give_up):
+            if self._stopwatch is None and self._never_starts(give_up):
                 return None
-            self._silence.look(self._log)
+            self._silence.look(lambda: self._output.own / LOG)
             time.sleep(POLL)
 
     def _never_starts(self, give_up: float) -> bool:
@@ -125,12 +126,13 @@ class JobWatch:
 
     def _ending(self) -> Ending | None:
         number, container = self._job.index, self._container
-        if self._since is None:
-            self._since = container.started(number)
+        if self._stopwatch is None:
+            began = container.started(number)
+            self._stopwatch = None if began is None else Stopwatch(began)
         code = container.exit_code(number)
         if code is not None:
             return Ending(code)
-        if self._since is not None and container.is_gone(number):
+        if self._stopwatch is not None and container.is_gone(number):
             time.sleep(KILL_DELAY)
             return Ending(KILLED)
         if self._is_overdue():
@@ -140,9 +142,9 @@ class JobWatch:
         return None
 
     def _is_overdue(self) -> bool:
-        if self._timeout is None or self._since is None:
+        if self._timeout is None or self._stopwatch is None:
             return False
-        return time.time() - self._since > self._timeout
+        return self._stopwatch.seconds > self._timeout
 
     def _wait_for(self, condition: Callable[[], bool]) -> None:
         give_up = time.monotonic() + STOP_PATIENCE
@@ -155,47 +157,37 @@ class JobWatch:
     def _advance(self) -> None:
         """Hand over the runs that are over; the last one is left to the job's end."""
         runs = self._job.runs
-        while self._current < len(runs) - 1:
-            if not is_over(runs, self._current, self._folders.out, self._own):
-                return
-            result = read_test_result(self._folder(runs[self._current]))
+        while self._current < len(runs) - 1 and self._output.is_over(runs, self._current):
+            result = self._result()
             # Who tells a pod to end says so before its run can write what comes of that.
             if self._is_interrupted() and result.verdict is not Verdict.PASSED:
                 return
-            self._receiver.run_over(self._take(result, None))
+            self._receiver.run_over(self._take(result, Ending(None)))
             self._current += 1
-            self._since = time.time()
+            self._stopwatch = Stopwatch()
 
     def _finish(self, ending: Ending) -> None:
         """Hand over the current run, when it has begun, and what the job left beside its runs."""
-        run = self._job.runs[self._current]
         last = None
-        if self._current == 0 or self._folder(run).is_dir():
-            result = read_test_result(self._folder(run))
-            last = self._take(judge(result, ending, self._timeout, self._log()), ending.exit_code)
+        if self._current == 0 or self._output.has_begun(self._job.runs[self._current]):
+            result = judge(self._result(), ending, self._timeout, self._output.log_end())
+            last = self._take(result, ending)
             self._current += 1
-        keep_the_rest(self._folders.out, self._own, but=_NOT_OUTPUT)
+        out, work = self._folders.out, self._folders.work
         kept = self._folders.stored / self._job.name / "_job"
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        self._own.rename(kept)
+        safe_paths.make_folder(self._output.own, out)  # the job may have removed it
+        safe_paths.move(self._output.own, out, kept, work)
+        keep_the_rest(out, kept, but=_NOT_OUTPUT)
         self._receiver.job_over(self._job, kept, last)
 
-    def _take(self, result: TestResult, exit_code: int | None) -> EndedRun:
+    def _result(self) -> TestResult:
+        """What the current run says of itself."""
+        out = self._folders.out
+        return read_test_result(out / self._job.runs[self._current].path, out)
+
+    def _take(self, result: TestResult, ending: Ending) -> EndedRun:
         """Move the current run to where no other run reaches it."""
         run = self._job.runs[self._current]
-        target = self._folders.stored / self._job.name / run.path
-        target.parent.mkdir(parents=True, exist_ok=True)
-        folder = self._folder(run)
-        if folder.is_dir() and not folder.is_symlink():
-            folder.chmod(0o755)  # or it could not be moved
-            os.rename(folder, target)
-        now = time.time()
-        return EndedRun(self._job, run, target, result, (self._since or now, now), exit_code)
-
-    def _folder(self, run: Run) -> Path:
-        return self._folders.out / run.path
-
-    def _log(self) -> Path:
-        """The job's log, unless the job made it a link to something that is not its own."""
-        log = self._own / "logs" / "system.log"
-        return log if log.resolve() == log.parent.resolve() / log.name else Path(os.devnull)
+        folder = self._output.take(run, self._folders.stored / self._job.name)
+        period = (self._stopwatch or Stopwatch()).period
+        return EndedRun(self._job, run, folder, result, period, ending.exit_code)

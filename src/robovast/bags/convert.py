@@ -18,13 +18,15 @@ from robovast.bags.job import Context, Job, Worker
 from robovast.bags.rosout import ROSOUT, RosoutToCsv
 from robovast.bags.source import Consumer, Topic
 from robovast.errors import StorageError
+from robovast.results.layout import JOB_LINK, job_folder
 from robovast.results.run_record import read_run_record
+from robovast.safe_paths import is_folder
 from rosbags_common import find_rosbags
 
 BAG = "rosbag2"
 """What the folder of a bag is called."""
-JOB_LOGS = Path("job/logs/rosout_bag")
-"""Where the entrypoint records what all runs of a job logged."""
+JOB_LOGS = Path("logs/rosout_bag")
+"""Where the entrypoint records what all runs of a job logged, in the job's folder."""
 
 _UNDECODABLE = (
     struct.error,
@@ -144,13 +146,13 @@ def convert_run(run_dir: Path, jobs: Sequence[Job], definitions: Path | None = N
         StorageError: a file cannot be written.
     """
     bags = [Path(path) for path in find_rosbags(run_dir)]
-    logs = run_dir / JOB_LOGS
-    apart = [job for job in jobs if isinstance(job, RosoutToCsv)] if logs.is_dir() else []
+    logs = _job_logs(run_dir)
+    apart = [job for job in jobs if isinstance(job, RosoutToCsv)] if logs else []
     if any(_has_rosout(bag) for bag in bags):
         apart = []
     of_bags = [job for job in jobs if job not in apart]
     conversion = Conversion()
-    if apart:
+    if logs and apart:
         window = _window(run_dir)
         conversion.add(convert_bag(logs, run_dir, apart, definitions=definitions, window=window))
     if of_bags and not bags:
@@ -158,6 +160,13 @@ def convert_run(run_dir: Path, jobs: Sequence[Job], definitions: Path | None = N
     for bag in bags if of_bags else []:
         conversion.add(convert_bag(bag, bag.parent, of_bags, definitions=definitions))
     return conversion
+
+
+def _job_logs(run_dir: Path) -> Path | None:
+    """The recording of a run's job, by way of the run's link to it."""
+    job = job_folder(run_dir)
+    there = job is not None and is_folder(job / JOB_LOGS, job)
+    return run_dir / JOB_LINK / JOB_LOGS if there else None
 
 
 def _has_rosout(bag: Path) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +16,7 @@ import zstandard
 from robovast.bags.mcap_file import read_mcap
 from robovast.bags.source import Consumer, Subscribe, Topic, Warn
 from robovast.bags.sqlite_file import read_sqlite
+from robovast.safe_paths import is_file, open_file, read_text
 
 _KINDS = (".mcap", ".db3")
 _ZSTD = ".zstd"
@@ -35,11 +37,11 @@ class BagInfo:
 def read_info(folder: Path, warn: Warn) -> BagInfo:
     """What the metadata of a bag says, if it has any."""
     try:
-        text = (folder / "metadata.yaml").read_text(encoding="utf-8", errors="replace")
+        text = read_text(folder / "metadata.yaml")
         return _info(yaml.safe_load(text)["rosbag2_bagfile_information"])
     except FileNotFoundError:
         warn(f"{folder.name} has no metadata.yaml: its recorder was stopped while writing")
-    except (yaml.YAMLError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, yaml.YAMLError, KeyError, TypeError, AttributeError) as error:
         warn(f"{folder.name}/metadata.yaml cannot be read: {error!r}")
     return BagInfo()
 
@@ -76,10 +78,11 @@ def read_bag(folder: Path, info: BagInfo, subscribe: Subscribe, warn: Warn) -> N
 
 def _files(folder: Path) -> list[Path]:
     """Files with messages, in the order in which they were recorded."""
-    names = (path for path in folder.iterdir() if path.name.removesuffix(_ZSTD).endswith(_KINDS))
+    names = (name for name in os.listdir(folder) if name.removesuffix(_ZSTD).endswith(_KINDS))
     plain: dict[str, Path] = {}
-    for path in sorted(names):  # of a file and its compressed copy the first is the plain one
-        plain.setdefault(path.name.removesuffix(_ZSTD), path)
+    for name in sorted(names):  # of a file and its compressed copy the first is the plain one
+        if is_file(folder / name, folder):
+            plain.setdefault(name.removesuffix(_ZSTD), folder / name)
     return sorted(plain.values(), key=lambda path: _natural(path.name))
 
 
@@ -89,7 +92,7 @@ def _natural(name: str) -> list[tuple[int, str]]:
 
 def _read_file(path: Path, subscribe: Subscribe, warn: Warn) -> None:
     if path.name.endswith(".mcap"):
-        with path.open("rb") as file:
+        with open_file(path) as file:
             read_mcap(file, path.name, subscribe, warn)
     elif path.name.endswith(".db3"):
         read_sqlite(path, subscribe, warn)
@@ -100,7 +103,7 @@ def _read_file(path: Path, subscribe: Subscribe, warn: Warn) -> None:
 def _read_compressed(path: Path, subscribe: Subscribe, warn: Warn) -> None:
     with TemporaryDirectory() as folder:
         plain = Path(folder) / path.name.removesuffix(_ZSTD)
-        with path.open("rb") as source, plain.open("wb") as target:
+        with open_file(path) as source, plain.open("wb") as target:
             try:
                 copyfileobj(zstandard.ZstdDecompressor().stream_reader(source), target)
             except zstandard.ZstdError as error:

@@ -7,10 +7,13 @@ import os
 import sys
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from functools import lru_cache
+from io import TextIOWrapper
 from itertools import chain, islice
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
+
+from robovast.safe_paths import create_file
 
 Key = Hashable
 """What decides which cells a row has, as the shape of a message."""
@@ -56,7 +59,7 @@ class Table:
         self._columns = columns
         self._title = title
         self._part = part
-        self._file = self._part.open("wb", buffering=_BUFFER)
+        self._file = create_file(self._part, buffering=_BUFFER)
         self._runs: list[tuple[Key, int]] = []
         self._key: Key | None = None
         self._count = 0
@@ -121,7 +124,7 @@ class Table:
         csv.field_size_limit(sys.maxsize)  # a cell holds a whole string, however long
         with (
             self._part.open(newline="", encoding="utf-8") as source,
-            final.open("w", newline="", encoding="utf-8") as target,
+            TextIOWrapper(create_file(final), newline="", encoding="utf-8") as target,
         ):
             rows = csv.reader(source)
             next(rows, None)

@@ -15,6 +15,7 @@ from robovast.bags.job import Context, Job, nothing_on
 from robovast.bags.source import Consumer, Topic
 from robovast.bags.topics import topic_file
 from robovast.errors import CannotRunError
+from robovast.safe_paths import create_file
 
 if TYPE_CHECKING:
     from av import VideoCodecContext, VideoFrame
@@ -164,6 +165,7 @@ class _Video:
     def _open(self, frame: VideoFrame, time: int) -> None:
         import av
 
+        create_file(self._part).close()  # not through a link that is there
         self._container = av.open(str(self._part), "w", format="webm")
         rate = Fraction(self._fps).limit_denominator(1000)
         self._stream = self._container.add_stream("libvpx-vp9", rate=rate, options=_OPTIONS)

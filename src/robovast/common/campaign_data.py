@@ -12,7 +12,8 @@ from typing import Any
 import yaml
 
 from robovast.results import verdict
-from robovast.results.layout import TEST_RESULT, Layout
+from robovast.results.layout import JOB_LINK, RUN_RECORD, TEST_RESULT, Layout, job_folder
+from robovast.safe_paths import MOST_OF_ALL, is_file, read_file
 
 
 def list_config_dirs(campaign_dir: str | Path) -> list[Path]:
@@ -89,18 +90,18 @@ def read_sysinfo(run_dir: str | Path) -> dict[str, Any]:
     """
     run = Path(run_dir)
     own = run / "sysinfo.yaml"
-    return _read_yaml(own if own.is_file() else _job_folder(run) / "sysinfo.yaml")
+    return _read_yaml(own if is_file(own, run) else _job_folder(run) / "sysinfo.yaml")
 
 
 def _job_folder(run: Path) -> Path:
     """The folder of a run's job: by the run's link, or by its record where links got lost."""
-    link = run / "job"
-    if link.is_dir():
-        return link
+    linked = job_folder(run)
+    if linked is not None:
+        return linked
     try:
-        name = str(json.loads((run / "run.json").read_bytes())["job"])
+        name = str(json.loads(read_file(run / RUN_RECORD))["job"])
     except (OSError, ValueError, KeyError, TypeError):
-        return link
+        return run / JOB_LINK
     return Layout(run.parent.parent).job(Path(name).name)
 
 
@@ -123,4 +124,4 @@ def read_resolved_configurations(campaign_dir: str | Path) -> dict[str, Any]:
 
 
 def _read_yaml(path: Path) -> dict[str, Any]:
-    return dict(yaml.safe_load(path.read_text(encoding="utf-8")) or {})
+    return dict(yaml.safe_load(read_file(path, most=MOST_OF_ALL)) or {})

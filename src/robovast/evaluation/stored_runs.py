@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import stat
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -15,13 +14,16 @@ from typing import Any
 
 from robovast.evaluation.summaries import RunSummary, VariantRuns
 from robovast.evaluation.untrusted import mapping, plain, read_yaml
-from robovast.results.layout import RUN_RECORD, TEST_RESULT
+from robovast.results.layout import RUN_RECORD
 from robovast.results.verdict import Verdict, read_test_result
 
 LARGEST = 1 << 20
-"""Of a record or a test result that is read [bytes]."""
+"""Of a record that is read [bytes]."""
 LONGEST_REASON = 500
 """Characters of a reason in lists; the page of the run has all of it."""
+
+_LARGEST_NUMBER = 1e18
+"""Of seconds; larger integers are no numbers to compute with."""
 
 _RUN = re.compile(r"0|[1-9][0-9]{0,8}")
 _VERDICTS = list(Verdict)
@@ -101,19 +103,9 @@ def _from_record(number: int, record: Mapping[str, Any]) -> RunSummary:
 
 def _from_test_result(folder: Path, number: int) -> RunSummary:
     """A run without a record: of another program, or of an older version."""
-    if not _is_small_file(folder / TEST_RESULT):
-        return RunSummary(number, Verdict.ERRORED, f"there is no {TEST_RESULT}", None, None)
     result = read_test_result(folder)
     reason = result.reason[:LONGEST_REASON]
     return RunSummary(number, result.verdict, reason, result.started_at, result.duration)
-
-
-def _is_small_file(path: Path) -> bool:
-    try:
-        status = path.lstat()
-    except OSError:
-        return False
-    return stat.S_ISREG(status.st_mode) and status.st_size < LARGEST
 
 
 def _bounded(parameters: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -124,5 +116,6 @@ def _bounded(parameters: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _number(value: Any) -> float | None:
-    usable = isinstance(value, int | float) and not isinstance(value, bool)
-    return float(value) if usable and abs(value) < float("inf") else None
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return None
+    return float(value) if abs(value) < _LARGEST_NUMBER else None

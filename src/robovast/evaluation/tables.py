@@ -13,6 +13,7 @@ from typing import BinaryIO, TypeVar
 
 from robovast.errors import InputError
 from robovast.evaluation.inside import open_inside
+from robovast.tables.csv_files import lines
 
 MOST_ROWS = 2000
 MOST_COLUMNS = 16
@@ -97,7 +98,7 @@ def _rows(file: BinaryIO, relative: str) -> Generator[list[str], None, None]:
     with file:
         text = io.TextIOWrapper(file, encoding="utf-8", errors="replace", newline="")
         try:
-            yield from csv.reader(line.replace("\0", "") for line in text)
+            yield from csv.reader(line.replace("\0", "") for line in lines(text))
         except csv.Error as error:
             raise InputError(f"{relative}: is no CSV file: {error}.") from None
 

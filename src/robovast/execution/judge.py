@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 from dataclasses import dataclass
-from pathlib import Path
 
 from robovast.results.verdict import TestResult, Verdict
 
@@ -24,14 +23,14 @@ class Ending:
         return self.timed_out or self.interrupted
 
 
-def judge(result: TestResult, ending: Ending, timeout: int | None, log: Path) -> TestResult:
+def judge(result: TestResult, ending: Ending, timeout: int | None, log: bytes) -> TestResult:
     """The final result of a run.
 
     Args:
         result: what its test.xml says.
         ending: how its process ended.
         timeout: the document's limit [s].
-        log: the job's log, quoted when there is no verdict.
+        log: the end of the job's log, quoted when there is no verdict.
     """
     if ending.timed_out:
         reason = f"stopped after {timeout} s, the limit of execution.timeout"
@@ -67,14 +66,8 @@ _END = "[robovast] ended with code"
 """What the entrypoint says last, and what says nothing new."""
 
 
-def _last_line(log: Path, limit: int = 200) -> str:
-    try:
-        with log.open("rb") as file:
-            file.seek(0, 2)
-            file.seek(max(0, file.tell() - 4096))
-            lines = file.read().decode("utf-8", "replace").split("\n")
-    except OSError:
-        return ""
+def _last_line(log: bytes, limit: int = 200) -> str:
+    lines = log.decode("utf-8", "replace").split("\n")
     said = (line.strip() for line in reversed(lines))
     last = next((line for line in said if line and not line.startswith(_END)), "")
     return last if len(last) <= limit else last[: limit - 1] + "…"

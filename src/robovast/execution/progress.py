@@ -1,49 +1,90 @@
-"""What a job has done: which runs are over, and what it wrote beside them."""
+"""What a job has done: which runs are over, what they wrote, and what the job wrote beside them."""
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+from robovast import safe_paths
 from robovast.plan import Run
 
 FINISHED_RUNS = "finished_runs"
 """File in a job's folder where the contract's scripts list the runs that are over."""
+LOG = Path("logs", "system.log")
+"""A job's log, in its own folder."""
+_LOG_END = 4096
+"""Of a log, what is looked through for its last line [bytes]."""
 
 
-def is_over(runs: Sequence[Run], index: int, out: Path, job: Path) -> bool:
-    """The job says so, or, with an executor that does not, a later run has begun.
+@dataclass(frozen=True)
+class JobOutput:
+    """Where a job writes, and may make at any time whatever it likes; no link there is followed."""
 
-    Args:
-        runs: those of the job, in order.
-        index: which of them.
-        out: the output folder of the job's runs.
-        job: the job's own folder.
-    """
-    if runs[index].path in _finished_runs(job):
-        return True
-    return any((out / run.path).is_dir() for run in runs[index + 1 :])
+    out: Path
+    """The output folder of the job's runs; itself out of the job's reach."""
+    own: Path
+    """The job's own folder."""
+    root: Path
+    """Folder on the way to it, or it itself, that is out of the job's reach."""
+
+    def is_over(self, runs: Sequence[Run], index: int) -> bool:
+        """The job says so, or, with an executor that does not, a later run has begun.
+
+        Args:
+            runs: those of the job, in order.
+            index: which of them.
+        """
+        if runs[index].path in self._finished_runs():
+            return True
+        return any(self.has_begun(run) for run in runs[index + 1 :])
+
+    def _finished_runs(self) -> list[str]:
+        try:
+            return safe_paths.read_text(self.own / FINISHED_RUNS, self.root).splitlines()
+        except OSError:
+            return []
+
+    def has_begun(self, run: Run) -> bool:
+        """True when there is a folder of the run."""
+        return safe_paths.is_folder(self.out / run.path, self.out)
+
+    def log_end(self) -> bytes:
+        """The end of the job's log; empty without one."""
+        return end_of(self.own / LOG, self.root)
+
+    def take(self, run: Run, stored: Path) -> Path:
+        """Move what a run wrote to where no job reaches it.
+
+        Args:
+            run: the run; nothing is moved when it has no folder.
+            stored: folder of what was taken; made when it is not there.
+        """
+        target = stored / run.path
+        stored.mkdir(parents=True, exist_ok=True)
+        if self.has_begun(run):
+            safe_paths.move(self.out / run.path, self.out, target, stored)
+        return target
 
 
-def _finished_runs(job: Path) -> list[str]:
+def end_of(log: Path, root: Path) -> bytes:
+    """The end of a log below a folder; empty without one."""
     try:
-        return (job / FINISHED_RUNS).read_text(encoding="utf-8").splitlines()
-    except FileNotFoundError:
-        return []
+        return safe_paths.read_end(log, root, _LOG_END)
+    except OSError:
+        return b""
 
 
-def keep_the_rest(out: Path, job: Path, but: Collection[str] = ()) -> None:
-    """Move what a job wrote outside its runs' folders to `out` in its own folder.
+def keep_the_rest(out: Path, own: Path, but: Collection[str] = ()) -> None:
+    """Move what a job that is over wrote outside its runs' folders to `out` in its own folder.
 
     Args:
         out: the output folder of the job, without the runs that are over.
-        job: the job's own folder.
+        own: the job's own folder, itself out of the job's reach.
         but: names at the top of `out` that stay.
     """
-    for path in [path for path in out.rglob("*") if path.is_file() or path.is_symlink()]:
-        relative = path.relative_to(out)
-        if relative.parts[0] not in but:
-            target = job / "out" / relative
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.move(path, target)
+    safe_paths.remove_empty_folders(out, out)
+    place = safe_paths.unused(own / "out", own)
+    for name in safe_paths.names(out, out):
+        if name not in but:
+            safe_paths.move(out / name, out, place / name, own)

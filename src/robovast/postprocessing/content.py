@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import os
+import stat
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import BinaryIO
 
+from robovast.safe_paths import extents, has_holes, open_file, status
+
+_CHUNK = 1 << 20
 Stamp = tuple[int, int, int]
 """Size [bytes], modified and changed [ns]."""
 Files = dict[str, Stamp]
@@ -39,9 +44,8 @@ def _scan(folder: str, prefix: str, found: Files, ignored: frozenset[str]) -> No
             if entry.is_dir(follow_symlinks=False):
                 _scan(entry.path, f"{prefix}{entry.name}/", found, frozenset())
             else:
-                status = entry.stat(follow_symlinks=False)
-                stamp = (status.st_size, status.st_mtime_ns, status.st_ctime_ns)
-                found[prefix + entry.name] = stamp
+                at = entry.stat(follow_symlinks=False)
+                found[prefix + entry.name] = (at.st_size, at.st_mtime_ns, at.st_ctime_ns)
 
 
 def stamp_of(path: str) -> int:
@@ -64,17 +68,36 @@ def signature(files: Files, beside: Iterable[int] = ()) -> str:
 
 
 def file_digest(path: Path) -> str:
-    """SHA-256 of a file's content, or of where a link points."""
+    """SHA-256 of a file's content, or of where a link points; of a file with holes, which may be
+    of any size, of what is between them."""
     if path.is_symlink():
         return hashlib.sha256(os.readlink(path).encode(errors="surrogateescape")).hexdigest()
-    with path.open("rb") as file:
+    with open_file(path) as file:
+        if has_holes(file):
+            return _digest_of_extents(file)
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _digest_of_extents(file: BinaryIO) -> str:
+    digest = hashlib.sha256(str(os.fstat(file.fileno()).st_size).encode())
+    for begin, end in extents(file):
+        digest.update(f"{begin}-{end}".encode())
+        file.seek(begin)
+        while begin < end and (chunk := file.read(min(end - begin, _CHUNK))):
+            begin += len(chunk)
+            digest.update(chunk)
+    return digest.hexdigest()
 
 
 def digests(folder: Path, names: Iterable[str]) -> dict[str, str]:
     """SHA-256 of files by their relative path; what is no plain file is left out."""
     paths = ((name, folder / name) for name in sorted(names))
-    return {n: file_digest(path) for n, path in paths if path.is_symlink() or path.is_file()}
+    return {n: file_digest(path) for n, path in paths if _is_plain(path)}
+
+
+def _is_plain(path: Path) -> bool:
+    found = status(path, path.parent)
+    return found is not None and (stat.S_ISLNK(found.st_mode) or stat.S_ISREG(found.st_mode))
 
 
 def combined(parts: Mapping[str, str]) -> str:

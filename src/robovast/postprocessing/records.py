@@ -14,6 +14,7 @@ from robovast.atomic import write_atomically
 from robovast.plain import dump_yaml, to_plain
 from robovast.postprocessing.content import RECORD
 from robovast.postprocessing.outcome import Entry
+from robovast.safe_paths import read_file
 
 try:
     from yaml import CSafeLoader as _Loader
@@ -77,7 +78,7 @@ def update(path: Path, entries: Iterable[Entry], **facts: Any) -> None:
 def read_record(path: Path) -> dict[str, Any]:
     """Content of a `postprocessing.yaml`; empty when there is none that can be read."""
     try:
-        data = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)  # safe
+        data = yaml.load(read_file(path).decode(), Loader=_Loader)  # safe
     except (OSError, ValueError, yaml.YAMLError):
         return {}
     return data if isinstance(data, dict) else {}

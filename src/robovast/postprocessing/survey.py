@@ -20,7 +20,7 @@ from robovast.postprocessing.content import (
     stamp_of,
 )
 from robovast.postprocessing.state import Unit
-from robovast.results.layout import Layout
+from robovast.results.layout import Layout, job_folder
 
 OWN = "."
 """The unit of the campaign's own files, beside those of its runs."""
@@ -109,8 +109,9 @@ class Survey:
         parts = digests(self.folder(unit), names)
         if unit != OWN:
             folder = self.folder(unit)
+            job = job_folder(folder)
             parts["/config"] = self._tree_digest(folder.parent / "_config")
-            parts["/job"] = self._tree_digest(Path(os.path.realpath(folder / "job")))
+            parts["/job"] = self._tree_digest(job) if job else combined({})
         return combined(parts)
 
     def _same(self, unit: str, known: Unit | None) -> bool:
@@ -118,12 +119,8 @@ class Survey:
 
     def _beside(self, run: str) -> list[int]:
         variant = run.rpartition("/")[0]
-        try:
-            job = os.readlink(f"{self.campaign}/{run}/job")
-        except OSError:
-            job = ""
-        place = os.path.normpath(f"{self.campaign}/{run}/{job}")
-        stamps = self._job_stamps(place) if job else []
+        job = job_folder(self.campaign / run)
+        stamps = self._job_stamps(str(job)) if job else []
         return [self._variant_stamp(f"{self.campaign}/{variant}/_config"), *stamps]
 
     def _own_files(self) -> Files:

@@ -12,6 +12,7 @@ from robovast.provenance.reading import list_files, read_mapping, subfolders
 from robovast.provenance.runs import describe_run
 from robovast.provenance.times import as_utc, later
 from robovast.results.layout import Layout
+from robovast.safe_paths import MOST_OF_ALL
 
 
 def collect_metadata(
@@ -47,7 +48,8 @@ def collect_metadata(
 
 def read_configurations(root: Path, findings: Findings) -> dict[str, Any]:
     """Content of a campaign's configurations.yaml."""
-    return read_mapping(Layout(root).transient / "configurations.yaml", findings, root.name)
+    path = Layout(root).transient / "configurations.yaml"
+    return read_mapping(path, findings, root.name, most=MOST_OF_ALL)
 
 
 def applied_variations(entry: dict[str, Any]) -> list[str]:

@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from robovast.provenance.findings import Findings
+from robovast.safe_paths import MOST, read_file
 
 try:
     from yaml import CSafeLoader as _Loader
@@ -22,7 +23,7 @@ LINKS = frozenset({"job"})
 
 
 def read_mapping(
-    path: Path, findings: Findings, where: str, *, needed: bool = True
+    path: Path, findings: Findings, where: str, *, needed: bool = True, most: int = MOST
 ) -> dict[str, Any]:
     """A mapping in a YAML file; empty when there is none.
 
@@ -31,9 +32,10 @@ def read_mapping(
         findings: is told when the file is damaged, or is needed and missing.
         where: how the place is named there.
         needed: a missing file is worth mentioning.
+        most: a larger one counts as damaged [bytes].
     """
     try:
-        data = _parse(path.read_bytes())
+        data = _parse(read_file(path, most=most))
     except FileNotFoundError:
         if needed:
             findings.missing(f"no {path.name}", where)
@@ -85,9 +87,10 @@ def readable(name: str) -> str:
 
 
 def subfolders(folder: Path) -> list[str]:
-    """Names of the folders in a folder, sorted; hidden ones left out."""
+    """Names of the folders in a folder, sorted; hidden ones and links left out."""
     try:
         with os.scandir(folder) as scan:
-            return sorted(e.name for e in scan if e.is_dir() and not e.name.startswith("."))
+            folders = (entry.name for entry in scan if entry.is_dir(follow_symlinks=False))
+            return sorted(name for name in folders if not name.startswith("."))
     except OSError:
         return []

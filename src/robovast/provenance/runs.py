@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,8 +11,9 @@ from typing import Any
 from robovast.provenance.findings import Findings
 from robovast.provenance.reading import list_files, read_mapping
 from robovast.provenance.times import as_utc, from_epoch
-from robovast.results.layout import RUN_RECORD, TEST_RESULT
+from robovast.results.layout import RUN_RECORD, TEST_RESULT, job_folder
 from robovast.results.verdict import Verdict, read_test_result
+from robovast.safe_paths import read_file, read_text
 
 BAG_PARTS = (".mcap", ".db3")
 RUN_BAG = "rosbag2"
@@ -34,7 +34,8 @@ def describe_run(root: Path, variant: str, number: str, findings: Findings) -> d
     where = f"{variant}/{number}"
     folder = root / variant / number
     files = list(list_files(str(folder), f"{where}/"))
-    job = _job(folder)
+    executed_by = job_folder(folder)
+    job = executed_by.relative_to(root).as_posix() if executed_by else None
     job_files = list(list_files(str(root / job), f"{job}/")) if job else []
     entry: dict[str, Any] = {"dir": where, **_outcome(folder, where, files, findings)}
     entry["output_files"] = [name for name in files if name != f"{where}/{POSTPROCESSING}"]
@@ -50,16 +51,6 @@ def describe_run(root: Path, variant: str, number: str, findings: Findings) -> d
     path = folder / POSTPROCESSING
     entry["postprocessing"] = read_mapping(path, findings, where) if has_record else {}
     return entry
-
-
-def _job(folder: Path) -> str | None:
-    """Folder of the run's job, relative to the campaign."""
-    try:
-        target = os.readlink(folder / "job")
-    except OSError:
-        return None
-    parts = Path(target).parts
-    return "/".join(parts[parts.index("_jobs") :]) if "_jobs" in parts else None
 
 
 def _outcome(folder: Path, where: str, files: Iterable[str], findings: Findings) -> dict[str, Any]:
@@ -82,7 +73,7 @@ def _outcome(folder: Path, where: str, files: Iterable[str], findings: Findings)
 def _read_record(path: Path) -> dict[str, Any] | None:
     """A run's record, as far as it is needed here; None when there is none."""
     try:
-        record = json.loads(path.read_bytes())
+        record = json.loads(read_file(path))
         keys = ("verdict", "reason", "started_at", "finished_at")
         return {**{key: record[key] for key in keys}, "verdict": Verdict(record["verdict"])}
     except (OSError, ValueError, TypeError, KeyError):
@@ -143,7 +134,7 @@ _TYPE = re.compile(r"\btype['\"]?:\s*['\"]?([A-Za-z]\w*(?:/\w+)+)")
 def _bag_content(path: Path) -> dict[str, Any]:
     """What a bag's metadata says, by pattern: a parser takes longer than all else of a run."""
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = read_text(path)
     except OSError:
         text = ""
     distro = _DISTRO.search(text)

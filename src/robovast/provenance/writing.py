@@ -21,6 +21,7 @@ from robovast.provenance.metadata import collect_metadata, read_configurations
 from robovast.provenance.reading import read_mapping
 from robovast.provenance.times import now
 from robovast.provenance.vocabulary import context
+from robovast.safe_paths import MOST_OF_ALL
 
 METADATA = "metadata.yaml"
 GRAPH = "metadata.prov.json"
@@ -77,7 +78,7 @@ def write_graph(campaign_dir: Path) -> Path:
         StorageError: the file cannot be written.
     """
     root, findings = _absolute(campaign_dir), Findings()
-    metadata = read_mapping(root / METADATA, findings, root.name)
+    metadata = read_mapping(root / METADATA, findings, root.name, most=MOST_OF_ALL)
     if not isinstance(metadata.get("configurations"), list):
         raise InputError(
             f"{root / METADATA} is missing or damaged; `vast results metadata` writes it."

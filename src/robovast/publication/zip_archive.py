@@ -24,6 +24,7 @@ from robovast.publication.ro_crate import FILE_NAME as RO_CRATE
 from robovast.publication.ro_crate import ro_crate
 from robovast.publication.selection import Filter, archive_path, files_of, link_target
 from robovast.results.mappings import read_mapping
+from robovast.safe_paths import MOST_OF_ALL, open_file, read_file
 
 CHUNK = 2**20
 """How much of a file is held in memory [byte]."""
@@ -202,7 +203,7 @@ class _Archive:
 
     def _add(self, archive: zipfile.ZipFile, name: str, source: Path) -> None:
         try:
-            content = source.open("rb")
+            content = open_file(source)
         except OSError as error:
             raise StorageError(f"{source}: cannot be read: {error.strerror}.") from error
         with content:
@@ -226,7 +227,7 @@ def _metadata(campaign: Path, fields: Mapping[str, Any]) -> bytes | None:
     """Content of metadata.yaml with further fields in its `metadata` section."""
     path = campaign / METADATA
     if not fields:
-        return path.read_bytes() if path.is_file() else None
+        return read_file(path, most=MOST_OF_ALL) if path.is_file() else None
     found = read_mapping(path)
     section = found.get("metadata")
     known = section if isinstance(section, dict) else {}

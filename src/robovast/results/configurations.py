@@ -9,6 +9,7 @@ import yaml
 from robovast.errors import InputError
 from robovast.expansion.variant import ConfigFile, Variant, VariationRecord
 from robovast.results.layout import Layout
+from robovast.safe_paths import MOST_OF_ALL, read_file
 
 try:
     from yaml import CSafeLoader as _Loader
@@ -26,7 +27,7 @@ def read_configurations(layout: Layout) -> dict[str, Any]:
     """
     path = layout.transient / "configurations.yaml"
     try:
-        data = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)  # safe
+        data = yaml.load(read_file(path, most=MOST_OF_ALL).decode(), Loader=_Loader)  # safe
     except FileNotFoundError:
         raise InputError(
             f"{layout.root} is no campaign folder: {path.relative_to(layout.root)} is missing."

@@ -15,12 +15,19 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from robovast.safe_paths import is_folder
+
 RUN_RECORD = "run.json"
 TEST_RESULT = "test.xml"
+JOB_LINK = "job"
+"""Link in a run's folder to the folder of the job that executed it."""
+OWN_NAMES = (RUN_RECORD, JOB_LINK)
+"""What a run's folder has beside what the run wrote."""
 
 
 @dataclass(frozen=True)
@@ -78,11 +85,34 @@ class Layout:
 
     def run_folders(self) -> Iterator[Path]:
         """Folders of all runs that were stored, sorted by variant and number."""
-        for variant in sorted(self.root.iterdir()):
-            if variant.is_dir() and not variant.name.startswith(("_", ".")):
-                yield from self.run_folders_of(variant.name)
+        for variant in _folders(self.root):
+            if not variant.startswith(("_", ".")):
+                yield from self.run_folders_of(variant)
 
     def run_folders_of(self, variant: str) -> list[Path]:
         """Folders of a variant's runs that were stored, sorted by number."""
-        numbers = (path for path in self.variant(variant).iterdir() if path.name.isdigit())
-        return sorted(numbers, key=lambda path: int(path.name))
+        folder = self.variant(variant)
+        numbers = (name for name in _folders(folder) if name.isdecimal() and name.isascii())
+        return [folder / name for name in sorted(numbers, key=int)]
+
+
+def job_folder(run: Path) -> Path | None:
+    """The folder of the job that executed a stored run; None without one.
+
+    Where the link was made of that folder's path on another machine, its end counts: nothing but
+    `_jobs` of the run's campaign is ever meant.
+    """
+    try:
+        parts = Path(os.readlink(run / JOB_LINK)).parts
+    except OSError:
+        return None
+    inside = parts[parts.index("_jobs") :] if "_jobs" in parts else ()
+    folder = run.parent.parent.joinpath(*inside)
+    usable = len(inside) > 1 and ".." not in inside and is_folder(folder, run.parent.parent)
+    return folder if usable else None
+
+
+def _folders(path: Path) -> list[str]:
+    """Names of the folders in a folder, sorted; links are none."""
+    with os.scandir(path) as entries:
+        return sorted(entry.name for entry in entries if entry.is_dir(follow_symlinks=False))

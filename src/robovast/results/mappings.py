@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 
 from robovast.errors import InputError
+from robovast.safe_paths import MOST_OF_ALL, read_file
 
 try:
     from yaml import CSafeLoader as _Loader
@@ -22,7 +23,7 @@ def read_mapping(path: Path) -> dict[str, Any]:
         InputError: it cannot be read.
     """
     try:
-        data = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)  # safe
+        data = yaml.load(read_file(path, most=MOST_OF_ALL).decode(), Loader=_Loader)  # safe
     except FileNotFoundError:
         return {}
     except (OSError, ValueError, yaml.YAMLError) as error:

@@ -7,13 +7,13 @@ folder of its name: `_jobs/<campaign>/job-N`.
 from __future__ import annotations
 
 import os
-import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path, PurePath
 from typing import Any
 
+from robovast import safe_paths
 from robovast.atomic import appearing_folder
 from robovast.errors import InputError
 from robovast.plain import dump_yaml
@@ -70,15 +70,14 @@ def merge_campaigns(campaigns: Sequence[Path], target: Path) -> MergeResult:
     merged = _named(_grouped(parts))
     with appearing_folder(target) as folder:
         layout = Layout(folder)
-        shutil.copytree(campaigns[-1] / "_config", layout.config, symlinks=True)
+        _copy(campaigns[-1] / "_config", layout.config)
         for campaign in map(Layout, campaigns):
             if campaign.jobs.is_dir():
-                shutil.copytree(campaign.jobs, layout.job(campaign.root.name), symlinks=True)
+                _copy(campaign.jobs, layout.job(campaign.root.name))
         runs = _Runs(layout, target.name)
         for name, group in merged.items():
-            shutil.copytree(
-                group[0].campaign.variant_config(group[0].name), layout.variant_config(name)
-            )
+            first = group[0]
+            _copy(first.campaign.variant_config(first.name), layout.variant_config(name))
             runs.copy(name, group)
         _write_records(layout, [Layout(path) for path in campaigns], merged, runs)
     unidentified = tuple(part.path for part in parts if part.identifier is None)
@@ -147,7 +146,8 @@ class _Runs:
                     self.left_out.append(f"{part.path}/{source.name}")
                     continue
                 target = self._layout.run(f"{name}/{number}")
-                shutil.copytree(source, target, symlinks=True, ignore=_own_record(source))
+                _copy(source, target)
+                safe_paths.remove(target / RUN_RECORD, target)  # it gets another
                 job = self._link_job(target, part.campaign.root.name)
                 if record is not None:
                     copy_run_record(
@@ -185,9 +185,9 @@ class _Runs:
         return job
 
 
-def _own_record(run: Path) -> Callable[[str, list[str]], set[str]]:
-    """Leave out the run's record, but no other file of that name that the run wrote."""
-    return lambda folder, _: {RUN_RECORD} if folder == str(run) else set()
+def _copy(source: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    safe_paths.copy(source, source.parent, target, target.parent)
 
 
 def _write_records(

@@ -15,6 +15,7 @@ from pydantic import TypeAdapter
 
 from robovast.results.layout import RUN_RECORD
 from robovast.results.verdict import Verdict
+from robovast.safe_paths import read_file
 
 SCHEMA = 1
 """Version of the record's format; it stays when keys are added, which older versions ignore."""
@@ -88,7 +89,7 @@ def _text(data: dict[str, Any]) -> str:
 def read_run_record(folder: Path) -> RunRecord | None:
     """The record in a run's folder; None when there is none, or none of this format."""
     try:
-        return parse_run_record((folder / RUN_RECORD).read_bytes())
+        return parse_run_record(read_file(folder / RUN_RECORD, folder.parent))
     except OSError:
         return None
 

@@ -7,11 +7,17 @@ import os
 import re
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from io import TextIOWrapper
 from pathlib import Path
 from typing import TextIO
 
+from robovast.safe_paths import is_file, open_file
+
 KEYS = ("config", "run")
 """Columns that say which run a row is of."""
+LONGEST_LINE = 32 << 20
+"""Characters; a file of zeros has one line of its size."""
 _RESERVED = frozenset({"runs", "run_records", "loaded"})
 
 csv.field_size_limit(sys.maxsize)
@@ -19,13 +25,13 @@ csv.field_size_limit(sys.maxsize)
 
 def csv_files(run: Path) -> dict[str, Path]:
     """The CSV files of a run by the name of their table: their path with `_` for what is no letter
-    or digit."""
+    or digit. Links and what else is no regular file are none."""
     found: dict[str, Path] = {}
     for folder, folders, names in os.walk(run):
         folders.sort()
         for name in sorted(names):
-            if name.endswith(".csv"):
-                path = Path(folder, name)
+            path = Path(folder, name)
+            if name.endswith(".csv") and is_file(path, run):
                 found.setdefault(table_name(path.relative_to(run).with_suffix("")), path)
     return found
 
@@ -53,9 +59,10 @@ def column_names(header: Sequence[str]) -> list[str]:
 
 
 def read_header(path: Path) -> list[str]:
-    """The first row; empty when the file is."""
-    with _opened(path) as file:
-        return next(iter(csv.reader(file)), [])
+    """The first row; empty when the file is, or has none that can be read."""
+    with _opened(path) as file, suppress(csv.Error):
+        return next(iter(csv.reader(lines(file))), [])
+    return []
 
 
 def read_rows(path: Path, width: int) -> Iterator[list[str]]:
@@ -63,13 +70,25 @@ def read_rows(path: Path, width: int) -> Iterator[list[str]]:
 
     Of a file that was cut off or is no UTF-8, what can be read is read.
     """
-    with _opened(path) as file:
-        rows = csv.reader(file)
+    with _opened(path) as file, suppress(csv.Error):
+        rows = csv.reader(lines(file))
         next(rows, None)
         for row in rows:
             if row:
                 yield row[:width] + [""] * (width - len(row))
 
 
+def lines(file: TextIO) -> Iterator[str]:
+    """The lines of a CSV file, each held in memory.
+
+    Raises:
+        csv.Error: one is longer than `LONGEST_LINE`.
+    """
+    while line := file.readline(LONGEST_LINE + 1):
+        if len(line) > LONGEST_LINE:
+            raise csv.Error(f"a line has more than {LONGEST_LINE} characters")
+        yield line
+
+
 def _opened(path: Path) -> TextIO:
-    return path.open(encoding="utf-8-sig", errors="replace", newline="")
+    return TextIOWrapper(open_file(path), encoding="utf-8-sig", errors="replace", newline="")

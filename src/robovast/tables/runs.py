@@ -15,6 +15,7 @@ from robovast.results.configurations import read_configurations
 from robovast.results.layout import Layout
 from robovast.results.run_record import read_run_record
 from robovast.results.verdict import read_test_result
+from robovast.safe_paths import read_file
 
 COLUMNS = {
     "config": "VARCHAR",
@@ -93,7 +94,7 @@ def _judged(folder: Path) -> Row:
 def _scenario_config(variant: Path) -> Mapping[str, Any]:
     """Parameters in `_config/scenario.config`, below the name of the scenario."""
     try:
-        data = yaml.safe_load((variant / "_config" / "scenario.config").read_text("utf-8"))
+        data = yaml.safe_load(read_file(variant / "_config" / "scenario.config"))
     except (OSError, ValueError, yaml.YAMLError):
         return {}
     inner = next(iter(data.values()), None) if isinstance(data, dict) else None

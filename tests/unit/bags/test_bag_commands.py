@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from ros_bags import START, Bag, rows
 
-from robovast.bags import commands
+from robovast.bags import commands, files
 from robovast.bags.convert import convert_bag, convert_run
 from robovast.bags.jobs import JOBS, job_of
 from robovast.errors import CannotRunError, StorageError
@@ -108,14 +108,13 @@ def test_all_jobs_share_one_pass_over_a_bag(
     campaign: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     opened: list[str] = []
-    plain_open = Path.open
+    plain_open = files.open_file
 
-    def counting(path: Path, mode: str = "r", *rest: object, **more: object) -> object:
-        if path.suffix == ".mcap":
-            opened.append(path.name)
-        return plain_open(path, mode, *rest, **more)
+    def counting(path: Path) -> object:
+        opened.append(path.name)
+        return plain_open(path)
 
-    monkeypatch.setattr(Path, "open", counting)
+    monkeypatch.setattr(files, "open_file", counting)
     jobs = [
         job_of("rosbags_to_csv", {"topics": ["/text"]}),
         job_of("rosbags_to_csv", {"topics": ["/tf", "/text"]}),

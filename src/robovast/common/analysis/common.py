@@ -16,6 +16,7 @@ import yaml
 from robovast.results.layout import RUN_RECORD, TEST_RESULT
 from robovast.results.run_record import read_run_record
 from robovast.results.verdict import Verdict, read_test_result
+from robovast.safe_paths import open_file, read_file
 
 _SHORTEST_STEP = 1e-6
 """Steps that are not longer have no speed [s]."""
@@ -140,7 +141,7 @@ def _as_category(value: Any) -> Any:
 
 def _read_scenario_parameters(config_dir: Path) -> Mapping[str, Any]:
     path = config_dir / "_config" / "scenario.config"
-    scenarios = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+    scenarios = yaml.safe_load(read_file(path)) or {}
     return next(iter(scenarios.values()), None) or {}
 
 
@@ -172,7 +173,9 @@ def read_output_csv(run_dir: str | Path, filename: str, skiprows: int = 0) -> pd
     Raises:
         FileNotFoundError: the run has no such file.
     """
-    return pd.read_csv(Path(run_dir) / filename, skiprows=skiprows)
+    path = Path(run_dir) / filename
+    open_file(path).close()  # it is one: to read from a pipe would never end
+    return pd.read_csv(path, skiprows=skiprows)
 
 
 def read_output_yaml_list(
@@ -191,7 +194,7 @@ def read_output_yaml_list(
         KeyError: the file has no such key.
         ValueError: what stands there is no list.
     """
-    data = yaml.safe_load((Path(run_dir) / filename).read_text(encoding="utf-8")) or {}
+    data = yaml.safe_load(read_file(Path(run_dir) / filename)) or {}
     items = data[list_key]
     if not isinstance(items, list):
         raise ValueError(f"{filename}: `{list_key}` is no list")

@@ -7,6 +7,8 @@ from typing import Any
 
 import yaml
 
+from robovast.safe_paths import read_file
+
 
 def get_bag_info(bag_path: str | Path) -> dict[str, Any]:
     """What the metadata of a bag's folder says: duration, topics, message counts.
@@ -16,7 +18,7 @@ def get_bag_info(bag_path: str | Path) -> dict[str, Any]:
     """
     path = Path(bag_path) / "metadata.yaml"
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        data = yaml.safe_load(read_file(path))
         return dict(data["rosbag2_bagfile_information"])
     except (OSError, yaml.YAMLError, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{bag_path}: is no bag: {type(error).__name__}: {error}") from error

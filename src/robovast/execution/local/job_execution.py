@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import os
-import shutil
-import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from subprocess import Popen
 from threading import Event
 
+from robovast import safe_paths
 from robovast.execution.job_config import build_config_folder, is_pack, parameter_documents
 from robovast.execution.judge import Ending, judge
 from robovast.execution.local.process_tree import wait
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, store_run
-from robovast.execution.progress import is_over, keep_the_rest
+from robovast.execution.progress import LOG, JobOutput, end_of, keep_the_rest
+from robovast.execution.stopwatch import Stopwatch
 from robovast.plan import Job, Run
 from robovast.results.run_record import RunRecord
 from robovast.results.verdict import read_test_result
@@ -24,6 +25,9 @@ POLL = 0.1
 """How often a job is looked at while it runs [s]; its end is noticed at once."""
 GRACE = 10.0
 """How long a job may take to end by itself when it is told to [s]."""
+
+_CONSOLE = "console.log"
+"""What the runtime itself says, in the job's work folder."""
 
 Started = Callable[[Run], None]
 Finished = Callable[[Run, RunRecord], None]
@@ -42,10 +46,11 @@ class JobExecution:
         self._finished = finished
         self._work = session.layout.running / job.name
         self._spec = session.spec(job, self._work)
+        self._output = JobOutput(self._spec.out, self._spec.job, self._spec.job)
         self._current = 0
         """Index of the run that is being executed."""
-        self._since = 0.0
-        """When it began [s since the epoch]."""
+        self._stopwatch = Stopwatch()
+        """Of that run."""
 
     def execute(self) -> tuple[Run, ...]:
         """Execute the job; returns the runs that it never came to.
@@ -56,14 +61,14 @@ class JobExecution:
         with explained(self._session.layout.root):
             self._prepare()
         self._begin(0)
-        process = self._session.runtime.start(self._spec, self._work / "console.log")
+        process = self._session.runtime.start(self._spec, self._work / _CONSOLE)
         try:
             ending = self._watch(process)
         finally:
             self._session.runtime.clean_up(self._spec)
         if not ending.from_outside:
             self._advance()
-        if self._current == 0 or self._folder(self._job.runs[self._current]).is_dir():
+        if self._current == 0 or self._output.has_begun(self._job.runs[self._current]):
             self._store(ending)
             self._current += 1
         with explained(self._session.layout.root):
@@ -71,7 +76,7 @@ class JobExecution:
         return self._job.runs[self._current :]
 
     def _prepare(self) -> None:
-        shutil.rmtree(self._work, ignore_errors=True)
+        _remove(self._work, self._work.parent)
         common = self._session.layout.running / "common"
         build_config_folder(self._spec.config, common, self._job, self._session.scenario)
         parameters = self._session.layout.transient / f"{self._job.name}.params.yaml"
@@ -85,7 +90,7 @@ class JobExecution:
             self._spec.job / "logs",
         ]
         if not is_pack(self._job):
-            run = self._folder(self._job.runs[0])
+            run = self._spec.out / self._job.runs[0].path
             run.mkdir(parents=True)
             folders += [run, run.parent]
         self._give_to_user(folders)
@@ -117,47 +122,49 @@ class JobExecution:
             if self._stop.is_set():
                 self._session.runtime.stop(self._spec, process, GRACE)
                 return Ending(process.poll(), interrupted=True)
-            if timeout is not None and time.time() - self._since > timeout:
+            if timeout is not None and self._stopwatch.seconds > timeout:
                 self._session.runtime.stop(self._spec, process, GRACE)
                 return Ending(process.poll(), timed_out=True)
         return Ending(process.poll())
 
     def _advance(self) -> None:
         """Store the runs of a pack that are over; the last one is left to the job's end."""
-        while self._current < len(self._job.runs) - 1 and is_over(
-            self._job.runs, self._current, self._spec.out, self._spec.job
-        ):
+        runs = self._job.runs
+        while self._current < len(runs) - 1 and self._output.is_over(runs, self._current):
             self._store(Ending(None))
             self._begin(self._current + 1)
 
     def _begin(self, index: int) -> None:
         self._current = index
-        self._since = time.time()
+        self._stopwatch = Stopwatch()
         self._started(self._job.runs[index])
 
     def _store(self, ending: Ending) -> None:
         run = self._job.runs[self._current]
-        folder = self._folder(run)
-        log = self._spec.job / "logs" / "system.log"
-        if not log.is_file():
-            log = self._work / "console.log"
+        with explained(self._session.layout.root):
+            folder = self._output.take(run, self._work / "stored")
+        log = self._output.log_end() or end_of(self._work / _CONSOLE, self._work)
         timeout = self._session.document.vast.execution.timeout
         result = judge(read_test_result(folder), ending, timeout, log)
-        observed = (self._since, time.time())
+        observed = self._stopwatch.period
         record = store_run(
             self._session, self._job, run, folder, result, observed, ending.exit_code
         )
         self._finished(run, record)
 
-    def _folder(self, run: Run) -> Path:
-        return self._spec.out / run.path
-
     def _keep_the_rest(self) -> None:
         """Keep what the job wrote outside its runs' folders, then remove the work folder."""
-        shutil.rmtree(self._spec.out / "_jobs", ignore_errors=True)
-        (self._spec.out / ".running").unlink(missing_ok=True)
-        keep_the_rest(self._spec.out, self._spec.job)
-        console, log = self._work / "console.log", self._spec.job / "logs" / "system.log"
-        if not log.is_file() and console.is_file():
-            shutil.move(console, log)
-        shutil.rmtree(self._work, ignore_errors=True)
+        out, own = self._spec.out, self._spec.job
+        for name in ("_jobs", ".running"):
+            _remove(out / name, out)
+        keep_the_rest(out, own)
+        console, log = self._work / _CONSOLE, own / LOG
+        if not safe_paths.is_file(log, own) and console.is_file():
+            safe_paths.move(console, self._work, safe_paths.unused(log, own), own)
+        _remove(self._work, self._work.parent)
+
+
+def _remove(path: Path, root: Path) -> None:
+    """Remove something; what another user has made in it may stay."""
+    with suppress(OSError):
+        safe_paths.remove(path, root)

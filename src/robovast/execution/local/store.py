@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import errno
 import os
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
 
+from robovast import safe_paths
 from robovast.atomic import make_folder, put_in_place
 from robovast.errors import StorageError
 from robovast.execution.local.session import Session
 from robovast.execution.record import Circumstances, make_record
 from robovast.plan import Job, Run
-from robovast.results.layout import Layout
+from robovast.results.layout import JOB_LINK, OWN_NAMES, Layout
 from robovast.results.run_record import RunRecord, read_run_record
 from robovast.results.verdict import TestResult
 
@@ -38,7 +38,7 @@ def store_run(
         session: the campaign's execution.
         job: the job that executed the run.
         run: the run.
-        folder: what the run wrote; made when it wrote nothing.
+        folder: what the run wrote, out of its reach; made when it wrote nothing.
         result: its verdict.
         observed: when it was seen to start and to end [s since the epoch].
         exit_code: of its process, None when that goes on with other runs.
@@ -57,9 +57,9 @@ def store_run(
     record = make_record(run, result, observed, exit_code, circumstances)
     with explained(session.layout.root):
         folder.mkdir(parents=True, exist_ok=True)
-        if not os.access(folder, os.W_OK):  # another user's, from the container
-            folder = Path(shutil.copytree(folder, folder.with_name(f"{folder.name}.copy")))
-        _link_job(folder, job)
+        for name in OWN_NAMES:  # a run that wrote one of its own keeps it by another name
+            _set_name_aside(folder / name, folder.parent)
+        (folder / JOB_LINK).symlink_to(Path("..") / ".." / "_jobs" / job.name)
         record.write(folder)
         put_in_place(folder, target, replace=earlier is not None and not earlier.finished)
     return record
@@ -117,7 +117,7 @@ def explained(root: Path) -> Iterator[None]:
         ) from error
 
 
-def _link_job(folder: Path, job: Job) -> None:
-    link = folder / "job"
-    if not link.is_symlink():
-        link.symlink_to(Path("..") / ".." / "_jobs" / job.name)
+def _set_name_aside(path: Path, root: Path) -> None:
+    place = safe_paths.unused(path, root)
+    if place != path:
+        safe_paths.move(path, root, place, root)

@@ -1,0 +1,28 @@
+"""How long something has taken, whatever is done to the clock of the machine meanwhile."""
+
+from __future__ import annotations
+
+import time
+
+
+class Stopwatch:
+    """Runs from when it is made."""
+
+    def __init__(self, began: float | None = None) -> None:
+        """Start it.
+
+        Args:
+            began: when that is, as people read it [s since the epoch]; now when None.
+        """
+        self._began = time.time() if began is None else began
+        self._start = time.monotonic()
+
+    @property
+    def seconds(self) -> float:
+        """How long it has run [s]."""
+        return time.monotonic() - self._start
+
+    @property
+    def period(self) -> tuple[float, float]:
+        """From when to when it has run [s since the epoch]."""
+        return self._began, self._began + self.seconds

@@ -1,0 +1,168 @@
+"""What runs make of their folders leads nowhere: neither here nor in the work volume of a pod."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from agent_pods import Campaign, Pod
+from hostile_runs import KEY, assert_untouched, links, make_host
+from local_campaigns import Recorder, make_campaign, run, verdicts
+from robovast_testbed.s3 import Server
+
+PACK = "  runs_per_job: 3\n  timeout: 60\n"
+ALL_PASSED = dict.fromkeys(("one-1/0", "one-2/0", "one-3/0"), "passed")
+
+Make = Callable[..., Campaign]
+
+one_server = pytest.mark.parametrize("s3_server", ["minio"], indirect=True)
+
+
+@pytest.fixture
+def host(tmp_path: Path) -> Iterator[Path]:
+    folder = make_host(tmp_path / "host")
+    yield folder
+    assert_untouched(folder)
+
+
+@pytest.fixture
+def make(tmp_path: Path, s3_server: Server) -> Iterator[Make]:
+    made: list[Campaign] = []
+
+    def make(script: str, extra: str = PACK) -> Campaign:
+        vast = make_campaign(tmp_path / "source", script, extra)
+        made.append(Campaign(tmp_path / "mounts", vast, s3_server, {}))
+        return made[-1]
+
+    yield make
+    for campaign in made:
+        campaign.close()
+
+
+@pytest.mark.parametrize("extra", ["", PACK])
+def test_links_of_a_run_lead_nowhere(host: Path, tmp_path: Path, extra: str) -> None:
+    summary = run(make_campaign(tmp_path / "in", links(host), extra), tmp_path / "out")
+    assert verdicts(summary) == ALL_PASSED
+    folder = summary.campaign / "one-1" / "0"
+    job = os.readlink(folder / "job").removeprefix("../../_jobs/")
+    assert job.startswith("job-")
+    assert os.readlink(folder / "job.1") == str(host), "what the run made has another name"
+    assert (folder / "map.png").readlink() == host / "id_ed25519", "links are kept as links"
+    assert json.loads((folder / "run.json").read_text())["verdict"] == "passed"
+    assert (folder / "run.json.1" / "file").read_text() == "own\n"
+    rest = summary.campaign / "_jobs" / job / "out.1"
+    assert (rest / "authorized_keys").read_text() == "stolen\n"
+    assert (rest / "deep" / "er" / "file").read_text() == "stolen\n"
+    assert (rest / "deep" / "link").is_symlink()
+
+
+JUDGED = [
+    ("rm {0}/test.xml; mkfifo {0}/test.xml", "is no regular file"),
+    ("rm {0}/test.xml; truncate -s 1T {0}/test.xml", "is larger than"),
+    ("cp {0}/test.xml {0}/o; rm {0}/test.xml; ln -s o {0}/test.xml", "is a link"),
+    ("echo '<html/>' > {0}/test.xml", "no JUnit report"),
+]
+
+
+@pytest.fixture(params=JUDGED, ids=lambda case: case[1])
+def spoiler(request: pytest.FixtureRequest) -> tuple[str, str]:
+    """A step whose run spoils its verdict after it was written; what the reason says then."""
+    command, reason = request.param
+    watched = f"until [ -e $3/test.xml ]; do sleep 0.02; done; {command.format('$3')}"
+    step = f"( set -m; ( {watched} ) >/dev/null 2>&1 & )\n"
+    return step, reason
+
+
+def test_a_spoilt_verdict_is_an_error_and_hangs_nobody(
+    tmp_path: Path, spoiler: tuple[str, str]
+) -> None:
+    step, reason = spoiler
+    document = make_campaign(tmp_path / "in", step, "  post_command: files/wait.sh\n")
+    wait = document.parent / "files" / "wait.sh"
+    wait.write_text("#!/bin/sh\nsleep 0.5\n")
+    wait.chmod(0o755)
+    summary = run(document, tmp_path / "out", select="one-1")
+    (record,) = summary.records
+    assert (str(record.verdict), reason in record.reason) == ("errored", True), record.reason
+
+
+def test_a_pipe_in_place_of_the_list_of_finished_runs_meets_the_timeout(tmp_path: Path) -> None:
+    step = 'mkfifo "$OUTPUT_DIR/finished_runs"\n'
+    began = time.monotonic()
+    summary = run(
+        make_campaign(tmp_path / "in", step, "  runs_per_job: 3\n  timeout: 4\n"), tmp_path / "out"
+    )
+    assert time.monotonic() - began < 60
+    assert set(verdicts(summary).values()) == {"errored"}
+
+
+def test_a_clock_that_jumps_makes_no_run_overdue(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real, ahead = time.time, [0.0]
+    monkeypatch.setattr(time, "time", lambda: real() + ahead[0])
+    document = make_campaign(tmp_path / "in", "sleep 1.5\n", "  timeout: 60\n")
+
+    class Setter(Recorder):
+        def run_started(self, run: object) -> None:
+            ahead[0] = 3600.0
+
+    summary = run(document, tmp_path / "out", Setter(), select="one-1")
+    (record,) = summary.records
+    assert (str(record.verdict), record.duration < 60) == ("passed", True), record.reason
+
+
+IN_POD = """
+case $1 in
+1)
+  ln -s "$host" "$out/one-4"
+  ln -s "$host/authorized_keys" "$out/.job/1.over.x"
+  touch "$out/.job/1.code.x" "$out/.job/1.code.9999"
+  ;;
+3) mv "$out/_jobs" "$out/taken" && ln -s "$host" "$out/_jobs" ;; # where the job's own folder was
+esac
+"""
+
+
+@one_server
+def test_links_in_a_pod_lead_nowhere(make: Make, host: Path) -> None:
+    campaign = make(links(host) + IN_POD)
+    pod = Pod(campaign)
+    pod.run()
+    stored = campaign.verdicts()
+    assert set(stored) == set(ALL_PASSED), pod.log("agent")
+    assert stored["one-1/0"] == "passed"
+    keys = campaign.objects()
+    assert not [key for key in keys if "map.png" in key or "link" in key or "pipe" in key]
+    assert not [key for key in keys if campaign.store.read(campaign.bucket, key) == KEY.encode()]
+    assert campaign.read("one-1/0/out.csv") == "1\n"
+    work = {path.name for path in pod.work.iterdir()}
+    assert "authorized_keys" not in work
+
+
+@one_server
+def test_a_job_that_crashed_leaves_no_trap_for_the_next(make: Make, host: Path) -> None:
+    """The pod goes on with another job, whose folders were made in advance, as links."""
+    step = f"""
+out=$ROBOVAST_OUT_DIR
+if [ "$1" = 1 ]; then
+  mv "$out/_jobs" "$out/taken"; ln -s {host} "$out/_jobs"; ln -s {host} "$out/one-3"
+  kill -9 $PPID
+fi
+"""
+    campaign = make(step)
+    pod = Pod(campaign)
+    assert pod.run() == 11, pod.log("agent")
+    assert campaign.verdicts() == {**ALL_PASSED, "one-1/0": "errored"}
+
+
+@one_server
+def test_a_job_that_removes_its_answers_ends(make: Make) -> None:
+    campaign = make('[ "$1" != 2 ] || { rm -rf "$ROBOVAST_OUT_DIR/.job"; sleep 5; }\n')
+    pod = Pod(campaign)
+    pod.run()
+    assert campaign.verdicts()["one-1/0"] == "passed", pod.log("agent")
