@@ -109,6 +109,12 @@ class Campaign:
         (credentials / "accessKey").write_text(self.server.access_key)
         (credentials / "secretKey").write_text(self.server.secret_key)
 
+    def change(self, **changes: object) -> None:
+        """Mount a changed plan; pods that are there keep what they have read."""
+        self.plan = self.plan.model_copy(update=changes)
+        text = self.plan.model_dump_json(exclude_none=True)
+        (self.root / "plan/campaign.json").write_text(text)
+
     def close(self) -> None:
         """Leave no process and no bucket."""
         for pod in self.pods:

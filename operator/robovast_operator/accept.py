@@ -251,11 +251,17 @@ def config_map_files(config_map: Object, paths: Mapping[str, str]) -> Files:
 
 
 def with_composition(
-    accepted: Accepted, composed: tuple[list[int], str] | str | None
+    accepted: Accepted, composed: tuple[list[int], str] | str | None, reason: str
 ) -> Accepted | Rejected:
-    """A campaign with what its compose Job found out, or what that says is wrong."""
+    """A campaign with what its compose Job found out, or what that says is wrong.
+
+    Args:
+        accepted: the campaign.
+        composed: what the Job said.
+        reason: why it failed, in one word.
+    """
     if not isinstance(composed, tuple):
-        return Rejected("InvalidDocument", composed or "the compose Job left no word; see its log")
+        return Rejected(reason, composed or "the compose Job left no word; see its log")
     counts, cuts = composed
     names = [entry.name for entry in accepted.vast.configuration or [DEFAULT_ENTRY]]
     entries = tuple(

@@ -52,9 +52,9 @@ def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Objec
         "podFailurePolicy": {
             "rules": [
                 _on_exit("FailJob", "compat-version", [78]),
-                _on_exit("FailJob", "fetch", [64, 65, 73]),
+                _on_exit("FailJob", "fetch", [64, 65, 73, 77]),
                 _on_exit("FailJob", "agent", [73]),
-                _on_exit("FailIndex", "agent", [10, 11]),
+                _on_exit("FailIndex", "agent", [10, 11, 77]),
                 _on_exit("Ignore", "fetch", [74]),  # storage that is away costs time, no tries
                 _on_exit("Ignore", "agent", [74]),
                 {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]},
@@ -77,7 +77,7 @@ def task_job(accepted: Accepted, settings: Settings, command: str, name: str, pl
         "podReplacementPolicy": "Failed",
         "podFailurePolicy": {
             "rules": [
-                _on_exit("FailJob", command, [64, 65, 73]),
+                _on_exit("FailJob", command, [64, 65, 73, 77]),
                 _on_exit("Ignore", command, [74]),
                 {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]},
             ]

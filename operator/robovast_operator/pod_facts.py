@@ -29,6 +29,7 @@ _EXITS = {
     65: "InvalidDocument",
     73: "OtherOwner",
     74: "Storage",
+    77: "StorageRefuses",
     78: "Incompatible",
 }
 """Exit codes of our containers (docs/agent.md) that are no verdict."""
@@ -80,7 +81,7 @@ def trouble_of(pods: Iterable[Object]) -> Trouble | None:
 def most_telling(troubles: Iterable[Trouble]) -> Trouble | None:
     """Of several causes the one that explains the others."""
     ranked = (
-        *("Incompatible", "InvalidDocument", "InvalidPlan", "OtherOwner"),
+        *("Incompatible", "InvalidDocument", "InvalidPlan", "OtherOwner", "StorageRefuses"),
         *("ImagePull", "Configuration"),
         *("Container", "OutOfMemory", "Storage", "Evicted", "Rejected", "NodeLost", "Silent"),
     )
@@ -126,7 +127,8 @@ def _ending(container: Object, ended: Object) -> Trouble | None:
         return None
     if code in _EXITS:
         reason = _EXITS[code]
-        return Trouble(reason, told or f"{name}: exit {code}", final=reason in _FINAL)
+        final = reason in _FINAL and (name, reason) != ("agent", "StorageRefuses")
+        return Trouble(reason, told or f"{name}: exit {code}", final=final)
     if ended.get("reason") == "OOMKilled":
         return Trouble("OutOfMemory", f"the container {name} needs more memory than its limit")
     if code in _ORDINARY:
@@ -139,7 +141,9 @@ def _ending(container: Object, ended: Object) -> Trouble | None:
     return Trouble("Container", f"the container {name} fails ({said})")
 
 
-_FINAL = frozenset({"Incompatible", "InvalidDocument", "InvalidPlan", "OtherOwner"})
+_FINAL = frozenset(
+    {"Incompatible", "InvalidDocument", "InvalidPlan", "OtherOwner", "StorageRefuses"}
+)
 
 
 def _error(message: str) -> str:

@@ -78,7 +78,7 @@ def run_pod(
         _run_container(accepted, settings, "robovast", [], execution.resources),
         _agent(settings, mine),
     ]
-    spec["volumes"] = [{"name": "work", "emptyDir": {}}, *spec["volumes"]]
+    spec["volumes"] = [_work(settings), *spec["volumes"]]
     if execution.timeout is not None:
         longest = (execution.timeout + GRACE_SECONDS) * execution.runs_per_job
         spec["activeDeadlineSeconds"] = longest + DEADLINE_MARGIN
@@ -243,6 +243,12 @@ def _run_container(
             {"name": "work", "mountPath": "/out", "subPath": "out"},
         ],
     }
+
+
+def _work(settings: Settings) -> Object:
+    """The volume of a run's pod; what outgrows it ends its own pod, not those beside it."""
+    limit = {"sizeLimit": settings.work_limit} if settings.work_limit else {}
+    return {"name": "work", "emptyDir": limit}
 
 
 def _own(settings: Settings, name: str, arguments: list[str], mounts: list[Object]) -> Object:

@@ -34,6 +34,7 @@ from robovast_operator.memory import Memory
 from robovast_operator.metrics import Metrics
 from robovast_operator.notifier import Notifier
 from robovast_operator.picture import Observed, Trouble
+from robovast_operator.pod_facts import trouble_of
 from robovast_operator.purge import Purge
 from robovast_operator.queues import Queues
 from robovast_operator.reports import composed_of
@@ -210,7 +211,9 @@ class Reconciler:
         job = jobs.get(name)
         if job is not None and job.finished:
             pods = [pod async for pod in self._diagnosis.pods_of(job)]
-            return with_composition(accepted, composed_of(pods))
+            found = trouble_of(pods)
+            reason = found.reason if found is not None and found.final else "InvalidDocument"
+            return with_composition(accepted, composed_of(pods), reason)
         if job is None:
             plan = identity.child("plan-compose")
             await self._inputs.prepare_composing(accepted, plan)

@@ -25,6 +25,8 @@ class Settings:
     """Secrets that Campaigns may name beside those with the prefix."""
     restricted_runs: bool = True
     """Whether run containers may not gain privileges."""
+    work_limit: str = ""
+    """Most that a pod may hold on its disk, as Kubernetes writes amounts; unlimited when empty."""
     lease_namespace: str = "default"
     """Where the Lease is that makes one of several replicas the leader."""
     identity: str = "operator"
@@ -78,6 +80,7 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         namespaces=names("ROBOVAST_NAMESPACES"),
         secret_names=names("ROBOVAST_SECRET_NAMES"),
         restricted_runs=environment.get("ROBOVAST_RESTRICTED_RUNS", "true") != "false",
+        work_limit=environment.get("ROBOVAST_WORK_LIMIT", ""),
         lease_namespace=environment.get("POD_NAMESPACE", "default"),
         identity=environment.get("POD_NAME", f"operator-{os.getpid()}"),
         port=int(number("ROBOVAST_PORT", 8080)),

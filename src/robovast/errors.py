@@ -67,6 +67,10 @@ class StorageError(RobovastError):
     exit_code = ExitCode.STORAGE
 
 
+class RefusedError(StorageError):
+    """A server refuses for good: the same request can never succeed."""
+
+
 @dataclass(frozen=True, order=True)
 class Place:
     """A place in a file; line and column count from 1, 0 means the whole file."""

@@ -14,8 +14,10 @@ import yaml
 from agent_pods import Campaign, Pod
 from local_campaigns import DOCUMENT, make_campaign, run
 from patience import eventually
+from refusing_s3 import refusing
 from robovast_testbed.s3 import Server
 
+from robovast.agent.claims import MOST_STARTS
 from robovast.cluster.repetition import list_key, list_name
 
 PASS = 'echo "$1,$2" > "$3/out.csv"\n'
@@ -282,7 +284,7 @@ def test_refused_storage_is_told(make: Make) -> None:
     campaign = make(PASS)
     (campaign.root / "credentials/secretKey").write_text("wrong")
     pod = Pod(campaign)
-    assert pod.fetch() == 74
+    assert pod.fetch() == 77
     told = pod.message_file.read_text()
     assert campaign.plan.endpoint in told
     assert "Check the secret key" in told
@@ -295,10 +297,85 @@ def test_an_agent_that_is_refused_says_so_beside_its_verdicts(make: Make) -> Non
     assert pod.fetch() == 0
     (campaign.root / "credentials/secretKey").write_text("wrong")
     container, agent = pod.start_run(), pod.command("agent")
-    assert (agent.wait(30), container.wait(30)) == (74, 0)
+    assert (agent.wait(30), container.wait(30)) == (77, 0)
     told = pod.message()
     assert (told["passed"], told["failed"], told["errored"]) == ("", "", "")
     assert campaign.plan.endpoint in told["error"]
+
+
+WRITES = {
+    "no right to make buckets": lambda path: path.count("/") == 1,
+    "a key that may read only": lambda path: path.count("/") > 1,
+    "a quota that is used up": lambda path: "_transient/job-" in path,
+}
+
+
+@one_server
+@pytest.mark.parametrize(
+    ("why", "answer", "code"),
+    [
+        ("no right to make buckets", (403, "AccessDenied"), 77),
+        ("a key that may read only", (403, "AccessDenied"), 77),
+        ("a quota that is used up", (400, "XMinioAdminBucketQuotaExceeded"), 77),
+        ("a quota that is used up", (507, "XMinioStorageFull"), 74),
+    ],
+)
+def test_storage_that_takes_nothing_is_noticed_before_anything_is_executed(
+    make: Make, s3_server: Server, why: str, answer: tuple[int, str], code: int
+) -> None:
+    campaign = make(PASS)
+    bucket = f"/{campaign.bucket}"
+
+    def refuses(method: str, path: str) -> tuple[int, str] | None:
+        wrong = method == "PUT" and path.startswith(bucket) and WRITES[why](path.rstrip("/"))
+        return answer if wrong else None
+
+    with refusing(s3_server.endpoint, refuses) as endpoint:
+        campaign.change(endpoint=f"http://{endpoint}")
+        pod = Pod(campaign)
+        assert pod.fetch() == code, pod.log("fetch")
+    assert answer[1] in pod.message_file.read_text()
+    order = pod.work / "config/order"
+    assert not order.exists() or not order.read_text().strip(), "nothing was ordered"
+
+
+@one_server
+def test_a_name_that_is_too_long_for_the_server_ends_the_tries(
+    make: Make, s3_server: Server
+) -> None:
+    campaign = make('touch "$3/long"\n')
+
+    def refuses(method: str, path: str) -> tuple[int, str] | None:
+        long = method == "PUT" and path.endswith("/long")
+        return (400, "KeyTooLongError") if long else None
+
+    with refusing(s3_server.endpoint, refuses) as endpoint:
+        campaign.change(endpoint=f"http://{endpoint}")
+        pod = Pod(campaign)
+        assert pod.run() == 77, pod.log("agent")
+    assert "1,024 bytes" in pod.message()["error"]
+
+
+@one_server
+def test_a_run_that_no_pod_gets_beyond_is_given_up(make: Make) -> None:
+    """As one that fills the disk of its node, and is evicted there."""
+    campaign = make(PASS, PACK)
+    assert Pod(campaign).fetch() == 0
+    begun = campaign.read("_transient/job-0.params.yaml").encode()
+    assert b"attempt 1, runs 0-2" in begun
+    for number in range(2, MOST_STARTS):
+        campaign.store.put_bytes(campaign.bucket, f"_transient/job-0-{number}.params.yaml", begun)
+    assert Pod(campaign).fetch() == 0, "the last one that may"
+    assert campaign.verdicts() == {}
+    pod = Pod(campaign)
+    assert pod.run() == 11, pod.log("agent")
+    assert pod.message() == {"passed": "1-2", "failed": "", "errored": "0", "counts": [2, 0, 1]}
+    assert "was begun 20 times" in campaign.record("one-1/0")["reason"]
+    assert campaign.record("one-2/0")["job"] == f"job-0-{MOST_STARTS + 1}"
+    name = list_name("0")
+    campaign.store.put_bytes(campaign.bucket, list_key(name), b"0")
+    again = Pod(campaign)
+    assert again.run(0, "--attempt", 2, "--repeat", name) == 0, "a repetition may begin anew"
 
 
 @one_server

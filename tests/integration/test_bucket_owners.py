@@ -41,9 +41,7 @@ def campaigns(tmp_path: Path, s3_server: Server) -> Iterator[list[Campaign]]:
 
 def of_other(campaign: Campaign, other: Campaign) -> Campaign:
     """A campaign that was given the bucket of another one."""
-    campaign.plan = campaign.plan.model_copy(update={"bucket": other.bucket})
-    plan = campaign.root / "plan/campaign.json"
-    plan.write_text(campaign.plan.model_dump_json(exclude_none=True))
+    campaign.change(bucket=other.bucket)
     return campaign
 
 
@@ -92,8 +90,7 @@ def test_deleting_a_campaign_keeps_the_bucket_of_another(campaigns: list[Campaig
     assert pod.task("purge") == 0, "nothing is left to be removed"
     assert "nothing is removed" in pod.log("purge")
     assert campaigns[0].verdicts() == {"one-1/0": "passed"}
-    other.plan = other.plan.model_copy(update={"owner": None})
-    (other.root / "plan/campaign.json").write_text(other.plan.model_dump_json(exclude_none=True))
+    other.change(owner=None)
     assert Pod(other).task("purge") == 0
     assert Pod(other).fetch() == 73
     assert campaigns[0].verdicts() == {"one-1/0": "passed"}
@@ -104,8 +101,7 @@ def test_a_campaign_of_an_older_version_goes_on_and_comes_home(
 ) -> None:
     older = campaigns[0]
     older.bucket = bucket_name(f"{NAME}-{uuid4().hex[:6]}")
-    older.plan = older.plan.model_copy(update={"bucket": older.bucket, "owner": None})
-    (older.root / "plan/campaign.json").write_text(older.plan.model_dump_json(exclude_none=True))
+    older.change(bucket=older.bucket, owner=None)
     assert Pod(older).run() == 0
     assert owner_of(older.store, older.bucket) is None
     home = folder_for(tmp_path / "results", NAME, None)

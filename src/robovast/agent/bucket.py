@@ -71,16 +71,20 @@ class Bucket:
         names = ((number, parameters_key(job_name(pack, number))) for number in count(1))
         return next(n for n, key in names if self.store.digest(self.name, key) is None)
 
-    def claim_job(self, pack: int, first: int, content: bytes) -> str:
-        """Name of a job that from now on is the caller's alone.
+    def claim_job(self, pack: int, first: int, content: bytes) -> int:
+        """Number of a job that from now on is the caller's alone.
 
         Args:
             pack: of the job.
             first: the number to try first.
             content: the job's parameter documents, different for every caller.
         """
-        names = (job_name(pack, number) for number in count(first))
-        return next(n for n in names if self.store.create(self.name, parameters_key(n), content))
+        keys = ((number, parameters_key(job_name(pack, number))) for number in count(first))
+        return next(n for n, key in keys if self.store.create(self.name, key, content))
+
+    def claim_of(self, pack: int, number: int) -> bytes:
+        """What was claimed as a job; empty when nothing was."""
+        return self.store.read(self.name, parameters_key(job_name(pack, number))) or b""
 
 
 def parameters_key(job: str) -> str:

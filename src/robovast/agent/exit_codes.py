@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from enum import IntEnum
 
 from robovast.cluster.ownership import OtherOwnerError
-from robovast.errors import CannotRunError, InputError, RobovastError
+from robovast.errors import CannotRunError, InputError, RefusedError, RobovastError
 from robovast.results.verdict import Verdict
 
 
@@ -29,6 +29,8 @@ class AgentExit(IntEnum):
     """Storage, or the pod's own disk, gave up: try again."""
     RUNS_LEFT = 75
     """Some runs were not executed to their end: try again."""
+    REFUSED = 77
+    """The S3 server refuses for good: trying again is useless."""
 
 
 class PlanError(RobovastError):
@@ -41,7 +43,9 @@ def exit_code_of_error(error: Exception) -> AgentExit:
         return AgentExit.BAD_PLAN
     if isinstance(error, InputError | CannotRunError):
         return AgentExit.BAD_DOCUMENT
-    return AgentExit.OTHER_OWNER if isinstance(error, OtherOwnerError) else AgentExit.STORAGE
+    if isinstance(error, OtherOwnerError):
+        return AgentExit.OTHER_OWNER
+    return AgentExit.REFUSED if isinstance(error, RefusedError) else AgentExit.STORAGE
 
 
 def exit_code_of(verdicts: Iterable[Verdict]) -> AgentExit:

@@ -14,11 +14,13 @@ from robovast.agent.campaign import (
     open_campaign,
     open_composed,
 )
+from robovast.agent.claims import claim_job, hopeless
 from robovast.agent.exit_codes import AgentExit, PlanError
 from robovast.agent.folders import Folders
 from robovast.agent.job_files import prepare_output, write_environment
 from robovast.agent.orders import RunContainer
 from robovast.agent.pack import Pack
+from robovast.agent.results import Results
 from robovast.cluster.ranges import Span
 from robovast.cluster.repetition import list_key, parse_list, retry_groups
 from robovast.common.scenario import read_scenario
@@ -62,7 +64,7 @@ def fetch(folders: Folders, request: Request) -> AgentExit:
     number, ids = _chosen(campaign, request)
     document, variants = _variants(campaign)
     runs = [_run(campaign, variants, id_) for id_ in ids]
-    pack = _pack(campaign, document, request, number, runs)
+    pack = _claimed(campaign, _pack(campaign, document, request, number, runs))
     job = pack.first
     if job is not None:
         pack = dataclasses.replace(pack, environment=_environment(campaign, document, job))
@@ -148,6 +150,24 @@ def _pack(
         secondaries=tuple(container.name for container in execution.secondary_containers),
         environment={},
     )
+
+
+def _claimed(campaign: Campaign, pack: Pack) -> Pack:
+    """A pack whose first job is this pod's alone, without a run that it does not get beyond.
+
+    This writes into the bucket: a server that refuses is noticed before anything is executed.
+    """
+    stuck = hopeless(campaign.bucket, pack)
+    if stuck is not None:
+        folder = campaign.folders.scratch / "nothing"
+        folder.mkdir(parents=True, exist_ok=True)
+        verdict = Results(campaign.bucket, pack).store_run(
+            dataclasses.replace(stuck, folder=folder)
+        )
+        pack = dataclasses.replace(pack, done={**pack.done, stuck.run.id: verdict})
+    if pack.first is None:
+        return pack
+    return dataclasses.replace(pack, first_job=claim_job(campaign.bucket, pack, pack.first))
 
 
 def _without_files(run: Run) -> Run:

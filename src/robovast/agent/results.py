@@ -8,14 +8,13 @@ import socket
 import time
 from io import BytesIO
 from pathlib import Path
-from uuid import uuid4
 
 from robovast.agent.bucket import Bucket
+from robovast.agent.claims import claim_job
 from robovast.agent.pack import Pack, PodJob
 from robovast.agent.trees import open_files, store_tree
 from robovast.agent.watch import EndedRun
 from robovast.cluster.storage import PART
-from robovast.execution.job_config import parameter_documents
 from robovast.execution.record import Circumstances, make_record
 from robovast.results.layout import RUN_RECORD
 from robovast.results.verdict import Verdict
@@ -39,7 +38,6 @@ class Results:
     def __init__(self, bucket: Bucket, pack: Pack) -> None:
         self._bucket = bucket
         self._pack = pack
-        self._writer = f"{socket.gethostname()} {uuid4().hex}"
         self._host = os.environ.get("NODE_NAME") or socket.gethostname()
         self._names: dict[int, str] = {}
         self._next_snapshot = 0.0
@@ -109,11 +107,10 @@ class Results:
         self._next_snapshot = time.monotonic() + SNAPSHOT_INTERVAL
 
     def _name(self, job: PodJob) -> str:
-        """Name of a job in the bucket, claimed when the first of it is stored."""
+        """Name of a job in the bucket: `fetch` has claimed the pod's first one."""
+        if job.index == 1:
+            return job.name
         if job.index not in self._names:
-            self._bucket.claim()
-            documents = parameter_documents(job, self._pack.scenario)
-            content = f"# executed by {self._writer}\n{documents}".encode()
-            first = self._pack.first_job + job.index - 1
-            self._names[job.index] = self._bucket.claim_job(self._pack.number, first, content)
+            number = claim_job(self._bucket, self._pack, job)
+            self._names[job.index] = self._pack.job_name(number)
         return self._names[job.index]

@@ -9,7 +9,7 @@ from typing import TypeVar
 from minio.error import InvalidResponseError, MinioException, S3Error, ServerError
 from urllib3.exceptions import HTTPError, MaxRetryError, SSLError
 
-from robovast.errors import StorageError
+from robovast.errors import RefusedError, StorageError
 from robovast.pauses import BUSY, Pauses
 
 T = TypeVar("T")
@@ -66,6 +66,19 @@ def passes(error: Exception) -> bool:
     return isinstance(error, HTTPError) and not isinstance(error, SSLError)
 
 
+def is_refusal(error: S3Error) -> bool:
+    """True when a server says no to who asks, or to what is asked, whenever that is.
+
+    What is not there, is there already, or has changed meanwhile may be otherwise the next time.
+    """
+    status = error.response.status
+    return status in range(400, 500) and status not in _CHANGING and not passes(error)
+
+
+_CHANGING = frozenset({404, 408, 409, 412, 416})
+"""HTTP statuses that are about the state of things."""
+
+
 @contextmanager
 def explained(attempt: str) -> Iterator[None]:
     """Turn a fault into an error that says what to do.
@@ -74,6 +87,7 @@ def explained(attempt: str) -> Iterator[None]:
         attempt: the server, and what cannot be done.
 
     Raises:
+        RefusedError: the server refuses, and will do so again.
         StorageError: in place of what `minio` and urllib3 raise.
     """
     try:
@@ -81,7 +95,8 @@ def explained(attempt: str) -> Iterator[None]:
     except S3Error as error:
         cause = f"{(error.message or 'no reason given').rstrip('.')} ({error.code})"
         remedy = _REMEDIES.get(error.code or "", "The server's own log may tell more.")
-        raise StorageError(f"{attempt}: {cause}. {remedy}") from error
+        kind = RefusedError if is_refusal(error) else StorageError
+        raise kind(f"{attempt}: {cause}. {remedy}") from error
     except (MinioException, HTTPError) as error:
         reason = getattr(error, "reason", None) or error
         raise StorageError(
@@ -93,8 +108,10 @@ def explained(attempt: str) -> Iterator[None]:
 _REMEDIES = {
     "AccessDenied": "The account's policy must allow it.",
     "InvalidAccessKeyId": "Check the access key.",
+    "KeyTooLongError": "S3 takes names of 1,024 bytes, folders included.",
     "SignatureDoesNotMatch": "Check the secret key.",
     "NoSuchBucket": "Is it the right server, or was the bucket removed?",
     "PreconditionFailed": "It has changed meanwhile; try again.",
+    "XMinioAdminBucketQuotaExceeded": "Raise the bucket's quota.",
     "XMinioStorageFull": "Make room on the server; what is stored stays.",
 }

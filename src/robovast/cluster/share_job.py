@@ -115,7 +115,7 @@ def share_job(upload: Upload, secret: str) -> Object:
                         "onExitCodes": {
                             "containerName": ROLE,
                             "operator": "In",
-                            "values": [64, 65, 73],
+                            "values": [64, 65, 73, 77],
                         },
                     },
                     {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]},

@@ -88,9 +88,9 @@ def test_exit_codes_decide_what_is_tried_again() -> None:
     }
     assert told == {
         ("FailJob", "compat-version"): [78],
-        ("FailJob", "fetch"): [64, 65, 73],
+        ("FailJob", "fetch"): [64, 65, 73, 77],
         ("FailJob", "agent"): [73],
-        ("FailIndex", "agent"): [10, 11],
+        ("FailIndex", "agent"): [10, 11, 77],
         ("Ignore", "fetch"): [74],
         ("Ignore", "agent"): [74],
     }
@@ -195,6 +195,15 @@ def test_a_plugin_is_never_executed_here() -> None:
     made = accept(obj, files, SETTINGS)
     assert isinstance(made, Accepted)
     assert (made.pure, made.entries) == (False, ())
+
+
+def test_the_disk_of_a_runs_pod_is_limited() -> None:
+    settings = replace(SETTINGS, work_limit="20Gi")
+    revision = next_revision(accepted(), (), (), "plan-0")
+    assert revision is not None
+    (shard, *_) = first_attempts(accepted().identity, [revision])
+    pod = shard_job(accepted(), settings, shard)["spec"]["template"]["spec"]
+    assert {"name": "work", "emptyDir": {"sizeLimit": "20Gi"}} in pod["volumes"]
 
 
 def test_an_account_on_a_git_server_is_mounted_where_the_checkout_is_made() -> None:

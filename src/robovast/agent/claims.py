@@ -1,0 +1,66 @@
+"""Jobs as the bucket has them: who executes what; and runs that were begun in vain too often.
+
+A job is claimed before it is executed, so that the bucket counts the pods that began with the same
+runs, whatever became of them, of the operator and of the cluster's own records.
+"""
+
+from __future__ import annotations
+
+import socket
+import time
+from dataclasses import replace
+from pathlib import Path
+from uuid import uuid4
+
+from robovast.agent.bucket import Bucket
+from robovast.agent.pack import Pack, PodJob
+from robovast.agent.watch import EndedRun
+from robovast.cluster.ranges import format_ranges, spans
+from robovast.execution.job_config import parameter_documents
+from robovast.results.verdict import TestResult, Verdict
+
+MOST_STARTS = 20
+"""Pods that may begin with a run, and end without having stored it."""
+
+
+def claim_job(bucket: Bucket, pack: Pack, job: PodJob) -> int:
+    """Number of a job that from now on is this pod's alone.
+
+    Raises:
+        StorageError: the bucket cannot be written.
+    """
+    who = f"{socket.gethostname()} {uuid4().hex}"
+    documents = parameter_documents(job, pack.scenario)
+    content = f"# {_task(pack, job)}, executed by {who}\n{documents}".encode()
+    return bucket.claim_job(pack.number, pack.first_job + job.index - 1, content)
+
+
+def hopeless(bucket: Bucket, pack: Pack) -> EndedRun | None:
+    """The run that a pack does not get beyond; None while its pods may go on.
+
+    Runs that are stored are left to no later job, so that all jobs between two that were for the
+    same runs were for them, too.
+
+    Raises:
+        StorageError: the bucket cannot be read.
+    """
+    job = pack.first
+    early = pack.first_job - MOST_STARTS
+    if job is None or early < 1:
+        return None
+    mark, _, _ = bucket.claim_of(pack.number, early).partition(b"\n")
+    if f"# {_task(pack, job)}," not in mark.decode("utf-8", "replace"):
+        return None
+    reason = (
+        f"its pod was begun {MOST_STARTS} times and ended each time without having stored it: "
+        "evicted (did it fill the disk?), killed with its node, or its results were too much for "
+        "the storage. It is not tried again."
+    )
+    now = time.time()
+    last = replace(job, runs=job.runs[:1], own_name=pack.job_name(pack.first_job - 1))
+    result = TestResult(Verdict.ERRORED, reason)
+    return EndedRun(last, job.runs[0], Path(), result, (now, now), None)
+
+
+def _task(pack: Pack, job: PodJob) -> str:
+    return f"attempt {pack.attempt}, runs {format_ranges(spans(run.id for run in job.runs))}"
