@@ -14,12 +14,17 @@ from robovast_cli.workspace import shown
 _log = logging.getLogger(__name__)
 
 
-def describe_campaigns(results: Path) -> ExitCode:
-    """Write metadata and graph of every campaign in a folder; a fault in one stops no other."""
+def describe_campaigns(results: Path, *, own_plugins: bool = True) -> ExitCode:
+    """Write metadata and graph of every campaign in a folder; a fault in one stops no other.
+
+    Args:
+        results: the folder.
+        own_plugins: whether plugins in the campaigns' own files are executed.
+    """
     code = ExitCode.OK
     for campaign in find_campaigns(results):
         try:
-            describe(campaign)
+            describe(campaign, own_plugins=own_plugins)
         except RobovastError as error:
             _log.error("%s", error)
             code = error.exit_code

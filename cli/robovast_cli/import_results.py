@@ -36,9 +36,12 @@ def import_results(
 
     It appears complete or not at all, and nothing is written outside of its folder.
     """
+    from robovast.results.executables import warn_of_executables
     from robovast.results.importing import import_archive
     from robovast_cli.output import say
     from robovast_cli.workspace import shown
 
     campaign = import_archive(archive, output or ctx.obj.results, force=force)
     say(f"Imported {shown(campaign)}.")
+    if warning := warn_of_executables(campaign):
+        say(warning)

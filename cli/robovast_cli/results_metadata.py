@@ -1,5 +1,7 @@
 """`vast results metadata`: metadata.yaml and the provenance graph of campaigns."""
 
+from typing import Annotated
+
 import typer
 
 from robovast.errors import ExitCode
@@ -13,6 +15,13 @@ app = new_app("Write metadata.yaml and the provenance graph of campaigns.")
 def metadata(
     ctx: typer.Context,
     results_dir: ResultsDir = None,
+    no_plugins: Annotated[
+        bool,
+        typer.Option(
+            "--no-plugins",
+            help="Execute no plugins in the campaigns' own files.",
+        ),
+    ] = False,
 ) -> ExitCode:
     """Write metadata.yaml and metadata.prov.json (PROV-O) of campaigns.
 
@@ -21,4 +30,4 @@ def metadata(
     """
     from robovast_cli.descriptions import describe_campaigns
 
-    return describe_campaigns(results_dir or ctx.obj.results)
+    return describe_campaigns(results_dir or ctx.obj.results, own_plugins=not no_plugins)

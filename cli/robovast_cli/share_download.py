@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from robovast.errors import InputError
+from robovast.results.executables import warn_of_executables
 from robovast.results.share import NotOnShareError, download_from_share, open_share
 from robovast_cli.output import say
 from robovast_cli.workspace import shown
@@ -31,6 +32,8 @@ def download_shared(names: Sequence[str], output: Path, *, force: bool, keep_arc
             raise InputError(f"{error} `--from cluster` looks in the cluster's storage.") from error
     for folder in fetched:
         say(f"{shown(folder)}: fetched from the share.")
+        if warning := warn_of_executables(folder):
+            say(warning)
     for folder in present:
         say(f"{shown(folder)}: is here; `--force` fetches it again.")
     if not fetched and not present:

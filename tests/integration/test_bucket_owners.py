@@ -140,6 +140,22 @@ def test_campaigns_of_one_name_come_home_into_folders_of_their_own(
     assert found >= {c.plan.owner.uid for c in campaigns if c.plan.owner is not None}
 
 
+def test_the_page_forgets_a_campaign_whose_bucket_is_gone_and_nothing_else(
+    campaigns: list[Campaign], tmp_path: Path
+) -> None:
+    for campaign in campaigns[:2]:
+        Pod(campaign).run()
+    store, page = campaigns[0].store, tmp_path / "page"
+    (page / "mine-2026-03-05-121530" / "_config").mkdir(parents=True)
+    mirror(store, page)
+    there = {path.name for path in page.iterdir()}
+    gone = folder_for(page, NAME, campaigns[0].plan.owner).name
+    assert gone in there
+    store.delete_bucket(campaigns[0].bucket)
+    mirror(store, page)
+    assert {path.name for path in page.iterdir()} == there - {gone}
+
+
 def test_a_local_campaign_of_that_name_is_not_mixed_with_one_of_a_cluster(
     campaigns: list[Campaign], tmp_path: Path
 ) -> None:

@@ -8,8 +8,10 @@ from __future__ import annotations
 import argparse
 import logging
 import time
+from collections.abc import Collection
 from pathlib import Path
 
+from robovast.atomic import discard, sweep
 from robovast.cluster.endpoint import Credentials, Endpoint
 from robovast.cluster.ownership import owner_of
 from robovast.cluster.storage import ObjectStore
@@ -18,11 +20,14 @@ from robovast.errors import StorageError
 from robovast.results.belonging import folder_for
 from robovast.results.download import Silent, download_campaign
 
+ORIGIN = ".bucket"
+"""File in a campaign's folder here that names its bucket."""
+
 LOGGER = logging.getLogger(__name__)
 
 
 def mirror(store: ObjectStore, results: Path) -> list[str]:
-    """Bring what is new of every campaign into a results folder.
+    """Bring what is new of every campaign into a results folder; remove those that are gone.
 
     Args:
         store: the S3 server.
@@ -36,16 +41,30 @@ def mirror(store: ObjectStore, results: Path) -> list[str]:
         StorageError: the server does not answer.
     """
     failed = []
-    for bucket in store.buckets():
+    buckets = store.buckets()
+    for bucket in buckets:
         try:
             owner = owner_of(store, bucket)
             if owner is not None or is_campaign_dir(bucket):
                 name = owner.campaign if owner is not None else bucket
-                download_campaign(store, bucket, folder_for(results, name, owner), Silent())
+                folder = folder_for(results, name, owner)
+                download_campaign(store, bucket, folder, Silent())
+                (folder / ORIGIN).write_text(bucket, encoding="utf-8")
         except StorageError as error:
             LOGGER.warning("%s: %s", bucket, error)
             failed.append(bucket)
+    _remove_purged(store, results, set(buckets))
     return failed
+
+
+def _remove_purged(store: ObjectStore, results: Path, buckets: Collection[str]) -> None:
+    """Remove campaigns whose bucket is gone; never what did not come from a bucket."""
+    sweep(results)
+    for origin in results.glob(f"*/{ORIGIN}"):
+        bucket = origin.read_text(encoding="utf-8")
+        if bucket not in buckets and not store.has_bucket(bucket):
+            LOGGER.info("%s: its bucket %s is gone", origin.parent.name, bucket)
+            discard(origin.parent)
 
 
 def main() -> None:

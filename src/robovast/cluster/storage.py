@@ -91,6 +91,11 @@ class ObjectStore:
         with self._explained("list buckets"):
             return sorted(bucket.name for bucket in self._persist(self._client.list_buckets))
 
+    def has_bucket(self, bucket: str) -> bool:
+        """Whether there is such a bucket."""
+        with self._explained(f"look for the bucket {bucket}"):
+            return self._has_bucket(bucket)
+
     def make_bucket(self, bucket: str) -> None:
         """Make a bucket; nothing happens when it is there."""
         with self._explained(f"make the bucket {bucket}"):

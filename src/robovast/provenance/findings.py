@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from robovast.errors import InputError
+from robovast.plugins import split_file_reference
 
 _MOST_NAMED = 3
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
@@ -16,15 +17,27 @@ ResultT = TypeVar("ResultT")
 
 
 class Findings:
-    """Collects what is missing (stated, never fatal) and the faults of plugins."""
+    """Collects what is missing (stated, never fatal) and the faults of plugins.
 
-    def __init__(self) -> None:
+    Args:
+        own_plugins: whether plugins in the campaign's own files are executed.
+    """
+
+    def __init__(self, *, own_plugins: bool = True) -> None:
+        self._own_plugins = own_plugins
         self._missing: dict[str, list[str]] = {}
         self._faults: dict[str, list[str]] = {}
 
     def missing(self, what: str, where: str) -> None:
         """Note that something is not there, as `no test.xml` in `hall-1/0`."""
         self._missing.setdefault(what, []).append(where)
+
+    def leaves_out(self, plugin: str) -> bool:
+        """Whether a plugin shall not be executed; then it is noted as missing."""
+        if self._own_plugins or split_file_reference(plugin) is None:
+            return False
+        self.missing("plugins of the campaign that were not executed, nothing added", plugin)
+        return True
 
     def fault(self, what: str, where: str = "") -> None:
         """Note that a plugin did wrong."""

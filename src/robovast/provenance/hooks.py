@@ -90,6 +90,8 @@ class VariationHooks:
         return f"{name}.{method}", function
 
     def _load_once(self, name: str) -> type[Variation] | None:
+        if self._findings.leaves_out(name):
+            return None
         if split_file_reference(name) is None and name not in plugins_of(GROUP):
             self._findings.missing("variation types that are not installed, nothing added", name)
             return None
@@ -135,6 +137,8 @@ def process(
 ) -> dict[str, Any]:
     """Metadata after all processors; one that does wrong changes nothing."""
     for call in calls:
+        if findings.leaves_out(call.name):
+            continue
         result = findings.call(call.name, "", _process_once, metadata, call, root)
         metadata = metadata if result is None else result
     return metadata

@@ -41,14 +41,18 @@ class PluginFaultsError(InputError):
         )
 
 
-def describe(campaign_dir: Path) -> None:
+def describe(campaign_dir: Path, *, own_plugins: bool = True) -> None:
     """Write metadata.yaml and metadata.prov.json; faster than one after the other.
+
+    Args:
+        campaign_dir: the campaign's folder.
+        own_plugins: whether plugins in the campaign's own files are executed.
 
     Raises:
         PluginFaultsError: after both were written.
         StorageError: a file cannot be written.
     """
-    root, findings = _absolute(campaign_dir), Findings()
+    root, findings = _absolute(campaign_dir), Findings(own_plugins=own_plugins)
     with _no_garbage_collection():
         configurations = read_configurations(root, findings)
         metadata = _write_metadata(root, configurations, findings)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import lzma
 import os
-import shutil
 import stat
 import tarfile
 import zipfile
@@ -21,6 +20,13 @@ from robovast.errors import InputError
 
 CHUNK = 2**20
 """How much of a file is held in memory [byte]."""
+
+MOST_EXPANSION = 200
+"""How many times its own size an archive may unpack to; a campaign takes 2 to 30 times as much."""
+LEAST_ROOM = 64 << 20
+"""What any archive may unpack to [byte]."""
+_OVERHEAD = 512
+"""What an entry takes, however empty it is [byte]."""
 
 _DAMAGED = (
     tarfile.TarError,
@@ -64,14 +70,16 @@ def unpack(archive: Path, folder: Path) -> list[Path]:
         OSError: the folder cannot be written.
     """
     links: dict[Path, str] = {}
+    room = _Room(archive)
     with _members(archive) as members:
         for member in members:
             path = folder / _checked(archive, member)
+            room.take(_OVERHEAD)
             if member.kind == "link":
                 path.parent.mkdir(parents=True, exist_ok=True)
                 links[path] = member.target
             elif path != folder:
-                _write(archive, member, path)
+                _write(archive, member, path, room)
     # Links come last: nothing is ever written through one.
     for path, target in links.items():
         _link(archive, path, target)
@@ -86,7 +94,11 @@ def refuse_links_out(archive: Path, links: Iterable[Path], folder: Path) -> None
     """
     root = folder.resolve()
     for link in links:
-        if not link.resolve().is_relative_to(root):
+        try:
+            end = link.resolve()
+        except (OSError, RuntimeError):  # Python before 3.13 says the latter of a circle
+            raise _refused(archive, link.name, "is a link that leads in a circle") from None
+        if not end.is_relative_to(root):
             raise _refused(archive, link.name, f"is a link that leads out, to `{link.readlink()}`")
 
 
@@ -99,7 +111,38 @@ def _checked(archive: Path, member: Member) -> PurePosixPath:
     return path
 
 
-def _write(archive: Path, member: Member, path: Path) -> None:
+class _Room:
+    """How much an archive may still unpack to: a bomb does not fill the disk."""
+
+    def __init__(self, archive: Path) -> None:
+        self._archive = archive
+        self._most = max(LEAST_ROOM, MOST_EXPANSION * _size(archive))
+        self._left = self._most
+
+    def take(self, size: int) -> None:
+        """Use some of it.
+
+        Raises:
+            InputError: so much is not left.
+        """
+        self._left -= size
+        if self._left < 0:
+            raise InputError(
+                f"{self._archive}: refused, because it unpacks to more than {self._most >> 20} MiB,"
+                f" {MOST_EXPANSION} times its size, as campaigns do not, but archives that are to "
+                "fill a disk. Nothing was imported. If you trust it, unpack it with `tar` or "
+                "`unzip` into the results folder."
+            )
+
+
+def _size(archive: Path) -> int:
+    try:
+        return archive.stat().st_size
+    except OSError:  # told when it is opened
+        return 0
+
+
+def _write(archive: Path, member: Member, path: Path, room: _Room) -> None:
     try:
         if member.kind == "folder":
             path.mkdir(parents=True, exist_ok=True)
@@ -109,7 +152,9 @@ def _write(archive: Path, member: Member, path: Path) -> None:
             content = member.open()
             if content is not None:
                 with content:
-                    shutil.copyfileobj(content, file, CHUNK)
+                    while chunk := content.read(CHUNK):
+                        room.take(len(chunk))
+                        file.write(chunk)
     except (FileExistsError, NotADirectoryError):
         raise _refused(archive, member.name, "is there twice") from None
     if member.executable:

@@ -18,7 +18,15 @@ from robovast.errors import CannotRunError, StorageError
 from robovast.results.layout import Layout
 from robovast.tables.csv_files import KEYS, column_names, csv_files, read_header
 from robovast.tables.runs import COLUMNS, run_rows
-from robovast.tables.staging import append, quoted, stage, stage_small, tables_of
+from robovast.tables.staging import (
+    Types,
+    append,
+    literal,
+    quoted,
+    stage,
+    stage_small,
+    tables_of,
+)
 
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection
@@ -28,6 +36,8 @@ RECORDS = "run_records"
 """Table of what is known of the runs alone; the view `runs` adds their metrics."""
 VIEW = "runs"
 KEY_TYPES = {"config": "VARCHAR", "run": "INTEGER"}
+_METRICS = "one row for each run"
+_SERIES = "many rows for each run"
 _UNFINISHED = ""
 """Version of a run whose rows are being written: after a crash they are removed."""
 _BATCH = 2000
@@ -52,6 +62,21 @@ def import_duckdb() -> ModuleType:
     return duckdb
 
 
+def confine(
+    connection: DuckDBPyConnection, files: Iterable[Path] = (), folders: Iterable[Path] = ()
+) -> None:
+    """Let a connection open these databases, and files in these folders, and nothing else."""
+    names = [f"{path}{suffix}" for path in files for suffix in ("", ".wal")]
+    connection.execute(f"SET allowed_paths = {_listed(names)}")
+    connection.execute(f"SET allowed_directories = {_listed(map(str, folders))}")
+    connection.execute("SET enable_external_access = false")
+    connection.execute("SET lock_configuration = true")
+
+
+def _listed(texts: Iterable[str]) -> str:
+    return f"[{', '.join(map(literal, texts))}]"
+
+
 def update_columnar(layout: Layout, versions: Mapping[str, str]) -> None:
     """Bring the tables of a campaign up to date.
 
@@ -64,8 +89,10 @@ def update_columnar(layout: Layout, versions: Mapping[str, str]) -> None:
         CannotRunError: the extra `query` is not installed.
         StorageError: the file cannot be written, or another program has it open.
     """
-    with _connected(layout) as connection:
-        connection.execute("CREATE TABLE IF NOT EXISTS loaded (path VARCHAR, version VARCHAR)")
+    with (
+        TemporaryDirectory(prefix="robovast-tables-") as scratch,
+        _connected(layout, Path(scratch)) as connection,
+    ):
         rows = connection.execute("SELECT path, version FROM loaded").fetchall()
         loaded: dict[str, str] = dict(rows)
         stale = [run for run, version in versions.items() if loaded.get(run) != version]
@@ -74,9 +101,8 @@ def update_columnar(layout: Layout, versions: Mapping[str, str]) -> None:
             return
         _remove(connection, gone)
         _claim(connection, stale, dict.fromkeys(stale, _UNFINISHED))
-        with TemporaryDirectory(prefix="robovast-tables-") as scratch:
-            _load_records(connection, layout, stale, Path(scratch))
-            _load_csv_files(connection, layout, stale, Path(scratch))
+        _load_records(connection, layout, stale, Path(scratch))
+        _load_csv_files(connection, layout, stale, Path(scratch))
         _join_metrics(connection)
         _claim(connection, stale, versions)
 
@@ -91,27 +117,40 @@ def _claim(connection: DuckDBPyConnection, runs: list[str], versions: Mapping[st
 
 
 @contextmanager
-def _connected(layout: Layout) -> Iterator[DuckDBPyConnection]:
+def _connected(layout: Layout, scratch: Path) -> Iterator[DuckDBPyConnection]:
     duckdb = import_duckdb()
     path = layout.execution / FILE
     try:
         layout.execution.mkdir(exist_ok=True)
         with closing(_connect(duckdb, path)) as connection:
+            confine(connection, folders=(layout.root.absolute(), scratch))
             yield connection
     except (OSError, duckdb.Error) as error:
         raise StorageError(f"{path}: cannot be written: {first_line(error)}") from error
 
 
 def _connect(duckdb: ModuleType, path: Path) -> DuckDBPyConnection:
-    """The file; one that is damaged is made anew, as all of it is derived."""
+    """The file; one that is damaged, or not ours, is made anew, as all of it is derived."""
     try:
         connection: DuckDBPyConnection = duckdb.connect(str(path))
     except duckdb.Error as error:
         if "lock" in str(error):
             raise
-        path.unlink()
-        connection = duckdb.connect(str(path))
+    else:
+        if _is_ours(connection):
+            connection.execute("CREATE TABLE IF NOT EXISTS loaded (path VARCHAR, version VARCHAR)")
+            return connection
+        connection.close()
+    path.unlink()
+    connection = duckdb.connect(str(path))
+    connection.execute("CREATE TABLE loaded (path VARCHAR, version VARCHAR)")
     return connection
+
+
+def _is_ours(connection: DuckDBPyConnection) -> bool:
+    """Whether it has no view but ours, which nobody reads here: one called as a table would be."""
+    found = connection.execute("SELECT view_name FROM duckdb_views() WHERE NOT internal").fetchall()
+    return all(name == VIEW for (name,) in found)
 
 
 def first_line(error: Exception) -> str:
@@ -199,24 +238,66 @@ def _grouped(layout: Layout, runs: Iterable[str]) -> dict[tuple[str, tuple[str, 
 
 
 def _join_metrics(connection: DuckDBPyConnection) -> None:
-    """The view `runs`: run records, and what is in CSV files with one row for each run."""
+    """Note which tables are metrics, and make the view `runs` for who opens the file by hand."""
     tables = tables_of(connection)
-    columns, joins = [f"{quoted(RECORDS)}.*"], [quoted(RECORDS)]
-    for table, types in tables.items():
-        if table != RECORDS and _has_one_row_a_run(connection, table):
-            columns += [
-                f"{quoted(table)}.{quoted(name)} AS {quoted(f'{table}_{name}')}"
-                for name in types
-                if name not in KEYS
-            ]
-            joins.append(f"LEFT JOIN {quoted(table)} USING (config, run)")
-    connection.execute(
-        f"CREATE OR REPLACE VIEW {VIEW} AS SELECT {', '.join(columns)} FROM {' '.join(joins)}"  # noqa: S608
+    for table in tables:
+        note = _METRICS if _has_one_row_a_run(connection, quoted(table)) else _SERIES
+        connection.execute(f"COMMENT ON TABLE {quoted(table)} IS {literal(note)}")
+    query = runs_query(connection, tables)
+    connection.execute(f"CREATE OR REPLACE VIEW {VIEW} AS {query}")
+
+
+def runs_query(
+    connection: DuckDBPyConnection, tables: Mapping[str, Types], catalog: str | None = None
+) -> str:
+    """What selects run records, and what is in CSV files with one row for each run.
+
+    Args:
+        connection: has the tables.
+        tables: with their columns.
+        catalog: name of an attached file; of the connection's own when None.
+    """
+    place = f"{catalog}." if catalog else ""
+    columns = [f"{quoted(RECORDS)}.*"]
+    joins = [f"{place}{quoted(RECORDS)} AS {quoted(RECORDS)}"]
+    for table in _metrics(connection, tables, catalog):
+        columns += [
+            f"{quoted(table)}.{quoted(name)} AS {quoted(f'{table}_{name}')}"
+            for name in tables[table]
+            if name not in KEYS
+        ]
+        source = f"{place}{quoted(table)} AS {quoted(table)}"
+        joins.append(f"LEFT JOIN {source} USING (config, run)")
+    return f"SELECT {', '.join(columns)} FROM {' '.join(joins)}"  # noqa: S608
+
+
+def _metrics(
+    connection: DuckDBPyConnection, tables: Iterable[str], catalog: str | None
+) -> list[str]:
+    """Tables with one row for each run; looked at where nobody noted it, in older files."""
+    noted = dict(
+        connection.execute(
+            "SELECT table_name, comment FROM duckdb_tables() "
+            "WHERE database_name = coalesce($catalog, current_database()) "
+            "AND schema_name = 'main'",
+            {"catalog": catalog},
+        ).fetchall()
     )
+    place = f"{catalog}." if catalog else ""
+    return [
+        table
+        for table in tables
+        if table != RECORDS
+        and (
+            noted[table] == _METRICS
+            if noted[table]
+            else _has_one_row_a_run(connection, place + quoted(table))
+        )
+    ]
 
 
 def _has_one_row_a_run(connection: DuckDBPyConnection, table: str) -> bool:
     found = connection.execute(
-        f"SELECT 1 FROM {quoted(table)} GROUP BY config, run HAVING count(*) > 1 LIMIT 1"  # noqa: S608
+        f"SELECT 1 FROM {table} GROUP BY config, run HAVING count(*) > 1 LIMIT 1"  # noqa: S608
     )
     return found.fetchone() is None

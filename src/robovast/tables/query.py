@@ -10,8 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 from robovast.errors import InputError, StorageError
 from robovast.results.layout import Layout
-from robovast.tables.columnar import FILE, VIEW, first_line, import_duckdb
-from robovast.tables.staging import Types, quoted
+from robovast.tables.columnar import (
+    FILE,
+    RECORDS,
+    VIEW,
+    confine,
+    first_line,
+    import_duckdb,
+    runs_query,
+)
+from robovast.tables.staging import Types, literal, quoted, tables_of
 
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection
@@ -68,50 +76,48 @@ def tables(campaigns: Sequence[Path]) -> dict[str, Types]:
 
 @contextmanager
 def _attached(campaigns: Sequence[Path]) -> Iterator[DuckDBPyConnection]:
-    """Views over the tables of all campaigns; from here on no file can be opened any more."""
+    """Views over the tables of all campaigns.
+
+    The files may be anybody's, so no other file can be opened from the very first on, and of theirs
+    only tables are taken: a view would be executed here.
+    """
     duckdb = import_duckdb()
+    files = {campaign: Layout(campaign.absolute()).execution / FILE for campaign in campaigns}
+    present = {campaign: path for campaign, path in files.items() if path.exists()}
     with closing(duckdb.connect()) as connection:
-        members: dict[str, list[tuple[str, str]]] = {}
-        for index, campaign in enumerate(campaigns):
-            path = Layout(campaign).execution / FILE
-            if not path.exists():
-                continue
+        confine(connection, files=present.values())
+        members: dict[str, list[str]] = {}
+        for index, (campaign, path) in enumerate(present.items()):
             alias = f"campaign_{index}"
             try:
-                connection.execute(f"ATTACH {_literal(str(path))} AS {alias} (READ_ONLY)")
+                connection.execute(f"ATTACH {literal(str(path))} AS {alias} (READ_ONLY)")
+                parts = _parts(connection, alias, campaign.absolute().name)
             except duckdb.Error as error:
                 raise StorageError(f"{path}: cannot be read: {first_line(error)}") from error
-            for table in _public(connection, alias):
-                members.setdefault(table, []).append((alias, campaign.absolute().name))
+            for table, part in parts.items():
+                members.setdefault(table, []).append(part)
         if not members:
             raise InputError(
                 "there are no tables to ask: `vast results postprocess` makes them (with the extra "
                 "`query`)."
             )
-        for table, places in members.items():
-            connection.execute(_view(table, places))
-        connection.execute("SET enable_external_access = false")
-        connection.execute("SET lock_configuration = true")
+        for table, places in members.items():  # all rows, whatever columns it has in which campaign
+            union = " UNION ALL BY NAME ".join(places)
+            connection.execute(f"CREATE VIEW {quoted(table)} AS {union}")
         yield connection
 
 
-def _public(connection: DuckDBPyConnection, alias: str) -> list[str]:
-    found = connection.execute(
-        "SELECT table_name FROM information_schema.tables WHERE table_catalog = $alias "
-        "AND table_name NOT IN ('loaded', 'run_records') ORDER BY table_name <> $view, table_name",
-        {"alias": alias, "view": VIEW},
-    )
-    return [row[0] for row in found.fetchall()]
-
-
-def _view(table: str, places: Sequence[tuple[str, str]]) -> str:
-    """All rows of a table, whatever columns it has in which campaign."""
-    parts = (
-        f"SELECT {_literal(campaign)} AS campaign, * FROM {alias}.{quoted(table)}"  # noqa: S608
-        for alias, campaign in places
-    )
-    return f"CREATE VIEW {quoted(table)} AS {' UNION ALL BY NAME '.join(parts)}"
-
-
-def _literal(text: str) -> str:
-    return "'" + text.replace("'", "''") + "'"
+def _parts(connection: DuckDBPyConnection, alias: str, campaign: str) -> dict[str, str]:
+    """By table, what selects a campaign's rows of it."""
+    found = tables_of(connection, alias)
+    sources = {name: f"{alias}.{quoted(name)}" for name in found if name != RECORDS}
+    if RECORDS in found:
+        sources = {**sources, VIEW: f"({runs_query(connection, found, alias)})"}
+    ordered = sorted(sources, key=lambda name: (name != VIEW, name))
+    selects = {
+        name: f"SELECT {literal(campaign)} AS campaign, * FROM {sources[name]}"  # noqa: S608
+        for name in ordered
+    }
+    for select in selects.values():
+        connection.execute(f"PREPARE fits AS {select}")
+    return selects

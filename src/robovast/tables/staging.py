@@ -30,14 +30,26 @@ def quoted(name: str) -> str:
     return '"' + name.replace('"', '""') + '"'
 
 
-def tables_of(connection: DuckDBPyConnection) -> dict[str, Types]:
-    """Every table with rows of runs, with its columns."""
+def literal(text: str) -> str:
+    """A text as SQL takes it."""
+    return "'" + text.replace("'", "''") + "'"
+
+
+def tables_of(connection: DuckDBPyConnection, catalog: str | None = None) -> dict[str, Types]:
+    """Every table with rows of runs, with its columns; views are none.
+
+    Args:
+        connection: has the tables.
+        catalog: name of an attached file; of the connection's own when None.
+    """
     found: dict[str, Types] = {}
     for table, column, type_ in connection.execute(
         "SELECT t.table_name, column_name, data_type FROM duckdb_tables() t "
         "JOIN duckdb_columns() c USING (database_oid, table_oid) "
-        "WHERE t.database_name = current_database() AND NOT t.temporary "
-        "AND t.table_name <> 'loaded' ORDER BY t.table_name, column_index"
+        "WHERE t.database_name = coalesce($catalog, current_database()) AND NOT t.temporary "
+        "AND t.schema_name = 'main' AND t.table_name <> 'loaded' "
+        "ORDER BY t.table_name, column_index",
+        {"catalog": catalog},
     ).fetchall():
         found.setdefault(table, {})[column] = type_
     return found

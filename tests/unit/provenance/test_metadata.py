@@ -10,7 +10,7 @@ import pytest
 import yaml
 from provenance_campaigns import DOCUMENT, NAME, SYSINFO, make_old_campaign
 
-from robovast.provenance import PluginFaultsError, write_metadata
+from robovast.provenance import PluginFaultsError, describe, write_metadata
 
 
 def read(root: Path) -> dict:
@@ -103,6 +103,17 @@ def test_processors_work_in_their_order_with_their_parameters(campaign: Path) ->
     metadata = written(campaign)
     assert metadata["custom_field"] == "custom_value"
     assert metadata["notes"] == [["first", NAME], ["second", NAME]]
+
+
+def test_plugins_in_files_of_the_campaign_are_left_out_on_demand(campaign: Path) -> None:
+    code = f"import os; os.mkdir({str(campaign / 'executed')!r})\n{PROCESSORS}"
+    use_processors(campaign, code, "processors.py:Plain")
+    describe(campaign, own_plugins=False)
+    assert not (campaign / "executed").exists()
+    assert "custom_field" not in (campaign / "metadata.yaml").read_text()
+    describe(campaign)
+    assert (campaign / "executed").exists()
+    assert "custom_field" in (campaign / "metadata.yaml").read_text()
 
 
 BAD_PROCESSORS = {

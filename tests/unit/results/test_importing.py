@@ -11,7 +11,9 @@ import pytest
 from dying import begin_dying, deaths
 
 from robovast.errors import InputError, StorageError
+from robovast.results.archive import LEAST_ROOM
 from robovast.results.campaigns import find_campaigns
+from robovast.results.executables import executables_of, warn_of_executables
 from robovast.results.importing import import_archive
 
 NAME = "my-campaign-2026-03-05-121530"
@@ -174,3 +176,66 @@ def test_wherever_it_is_killed_the_old_campaign_is_there_or_the_new(tmp_path: Pa
             assert [path.name for path in (place / "results").iterdir()] == [NAME]
     assert seen == sorted(seen, reverse=True)
     assert [seen[0], seen[-1]] == [["old.vast"], ["a file.vast"]]
+
+
+@pytest.mark.parametrize("links", [{"a": "a"}, {"a": "b", "b": "a"}, {"a/x": "../b", "b": "a/x/y"}])
+def test_links_in_a_circle_are_refused(tmp_path: Path, links: dict[str, str]) -> None:
+    archive = archive_of(tmp_path, *GOOD, *(link(f"{NAME}/{a}", b) for a, b in links.items()))
+    with pytest.raises(InputError, match="in a circle"):
+        import_archive(archive, tmp_path / "results")
+    assert list((tmp_path / "results").iterdir()) == []
+
+
+BOMBS = {
+    "one large file": [member(f"{NAME}/big", bytes(LEAST_ROOM + 1))],
+    "many files": [member(f"{NAME}/{n}", bytes(2**20)) for n in range((LEAST_ROOM >> 20) + 1)],
+}
+
+
+@pytest.mark.parametrize("what", BOMBS)
+def test_an_archive_that_would_fill_the_disk_is_refused(tmp_path: Path, what: str) -> None:
+    archive = archive_of(tmp_path, *GOOD, *BOMBS[what])
+    with pytest.raises(InputError, match="unpacks to more than 64 MiB, 200 times its size"):
+        import_archive(archive, tmp_path / "results")
+    assert list((tmp_path / "results").iterdir()) == []
+
+
+def test_a_zip_file_that_lies_of_its_size_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "x.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as zipped:
+        zipped.writestr(f"{NAME}/_config/x.vast", "")
+        zipped.writestr(f"{NAME}/big", bytes(LEAST_ROOM + 1))
+    with pytest.raises(InputError, match="unpacks to more"):
+        import_archive(path, tmp_path / "results")
+
+
+def test_what_a_campaign_brings_that_is_executed_is_told(tmp_path: Path) -> None:
+    document = b"""
+configuration:
+- {name: one, variations: [{"files/noise.py:Noise": {sigma: 1}}, {ParameterVariationList: {}}]}
+results_processing:
+  postprocessing: [rosbags_to_csv, {command: {script: ./steal.sh}}, "mine.py:main"]
+  metadata_processing: ["facts.py:Facts"]
+analysis: {postprocessing: 7}
+"""
+    config = f"{NAME}/_config"
+    files = [member(f"{config}/x.vast", document), member(f"{config}/a/look.ipynb", b"{}")]
+    campaign = import_archive(archive_of(tmp_path, *files), tmp_path / "results")
+    assert executables_of(campaign) == [
+        "command `./steal.sh`",
+        "notebook `a/look.ipynb`",
+        "plugin `facts.py:Facts`",
+        "plugin `files/noise.py:Noise`",
+        "plugin `mine.py:main`",
+    ]
+    warning = warn_of_executables(campaign)
+    assert warning is not None
+    assert "--no-plugins" in warning
+
+
+@pytest.mark.parametrize(
+    "document", [b"", b"[", b"- 1", b"configuration: {a: 1}", b"\xff\xfe", b"&a [*a]"]
+)
+def test_a_document_that_nobody_can_read_executes_nothing(tmp_path: Path, document: bytes) -> None:
+    archive = archive_of(tmp_path, member(f"{NAME}/_config/x.vast", document))
+    assert warn_of_executables(import_archive(archive, tmp_path / "results")) is None

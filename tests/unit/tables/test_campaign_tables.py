@@ -6,6 +6,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import duckdb
 import pytest
 from finished_campaigns import NAME, as_of_another_tool, finished_campaign
 
@@ -216,3 +217,74 @@ def test_a_store_that_something_else_wrote_is_left_alone(tmp_path: Path) -> None
     before = (campaign / "campaign.db").read_bytes()
     write_campaign_store(Layout(campaign), None, ["c-1/0"])
     assert (campaign / "campaign.db").read_bytes() == before
+
+
+def hostile(campaign: Path, *statements: str) -> Path:
+    """Tables that somebody made by hand; they know of a file that is none of the campaign's."""
+    secret = campaign.parent / "secret.csv"
+    secret.write_text("TOP-SECRET-HEADER\nsecret\n")
+    path = campaign / "_execution" / "tables.duckdb"
+    path.parent.mkdir(exist_ok=True)
+    with closing(duckdb.connect(str(path))) as connection:
+        for statement in statements:
+            connection.execute(statement.replace("SECRET", f"read_csv('{secret}')"))
+    return path
+
+
+RECORDS = "CREATE TABLE run_records (config VARCHAR, run INTEGER, verdict VARCHAR)"
+
+
+@pytest.mark.parametrize("view", ["other", "runs", "loaded", "metrics"])
+def test_views_of_a_file_that_came_from_elsewhere_are_not_executed(
+    tmp_path: Path, view: str
+) -> None:
+    campaign = finished_campaign(tmp_path, 1)
+    hostile(campaign, RECORDS, f"CREATE VIEW {view} AS FROM SECRET")
+    found = tables([campaign])
+    assert found == {
+        "runs": dict.fromkeys(("campaign", "config"), "VARCHAR")
+        | {"run": "INTEGER", "verdict": "VARCHAR"}
+    }
+    assert rows(campaign, "SELECT * FROM runs") == []
+    for sql in (f"FROM campaign_0.{view}", f"FROM '{tmp_path}/secret.csv'"):
+        with pytest.raises(InputError, match="wrong"):
+            ask([campaign], sql)
+
+
+@pytest.mark.parametrize("view", ["loaded", "t"])
+def test_tables_that_came_from_elsewhere_are_made_anew_without_executing_them(
+    tmp_path: Path, view: str
+) -> None:
+    campaign = finished_campaign(tmp_path, 2)
+    (campaign / "c-1/0/t.csv").write_text("n\n1\n")
+    hostile(campaign, f"CREATE VIEW {view} AS FROM SECRET")
+    update(campaign)
+    assert rows(campaign, "SELECT n FROM t") == [(1,)]
+    assert rows(campaign, "SELECT count(*) FROM runs") == [(2,)]
+
+
+@pytest.mark.parametrize(
+    "statements",
+    [
+        ("CREATE TABLE run_records (config VARCHAR)", "CREATE TABLE m (config VARCHAR, run INT)"),
+        (RECORDS, "CREATE TABLE m (score DOUBLE)"),
+    ],
+)
+def test_tables_that_do_not_fit_are_named(tmp_path: Path, statements: tuple[str, ...]) -> None:
+    campaign = finished_campaign(tmp_path, 1)
+    hostile(campaign, *statements)
+    with pytest.raises(StorageError, match=r"tables\.duckdb: cannot be read"):
+        ask([campaign], "SELECT 1")
+
+
+def test_tables_of_older_versions_have_their_metrics(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 1)
+    (campaign / "c-1/0/metrics.csv").write_text("score\n0.5\n")
+    (campaign / "c-1/0/path.csv").write_text("x\n1\n2\n")
+    update(campaign)
+    with closing(duckdb.connect(str(campaign / "_execution/tables.duckdb"))) as connection:
+        for table in ("metrics", "path", "run_records"):
+            connection.execute(f"COMMENT ON TABLE {table} IS NULL")
+    answer = ask([campaign], "SELECT * FROM runs")
+    assert "metrics_score" in answer.columns
+    assert "path_x" not in answer.columns
