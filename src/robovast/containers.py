@@ -84,6 +84,17 @@ def fetch_image(engine: str, image: str, message: Callable[[str], None], build: 
         )
 
 
+def named_digest(image: str) -> str:
+    """What tells an image from others of its name, where its name says that; else empty.
+
+    What is named so is what runs, since it is verified when it is pulled. A tag says nothing:
+    two nodes may have pulled it at different times.
+    """
+    name, at, digest = image.partition("@")
+    folder, slash, last = name.rpartition("/")
+    return f"{folder}{slash}{last.partition(':')[0]}@{digest}" if at else ""
+
+
 def image_digest(engine: str, image: str) -> str:
     """What tells an image from others of its name."""
     pattern = "{{if .RepoDigests}}{{index .RepoDigests 0}}{{else}}{{.Id}}{{end}}"

@@ -15,6 +15,7 @@ from robovast.agent.pack import Pack, PodJob
 from robovast.agent.trees import open_files, store_tree
 from robovast.agent.watch import EndedRun
 from robovast.cluster.storage import PART
+from robovast.containers import named_digest
 from robovast.execution.record import Circumstances, make_record
 from robovast.results.layout import RUN_RECORD
 from robovast.results.verdict import Verdict
@@ -54,7 +55,7 @@ class Results:
             job=self._name(ended.job),
             runtime=RUNTIME,
             image=self._pack.image,
-            image_digest="",
+            image_digest=named_digest(self._pack.image),
             host=self._host,
         )
         record = make_record(

@@ -224,6 +224,25 @@ def test_a_webdav_address_must_be_one(monkeypatch: pytest.MonkeyPatch) -> None:
         WebDavShareProvider().list_campaign_archives_with_size()
 
 
+@pytest.mark.parametrize(
+    ("url", "warned"),
+    [
+        ("http://nas.lab/results/", True),
+        ("https://nas.lab/results/", False),
+        ("http://127.0.0.1:8080/results/", False),
+        ("http://localhost/results/", False),
+    ],
+)
+def test_an_account_that_goes_over_http_is_warned_of(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, url: str, *, warned: bool
+) -> None:
+    for name, value in {"URL": url, "USER": "u", "PASSWORD": "hidden"}.items():
+        monkeypatch.setenv(f"ROBOVAST_WEBDAV_{name}", value)
+    assert WebDavShareProvider()._client.name
+    assert ("nas.lab: http:// lets everybody on the way read" in caplog.text) is warned
+    assert "hidden" not in caplog.text
+
+
 def test_entities_in_a_servers_answer_are_refused() -> None:
     bomb = b'<!DOCTYPE x [<!ENTITY a "aaaa">]><multistatus xmlns="DAV:">&a;</multistatus>'
     with pytest.raises(ValueError, match="entities"):

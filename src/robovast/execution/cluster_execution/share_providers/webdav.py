@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import logging
 import os
 import xml.etree.ElementTree as ET  # entities are refused below
 from collections.abc import Iterator, Mapping
@@ -26,6 +27,10 @@ from robovast.http_download import download
 URL = "ROBOVAST_WEBDAV_URL"
 USER = "ROBOVAST_WEBDAV_USER"
 PASSWORD = "ROBOVAST_WEBDAV_PASSWORD"  # noqa: S105 - the name of a variable
+
+_THIS_MACHINE = frozenset({"localhost", "127.0.0.1", "::1"})
+
+LOGGER = logging.getLogger(__name__)
 
 _LOOK = b"""<?xml version="1.0"?>
 <propfind xmlns="DAV:"><prop><resourcetype/><getcontentlength/></prop></propfind>"""
@@ -143,9 +148,16 @@ class WebDavShareProvider(BaseShareProvider):
     @cached_property
     def _client(self) -> HttpClient:
         url, user, password = self.address()
+        parts = urlsplit(url)
+        if parts.scheme == "http" and parts.hostname not in _THIS_MACHINE:
+            LOGGER.warning(
+                "%s: http:// lets everybody on the way read the account and the results. Use an "
+                "address of https:// if the server has one.",
+                parts.netloc.rpartition("@")[2],
+            )
         account = base64.b64encode(f"{user}:{password}".encode()).decode()
         return HttpClient(
-            urlsplit(url).netloc.rpartition("@")[2],
+            parts.netloc.rpartition("@")[2],
             {"Authorization": f"Basic {account}"},
             remedies=self.remedies(),
             secrets=[password, account],
