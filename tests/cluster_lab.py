@@ -154,9 +154,9 @@ class Lab:
         self.kubectl("apply", "--filename=-", stdin=json.dumps(obj))
         return obj
 
-    def prepared(self, vast: Path, name: str) -> dict[str, Any]:
+    def prepared(self, vast: Path, name: str, image: str = images.SLIM) -> dict[str, Any]:
         """The Campaign of a document."""
-        options = SubmitOptions(image=images.SLIM)
+        options = SubmitOptions(image=image)
         return prepare_submission(load_document(vast), options, name, self.namespace).campaign
 
     def quick(self, name: str, script: str, extra: str = "", **spec: Any) -> Path:
