@@ -29,6 +29,7 @@ from robovast.plain import dump_yaml
 from robovast.plan import breaks
 from robovast.plugins import split_file_reference
 from robovast_operator.campaign import Accepted, Identity, Object, Rejected
+from robovast_operator.reports import Composition
 from robovast_operator.settings import Settings
 
 Files = Mapping[str, bytes]
@@ -251,7 +252,7 @@ def config_map_files(config_map: Object, paths: Mapping[str, str]) -> Files:
 
 
 def with_composition(
-    accepted: Accepted, composed: tuple[list[int], str] | str | None, reason: str
+    accepted: Accepted, composed: Composition | str | None, reason: str
 ) -> Accepted | Rejected:
     """A campaign with what its compose Job found out, or what that says is wrong.
 
@@ -260,15 +261,14 @@ def with_composition(
         composed: what the Job said.
         reason: why it failed, in one word.
     """
-    if not isinstance(composed, tuple):
+    if not isinstance(composed, Composition):
         return Rejected(reason, composed or "the compose Job left no word; see its log")
-    counts, cuts = composed
     names = [entry.name for entry in accepted.vast.configuration or [DEFAULT_ENTRY]]
     entries = tuple(
         Entry(name=name, variants=number)
-        for name, number in zip(names, counts, strict=False)
+        for name, number in zip(names, composed.counts, strict=False)
         if number
     )
     if not entries:
         return Rejected("NothingSelected", "no configuration is selected: see spec.select")
-    return replace(accepted, entries=entries, breaks=cuts)
+    return replace(accepted, entries=entries, breaks=composed.breaks, digest=composed.digest)

@@ -79,6 +79,8 @@ class Accepted:
     """What the document expands to; empty when the compose Job finds it out."""
     breaks: str = ""
     """`PlanSpec.breaks` of it."""
+    digest: str | None = None
+    """`CampaignPlan.digest` of it."""
     planned: CampaignPlan | None = None
     """What pods know of it already; where its results are does not change any more."""
     default_endpoint: str = ""
@@ -153,3 +155,5 @@ class Revision:
     """Owner reference by block, of blocks that belong to a Configuration object."""
     document: str = ""
     """Text of the document."""
+    digest: str | None = None
+    """`CampaignPlan.digest`."""

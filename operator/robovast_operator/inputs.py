@@ -104,8 +104,9 @@ class Inputs:
         revisions = await self._load_revisions(accepted.identity, memory)
         if not revisions:
             return None
-        entries = revisions[0].entries
-        return replace(accepted, entries=entries[: len(accepted.vast.configuration or [None])])
+        first = revisions[0]
+        entries = first.entries[: len(accepted.vast.configuration or [None])]
+        return replace(accepted, entries=entries, digest=first.digest)
 
     async def prepare_composing(self, accepted: Accepted, plan: str) -> None:
         """What the compose Job mounts."""

@@ -201,5 +201,6 @@ def campaign_plan(
         memory=memory(execution.resources.memory, "execution.resources.memory", context),
         options=spec.options,
         entries=entries,
+        digest=accepted.digest,
         plan=plan,
     )

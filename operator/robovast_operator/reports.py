@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 from robovast.cluster.ranges import count, merge, parse_ranges
@@ -22,6 +23,18 @@ _KINDS = ("passed", "failed", "errored")
 
 _ALL_STORED = {10: Report(failed=1), 11: Report(errored=1)}
 """What an agent's exit code alone says of a single run (docs/agent.md)."""
+
+
+@dataclass(frozen=True)
+class Composition:
+    """What a document expands to, as its compose Job says."""
+
+    counts: list[int]
+    """Variants by configuration entry."""
+    breaks: str
+    """`PlanSpec.breaks`."""
+    digest: str | None
+    """`CampaignPlan.digest`; None when the Job was of an older version."""
 
 
 def reports_of(pods: Iterable[Object]) -> dict[int, Report]:
@@ -97,14 +110,14 @@ def _list(repeat: dict[str, Any], bad: int) -> tuple[str, str]:
     return (name, sizes) if right and len(name) == 16 and name.isalnum() else ("", "")
 
 
-def composed_of(pods: Iterable[Object]) -> tuple[list[int], str] | str | None:
-    """Variants by entry and breaks of the compose Job; its message when it failed."""
+def composed_of(pods: Iterable[Object]) -> Composition | str | None:
+    """What the compose Job found out; its message when it failed."""
     error: str | None = None
     for pod in pods:
         said = _said(pod, "compose")
         counts = [number(item, -1) for item in listed(said.get("counts"))]
         if "error" not in said and counts and min(counts) >= 0:
-            return counts, text(said.get("breaks"))
+            return Composition(counts, text(said.get("breaks")), text(said.get("digest")) or None)
         error = text(said.get("error")) or error or message_of(pod, "compose") or None
     return error
 

@@ -480,8 +480,9 @@ class Doubled(Variation):
 """
 
 
-@one_server
-def test_a_campaign_of_plugins_is_composed_once(make: Make) -> None:
+@pytest.fixture
+def composed(make: Make) -> Campaign:
+    """A campaign that a plugin has expanded; its variants are one-7 and one-14."""
     document = DOCUMENT.replace(
         "ParameterVariationList: {name: x, values: [1, 2, 3]}", "./doubled.py:Doubled: {}"
     )
@@ -491,7 +492,20 @@ def test_a_campaign_of_plugins_is_composed_once(make: Make) -> None:
     )
     composing = Pod(campaign)
     assert composing.task("compose") == 0, composing.log("compose")
-    assert composing.message() == {"counts": [2], "breaks": ""}
+    found = composing.message()
+    assert (found["counts"], found["breaks"]) == ([2], "")
+    campaign.change(digest=found["digest"])
+    return campaign
+
+
+@one_server
+@pytest.mark.parametrize("version", ["this", "older"])
+def test_a_campaign_of_plugins_is_composed_once(composed: Campaign, version: str) -> None:
+    campaign = composed
+    if version == "older":
+        campaign.change(digest=None)
+        listed = campaign.objects("_transient/variants/")
+        campaign.store.delete(campaign.bucket, listed)
     assert Pod(campaign).run() == 0
     assert campaign.read("one-7/0/out") == "made by a plugin"
     assert campaign.record("one-14/0")["parameters"] == {"x": 14}
@@ -499,6 +513,23 @@ def test_a_campaign_of_plugins_is_composed_once(make: Make) -> None:
     assert finishing.task("finish") == 0, finishing.log("finish")
     assert finishing.message()["passed"] == 2
     assert "_config/doubled.py" in campaign.objects()
+
+
+@one_server
+@pytest.mark.parametrize(
+    "key",
+    [
+        "_config/doubled.py",
+        "_transient/variants/000000.json",
+        "_transient/variants/list.json",
+        "one-7/_config/files/made.txt",
+    ],
+)
+def test_what_is_not_as_it_was_composed_is_refused_by_name(composed: Campaign, key: str) -> None:
+    composed.store.put_bytes(composed.bucket, key, b"[]")
+    pod = Pod(composed)
+    assert pod.fetch() == 65
+    assert f"{key.removeprefix('_config/')}: is another" in pod.message_file.read_text()
 
 
 @one_server

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import ValidationError
 
 from robovast.agent.bucket import Bucket
+from robovast.agent.composed import Composed
+from robovast.agent.digests import check_files
 from robovast.agent.exit_codes import PlanError
 from robovast.agent.folders import Folders
 from robovast.agent.sources import copy_inputs
@@ -116,27 +118,38 @@ def expand(campaign: Campaign, document: Document, message: Callable[[str], None
     return Composition(tuple(chosen), composition.input_files, composition.transient_files)
 
 
-def open_composed(campaign: Campaign) -> tuple[Document, list[Variant]]:
+def open_composed(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
     """Document and variants as the compose Job left them in the bucket.
 
     Files of the variants are not there yet: `fetch_variant_files` brings those of one.
 
     Raises:
-        InputError: there is no composed campaign.
+        InputError: there is no composed campaign, or it is not the one that was planned.
         StorageError: it cannot be fetched.
     """
     layout = Layout(campaign.folders.inputs)
     shutil.rmtree(layout.root, ignore_errors=True)
     download(campaign, "_config/", layout.root)
-    download(campaign, "_transient/configurations.yaml", layout.root)
-    name, variants = read_variants(layout)
-    return load_document(layout.config / name), variants
+    if campaign.plan.digest is None:  # an older version composed it
+        download(campaign, "_transient/configurations.yaml", layout.root)
+        name, variants = read_variants(layout)
+        return load_document(layout.config / name), variants
+    composed = Composed(campaign.bucket, layout, campaign.plan.digest)
+    check_files(composed.inputs, layout.config)
+    return load_document(layout.config / composed.document), composed
 
 
-def fetch_variant_files(campaign: Campaign, variant: Variant) -> None:
-    """Bring the files of a composed variant to where they are expected."""
+def fetch_variant_files(campaign: Campaign, variants: Sequence[Variant], variant: Variant) -> None:
+    """Bring the files of a composed variant to where they are expected.
+
+    Raises:
+        InputError: one of them is not what was composed.
+        StorageError: they cannot be fetched.
+    """
     if variant.files:
         download(campaign, f"{variant.name}/_config/", campaign.folders.inputs)
+    if isinstance(variants, Composed):
+        check_files(variants.files[variant.name], campaign.folders.inputs)
 
 
 def download(campaign: Campaign, prefix: str, folder: Path) -> None:

@@ -7,6 +7,8 @@ import shutil
 from collections import Counter
 
 from robovast.agent.campaign import Campaign, expand, load_inputs, open_campaign
+from robovast.agent.composed import store_composed
+from robovast.agent.digests import file_digest
 from robovast.agent.exit_codes import AgentExit
 from robovast.agent.folders import Folders
 from robovast.agent.messages import LIMIT, write_message
@@ -18,15 +20,19 @@ from robovast.execution.generate import write_configurations
 from robovast.expansion import Composition
 from robovast.expansion.expand import DEFAULT_ENTRY
 from robovast.plan import breaks
+from robovast.results.layout import Layout
 
 CONFIGURATIONS = "_transient/configurations.yaml"
+DIGEST_LIMIT = 100
+"""Of the message, for the digest that is known last [byte]."""
 
 
 def compose(folders: Folders) -> AgentExit:
     """Expand the document; its inputs and variants are in the bucket then.
 
-    The termination message is `{"counts": […], "breaks": "…"}`: the number of variants of each
-    configuration entry in the document's order, and `PlanSpec.breaks`.
+    The termination message is `{"counts": […], "breaks": "…", "digest": "…"}`: the number of
+    variants of each configuration entry in the document's order, `PlanSpec.breaks`, and
+    `CampaignPlan.digest`.
 
     Raises:
         InputError: the document or its files are wrong, or a variation type fails.
@@ -42,18 +48,25 @@ def compose(folders: Folders) -> AgentExit:
         "counts": [found[entry.name] for entry in entries],
         "breaks": format_breaks(breaks(composition.variants)),
     }
-    if len(json.dumps(message)) > LIMIT:
+    if len(json.dumps(message)) > LIMIT - DIGEST_LIMIT:
         raise InputError(
             f"{campaign.plan.document}: has {len(entries)} configuration entries, more than a "
             "campaign on a cluster can have when plugins expand it. Divide it into several."
         )
-    store_inputs(campaign, document, composition)
-    write_message(folders.message, message)
+    layout = store_inputs(campaign, document, composition)
+    inputs = {
+        path.relative_to(layout.config).as_posix(): file_digest(path)
+        for path in sorted(layout.config.rglob("*"))
+        if path.is_file()
+    }
+    variants = composition.variants
+    made = store_composed(campaign.bucket, document.path.name, inputs, variants)
+    write_message(folders.message, {**message, "digest": made})
     return AgentExit.PASSED
 
 
-def store_inputs(campaign: Campaign, document: Document, composition: Composition) -> None:
-    """Store the folders `_config` and `_transient`, and each variant's `_config`.
+def store_inputs(campaign: Campaign, document: Document, composition: Composition) -> Layout:
+    """Store the folders `_config` and `_transient`, and each variant's `_config`; returns them.
 
     The list of configurations comes last: who finds it finds everything.
     """
@@ -64,3 +77,4 @@ def store_inputs(campaign: Campaign, document: Document, composition: Compositio
     there = {item.key for item in bucket.store.objects(bucket.name)}
     store_tree(bucket, folder, "", there=there, skipped={CONFIGURATIONS})
     bucket.store.put_file(bucket.name, CONFIGURATIONS, folder / CONFIGURATIONS)
+    return Layout(folder)

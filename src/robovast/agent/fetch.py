@@ -69,6 +69,9 @@ def fetch(folders: Folders, request: Request) -> AgentExit:
     if job is not None:
         pack = dataclasses.replace(pack, environment=_environment(campaign, document, job))
         left = [run for run in runs if run.id not in pack.done]
+        if campaign.plan.expansion == "composed":
+            for variant in {run.variant.name: run.variant for run in left}.values():
+                fetch_variant_files(campaign, variants, variant)
         _build_config(campaign, document, pack, left)
         prepare_output(folders, job)
         write_environment(folders, pack.environment)
@@ -197,9 +200,6 @@ def _environment(campaign: Campaign, document: Document, job: Job) -> dict[str, 
 
 def _build_config(campaign: Campaign, document: Document, pack: Pack, left: Sequence[Run]) -> None:
     folders = campaign.folders
-    if campaign.plan.expansion == "composed":
-        for variant in {run.variant.name: run.variant for run in left}.values():
-            fetch_variant_files(campaign, variant)
     common = folders.scratch / "common"
     for path in container_files(document):
         copy_file(document.folder / path, common / path)

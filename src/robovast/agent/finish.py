@@ -11,6 +11,7 @@ from typing import Any
 from robovast.agent.bucket import Bucket
 from robovast.agent.campaign import Campaign, expand, load_inputs, open_campaign, open_composed
 from robovast.agent.compose import store_inputs
+from robovast.agent.composed import Composed
 from robovast.agent.exit_codes import AgentExit
 from robovast.agent.folders import Folders
 from robovast.agent.messages import LIMIT, write_message
@@ -59,7 +60,8 @@ def finish(folders: Folders) -> AgentExit:
 
 def _complete_inputs(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
     if campaign.plan.expansion == "composed":
-        return open_composed(campaign)
+        document, variants = open_composed(campaign)
+        return document, variants.outlines() if isinstance(variants, Composed) else variants
     document = load_inputs(campaign)
     composition = expand(campaign, document, print)
     store_inputs(campaign, document, composition)

@@ -251,5 +251,8 @@ class CampaignPlan(_Data):
     """Further options of the scenario execution, as `-t -d`."""
     entries: tuple[Entry, ...] = ()
     """What the document expands to; empty until it is known."""
+    digest: str | None = None
+    """SHA-256 of that: of the variants, or of the list of them that the compose Job stored. None in
+    plans of older versions."""
     plan: PlanSpec | None = None
     """None in the plan of the compose Job, which finds it out."""

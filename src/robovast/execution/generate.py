@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -45,8 +45,8 @@ def write_configurations(
     identities = Identities(document)
     for variant in composition.variants:
         _write_variant(layout, variant, scenario, identities.of(variant))
-    record = _configurations(document, composition.variants, timings=timings)
-    (layout.transient / "configurations.yaml").write_text(dump_yaml(record), encoding="utf-8")
+    with (layout.transient / "configurations.yaml").open("w", encoding="utf-8") as record:
+        record.writelines(_configurations(document, composition.variants, timings=timings))
 
 
 def write_execution(
@@ -92,12 +92,21 @@ def _write_variant(layout: Layout, variant: Variant, scenario: str, identity: An
 
 def _configurations(
     document: Document, variants: Sequence[Variant], *, timings: bool
-) -> dict[str, Any]:
-    return {
-        "vast": document.path.name,
-        "metadata": to_plain(document.vast.metadata),
-        "scenario_file": document.vast.scenario_file,
-        "configs": [configuration_record(variant, timings=timings) for variant in variants],
-        "_run_files": [str(path) for path in container_files(document)],
-        "_input_files": [document.path.name, str(document.vast.scenario_file)],
-    }
+) -> Iterator[str]:
+    """The text of `configurations.yaml`, variant by variant: there may be very many."""
+    yield dump_yaml(
+        {
+            "vast": document.path.name,
+            "metadata": to_plain(document.vast.metadata),
+            "scenario_file": document.vast.scenario_file,
+        }
+    )
+    yield "configs:\n" if variants else "configs: []\n"
+    for variant in variants:
+        yield dump_yaml([configuration_record(variant, timings=timings)])
+    yield dump_yaml(
+        {
+            "_run_files": [str(path) for path in container_files(document)],
+            "_input_files": [document.path.name, str(document.vast.scenario_file)],
+        }
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import yaml
@@ -42,7 +43,7 @@ def read_configurations(layout: Layout) -> dict[str, Any]:
 def read_variants(layout: Layout) -> tuple[str, list[Variant]]:
     """Name of the .vast file in `_config`, and the campaign's variants in order."""
     data = read_configurations(layout)
-    return str(data.get("vast")), [_variant(layout, item) for item in data["configs"]]
+    return str(data.get("vast")), [variant_of(layout, item) for item in data["configs"]]
 
 
 def configuration_record(variant: Variant, *, timings: bool) -> dict[str, Any]:
@@ -68,7 +69,8 @@ def configuration_record(variant: Variant, *, timings: bool) -> dict[str, Any]:
     }
 
 
-def _variant(layout: Layout, item: dict[str, Any]) -> Variant:
+def variant_of(layout: Layout, item: Mapping[str, Any]) -> Variant:
+    """The variant of a `configuration_record`."""
     name = item["name"]
     files = layout.variant_config(name)
     return Variant(

@@ -15,7 +15,7 @@ from robovast_operator.conditions import dated
 from robovast_operator.events import messages
 from robovast_operator.lenient import shaped
 from robovast_operator.pod_facts import is_stuck, trouble_of, trouble_of_events
-from robovast_operator.reports import composed_of, final_of, reports_of
+from robovast_operator.reports import Composition, composed_of, final_of, reports_of
 from robovast_operator.verdicts import Report
 from robovast_operator.work_queue import WorkQueue, work
 
@@ -154,10 +154,8 @@ def test_the_finish_job_has_the_last_word() -> None:
 
 
 def test_a_compose_job_gives_counts_or_its_message() -> None:
-    assert composed_of([pod(0, ended("compose", 0, '{"counts": [2, 3], "breaks": "1"}'))]) == (
-        [2, 3],
-        "1",
-    )
+    said = '{"counts": [2, 3], "breaks": "1", "digest": "ab"}'
+    assert composed_of([pod(0, ended("compose", 0, said))]) == Composition([2, 3], "1", "ab")
     assert (
         composed_of([pod(0, ended("compose", 65, '{"error": "bad.vast: no"}'))]) == "bad.vast: no"
     )

@@ -1,0 +1,122 @@
+"""What the compose Job leaves in the bucket, and what a pod reads of it: its own share alone.
+
+```
+_transient/variants/list.json    the document, digests of its files, digests of the parts
+_transient/variants/000000.json  the first variants, then the next ones
+```
+
+The plan has the digest of the list, so that whatever a pod reads is what was composed.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any
+
+import yaml
+
+from robovast.agent.bucket import Bucket
+from robovast.agent.digests import check, digest, file_digest
+from robovast.expansion import Variant
+from robovast.plain import dump_yaml
+from robovast.results.configurations import configuration_record, variant_of
+from robovast.results.layout import Layout
+
+FOLDER = "_transient/variants/"
+LIST = f"{FOLDER}list.json"
+PART = 50
+"""Variants in one object: a pod reads those of its pack, and at most so many others."""
+
+
+def store_composed(
+    bucket: Bucket, document: str, inputs: Mapping[str, str], variants: Sequence[Variant]
+) -> str:
+    """Store variants, and the list of them last; returns its digest.
+
+    Args:
+        bucket: the campaign's.
+        document: file name of the document.
+        inputs: SHA-256 of the files beside it, by path.
+        variants: in order.
+    """
+    parts = []
+    for first in range(0, len(variants), PART):
+        part = _json([_item(variant) for variant in variants[first : first + PART]])
+        bucket.store.put_bytes(bucket.name, _part(first // PART), part)
+        parts.append(digest(part))
+    text = _json({"document": document, "inputs": inputs, "count": len(variants), "parts": parts})
+    bucket.store.put_bytes(bucket.name, LIST, text)
+    return digest(text)
+
+
+def _item(variant: Variant) -> dict[str, Any]:
+    """A variant; what it is made of stands as YAML, which knows dates and infinity."""
+    return {
+        "name": variant.name,
+        "entry": variant.entry,
+        "record": dump_yaml(configuration_record(variant, timings=False)),
+        "files": {
+            f"{variant.name}/_config/{file.name}": file_digest(file.source)
+            for file in variant.files
+        },
+    }
+
+
+class Composed(Sequence[Variant]):
+    """The variants of a composed campaign, each read when it is asked for.
+
+    Args:
+        bucket: the campaign's.
+        layout: where the variants' files will be.
+        planned: SHA-256 of the list of them.
+
+    Raises:
+        InputError: what is in the bucket is not what was composed; also later, of each part.
+    """
+
+    def __init__(self, bucket: Bucket, layout: Layout, planned: str) -> None:
+        self._bucket = bucket
+        self._layout = layout
+        listed = json.loads(_read(bucket, LIST, planned))
+        self._parts: list[str] = listed["parts"]
+        self._count: int = listed["count"]
+        self._part = cache(self._read_part)
+        self.document: str = listed["document"]
+        self.inputs: Mapping[str, str] = listed["inputs"]
+        self.files: dict[str, Mapping[str, str]] = {}
+        """SHA-256 of the files of variants that were asked for, by variant and key."""
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, index: Any) -> Any:
+        item = self._part(index // PART)[index % PART]
+        self.files[item["name"]] = item["files"]
+        return variant_of(self._layout, yaml.safe_load(item["record"]))
+
+    def outlines(self) -> list[Variant]:
+        """All of them by name and entry alone: there may be very many."""
+        parts = map(self._read_part, range(len(self._parts)))
+        return [Variant(item["name"], item["entry"], {}) for part in parts for item in part]
+
+    def _read_part(self, number: int) -> list[dict[str, Any]]:
+        items: list[dict[str, Any]] = json.loads(
+            _read(self._bucket, _part(number), self._parts[number])
+        )
+        return items
+
+
+def _read(bucket: Bucket, key: str, planned: str) -> bytes:
+    content = bucket.store.read(bucket.name, key)
+    check(f"{bucket.name}/{key}", digest(content) if content is not None else None, planned)
+    return content or b""
+
+
+def _part(number: int) -> str:
+    return f"{FOLDER}{number:06}.json"
+
+
+def _json(data: object) -> bytes:
+    return json.dumps(data, sort_keys=True, separators=(",", ":")).encode()

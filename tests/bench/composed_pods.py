@@ -1,0 +1,85 @@
+#!/usr/bin/env python3
+"""What a pod of a composed campaign costs before its run starts, by the number of variants.
+
+    python tests/bench/composed_pods.py [--variants 100 10000]
+
+Each variant has parameters of 3.3 kB of YAML, as those of the example robot_navigation have. The
+compose Job, `fetch` of the last pack, of one run, and the finish Job are executed as processes
+beside a MinIO of the testbed; prints CPU seconds and largest memory of each.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+sys.path[:0] = [str(Path(__file__).parents[1] / part) for part in (".", "testbed")]
+
+from agent_pods import Campaign, Pod  # noqa: E402
+from local_campaigns import DOCUMENT, make_campaign  # noqa: E402
+from robovast_testbed import bed, network, s3  # noqa: E402
+
+PLUGIN = """\
+from robovast.common.variation import Variation
+
+class Paths(Variation):
+    def variation(self, in_configs):
+        path = [{"x": n / 7, "y": n / 3, "yaw": n / 11, "frame": f"map-{n}"} for n in range(42)]
+        return [
+            {**config, "name": f"{config['name']}-{x}", "config": {"x": x, "path": path}}
+            for config in in_configs for x in range(VARIANTS)
+        ]
+"""
+
+
+def execute(pod: Pod, command: str, *arguments: object, index: int = 0) -> None:
+    """Do it, and say what it cost."""
+    process = pod.command(command, *arguments, index=index)
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    cpu = used.ru_utime + used.ru_stime
+    text = f"{cpu:.2f} s CPU, {used.ru_maxrss / 1024:.0f} MiB"
+    print(f"  {command}: {text}" + (f", exit {process.returncode}" if process.returncode else ""))
+    if process.returncode:
+        print(pod.log(command)[-1000:])
+
+
+def measure(server: s3.Server, root: Path, variants: int) -> None:
+    """One campaign."""
+    document = DOCUMENT.replace(
+        "ParameterVariationList: {name: x, values: [1, 2, 3]}", "./paths.py:Paths: {}"
+    )
+    vast = make_campaign(root / "source", "true\n", document=document)
+    (vast.parent / "paths.py").write_text(PLUGIN.replace("VARIANTS", str(variants)))
+    campaign = Campaign(root / "mounts", vast, server, {"expansion": "composed"})
+    print(f"{variants} variants")
+    try:
+        composing = Pod(campaign)
+        execute(composing, "compose")
+        digest = composing.message().get("digest")
+        plan = campaign.root / "plan/campaign.json"
+        known = {**json.loads(plan.read_text()), **({"digest": digest} if digest else {})}
+        plan.write_text(json.dumps(known))
+        execute(Pod(campaign), "fetch", index=variants - 1)
+        execute(Pod(campaign), "finish")
+    finally:
+        campaign.close()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--variants", type=int, nargs="+", default=[100, 10_000])
+    arguments = parser.parse_args()
+    with bed.session("composed-pods") as own, TemporaryDirectory() as folder:
+        network.create_bridge(own)
+        server = s3.start(own, "minio")
+        for variants in arguments.variants:
+            measure(server, Path(folder, str(variants)), variants)
+
+
+if __name__ == "__main__":
+    main()
