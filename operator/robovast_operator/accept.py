@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+import hashlib
 import tempfile
 from collections.abc import Mapping
 from dataclasses import replace
@@ -23,11 +24,12 @@ from robovast.document.model import Vast
 from robovast.document.source import Source
 from robovast.errors import DocumentError, RobovastError
 from robovast.execution.resources import cpus, memory
-from robovast.expansion import compose, select_any
+from robovast.expansion import Variant, compose, select_any
 from robovast.expansion.expand import DEFAULT_ENTRY
 from robovast.plain import dump_yaml
 from robovast.plan import breaks
 from robovast.plugins import split_file_reference
+from robovast.results.configurations import variants_digest
 from robovast_operator.campaign import Accepted, Identity, Object, Rejected
 from robovast_operator.reports import Composition
 from robovast_operator.settings import Settings
@@ -59,7 +61,10 @@ def accept(obj: Object, files: Files | None, settings: Settings) -> Accepted | R
             vast = _validate_alone(spec)
             return _accepted(identity, spec, vast, text, settings)
         with tempfile.TemporaryDirectory() as folder:
-            return _checked(Path(folder), identity, spec, text, files, settings)
+            made = _checked(Path(folder), identity, spec, text, files, settings)
+        if isinstance(made, Rejected):
+            return made
+        return replace(made, inputs=_digests(files, made.document_name))
     except ValidationError as error:
         return Rejected("InvalidSpec", _spec_message(error))
     except DocumentError as error:
@@ -68,6 +73,12 @@ def accept(obj: Object, files: Files | None, settings: Settings) -> Accepted | R
         return Rejected("Invalid", str(error))
     except (ValueError, binascii.Error) as error:
         return Rejected("InvalidSpec", str(error))
+
+
+def _digests(files: Files, document: str) -> dict[str, str]:
+    """SHA-256 of the files beside a document, which stands in the plan itself."""
+    others = {path: content for path, content in files.items() if path != document}
+    return {path: hashlib.sha256(content).hexdigest() for path, content in others.items()}
 
 
 def inline_files(spec: Mapping[str, object]) -> Files:
@@ -177,10 +188,13 @@ def _expanded(document: Document, accepted: Accepted) -> Accepted | Rejected:
     with tempfile.TemporaryDirectory() as output:
         variants = list(compose(document, Path(output)).variants)
     variants = select_any(variants, accepted.spec.select)
-    counts: dict[str, int] = {}
+    by_entry: dict[str, list[Variant]] = {}
     for variant in variants:
-        counts[variant.entry] = counts.get(variant.entry, 0) + 1
-    entries = tuple(Entry(name=name, variants=number) for name, number in counts.items())
+        by_entry.setdefault(variant.entry, []).append(variant)
+    entries = tuple(
+        Entry(name=name, variants=len(found), digest=variants_digest(found))
+        for name, found in by_entry.items()
+    )
     cuts = format_breaks(breaks(variants))
     return replace(accepted, pure=True, entries=entries, breaks=cuts)
 
@@ -271,4 +285,4 @@ def with_composition(
     )
     if not entries:
         return Rejected("NothingSelected", "no configuration is selected: see spec.select")
-    return replace(accepted, entries=entries, breaks=composed.breaks, digest=composed.digest)
+    return replace(accepted, entries=entries, breaks=composed.breaks, composed=composed.digest)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -79,8 +80,10 @@ class Accepted:
     """What the document expands to; empty when the compose Job finds it out."""
     breaks: str = ""
     """`PlanSpec.breaks` of it."""
-    digest: str | None = None
-    """`CampaignPlan.digest` of it."""
+    composed: str | None = None
+    """`CampaignPlan.composed`."""
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    """`CampaignPlan.inputs`."""
     planned: CampaignPlan | None = None
     """What pods know of it already; where its results are does not change any more."""
     default_endpoint: str = ""
@@ -155,5 +158,5 @@ class Revision:
     """Owner reference by block, of blocks that belong to a Configuration object."""
     document: str = ""
     """Text of the document."""
-    digest: str | None = None
-    """`CampaignPlan.digest`."""
+    composed: str | None = None
+    """`CampaignPlan.composed`."""

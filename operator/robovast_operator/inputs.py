@@ -106,7 +106,7 @@ class Inputs:
             return None
         first = revisions[0]
         entries = first.entries[: len(accepted.vast.configuration or [None])]
-        return replace(accepted, entries=entries, digest=first.digest)
+        return replace(accepted, entries=entries, composed=first.composed)
 
     async def prepare_composing(self, accepted: Accepted, plan: str) -> None:
         """What the compose Job mounts."""

@@ -201,6 +201,7 @@ def campaign_plan(
         memory=memory(execution.resources.memory, "execution.resources.memory", context),
         options=spec.options,
         entries=entries,
-        digest=accepted.digest,
+        inputs=dict(accepted.inputs),
+        composed=accepted.composed,
         plan=plan,
     )

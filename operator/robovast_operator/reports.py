@@ -34,7 +34,7 @@ class Composition:
     breaks: str
     """`PlanSpec.breaks`."""
     digest: str | None
-    """`CampaignPlan.digest`; None when the Job was of an older version."""
+    """`CampaignPlan.composed`; None when the Job was of an older version."""
 
 
 def reports_of(pods: Iterable[Object]) -> dict[int, Report]:

@@ -84,7 +84,7 @@ def _revision(number: int, name: str, obj: Object) -> Revision:
         raise _no_plan(name, "it plans no run")
     held = {block: owner.model_dump() for block, owner in owners.items()}
     document = text(data.get("document.vast"))
-    return Revision(number, name, plan.plan, plan.entries, held, document, plan.digest)
+    return Revision(number, name, plan.plan, plan.entries, held, document, plan.composed)
 
 
 def _no_plan(name: str, why: str) -> InputError:
@@ -121,8 +121,8 @@ def next_revision(
         first = first_blocks(accepted.entries, accepted.runs)
         runs_per_job = accepted.vast.execution.runs_per_job
         plan = PlanSpec(blocks=first, runs_per_job=runs_per_job, breaks=accepted.breaks)
-        text, digest = accepted.document_text, accepted.digest
-        return Revision(0, name, plan, accepted.entries, {}, text, digest)
+        text, composed = accepted.document_text, accepted.composed
+        return Revision(0, name, plan, accepted.entries, {}, text, composed)
     newest = revisions[-1]
     owners = dict(newest.owners)
     blocks = list(newest.plan.blocks)

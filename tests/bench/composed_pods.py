@@ -62,7 +62,7 @@ def measure(server: s3.Server, root: Path, variants: int) -> None:
         execute(composing, "compose")
         digest = composing.message().get("digest")
         plan = campaign.root / "plan/campaign.json"
-        known = {**json.loads(plan.read_text()), **({"digest": digest} if digest else {})}
+        known = {**json.loads(plan.read_text()), **({"composed": digest} if digest else {})}
         plan.write_text(json.dumps(known))
         execute(Pod(campaign), "fetch", index=variants - 1)
         execute(Pod(campaign), "finish")

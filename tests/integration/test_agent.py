@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 import random
 import subprocess
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 import yaml
@@ -19,6 +21,9 @@ from robovast_testbed.s3 import Server
 
 from robovast.agent.claims import MOST_STARTS
 from robovast.cluster.repetition import list_key, list_name
+from robovast.document import load_document
+from robovast.expansion import compose
+from robovast.results.configurations import variants_digest
 
 PASS = 'echo "$1,$2" > "$3/out.csv"\n'
 FAIL_SECOND = PASS + '[ "$1" != 2 ]\n'
@@ -494,7 +499,7 @@ def composed(make: Make) -> Campaign:
     assert composing.task("compose") == 0, composing.log("compose")
     found = composing.message()
     assert (found["counts"], found["breaks"]) == ([2], "")
-    campaign.change(digest=found["digest"])
+    campaign.change(composed=found["digest"])
     return campaign
 
 
@@ -503,7 +508,7 @@ def composed(make: Make) -> Campaign:
 def test_a_campaign_of_plugins_is_composed_once(composed: Campaign, version: str) -> None:
     campaign = composed
     if version == "older":
-        campaign.change(digest=None)
+        campaign.change(composed=None)
         listed = campaign.objects("_transient/variants/")
         campaign.store.delete(campaign.bucket, listed)
     assert Pod(campaign).run() == 0
@@ -530,6 +535,38 @@ def test_what_is_not_as_it_was_composed_is_refused_by_name(composed: Campaign, k
     pod = Pod(composed)
     assert pod.fetch() == 65
     assert f"{key.removeprefix('_config/')}: is another" in pod.message_file.read_text()
+
+
+@one_server
+@pytest.mark.parametrize("change", ["nothing", "edited", "removed"])
+def test_inputs_that_are_not_those_of_the_plan_are_refused_by_name(make: Make, change: str) -> None:
+    """As those in a ConfigMap that somebody edits while the campaign runs."""
+    campaign = make(PASS)
+    step = campaign.root / "files/files/step.sh"
+    campaign.change(inputs={"files/step.sh": hashlib.sha256(step.read_bytes()).hexdigest()})
+    if change == "edited":
+        step.write_text("true")
+    elif change == "removed":
+        step.unlink()
+    pod = Pod(campaign)
+    assert pod.fetch() == (0 if change == "nothing" else 65)
+    said = {"nothing": "", "edited": "is another", "removed": "is missing"}[change]
+    assert (f"files/step.sh: {said}" in pod.message_file.read_text()) == bool(said)
+
+
+@one_server
+def test_another_expansion_than_the_planned_one_is_refused(make: Make) -> None:
+    campaign = make(PASS)
+    with TemporaryDirectory() as scratch:
+        variants = compose(load_document(campaign.vast), Path(scratch)).variants
+    (entry,) = campaign.plan.entries
+    same = entry.model_copy(update={"digest": variants_digest(variants)})
+    campaign.change(entries=(same,))
+    assert Pod(campaign).fetch() == 0
+    campaign.change(entries=(entry.model_copy(update={"digest": variants_digest(variants[:1])}),))
+    pod = Pod(campaign)
+    assert pod.fetch() == 65
+    assert "`one` does not expand to the variants" in pod.message_file.read_text()
 
 
 @one_server

@@ -20,9 +20,10 @@ from robovast.cluster.endpoint import Credentials, Endpoint
 from robovast.cluster.plan import CampaignPlan, PlanSpec
 from robovast.cluster.storage import ObjectStore
 from robovast.document import Document, load_document
+from robovast.errors import InputError
 from robovast.expansion import Composition, Variant, compose, select_any
 from robovast.expansion.containers import refuse_containers
-from robovast.results.configurations import read_variants
+from robovast.results.configurations import read_variants, variants_digest
 from robovast.results.layout import Layout
 
 PATIENCE = 60.0
@@ -99,6 +100,7 @@ def load_inputs(campaign: Campaign) -> Document:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     copy_inputs(campaign.plan, campaign.folders, campaign.store, folder)
+    check_files(campaign.plan.inputs, folder)
     document = folder / campaign.plan.document
     shutil.copyfile(campaign.folders.plan / "document.vast", document)
     return load_document(document)
@@ -115,7 +117,21 @@ def expand(campaign: Campaign, document: Document, message: Callable[[str], None
     scratch.mkdir(parents=True)
     composition = compose(document, scratch, message, refuse_containers)
     chosen = select_any(composition.variants, campaign.plan.select)
+    _check_expansion(campaign, chosen)
     return Composition(tuple(chosen), composition.input_files, composition.transient_files)
+
+
+def _check_expansion(campaign: Campaign, variants: Sequence[Variant]) -> None:
+    first = 0
+    for entry in campaign.plan.entries:
+        found = variants[first : first + entry.variants]
+        first += entry.variants
+        if entry.digest is not None and variants_digest(found) != entry.digest:
+            raise InputError(
+                f"{campaign.plan.document}: the configuration `{entry.name}` does not expand to "
+                "the variants that its runs were planned with. Were operator and agent updated "
+                "while it ran? Create another Campaign for what is left."
+            )
 
 
 def open_composed(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
@@ -130,11 +146,11 @@ def open_composed(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
     layout = Layout(campaign.folders.inputs)
     shutil.rmtree(layout.root, ignore_errors=True)
     download(campaign, "_config/", layout.root)
-    if campaign.plan.digest is None:  # an older version composed it
+    if campaign.plan.composed is None:  # an older version composed it
         download(campaign, "_transient/configurations.yaml", layout.root)
         name, variants = read_variants(layout)
         return load_document(layout.config / name), variants
-    composed = Composed(campaign.bucket, layout, campaign.plan.digest)
+    composed = Composed(campaign.bucket, layout, campaign.plan.composed)
     check_files(composed.inputs, layout.config)
     return load_document(layout.config / composed.document), composed
 

@@ -32,7 +32,7 @@ def compose(folders: Folders) -> AgentExit:
 
     The termination message is `{"counts": […], "breaks": "…", "digest": "…"}`: the number of
     variants of each configuration entry in the document's order, `PlanSpec.breaks`, and
-    `CampaignPlan.digest`.
+    `CampaignPlan.composed`.
 
     Raises:
         InputError: the document or its files are wrong, or a variation type fails.

@@ -175,6 +175,8 @@ class Entry(_Data):
 
     name: str
     variants: PositiveInt
+    digest: str | None = None
+    """SHA-256 of them; None where nobody has seen them, and in plans of older versions."""
 
 
 def first_blocks(entries: Sequence[Entry], runs: int) -> tuple[Block, ...]:
@@ -251,8 +253,10 @@ class CampaignPlan(_Data):
     """Further options of the scenario execution, as `-t -d`."""
     entries: tuple[Entry, ...] = ()
     """What the document expands to; empty until it is known."""
-    digest: str | None = None
-    """SHA-256 of that: of the variants, or of the list of them that the compose Job stored. None in
-    plans of older versions."""
+    inputs: dict[str, str] = Field(default_factory=dict)
+    """SHA-256 of input files by path, of those that the operator has seen."""
+    composed: str | None = None
+    """SHA-256 of the list of variants that the compose Job stored; None in plans of older
+    versions."""
     plan: PlanSpec | None = None
     """None in the plan of the compose Job, which finds it out."""

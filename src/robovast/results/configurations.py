@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import yaml
 
 from robovast.errors import InputError
 from robovast.expansion.variant import ConfigFile, Variant, VariationRecord
+from robovast.plain import fingerprint
 from robovast.results.layout import Layout
 from robovast.safe_paths import MOST_OF_ALL, read_file
 
@@ -67,6 +69,14 @@ def configuration_record(variant: Variant, *, timings: bool) -> dict[str, Any]:
         ],
         **variant.extra,
     }
+
+
+def variants_digest(variants: Iterable[Variant]) -> str:
+    """SHA-256 of variants: equal ones have equal ones, in any version that expands them alike."""
+    whole = hashlib.sha256()
+    for variant in variants:
+        whole.update(fingerprint(configuration_record(variant, timings=False)).encode())
+    return whole.hexdigest()
 
 
 def variant_of(layout: Layout, item: Mapping[str, Any]) -> Variant:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import replace
 from typing import Any
@@ -153,6 +154,16 @@ def test_the_plan_says_what_pods_need_and_is_fixed() -> None:
     assert plan.owner == Owner(
         uid="0123-4567", namespace="lab", name="drive", campaign="drive-2026-11-21-070000"
     )
+
+
+def test_the_plan_fixes_inputs_and_what_they_expand_to() -> None:
+    made = accepted()
+    plan = campaign_plan(made, None, made.entries)
+    assert plan.inputs == {"scenario.osc": hashlib.sha256(SCENARIO.encode()).hexdigest()}
+    (entry,) = plan.entries
+    (other,) = accepted(select=["hall-1", "hall-2", "hall-3"]).entries
+    (fewer,) = accepted(select=["hall-1"]).entries
+    assert entry.digest == other.digest != fewer.digest
 
 
 def test_a_campaign_of_an_older_version_keeps_its_bucket() -> None:
