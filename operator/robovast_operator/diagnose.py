@@ -5,15 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import AsyncIterator, Mapping
 
+from robovast.cluster.resources import ROLE_LABEL
 from robovast_operator import paths
 from robovast_operator.api import Api
-from robovast_operator.campaign import Accepted, Object
+from robovast_operator.campaign import Accepted, Identity, Object
 from robovast_operator.memory import Memory
 from robovast_operator.picture import Trouble
 from robovast_operator.pod_facts import is_stuck, trouble_of, trouble_of_events
 from robovast_operator.reports import final_of, reports_of
 from robovast_operator.settings import Settings
-from robovast_operator.stalls import cause_of
+from robovast_operator.stalls import cause_of, may_store
 from robovast_operator.store import JobState
 from robovast_operator.times import now
 
@@ -51,6 +52,17 @@ class Diagnosis:
         """The pods of a Job."""
         selector = f"batch.kubernetes.io/controller-uid={job.uid}"
         return self._api.list(paths.pods(job.namespace), labelSelector=selector, **parameters)
+
+    async def is_storing(self, identity: Identity) -> bool:
+        """Whether pods of runs may still store something, though their Jobs may be gone."""
+        labels = {**identity.labels, ROLE_LABEL: "shard"}
+        selector = ",".join(f"{name}={value}" for name, value in labels.items())
+        pods = self._api.list(
+            paths.pods(identity.namespace),
+            labelSelector=selector,
+            fieldSelector="status.phase=Running",
+        )
+        return any([may_store(pod, now()) async for pod in pods])
 
     async def _reports(self, memory: Memory, job: JobState) -> float | None:
         """The verdicts of failed indexes."""

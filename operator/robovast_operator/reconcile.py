@@ -13,7 +13,7 @@ from robovast_operator.accept import (
     same_document,
     with_composition,
 )
-from robovast_operator.api import Api, ApiError
+from robovast_operator.api import PAUSE, Api, ApiError
 from robovast_operator.campaign import Accepted, Identity, Key, Object, Rejected, Revision
 from robovast_operator.conditions import is_settled, is_true
 from robovast_operator.decide import (
@@ -241,6 +241,8 @@ class Reconciler:
         match action:
             case CreateShard(shard):
                 await self._create_job(shard_job(accepted, self._settings, shard))
+            case CreateTask("finish") if await self._diagnosis.is_storing(accepted.identity):
+                self._queue.add((namespace, accepted.identity.name), PAUSE)
             case CreateTask(command, name, plan):
                 await self._create_job(task_job(accepted, self._settings, command, name, plan))
             case SuspendJob(job, suspend):

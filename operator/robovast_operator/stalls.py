@@ -114,6 +114,11 @@ def _causes(pod: Object, moment: datetime, silence: float) -> Iterator[Trouble]:
         )
 
 
+def may_store(pod: Object, moment: datetime) -> bool:
+    """Whether the agent of a pod may still store something."""
+    return bool(pod["status"].get("phase") == "Running") and not _is_lost(pod, moment)
+
+
 def _is_lost(pod: Object, moment: datetime) -> bool:
     """Whether the node of a pod says nothing: others call it not ready, or it should be gone."""
     meta, status = pod["metadata"], pod["status"]

@@ -248,6 +248,23 @@ class Campaign:
         return self.memory.trouble.reason if self.memory.trouble else ""
 
 
+@pytest.mark.parametrize(
+    ("left", "storing"),
+    [
+        ((), False),
+        ((pod("Running", READY, robovast=RUNNING, agent=RUNNING),), True),
+        ((pod("Running", UNREADY, robovast=DONE, agent=RUNNING),), True),
+        ((CAUSES["pod cannot end on a lost node"][1],), False),
+    ],
+)
+def test_the_index_waits_for_agents_whose_jobs_are_gone(
+    left: tuple[Any, ...], *, storing: bool
+) -> None:
+    server: Any = Server(*left)
+    identity = accepted().identity
+    assert asyncio.run(Diagnosis(server, SETTINGS).is_storing(identity)) == storing
+
+
 def test_a_stall_neither_flaps_nor_stays() -> None:
     _, pull = CAUSES["image cannot be pulled"]
     campaign = Campaign(pull)
