@@ -124,6 +124,17 @@ def names(path: Path, root: Path) -> list[str]:
         return []
 
 
+@contextmanager
+def pinned(path: Path, root: Path) -> Iterator[Path]:
+    """Another path to a folder: it stays that folder's, whatever becomes of names on the way.
+
+    Raises:
+        OSError: it is no folder, or is reached through links.
+    """
+    with _folder(path, root) as folder:
+        yield Path(f"/proc/self/fd/{folder}")
+
+
 def unused(path: Path, root: Path) -> Path:
     """The path, or with `.1`, `.2`, … at its end, where nothing is yet."""
     others = (path.with_name(f"{path.name}.{number}") for number in count(1))

@@ -145,6 +145,24 @@ def test_links_in_a_pod_lead_nowhere(make: Make, host: Path) -> None:
 
 
 @one_server
+def test_logs_of_a_job_that_goes_on_are_its_own(make: Make, tmp_path: Path) -> None:
+    other = tmp_path / "other" / "job-0"
+    other.mkdir(parents=True)
+    (other / "id_ed25519").write_text(KEY)
+    step = f"""
+out=$ROBOVAST_OUT_DIR
+[ "$1" != 1 ] || {{ mv "$out/_jobs" "$out/taken"; ln -s {other.parent} "$out/_jobs"; }}
+[ "$1" != 3 ] || sleep 2
+"""
+    campaign = make(step)
+    pod = Pod(campaign)
+    pod.run()
+    assert campaign.verdicts() == ALL_PASSED, pod.log("agent")
+    assert not [key for key in campaign.objects() if "id_ed25519" in key]
+    assert (other / "id_ed25519").read_text() == KEY
+
+
+@one_server
 def test_a_job_that_crashed_leaves_no_trap_for_the_next(make: Make, host: Path) -> None:
     """The pod goes on with another job, whose folders were made in advance, as links."""
     step = f"""

@@ -193,6 +193,17 @@ def test_no_depth_is_too_much_to_be_removed(out: Path, host: Path) -> None:
     assert content(host) == {"key": "secret"}
 
 
+def test_a_pinned_folder_stays_what_it_was(out: Path, host: Path) -> None:
+    (out / "jobs" / "job-0").mkdir(parents=True)
+    (out / "jobs" / "job-0" / "log").write_text("own")
+    with safe_paths.pinned(out / "jobs", out) as jobs:
+        (out / "jobs").rename(out / "taken")
+        (out / "jobs").symlink_to(host)
+        assert content(jobs / "job-0") == {"log": "own"}
+    with pytest.raises(NotADirectoryError), safe_paths.pinned(out / "jobs", out):
+        pass
+
+
 def test_empty_folders_alone_are_pruned(out: Path, host: Path) -> None:
     (out / "a" / "b" / "c").mkdir(parents=True)
     (out / "x" / "y").mkdir(parents=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from threading import Event
 
@@ -23,6 +24,7 @@ from robovast.cluster.storage import ObjectStore
 from robovast.execution.signals import call_on_signals
 from robovast.plan import Run
 from robovast.results.verdict import Verdict
+from robovast.safe_paths import pinned
 
 
 def agent(folders: Folders, silence: float = 0.0) -> AgentExit:
@@ -118,5 +120,9 @@ class _Keeper:
 
     def _store_run(self, ended: EndedRun, jobs: Path | None) -> None:
         if jobs is not None:
-            self._results.store_snapshot(ended.job, jobs / ended.job.name)
+            with (
+                suppress(FileNotFoundError, NotADirectoryError),
+                pinned(jobs, self._folders.out) as own,
+            ):
+                self._results.store_snapshot(ended.job, own / ended.job.name)
         self._verdicts[ended.run.id] = self._results.store_run(ended)

@@ -3,15 +3,24 @@
 import fcntl
 import math
 import os
+import shutil
+import subprocess
+import time
 from pathlib import Path
+from threading import Thread
 
 import pytest
+from patience import eventually
 
 from robovast.agent.exit_codes import AgentExit, exit_code_of
+from robovast.agent.fetch import START
 from robovast.agent.folders import Folders
+from robovast.agent.job_files import prepare_output, write_environment
 from robovast.agent.orders import RunContainer
-from robovast.agent.pack import Pack, read_pack
+from robovast.agent.pack import Pack, PodJob, read_pack
+from robovast.agent.silence import Silence
 from robovast.agent.trees import open_files
+from robovast.agent.watch import EndedRun, JobWatch
 from robovast.cluster.plan import Owner
 from robovast.expansion import Variant
 from robovast.plan import Run
@@ -88,6 +97,94 @@ def test_a_container_is_gone_when_its_lock_is_free_and_it_left_no_code(folders: 
     (folders.answers / "1.code.137").touch()
     assert container.exit_code(1) == 137
     assert not container.is_gone(1), "it ended"
+
+
+def test_whatever_a_run_makes_of_the_answers_hangs_nobody(folders: Folders, tmp_path: Path) -> None:
+    container = RunContainer(folders)
+    container.prepare()
+    container_started = folders.answers / "1.started"
+    container_started.touch()
+    (folders.answers / "lock").unlink()
+    os.mkfifo(folders.answers / "lock")
+    for name in ("1.code.x", "1.code.", "1.code.1e3", "1.code.99999", "11.code.7"):
+        (folders.answers / name).touch()
+    assert container.is_gone(1), "nobody can say that it lives"
+    assert container.exit_code(1) is None
+    folders.answers.rename(folders.out / "taken")
+    (tmp_path / "host").mkdir()
+    (tmp_path / "host" / "terminated").touch()
+    folders.answers.symlink_to(tmp_path / "host")
+    assert not container.is_terminated()
+    assert container.started(1) is None
+
+
+class Received:
+    """Takes what a job leaves, and remembers its runs."""
+
+    def __init__(self) -> None:
+        self.ended: list[EndedRun] = []
+
+    def run_over(self, ended: EndedRun) -> None:
+        self.ended.append(ended)
+
+    def job_over(self, job: PodJob, folder: Path, last: EndedRun | None) -> None:
+        self.ended += [last] if last else []
+
+    def check(self) -> None: ...
+
+
+def test_a_clock_that_is_set_makes_no_run_overdue(
+    folders: Folders, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    container = RunContainer(folders)
+    container.prepare()
+    job = make_pack(runs=RUNS[:1]).job(1, RUNS[:1])
+    prepare_output(folders, job)
+    (folders.out / RUNS[0].path / "test.xml").write_text("<testsuite><testcase/></testsuite>")
+    real, ahead = time.time, [0.0]
+    monkeypatch.setattr(time, "time", lambda: real() + ahead[0])
+    received = Received()
+    silence = Silence(folders.work / "silent", 0)
+    watch = JobWatch(folders, job, 600, (), received, lambda: False, silence)
+    with (folders.answers / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        (folders.answers / "1.started").touch()
+        following = Thread(target=watch.follow)
+        following.start()
+        time.sleep(0.5)
+        ahead[0] = 3600.0
+        time.sleep(0.5)
+        (folders.answers / "1.code.0").touch()
+        following.join(30)
+    (ended,) = received.ended
+    assert ended.result.verdict is Verdict.PASSED, ended.result.reason
+    assert ended.observed[1] - ended.observed[0] < 60
+    assert (folders.config / "order").read_text().split() == [], "it was not told to stop"
+
+
+def test_a_clock_that_is_set_makes_no_agent_silent(folders: Folders, tmp_path: Path) -> None:
+    """Bash's own SECONDS follows the clock of the machine; here it runs away."""
+    container = RunContainer(folders)
+    container.prepare()
+    container.run(1)
+    job = folders.out / "_jobs" / "job-0"
+    write_environment(folders, {"ROBOVAST_OUT_DIR": str(folders.out), "OUTPUT_DIR": str(job)})
+    (folders.config / "entrypoint.sh").write_text("sleep 2.5\n")
+    shutil.copy(START, folders.config)
+    (tmp_path / "clock").write_text("set -T; trap 'SECONDS=$((SECONDS + 600))' DEBUG\n")
+    process = subprocess.Popen(
+        ["bash", folders.config / START.name],
+        env={**os.environ, "BASH_ENV": str(tmp_path / "clock")},
+        start_new_session=True,
+    )
+    try:
+        eventually(lambda: container.exit_code(1) is not None, 30)
+        assert container.exit_code(1) == 0
+        container.end()
+        assert process.wait(30) == 0
+    finally:
+        process.kill()
+        process.wait()
 
 
 def test_only_files_are_opened(tmp_path: Path) -> None:

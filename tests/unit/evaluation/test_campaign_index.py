@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import shutil
 from pathlib import Path
@@ -131,6 +132,27 @@ def test_links_and_pipes_are_not_read(root: Path, tmp_path: Path) -> None:
     assert [variant.name for variant in index.variants] == ["hall-1", "hall-2"]
     assert [run.number for run in index.variants[0].runs] == [0, 1]
     assert [run.verdict for run in index.variants[1].runs[2:]] == [Verdict.ERRORED] * 2
+
+
+@pytest.mark.parametrize("time", ["nan", "inf", "-1", "1e400", "9" * 400])
+def test_times_that_are_none_are_left_out(root: Path, time: str) -> None:
+    """As JSON, which has no such numbers, the answer could not be written."""
+    suite = f'<testsuite time="{time}"><testcase/></testsuite>'
+    write(root / "hall-1" / "0" / "test.xml", suite)
+    (root / "hall-1" / "0" / "run.json").unlink()
+    record = json.loads((root / "hall-1" / "1" / "run.json").read_text())
+    text = json.dumps({**record, "duration": "TIME"}).replace(
+        '"TIME"', time.replace("inf", "1e999")
+    )
+    write(root / "hall-1" / "1" / "run.json", text.replace("nan", "NaN"))
+    index = CampaignIndex(root.parent, NAME)
+    index.refresh()
+    json.dumps(columns(index.variants), allow_nan=False)
+    first, second = index.variants[0].runs
+    assert (first.verdict, first.duration) == (Verdict.PASSED, None)
+    assert second.verdict is Verdict.PASSED
+    assert second.duration in {None, -1.0}
+    assert index.summary().duration is not None
 
 
 def test_campaigns_are_found_newest_first(tmp_path: Path) -> None:

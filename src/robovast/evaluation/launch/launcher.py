@@ -6,7 +6,6 @@ import dataclasses
 import re
 import signal
 import subprocess
-import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from typing import IO, Any
 
 from robovast.errors import CannotRunError, ExitCode
 from robovast.evaluation.launch.commands import as_shell
+from robovast.execution.stopwatch import Stopwatch
 
 MOST_LINES = 1000
 """Lines of output that are kept, the last ones."""
@@ -61,6 +61,7 @@ class Launcher:
         self._child: subprocess.Popen[str] | None = None
         self._lines: deque[str] = deque(maxlen=MOST_LINES)
         self._written = 0
+        self._stopwatch = Stopwatch()
         self._ended = Event()
         self._lock = RLock()  # a signal handler may come in between
         self._ended.set()
@@ -96,7 +97,8 @@ class Launcher:
                 raise BusyError("A campaign is being run from this page; wait for it, or stop it.")
             self._child = self._open(words)
             number = self._launch.number + 1 if self._launch else 1
-            launch = Launch(number, as_shell(words), time.time())
+            self._stopwatch = Stopwatch()
+            launch = Launch(number, as_shell(words), self._stopwatch.period[0])
             self._launch = launch
             self._lines.clear()
             self._written = 0
@@ -153,7 +155,7 @@ class Launcher:
                 self._wait(following)
         except CannotRunError as error:
             self._say(str(error))
-        self._change(ended=time.time())
+        self._change(ended=self._stopwatch.period[1])
         self._ended.set()
 
     def _next(self, code: int, then: Sequence[str]) -> subprocess.Popen[str] | None:

@@ -23,6 +23,7 @@ from robovast.evaluation.notebooks.workloads import Notebook, Target
 from robovast.evaluation.untrusted import mapping, parse_json
 from robovast.execution.local.process_environment import cache_folder
 from robovast.postprocessing.content import RECORD, scan, signature
+from robovast.safe_paths import read_file
 
 AT_ONCE = 2
 """Notebooks that are executed at the same time."""
@@ -34,6 +35,8 @@ MOST_KEPT = 200
 """Results; the oldest are removed."""
 
 _FORMAT = 1
+_LARGEST = 64 << 20
+"""Of a notebook; outputs that it was saved with may hold pictures [bytes]."""
 _KEY = re.compile(r"[0-9a-f]{64}")
 _OWN = (RECORD, ".cache", ".running")
 
@@ -81,7 +84,7 @@ def make_task(notebook: Notebook, target: Target, data: str) -> Task:
     """
     path = notebook.file()
     try:
-        content = path.read_bytes()
+        content = read_file(path, most=_LARGEST)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}.") from None
     parts = [str(_FORMAT), sys.executable, str(path), str(target.folder), data]

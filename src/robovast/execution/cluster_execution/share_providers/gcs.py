@@ -214,9 +214,9 @@ class GcsShareProvider(BaseShareProvider):
                     f"or {KEY_JSON}, in the environment or a `.env` file."
                 )
             return {}
-        if time.time() > self._token_ends - 60:
+        if time.monotonic() > self._token_ends - 60:
             self._token, life = self._fetch_token(key)
-            self._token_ends = time.time() + life
+            self._token_ends = time.monotonic() + life
         return {"Authorization": f"Bearer {self._token}"}
 
     def _fetch_token(self, key: Mapping[str, Any]) -> tuple[str, float]:
