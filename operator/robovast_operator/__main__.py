@@ -21,6 +21,10 @@ from robovast_operator.settings import Settings, read_settings
 LOGGER = logging.getLogger(__name__)
 
 
+DEEPEST = 12_000
+"""An API server takes objects that are nested 10,000 deep; one of them must not end a watch."""
+
+
 class Handlers:
     """What kopf calls: it only passes on what it is told, and never raises.
 
@@ -87,6 +91,7 @@ def configure(settings: kopf.OperatorSettings, own: Settings) -> None:
 def main() -> None:
     """Run until told to end."""
     heap.adjust()
+    sys.setrecursionlimit(DEEPEST)
     logging.basicConfig(
         level=os.environ.get("ROBOVAST_LOG_LEVEL", "INFO"),
         format="%(asctime)s %(levelname)s %(name)s: %(message)s",

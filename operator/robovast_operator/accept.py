@@ -6,7 +6,7 @@ import base64
 import binascii
 import hashlib
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
@@ -14,7 +14,7 @@ import yaml
 from pydantic import ValidationError
 
 from robovast.cluster.names import CAMPAIGN_NAME_LIMIT
-from robovast.cluster.plan import Entry, format_breaks
+from robovast.cluster.plan import RUNS_LIMIT, Entry, format_breaks, is_breaks
 from robovast.cluster.resources import CampaignSpec
 from robovast.cluster.secret_names import refusal
 from robovast.common.variation import Variation
@@ -71,6 +71,8 @@ def accept(obj: Object, files: Files | None, settings: Settings) -> Accepted | R
         return Rejected("InvalidDocument", str(error))
     except RobovastError as error:
         return Rejected("Invalid", str(error))
+    except RecursionError:
+        return Rejected("InvalidSpec", "spec.vast is nested too deeply to be a document")
     except (ValueError, binascii.Error) as error:
         return Rejected("InvalidSpec", str(error))
 
@@ -96,15 +98,32 @@ def inline_files(spec: Mapping[str, object]) -> Files:
             found[path] = base64.b64decode(data, validate=True)
         except binascii.Error as error:
             raise ValueError(f"spec.source.inline.binaryFiles[{path}] is no base64") from error
-    for path in found:
-        _check_path(path)
+    check_paths(found)
     return found
 
 
-def _check_path(path: str) -> None:
-    parts = PurePosixPath(path).parts
-    if not parts or PurePosixPath(path).is_absolute() or ".." in parts or "\0" in path:
-        raise ValueError(f"the file `{path}` leaves the document's folder; use a relative path")
+NAME_BYTES = 255
+"""Longest name of a file or folder where pods and people keep them."""
+
+
+def check_paths(files: Iterable[str]) -> None:
+    """Make sure that files can be laid out in one folder.
+
+    Raises:
+        ValueError: a path leaves the folder, is too long, or a file is a folder, too.
+    """
+    paths = [PurePosixPath(path) for path in files]
+    for path in paths:
+        if not path.parts or path.is_absolute() or ".." in path.parts or "\0" in str(path):
+            raise ValueError(f"the file `{path}` leaves the document's folder; use a relative path")
+        if max(len(part.encode(errors="replace")) for part in path.parts) > NAME_BYTES:
+            raise ValueError(f"a name in the path `{path}` is longer than {NAME_BYTES} bytes")
+    folders = {folder for path in paths for folder in path.parents}
+    both = next((path for path in paths if path in folders), None)
+    if both is not None:
+        raise ValueError(f"`{both}` is a file, and a folder of other files; rename one of them")
+    if len(set(paths)) < len(paths):
+        raise ValueError("two of the files have one path, spelt in two ways")
 
 
 def _spec_message(error: ValidationError) -> str:
@@ -144,8 +163,8 @@ def _checked(
     settings: Settings,
 ) -> Accepted | Rejected:
     """With the files at hand, a document is checked as the command line checks it."""
+    check_paths(files)
     for path, content in files.items():
-        _check_path(path)
         target = folder / path
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(content)
@@ -196,7 +215,19 @@ def _expanded(document: Document, accepted: Accepted) -> Accepted | Rejected:
         for name, found in by_entry.items()
     )
     cuts = format_breaks(breaks(variants))
-    return replace(accepted, pure=True, entries=entries, breaks=cuts)
+    return _planned(replace(accepted, pure=True, entries=entries, breaks=cuts))
+
+
+def _planned(accepted: Accepted) -> Accepted | Rejected:
+    """A campaign of which is known what it expands to, unless it has too many runs."""
+    total = sum(entry.variants for entry in accepted.entries) * accepted.runs
+    if total <= RUNS_LIMIT:
+        return accepted
+    message = (
+        f"the campaign would have {total:,} runs, more than {RUNS_LIMIT:,}: lower "
+        "`execution.runs`, or divide it into several"
+    )
+    return Rejected("TooManyRuns", message)
 
 
 def _accepted(
@@ -266,23 +297,33 @@ def config_map_files(config_map: Object, paths: Mapping[str, str]) -> Files:
 
 
 def with_composition(
-    accepted: Accepted, composed: Composition | str | None, reason: str
+    accepted: Accepted, composed: Composition | str | None, limit: int, reason: str
 ) -> Accepted | Rejected:
     """A campaign with what its compose Job found out, or what that says is wrong.
 
     Args:
         accepted: the campaign.
-        composed: what the Job said.
-        reason: why it failed, in one word.
+        composed: what the Job's pod said, in which plugins of users may have had a hand.
+        limit: most variants of a document.
+        reason: why the Job failed, in one word.
     """
     if not isinstance(composed, Composition):
         return Rejected(reason, composed or "the compose Job left no word; see its log")
     names = [entry.name for entry in accepted.vast.configuration or [DEFAULT_ENTRY]]
+    counts, cuts = composed.counts, composed.breaks
+    if len(counts) != len(names) or sum(counts) > limit or not is_breaks(cuts, sum(counts)):
+        told = f"{sum(counts):,} configurations of {len(counts)} entries"
+        message = (
+            f"the compose Job's last words are not those of this document: {told}, where {limit:,} "
+            f"of {len(names)} may be"
+        )
+        return Rejected("InvalidDocument", message)
     entries = tuple(
         Entry(name=name, variants=number)
-        for name, number in zip(names, composed.counts, strict=False)
+        for name, number in zip(names, counts, strict=True)
         if number
     )
     if not entries:
         return Rejected("NothingSelected", "no configuration is selected: see spec.select")
-    return replace(accepted, entries=entries, breaks=composed.breaks, composed=composed.digest)
+    found = replace(accepted, entries=entries, breaks=cuts, composed=composed.digest)
+    return _planned(found)

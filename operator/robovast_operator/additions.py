@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from pydantic import ValidationError
 
+from robovast.errors import InputError
 from robovast.plain import dump_yaml
 from robovast_operator.accept import Files, accept
 from robovast_operator.campaign import Accepted, Object, Rejected
 from robovast_operator.configurations import added_entries, entry_name, reference
 from robovast_operator.revisions import Addition
 from robovast_operator.settings import Settings
+
+Call = Callable[..., int | str]
+"""Calls a function with the arguments that follow."""
+
+
+def _here(function: Callable[..., int | str], *arguments: object) -> int | str:
+    return function(*arguments)
 
 
 @dataclass(frozen=True)
@@ -34,6 +42,7 @@ def with_additions(
     files: Files | Rejected | None,
     settings: Settings,
     known: dict[str, int | str],
+    call: Call = _here,
 ) -> Additions:
     """What Configurations add to a campaign; one that is wrong does not harm the others.
 
@@ -44,6 +53,7 @@ def with_additions(
         files: the campaign's input files, or why they cannot be read.
         settings: of the installation.
         known: variants by content of an entry, from the last time, or what is wrong with it.
+        call: what calls the function that expands an entry.
     """
     if not accepted.pure:
         told = "runs can only be added to a campaign whose variations are all built in"
@@ -52,7 +62,7 @@ def with_additions(
     found: list[Addition] = []
     good: list[Object] = []
     problems: dict[str, str] = {}
-    expanded = _expand_new(obj, added, files, settings, known)
+    expanded = _expand_new(obj, added, files, settings, known, call)
     for item, variants in zip(added, expanded, strict=True):
         name = entry_name(item)
         if name in taken:
@@ -77,6 +87,7 @@ def _expand_new(
     files: Files | Rejected | None,
     settings: Settings,
     known: dict[str, int | str],
+    call: Call,
 ) -> list[int | str]:
     """Variants of each Configuration, or what is wrong; what is known is not expanded again."""
     generation = obj["metadata"]["generation"]
@@ -87,7 +98,10 @@ def _expand_new(
         return [known.get(mark, files.message) for mark in marks]
     for mark, item in zip(marks, added, strict=True):
         if mark not in known:
-            known[mark] = _variants(obj, item, files, settings)
+            try:
+                known[mark] = call(_variants, obj, item, files, settings)
+            except InputError as error:
+                known[mark] = str(error)
     return [known[mark] for mark in marks]
 
 

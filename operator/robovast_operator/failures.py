@@ -18,7 +18,7 @@ def trouble_of_error(error: Exception) -> Trouble:
         return Trouble("Unreachable", str(error))
     if isinstance(error, ApiError):
         return _refusal(error, str(error))
-    if isinstance(error, TimeoutError | OSError):
+    if isinstance(error, TimeoutError):
         return Trouble("Unreachable", f"the API server does not answer: {error}")
     told = f"{type(error).__name__}: {error}"
     return Trouble("OperatorFault", f"a fault of the operator, whose log says more: {told}")

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from robovast.cluster.plan import CampaignPlan, Entry
 from robovast.cluster.resources import CampaignSpec, Source
+from robovast.errors import InputError
 from robovast_operator import paths
 from robovast_operator.accept import (
     Files,
@@ -16,6 +17,7 @@ from robovast_operator.accept import (
     inline_files,
 )
 from robovast_operator.additions import Additions, with_additions
+from robovast_operator.apart import Apart
 from robovast_operator.api import Api, ApiError
 from robovast_operator.campaign import Accepted, Identity, Object, Rejected, Revision
 from robovast_operator.configurations import is_own, own_configurations
@@ -43,6 +45,7 @@ class Inputs:
         self._api = api
         self._store = store
         self._settings = settings
+        self._apart = Apart()
 
     async def accepted(self, obj: Object, memory: Memory) -> Accepted | Rejected:
         """The Campaign as far as it can be checked here; once for each change of its spec."""
@@ -51,7 +54,10 @@ class Inputs:
             files = await self._files(obj)
             if isinstance(files, Rejected):
                 return files
-            accepted = await asyncio.to_thread(accept, obj, files, self._settings)
+            try:
+                accepted = await self._apart(accept, obj, files, self._settings)
+            except InputError as error:
+                accepted = Rejected("TooLarge", str(error))
             if isinstance(accepted, Accepted):
                 planned = await self._where(accepted.identity, memory)
                 accepted = replace(accepted, planned=planned)
@@ -153,7 +159,9 @@ class Inputs:
         if memory.additions is None or memory.additions_for != mark:
             files = await self._files(obj)
             memory.additions = await asyncio.to_thread(
-                with_additions, obj, accepted, added, files, self._settings, memory.expanded
+                with_additions,
+                *(obj, accepted, added, files, self._settings, memory.expanded),
+                self._apart.call,
             )
             memory.additions_for = () if isinstance(files, Rejected) else mark
         return memory.additions

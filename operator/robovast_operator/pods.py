@@ -17,6 +17,7 @@ from robovast.common.execution import COMPAT_VERSION
 from robovast.document.model import Nodes, Resources
 from robovast.execution.compat import COMPAT_SCRIPT
 from robovast.execution.resources import cpus, memory, resolve_per_context
+from robovast.expansion.limit import VARIABLE
 from robovast_operator.campaign import Accepted, Object
 from robovast_operator.settings import Settings
 
@@ -263,6 +264,7 @@ def _own(settings: Settings, name: str, arguments: list[str], mounts: list[Objec
             {"name": "HOME", "value": WORK["mountPath"]},
             {"name": "TMPDIR", "value": WORK["mountPath"]},
             {"name": "NODE_NAME", "valueFrom": {"fieldRef": {"fieldPath": "spec.nodeName"}}},
+            {"name": VARIABLE, "value": str(settings.variant_limit)},
         ],
         "terminationMessagePolicy": "FallbackToLogsOnError",
         "volumeMounts": mounts,

@@ -213,7 +213,8 @@ class Reconciler:
             pods = [pod async for pod in self._diagnosis.pods_of(job)]
             found = trouble_of(pods)
             reason = found.reason if found is not None and found.final else "InvalidDocument"
-            return with_composition(accepted, composed_of(pods), reason)
+            limit = self._settings.variant_limit
+            return with_composition(accepted, composed_of(pods), limit, reason)
         if job is None:
             plan = identity.child("plan-compose")
             await self._inputs.prepare_composing(accepted, plan)

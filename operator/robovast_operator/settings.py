@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from robovast.errors import InputError
+from robovast.expansion.limit import DEFAULT, variant_limit
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,8 @@ class Settings:
     """Where the Lease is that makes one of several replicas the leader."""
     identity: str = "operator"
     """Name of this replica."""
+    variant_limit: int = DEFAULT
+    """Most variants of a document."""
     port: int = 8080
     """Port of /healthz, /readyz and /metrics."""
     stall_seconds: float = 15.0
@@ -83,6 +86,7 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         work_limit=environment.get("ROBOVAST_WORK_LIMIT", ""),
         lease_namespace=environment.get("POD_NAMESPACE", "default"),
         identity=environment.get("POD_NAME", f"operator-{os.getpid()}"),
+        variant_limit=variant_limit(environment),
         port=int(number("ROBOVAST_PORT", 8080)),
         stall_seconds=number("ROBOVAST_STALL_SECONDS", 15),
         silence_minutes=number("ROBOVAST_SILENCE_MINUTES", 30),

@@ -23,7 +23,16 @@ from pydantic import (
     model_validator,
 )
 
-from robovast.cluster.ranges import Span, clip, format_ranges, ids, parse_ranges, spans
+from robovast.cluster.ranges import (
+    Span,
+    clip,
+    format_ranges,
+    ids,
+    merge,
+    parse_ranges,
+    spans,
+    subtract,
+)
 
 RUNS_LIMIT = 10_000_000
 """Most runs of a campaign: what is larger is a mistake, and no cluster could execute it."""
@@ -187,6 +196,15 @@ def first_blocks(entries: Sequence[Entry], runs: int) -> tuple[Block, ...]:
 def format_breaks(indexes: Sequence[int]) -> str:
     """`PlanSpec.breaks` of variant indexes."""
     return format_ranges(spans(indexes))
+
+
+def is_breaks(text: str, variants: int) -> bool:
+    """Whether a text can be `PlanSpec.breaks` of so many variants."""
+    try:
+        found = parse_ranges(text)
+    except ValueError:
+        return False
+    return found == merge(found) and not subtract(found, [(1, variants - 1)])
 
 
 class Bundle(_Data):

@@ -18,6 +18,7 @@ from robovast.document import Document
 from robovast.document.model import NAME_PATTERN, ConfigurationEntry, PluginCall, merge_pairs
 from robovast.errors import CannotRunError, InputError, RobovastError
 from robovast.expansion.containers import ContainerRunner, Containers
+from robovast.expansion.limit import refuse_too_many, too_many, variant_limit
 from robovast.expansion.variant import ConfigFile, Variant, VariationRecord
 from robovast.plain import to_plain
 
@@ -74,12 +75,17 @@ def compose(
             f"{document.path}: a `search` proposes its configurations while it runs, and searches "
             "cannot be executed yet. Use a `configuration` list."
         )
+    limit = variant_limit()
+    refuse_too_many(document, limit)
     scenario = read_scenario(document.scenario)
     used: list[Variation] = []
     variants: list[Variant] = []
     surroundings = _Surroundings(document, output_dir, progress or _ignore, containers)
     for entry in document.vast.configuration or [DEFAULT_ENTRY]:
         variants += _expand_entry(surroundings, scenario, entry, used)
+        if len(variants) > limit:
+            detail = f"as far as `{entry.name}`"
+            raise too_many(document.path, len(variants), limit, detail)
     _refuse_shared_names(document, variants)
     return Composition(tuple(variants), _input_files(document, used), _transient_files(used))
 
@@ -167,7 +173,7 @@ def _apply(
         made = variation.variation(configs)
     except CannotRunError as error:
         raise CannotRunError(f"{where}: {error}") from error
-    except RobovastError:
+    except (RobovastError, MemoryError):
         raise
     except Exception as error:
         raise InputError(

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
+from robovast.common.config import get_validated_config
 from robovast.common.variation import ProvContribution
 from robovast.errors import DocumentError, InputError
 from robovast.navigation.base import Config, NavigationConfig, NavigationVariation, with_record
@@ -223,6 +224,13 @@ class FloorplanVariation(_FloorplanVariation):
     """Floor plans drawn by the distributions of .variation files, each with a map and a mesh."""
 
     CONFIG_CLASS = FloorplanVariationConfig
+
+    @classmethod
+    def most_of_each(cls, parameters: Any, base_path: str) -> int | None:
+        """As many as are drawn of all files."""
+        del base_path
+        given = get_validated_config(parameters, FloorplanVariationConfig)
+        return len(given.variation_files) * given.num_variations
 
     def _plans(self) -> Iterator[_Plan]:
         from robovast.navigation.floorplan.about import read_about

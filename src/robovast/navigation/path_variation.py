@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, model_validator
 
+from robovast.common.config import get_validated_config
 from robovast.navigation.base import (
     Config,
     NavigationConfig,
@@ -151,6 +152,12 @@ class PathVariationRandom(_PathVariation):
     """Paths drawn at random."""
 
     CONFIG_CLASS = PathVariationRandomConfig
+
+    @classmethod
+    def most_of_each(cls, parameters: Any, base_path: str) -> int | None:
+        """As many as paths are asked for."""
+        del base_path
+        return get_validated_config(parameters, PathVariationRandomConfig).num_paths
 
     def _paths(self, config: Config, costmap: Costmap) -> Iterator[Path]:
         from robovast.navigation.paths import draw_path

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from typing import Any
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from operator_world import SCENARIO, SETTINGS, campaign
@@ -48,3 +49,31 @@ def test_any_value_anywhere_is_taken_or_explained(path: tuple[Any, ...], value: 
     if isinstance(found, Rejected):
         assert found.reason
         assert found.message
+
+
+@pytest.mark.parametrize(
+    ("files", "told"),
+    [
+        (["a", "a/b"], "`a` is a file, and a folder"),
+        (["x" * 300], "longer than 255 bytes"),
+        (["ü" * 128], "longer than 255 bytes"),
+        (["a/b", "a//b"], "one path, spelt in two ways"),
+        (["../x"], "leaves the document's folder"),
+    ],
+)
+def test_files_that_no_folder_can_hold_are_refused(files: list[str], told: str) -> None:
+    obj = campaign()
+    obj["spec"]["source"]["inline"]["files"] |= dict.fromkeys(files, "")
+    given = dict.fromkeys(obj["spec"]["source"]["inline"]["files"], b"")
+    found = accept(obj, given | {"scenario.osc": SCENARIO.encode()}, SETTINGS)
+    assert isinstance(found, Rejected)
+    assert told in found.message
+
+
+def test_a_document_that_is_nested_deeply_is_refused() -> None:
+    obj = campaign()
+    value: Any = 1
+    for _ in range(5000):
+        value = [value]
+    obj["spec"]["vast"]["metadata"] = {"notes": value}
+    assert isinstance(accept(obj, {"scenario.osc": SCENARIO.encode()}, SETTINGS), Rejected)

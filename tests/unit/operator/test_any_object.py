@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from operator_world import SETTINGS, accepted, campaign
 
 from robovast.cluster.plan import Block, PlanSpec
+from robovast_operator import inputs as inputs_module
 from robovast_operator import operator as operator_module
 from robovast_operator.api import Api, ApiError
 from robovast_operator.campaign import Object, Revision
@@ -217,6 +218,16 @@ class Server(Api):
         return copy.deepcopy(made)
 
 
+class Here:
+    """Calls functions in this process, where hundreds of examples can be afforded."""
+
+    async def __call__(self, function: Callable[..., Any], *args: Any) -> Any:
+        return function(*args)
+
+    def call(self, function: Callable[..., Any], *args: Any) -> Any:
+        return function(*args)
+
+
 @contextmanager
 def no_fault() -> Iterator[None]:
     """Nothing is logged that has a traceback."""
@@ -243,6 +254,7 @@ async def look(objects: dict[str, list[Any]]) -> Server:
     with (
         patch.object(operator_module, "Api", Server),
         patch.object(operator_module, "connection_info", lambda: None),
+        patch.object(inputs_module, "Apart", Here),
     ):
         operator = Operator(SETTINGS)
     server = operator.api

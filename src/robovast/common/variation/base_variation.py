@@ -81,6 +81,19 @@ class Variation:
         """The configurations that this variation makes of others."""
         raise NotImplementedError(f"{type(self).__name__} does not implement `variation`")
 
+    @classmethod
+    def most_of_each(cls, parameters: Any, base_path: str) -> int | None:
+        """How many configurations it makes of each at most; None when only making them tells.
+
+        A document with too many is refused before anything is made.
+
+        Args:
+            parameters: as written.
+            base_path: folder of the .vast file.
+        """
+        del parameters, base_path
+        return None
+
     def update_config(
         self,
         config: dict[str, Any],

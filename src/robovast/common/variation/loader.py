@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from robovast.common.variation.base_variation import Variation
-from robovast.errors import InputError
+from robovast.errors import InputError, RobovastError
 from robovast.plugins import load_plugin
 
 GROUP = "robovast.variation_types"
@@ -28,3 +29,11 @@ def load_variation(name: str, folder: str | Path) -> type[Variation]:
             "robovast.common.variation.Variation"
         )
     return found
+
+
+def most_of_each(name: str, parameters: Any, folder: str | Path) -> int:
+    """How many configurations a variation type makes of each at most; 1 when it cannot say."""
+    try:
+        return load_variation(name, folder).most_of_each(parameters, str(folder)) or 1
+    except (RobovastError, ValueError, TypeError):
+        return 1  # making them says what is wrong

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from robovast.common.config import VariationConfig
+from robovast.common.config import VariationConfig, get_validated_config
 from robovast.common.variation.base_variation import Variation
 
 
@@ -25,6 +25,14 @@ class OneOfVariation(Variation):
 
     CONFIG_CLASS = OneOfVariationConfig
 
+    @classmethod
+    def most_of_each(cls, parameters: Any, base_path: str) -> int | None:
+        """As many as all alternatives together."""
+        from robovast.common.variation.loader import most_of_each
+
+        given = get_validated_config(parameters, OneOfVariationConfig)
+        return sum(most_of_each(*_call(item), base_path) for item in given.variations)
+
     def variation(self, in_configs: list[dict[str, Any]]) -> list[dict[str, Any]]:
         """What the first alternative makes of each configuration, then the second, and so on."""
         result = []
@@ -40,9 +48,7 @@ class OneOfVariation(Variation):
     def _alternative(self, definition: str | dict[str, Any]) -> Variation:
         from robovast.common.variation.loader import load_variation
 
-        name, parameters = (
-            (definition, {}) if isinstance(definition, str) else next(iter(definition.items()))
-        )
+        name, parameters = _call(definition)
         alternative = load_variation(name, self.base_path)(
             self.base_path,
             parameters or {},
@@ -54,3 +60,8 @@ class OneOfVariation(Variation):
         )
         alternative.entry = self.entry
         return alternative
+
+
+def _call(definition: str | dict[str, Any]) -> tuple[str, Any]:
+    """Name and parameters of an alternative."""
+    return (definition, {}) if isinstance(definition, str) else next(iter(definition.items()))

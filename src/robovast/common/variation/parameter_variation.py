@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping
 from typing import Annotated, Any
 
 import yaml
-from pydantic import AliasChoices, Field, model_validator
+from pydantic import AliasChoices, ConfigDict, Field, model_validator
 
-from robovast.common.config import VariationConfig
+from robovast.common.config import VariationConfig, get_validated_config
 from robovast.common.scenario import parameter_types
 from robovast.common.variation.base_variation import Variation
 from robovast.common.variation.legacy_random import LegacyRandom
@@ -46,6 +46,12 @@ class ParameterVariationList(Variation):
 
     CONFIG_CLASS = ParameterVariationListConfig
 
+    @classmethod
+    def most_of_each(cls, parameters: Any, base_path: str) -> int | None:
+        """As many as there are values."""
+        del base_path
+        return len(get_validated_config(parameters, ParameterVariationListConfig).values)
+
     def variation(self, in_configs: Configs) -> Configs:
         """Each configuration with each value."""
         chosen = list(self._chosen())
@@ -75,6 +81,12 @@ _KINDS: Mapping[str, str] = {
     "bool": "bool",
 }  # fmt: skip
 _TEXT = frozenset({"string", "str", "text"})
+
+
+class _Number(VariationConfig):
+    model_config = ConfigDict(extra="ignore")
+
+    num_variations: Annotated[int, Field(ge=1)]
 
 
 class _DistributionConfig(VariationConfig):
@@ -118,6 +130,12 @@ class ParameterVariationDistributionGaussianConfig(_DistributionConfig):
 
 
 class _DistributionVariation(Variation):
+    @classmethod
+    def most_of_each(cls, parameters: Any, base_path: str) -> int | None:
+        """As many as values are drawn."""
+        del base_path
+        return _Number.model_validate(parameters).num_variations
+
     def _with_each(self, in_configs: Configs, draw: Callable[[], Value]) -> Configs:
         """Each configuration with each drawn value; all get the same values."""
         name, kind = self.parameters.name, self.parameters.type
