@@ -144,7 +144,8 @@ def _folded(picture: Picture, records: Sequence[Shard]) -> tuple[list[Shard], Se
             for kind in ("passed", "failed", "errored")
         },
     }
-    return [*past, *records][-SHARDS_LIMIT:], settled.model_copy(update=update)
+    rest = [record for record in records if record not in folded]
+    return [*past, *folded, *rest][-SHARDS_LIMIT:], settled.model_copy(update=update)
 
 
 def _has_ended(record: Shard | None) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -16,6 +17,7 @@ from operator_process import (
     finished,
     free_port,
     page,
+    status,
 )
 from patience import eventually
 from robovast_testbed.errors import StartFailed
@@ -94,6 +96,28 @@ def test_a_stray_job_with_our_label_stops_nobody(
     eventually(lambda: "ok" in page(port, "readyz"), 30, operator.told)
     fake_cluster.apply(campaign("few", namespace, 3, 2))
     eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    assert "ok" in page(port, "healthz")
+
+
+def test_a_document_that_is_nested_deeply_ends_no_watch(
+    fake_cluster: Cluster, namespace: str, new_operator: NewOperator
+) -> None:
+    """The API server takes 10,000 levels; who reads them may have less patience."""
+    port = free_port()
+    operator = new_operator(ROBOVAST_PORT=str(port), ROBOVAST_RESYNC_SECONDS="2")
+    operator.start()
+    deep = campaign("deep", namespace, 3, 2)
+    deep["spec"]["vast"]["metadata"] = {"notes": "HERE"}
+    text = json.dumps(deep).replace('"HERE"', '{"a":' * 3000 + "1" + "}" * 3000)
+    fake_cluster.kubectl("create", "--validate=false", "-f", "-", stdin=text)
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+
+    def refused() -> bool:
+        told = condition(status(fake_cluster, namespace, "deep"), "Accepted")
+        return told.get("status") == "False" and "nested too deeply" in told["message"]
+
+    eventually(refused, 30, operator.told)
     assert "ok" in page(port, "healthz")
 
 

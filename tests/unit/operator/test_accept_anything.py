@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from operator_world import SCENARIO, SETTINGS, campaign
+from operator_world import SCENARIO, SETTINGS, accepted, campaign
 
-from robovast_operator.accept import accept
+from robovast_operator.accept import accept, with_composition
 from robovast_operator.campaign import Accepted, Rejected
+from robovast_operator.reports import Composition
 
 anything = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=12),
@@ -77,3 +78,20 @@ def test_a_document_that_is_nested_deeply_is_refused() -> None:
         value = [value]
     obj["spec"]["vast"]["metadata"] = {"notes": value}
     assert isinstance(accept(obj, {"scenario.osc": SCENARIO.encode()}, SETTINGS), Rejected)
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        ([3], "1-10000000"),
+        ([3], "2,1"),
+        ([3], "x"),
+        ([10**12], ""),
+        ([1, 1], ""),
+    ],
+)
+def test_what_a_compose_pod_says_is_held_against_the_document(said: tuple[list[int], str]) -> None:
+    made = with_composition(accepted(), Composition(*said, None), 100_000, "InvalidDocument")
+    assert isinstance(made, Rejected)
+    fine = Composition([3], "1-2", None)
+    assert isinstance(with_composition(accepted(), fine, 100_000, "x"), Accepted)
