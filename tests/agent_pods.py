@@ -35,6 +35,8 @@ from robovast.document import load_document
 from robovast.execution.local.process_environment import process_environment
 from robovast.expansion import compose, select_any
 from robovast.plan import breaks
+from robovast.results.bucket_runs import open_run
+from robovast.results.download import plan_download
 
 MARKER = "ROBOVAST_TEST_POD"
 
@@ -46,6 +48,14 @@ def pids_of(work: Path) -> Iterator[int]:
         with contextlib.suppress(OSError):
             if mark in path.read_bytes():
                 yield int(path.parent.name)
+
+
+def keys_by_path(store: ObjectStore, bucket: str, prefix: str = "") -> dict[str, str]:
+    """What a reader of a bucket gets: the object of each file."""
+    plan = plan_download(store.objects(bucket, prefix), Path("nowhere"), force=True)
+    runs = [open_run(store, bucket, run) for run in plan.runs]
+    files = {file.path: file.item.key for run in runs for file in run.files}
+    return {**files, **{item.key: item.key for item in plan.files}}
 
 
 @dataclass
@@ -122,12 +132,14 @@ class Campaign:
         self.store.delete_bucket(self.bucket)
 
     def objects(self, prefix: str = "") -> list[str]:
+        """Paths of what a reader of the bucket gets."""
         self.store.make_bucket(self.bucket)  # nothing is stored yet
-        return [item.key for item in self.store.objects(self.bucket, prefix)]
+        return sorted(path for path in keys_by_path(self.store, self.bucket, prefix))
 
-    def read(self, key: str) -> str:
-        content = self.store.read(self.bucket, key)
-        assert content is not None, f"{key} is missing"
+    def read(self, path: str) -> str:
+        key = keys_by_path(self.store, self.bucket, "/".join(path.split("/")[:2])).get(path)
+        content = self.store.read(self.bucket, key) if key else None
+        assert content is not None, f"{path} is missing"
         return content.decode()
 
     def record(self, run: str) -> Any:

@@ -86,8 +86,9 @@ def add_run(campaign: Path, variant: str, number: int, index: int) -> Path:
         "image_digest": "",
         "host": "here",
         "parameters": {"x": index, "text": "a, b"},
+        "schema": 1,
     }
-    (folder / "run.json").write_text(json.dumps(record))
+    (folder / "run.json").write_text(json.dumps(record, indent=1) + "\n")
     return folder
 
 

@@ -134,6 +134,11 @@ def _summary(result: DownloadResult) -> Iterator[str]:
     yield f"{shown(result.campaign)}: {total} runs{here}, {fmt_size(result.size)} fetched."
     if result.unfinished:
         yield f"{len(result.unfinished)} runs are not stored yet; repeat the command later."
+    if result.lacking:
+        yield (
+            f"{len(result.lacking)} runs wrote files that could not be stored, {result.lacking[0]} "
+            "the first: `missing` in their run.json says which, and why."
+        )
 
 
 def _view(title: str) -> AbstractContextManager[DownloadObserver]:

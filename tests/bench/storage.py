@@ -5,7 +5,8 @@
 
 `tests/testbed/up --control-plane --s3 minio --s3 versitygw` brings up servers. Prints, for 1,000
 small files and for one large file, seconds and objects or MB a second of both, and their ratio.
-Executions alternate, so that both see the same machine.
+Executions alternate, so that both see the same machine. Then 8 large files are stored at once, as
+the agent does it, in a process of its own: the most memory that it took.
 """
 
 from __future__ import annotations
@@ -13,11 +14,14 @@ from __future__ import annotations
 import argparse
 import os
 import statistics
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import BinaryIO
 from uuid import uuid4
 
 from minio import Minio
@@ -27,6 +31,8 @@ from robovast.cluster.storage import ObjectStore
 
 SMALL, SIZE, LARGE = 1000, 4096, 256 * 2**20
 THREADS = 8
+MANY, EACH = 8, 96 * 2**20
+"""Large files that are stored at once, and their size [byte]."""
 
 
 def timed(action: Callable[[], object]) -> float:
@@ -66,9 +72,13 @@ def main() -> None:
     parser.add_argument("access_key")
     parser.add_argument("secret_key")
     parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--store", nargs=2, metavar=("BUCKET", "FOLDER"), help="that alone")
     arguments = parser.parse_args()
     keys = Credentials(arguments.access_key, arguments.secret_key)
     store = ObjectStore(Endpoint.parse(f"http://{arguments.address}"), keys, connections=THREADS)
+    if arguments.store:
+        store_as_agent(store, arguments.store[0], Path(arguments.store[1]))
+        return
     plain = Minio(
         arguments.address,
         access_key=keys.access_key,
@@ -81,8 +91,35 @@ def main() -> None:
     with TemporaryDirectory() as name:
         try:
             bench(store, plain, bucket, Path(name), arguments.repeat)
+            memory(bucket, Path(name, "many"))
         finally:
             store.delete_bucket(bucket)
+
+
+def memory(bucket: str, folder: Path) -> None:
+    folder.mkdir()
+    content = os.urandom(2**20) * (EACH // 2**20)
+    for number in range(MANY):
+        (folder / str(number)).write_bytes(content)
+    command = [sys.executable, *sys.argv, "--store", bucket, folder]
+    begin = time.perf_counter()
+    child = subprocess.Popen(command)
+    _, status, usage = os.wait4(child.pid, 0)
+    seconds = time.perf_counter() - begin
+    print(
+        f"{MANY} files of {EACH // 2**20} MiB at once: {seconds:.1f} s, "
+        f"at most {usage.ru_maxrss / 1024:.0f} MiB of memory, status {status}"
+    )
+
+
+def store_as_agent(store: ObjectStore, bucket: str, folder: Path) -> None:
+    import robovast.agent.__main__  # noqa: F401 - what the agent has in memory anyway
+    from robovast.agent.trees import store_files
+
+    def put(path: str, _: int, file: BinaryIO) -> None:
+        store.put_new(bucket, f"many/{path}", file)
+
+    store_files(folder, put)
 
 
 def bench(store: ObjectStore, plain: Minio, bucket: str, folder: Path, repeat: int) -> None:
@@ -93,8 +130,8 @@ def bench(store: ObjectStore, plain: Minio, bucket: str, folder: Path, repeat: i
     large[0][1].write_bytes(os.urandom(2**20) * (LARGE // 2**20))
 
     def put(key: str, path: Path) -> None:
-        with path.open("rb") as stream:
-            store.put(bucket, key, stream, is_new=True)
+        with path.open("rb") as file:
+            store.put_new(bucket, key, file)
 
     def get(pairs: list[tuple[str, Path]]) -> None:
         items = {item.key: item for item in store.objects(bucket)}

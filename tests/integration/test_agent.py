@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import os
 import random
 import subprocess
 from collections.abc import Callable, Iterator, Mapping
@@ -24,6 +25,7 @@ from robovast.cluster.repetition import list_key, list_name
 from robovast.document import load_document
 from robovast.expansion import compose
 from robovast.results.configurations import variants_digest
+from robovast.results.download import Silent, download_campaign
 
 PASS = 'echo "$1,$2" > "$3/out.csv"\n'
 FAIL_SECOND = PASS + '[ "$1" != 2 ]\n'
@@ -271,6 +273,47 @@ def test_links_to_what_a_run_cannot_see_are_not_followed(make: Make) -> None:
     assert Pod(campaign).run() == 0
     names = {"one-1/0/out.csv", "one-1/0/run.json", "one-1/0/test.xml"}
     assert set(campaign.objects("one-1/0")) == names
+
+
+ODD_NAMES = """
+import os
+os.chdir(os.environ["FOLDER"])
+names = [b"map_" + bytes([n]) + b".pgm" for n in (0xe4, 0xf6)]
+names += [bytes([92]) + b"x", b"a" + bytes([10]) + b"b", b"job", b"run.json", b"closed/x"]
+names += [chr(0x540d).encode() * 85, b"/".join([b"long" * 50] * 8)]
+for name in names:
+    os.makedirs(os.path.dirname(name) or b".", exist_ok=True)
+    with open(name, "wb") as file:
+        file.write(name)
+os.chmod("closed/x", 0)
+os.chmod("closed", 0)
+os.symlink("/etc/passwd", "link")
+"""
+
+
+def test_no_file_is_lost_whatever_its_name_and_mode(make: Make, tmp_path: Path) -> None:
+    step = 'FOLDER="$3" python3 "${0%/*}/odd.py"\n'
+    campaign = make(step, files={"files/odd.py": ODD_NAMES})
+    pod = Pod(campaign)
+    assert pod.run() == 0, pod.log("agent")
+    home = tmp_path / "home"
+    download_campaign(campaign.store, campaign.bucket, home, Silent())
+    root = os.fsencode(home / "one-1/0")
+    found = {
+        os.path.relpath(os.path.join(folder, name), root): Path(
+            os.fsdecode(os.path.join(folder, name))
+        ).read_bytes()
+        for folder, _, names in os.walk(root)
+        for name in names
+        if name not in {b"test.xml", b"run.json"}
+    }
+    expected = {name: name for name in (b"map_\xe4.pgm", b"map_\xf6.pgm", b"\\x", b"a\nb")}
+    expected |= {name: name for name in (b"closed/x", "名".encode() * 85)}
+    expected |= {name: name for name in (b"/".join([b"long" * 50] * 8),)}
+    assert found == {**expected, b"job.1": b"job", b"run.json.1": b"run.json"}
+    assert (home / "one-1/0/job").is_symlink()
+    missing = [{"path": "link", "reason": "it is a link, which is not followed"}]
+    assert campaign.record("one-1/0")["missing"] == missing
 
 
 @one_server

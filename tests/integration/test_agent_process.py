@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
 from uuid import uuid4
 
 import pytest
-from agent_pods import Campaign, Pod
+from agent_pods import Campaign, Pod, keys_by_path
 from finished_campaigns import finished_campaign
 from local_campaigns import make_campaign
+from one_run import killed_after, open_store
 from robovast_testbed.s3 import Server
 from stored_campaigns import write
 
 from robovast.agent.__main__ import main
 from robovast.agent.bucket import Bucket
-from robovast.agent.process import CACHE, describe
-from robovast.agent.trees import store_tree
+from robovast.agent.process import CACHE, add_to_run, describe
+from robovast.agent.trees import store_own_tree
 from robovast.cluster.endpoint import Credentials, Endpoint
 from robovast.cluster.plan import CampaignPlan
 from robovast.cluster.storage import ObjectStore
@@ -89,7 +91,7 @@ class Stored:
         keys = Credentials(server.access_key, server.secret_key)
         self.store = ObjectStore(Endpoint.parse(url), keys, patience=60)
         self.store.make_bucket(self.bucket)
-        store_tree(Bucket(self.store, self.bucket), campaign, "")
+        store_own_tree(Bucket(self.store, self.bucket, None), campaign)
 
     def process(self) -> tuple[int, str]:
         """What a new pod of the Job answers: exit code and termination message."""
@@ -100,7 +102,8 @@ class Stored:
         code = main(["process", *folders, f"--work={work}", f"--message={message}"])
         return code, message.read_text()
 
-    def read(self, key: str) -> str | None:
+    def read(self, path: str) -> str | None:
+        key = keys_by_path(self.store, self.bucket).get(path, path)
         content = self.store.read(self.bucket, key)
         return content.decode() if content is not None else None
 
@@ -132,9 +135,10 @@ def executed(tmp_path: Path, s3_server: Server) -> Iterator[Campaign]:
 
 
 def versions(campaign: Campaign | Stored) -> dict[str, tuple[str, float]]:
-    """What would show that an object was written again."""
-    items = campaign.store.objects(campaign.bucket)
-    return {item.key: (item.etag, item.modified) for item in items}
+    """What would show that a file, or a run's record, was written again, by path."""
+    items = {item.key: item for item in campaign.store.objects(campaign.bucket)}
+    keys = keys_by_path(campaign.store, campaign.bucket)
+    return {path: (items[key].etag, items[key].modified) for path, key in keys.items()}
 
 
 def download(campaign: Campaign | Stored, home: Path) -> Path:
@@ -168,7 +172,8 @@ def test_what_is_worked_up_in_the_cluster_is_finished_at_home(
     assert made | finished | tables | {CACHE} <= new
     assert len(new) == message["stored"] + 1, "the files that it says, and the cache"
     assert not any(key.endswith("/lock") or ".download" in key for key in new)
-    assert {key: after[key][0] for key in raw} == {key: etag for key, (etag, _) in raw.items()}
+    same = raw.keys() - {f"one-{n}/0/run.json" for n in (1, 2, 3)}
+    assert {key: after[key] for key in same} == {key: raw[key] for key in same}
 
     for folder in (download(executed, tmp_path / "home"), download(executed, tmp_path / "early")):
         before = (folder / "_execution" / "data.db").stat().st_mtime_ns
@@ -206,10 +211,44 @@ def test_a_second_execution_does_what_is_left(stored: Stored) -> None:
 @one_server
 def test_an_execution_that_was_lost_while_it_stored_is_made_up_for(stored: Stored) -> None:
     assert stored.process()[0] == 0
-    lost = ["c-2/0/each.csv", "_execution/tables.duckdb", CACHE]
+    lost = ["_execution/tables.duckdb", "whole.txt", CACHE]
     stored.store.delete(stored.bucket, lost)
     assert stored.process()[0] == 0
     assert set(lost) <= versions(stored).keys()
+
+
+@one_server
+def test_it_may_be_killed_after_any_request_that_adds_to_a_run(
+    stored: Stored, s3_server: Server, tmp_path: Path
+) -> None:
+    home = download(stored, tmp_path)
+    before = run_files(stored, tmp_path / "before")
+    (home / "c-1/0/new.csv").write_text("new")
+    (home / "c-1/0/out.csv").write_text("changed")
+    names = ["c-1/0/new.csv", "c-1/0/out.csv"]
+    after = {**before, "c-1/0/new.csv": b"new", "c-1/0/out.csv": b"changed"}
+    for number in itertools.count():
+        store = open_store(s3_server)
+        bucket = Bucket(store, stored.bucket, None)
+        was_killed = killed_after(
+            store, number, lambda b=bucket: add_to_run(b, home, "c-1/0", names)
+        )
+        found = run_files(stored, tmp_path / f"after-{number}")
+        assert found in (before, after), "all of it or nothing"
+        if not was_killed:
+            assert found == after
+            break
+    assert number > 3
+    assert add_to_run(bucket, home, "c-1/0", names) == 0, "the run is another one since"
+
+
+def run_files(stored: Stored, home: Path) -> dict[str, bytes]:
+    folder = download(stored, home)
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in (folder / "c-1/0").rglob("*")
+        if path.is_file() and path.name != "run.json" and not path.is_symlink()
+    }
 
 
 @one_server

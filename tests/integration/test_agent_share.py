@@ -19,7 +19,7 @@ from small_disk import small_disk
 from stored_campaigns import NAME, write, write_campaign
 
 from robovast.agent.bucket import Bucket
-from robovast.agent.trees import store_tree
+from robovast.agent.trees import store_own_tree
 from robovast.cluster.endpoint import Credentials, Endpoint
 from robovast.cluster.storage import ObjectStore
 from robovast.errors import StorageError
@@ -113,7 +113,7 @@ def stored(tmp_path: Path, s3_server: Server) -> Iterator[Stored]:
     store = ObjectStore(Endpoint.parse(endpoint), keys, patience=60)
     made = Stored(store, f"test-{uuid4().hex[:12]}", endpoint, tmp_path / "mounts")
     store.make_bucket(made.bucket)
-    store_tree(Bucket(store, made.bucket), campaign, "")
+    store_own_tree(Bucket(store, made.bucket, None), campaign)
     yield made
     store.delete_bucket(made.bucket)
 

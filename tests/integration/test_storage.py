@@ -7,9 +7,11 @@ import io
 import os
 import threading
 import time
+import tracemalloc
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import BinaryIO
 from uuid import uuid4
 
 import pytest
@@ -17,8 +19,11 @@ from cutting_proxy import cutting_proxy
 from minio import Minio
 from robovast_testbed.s3 import Server
 
+from robovast.cluster import storage, upload
 from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.storage import PART, ObjectStore
+from robovast.cluster.faults import ObjectError
+from robovast.cluster.storage import ObjectStore, StoredObject
+from robovast.cluster.upload import PART, Content
 from robovast.errors import StorageError
 
 MIB = 2**20
@@ -91,23 +96,67 @@ def test_what_is_there_and_equal_is_not_sent_again(
     assert store.put_file(bucket, "key", source)
 
 
-def test_a_file_that_changes_while_it_is_sent_is_sent_anew(
-    store: ObjectStore, bucket: str, tmp_path: Path
+def changes_after_measuring(
+    monkeypatch: pytest.MonkeyPatch, change: Callable[[], object], times: int = 99
 ) -> None:
-    source = some_file(tmp_path / "source", 100)
+    """Let a file change between its measuring and its sending."""
+    left = [times]
 
-    class Changing(io.BufferedReader):
-        reads = 0
+    def measure(file: BinaryIO) -> Content:
+        content = upload.measured(file)
+        if left[0]:
+            left[0] -= 1
+            change()
+        return content
 
-        def read(self, size: int | None = -1) -> bytes:
-            self.reads += 1
-            if self.reads == 3:  # measured, not sent yet
-                source.write_bytes(b"x" * 100)
-            return super().read(size)
+    monkeypatch.setattr(storage, "measured", measure)
 
-    with Changing(io.FileIO(source)) as stream:
-        assert store.put(bucket, "key", stream)
-    assert store.read(bucket, "key") == b"x" * 100
+
+@pytest.mark.parametrize("size", [2 * MIB, 2 * PART + 1])
+@pytest.mark.parametrize("shrink", [False, True])
+def test_a_file_that_changes_while_it_is_sent_is_sent_anew(
+    store: ObjectStore,
+    bucket: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    size: int,
+    shrink: bool,
+) -> None:
+    source = some_file(tmp_path / "source", size)
+    after = b"x" * (size - 1000 if shrink else size)
+    changes_after_measuring(monkeypatch, lambda: source.write_bytes(after), times=1)
+    begin = time.monotonic()
+    with source.open("rb") as file:
+        assert store.put_new(bucket, "key", file).sha256 == hashlib.sha256(after).hexdigest()
+    assert time.monotonic() - begin < 10
+    assert fetch(store, bucket, "key", tmp_path / "target").read_bytes() == after
+
+
+def test_a_file_that_changes_again_and_again_is_the_files_fault(
+    store: ObjectStore, bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = some_file(tmp_path / "source", 2 * MIB)
+    changes_after_measuring(monkeypatch, lambda: some_file(source, 2 * MIB))
+    with pytest.raises(OSError, match="changes again and again"):
+        store.put_file(bucket, "key", source)
+    assert list(store.objects(bucket)) == []
+
+
+def test_parts_grow_with_the_file_and_memory_does_not(
+    store: ObjectStore, bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(upload, "MOST_PARTS", 2)
+    size = 6 * PART
+    assert [end - begin for begin, end in upload.stretches(size)] == [3 * PART, 3 * PART]
+    source = some_file(tmp_path / "source", size)
+    tracemalloc.start()
+    try:
+        store.put_file(bucket, "key", source)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 16 * MIB
+    assert fetch(store, bucket, "key", tmp_path / "target").read_bytes() == source.read_bytes()
 
 
 def test_an_object_that_lost_its_end_is_replaced(
@@ -199,6 +248,45 @@ def test_of_several_writers_one_creates_an_object(store: ObjectStore, bucket: st
     assert won.count(True) == 1
     assert store.read(bucket, "run.json") == contents[won.index(True)]
     assert store.create(bucket, "run.json", contents[won.index(True)]), "its own is no other's"
+
+
+def test_of_several_writers_one_replaces_what_all_have_seen(
+    store: ObjectStore, bucket: str
+) -> None:
+    store.put_bytes(bucket, "run.json", b"first")
+    look = store.look(bucket, "run.json")
+    assert look is not None
+    etag = look.etag
+    contents = [f"writer {number}".encode() for number in range(8)]
+    won = [store.replace(bucket, "run.json", content, etag) for content in contents]
+    assert won == [True] + 7 * [False]
+    assert store.read(bucket, "run.json") == contents[0]
+    assert store.replace(bucket, "run.json", contents[0], etag), "its own is no other's"
+    assert not store.replace(bucket, "nothing", b"x", etag)
+
+
+def test_an_object_is_refused_that_is_not_what_a_list_says(
+    store: ObjectStore, bucket: str, tmp_path: Path
+) -> None:
+    store.put_bytes(bucket, "key", b"content")
+    digest = hashlib.sha256(b"content").hexdigest()
+    begin = time.monotonic()
+    for size, sha256 in ((6, digest), (8, digest), (7, "0" * 64)):
+        with pytest.raises(ObjectError, match=f"{bucket}/key is damaged"):
+            store.get_file(bucket, StoredObject("key", size, 0, "", sha256), tmp_path / "target")
+    with pytest.raises(ObjectError, match="NoSuchKey"):
+        store.get_file(bucket, StoredObject("gone", 7, 0, "", digest), tmp_path / "target")
+    assert time.monotonic() - begin < 5, "what will not change is not waited for"
+    assert list(tmp_path.iterdir()) == []
+    store.get_file(bucket, StoredObject("key", 7, 0, "", digest), tmp_path / "target")
+
+
+def test_names_of_85_chinese_characters(store: ObjectStore, bucket: str, tmp_path: Path) -> None:
+    for name in ("名" * 85, "名" * 84 + "字"):
+        source = some_file(tmp_path / "source", 10)
+        store.put_file(bucket, f"a/{name}", source)
+        target = fetch(store, bucket, f"a/{name}", tmp_path / "home" / name)
+        assert target.read_bytes() == source.read_bytes()
 
 
 def test_a_thousand_small_objects(store: ObjectStore, bucket: str) -> None:

@@ -1,12 +1,14 @@
 """A campaign's bucket as pods see it: which runs are stored, which jobs there were.
 
-Keys are the paths of the local results layout. A run is stored when its `run.json` is, which is
-written last.
+Keys are the paths of the local results layout, but for a run's files: each of its writers has a
+place of its own (robovast.results.run_files). A run is stored when its `run.json` is, which is
+written last and names its files. Nobody removes what another record may name, but `finish`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import hashlib
+from collections.abc import Iterable, Sequence
 from itertools import count
 
 from robovast.agent.pack import job_name
@@ -15,6 +17,7 @@ from robovast.cluster.plan import Owner
 from robovast.cluster.storage import ObjectStore
 from robovast.plan import Run
 from robovast.results.layout import RUN_RECORD
+from robovast.results.run_files import FileList, StoredFile, Writer, write_list
 from robovast.results.run_record import RunRecord, parse_run_record
 from robovast.results.verdict import Verdict
 
@@ -58,8 +61,36 @@ class Bucket:
 
     def record(self, run: str) -> RunRecord | None:
         """The record of a run, by `<variant>/<number>`; None when it is not stored."""
-        text = self.store.read(self.name, f"{run}/{RUN_RECORD}")
-        return parse_run_record(text) if text is not None else None
+        return self.seen(run)[0]
+
+    def seen(self, run: str) -> tuple[RunRecord | None, str | None]:
+        """The record of a run, None when there is none that is understood, and its ETag."""
+        found = self.store.look(self.name, f"{run}/{RUN_RECORD}")
+        return (parse_run_record(found.content), found.etag) if found else (None, None)
+
+    def settle(self, run: str, record: RunRecord, etag: str | None) -> bool:
+        """Store a run's record; False when something else came in place of what was seen.
+
+        Args:
+            run: by `<variant>/<number>`.
+            record: what it names is stored already.
+            etag: of the record that was seen, None when there was none.
+        """
+        key, text = f"{run}/{RUN_RECORD}", record.to_json().encode()
+        if etag is None:
+            return self.store.create(self.name, key, text)
+        return self.store.replace(self.name, key, text, etag)
+
+    def store_list(self, writer: Writer, files: Sequence[StoredFile]) -> FileList:
+        """Store the list of a run's files, which are stored already."""
+        content = write_list(files)
+        self.store.put_bytes(self.name, f"{writer.run}/{writer.list_key}", content)
+        return FileList(
+            key=writer.list_key,
+            sha256=hashlib.sha256(content).hexdigest(),
+            count=len(files),
+            size=sum(file.size for file in files),
+        )
 
     def verdicts(self, runs: Iterable[Run], attempt: int) -> dict[int, Verdict]:
         """Verdicts of the runs that are stored with this attempt or a later one, by run id."""

@@ -12,7 +12,7 @@ from robovast.agent.digests import file_digest
 from robovast.agent.exit_codes import AgentExit
 from robovast.agent.folders import Folders
 from robovast.agent.messages import LIMIT, write_message
-from robovast.agent.trees import SIDE_BY_SIDE, store_tree
+from robovast.agent.trees import SIDE_BY_SIDE, store_own_tree
 from robovast.cluster.plan import format_breaks
 from robovast.document import Document
 from robovast.errors import InputError
@@ -75,6 +75,6 @@ def store_inputs(campaign: Campaign, document: Document, composition: Compositio
     shutil.rmtree(folder, ignore_errors=True)
     write_configurations(document, composition, folder, timings=True)
     there = {item.key for item in bucket.store.objects(bucket.name)}
-    store_tree(bucket, folder, "", there=there, skipped={CONFIGURATIONS})
+    store_own_tree(bucket, folder, there=there, skipped={CONFIGURATIONS})
     bucket.store.put_file(bucket.name, CONFIGURATIONS, folder / CONFIGURATIONS)
     return Layout(folder)

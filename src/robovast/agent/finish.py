@@ -10,12 +10,13 @@ from typing import Any
 
 from robovast.agent.bucket import Bucket
 from robovast.agent.campaign import Campaign, expand, load_inputs, open_campaign, open_composed
+from robovast.agent.check import check_runs
 from robovast.agent.compose import store_inputs
 from robovast.agent.composed import Composed
 from robovast.agent.exit_codes import AgentExit
 from robovast.agent.folders import Folders
 from robovast.agent.messages import LIMIT, write_message
-from robovast.agent.trees import SIDE_BY_SIDE, store_tree
+from robovast.agent.trees import SIDE_BY_SIDE, store_own_tree
 from robovast.cluster.ranges import format_ranges, spans, truncate
 from robovast.cluster.repetition import GroupSizes, list_key, list_name, list_text, retry_groups
 from robovast.cluster.status import FAILING_LIMIT
@@ -51,7 +52,11 @@ def finish(folders: Folders) -> AgentExit:
     document, variants = _complete_inputs(campaign)
     runs = _runs(campaign, variants)
     with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
-        index = list(pool.map(lambda run: _entry(run, bucket.record(run.path)), runs))
+        seen = list(pool.map(lambda run: bucket.seen(run.path), runs))
+    damaged = check_runs(bucket, {run.path: s for run, s in zip(runs, seen, strict=True)})
+    for run, damage in damaged.items():
+        print(f"{run}: {damage}")  # noqa: T201
+    index = [_entry(run, record, damaged) for run, (record, _) in zip(runs, seen, strict=True)]
     _store_execution(campaign, document, bucket, index)
     repeat = _store_bad_runs(campaign, bucket, index)
     write_message(folders.message, fitting({**summary(index), **repeat}))
@@ -73,7 +78,7 @@ def _runs(campaign: Campaign, variants: Sequence[Variant]) -> list[Run]:
     return [Run(id_, variants[variant], number) for id_, variant, number in places]
 
 
-def _entry(run: Run, record: RunRecord | None) -> dict[str, Any]:
+def _entry(run: Run, record: RunRecord | None, damaged: Mapping[str, str]) -> dict[str, Any]:
     """A run as `index.json` has it; one without a record is errored."""
     place = {"id": run.id, "variant": run.variant.name, "run": run.number}
     if record is None:
@@ -87,6 +92,8 @@ def _entry(run: Run, record: RunRecord | None) -> dict[str, Any]:
         "finished_at": record.finished_at,
         "duration": record.duration,
         "job": record.job,
+        **({"missing": len(record.missing)} if record.missing else {}),
+        **({"damaged": damaged[run.path]} if run.path in damaged else {}),
     }
 
 
@@ -111,7 +118,7 @@ def _store_execution(
     (layout.execution / "index.json").write_text(text + "\n", encoding="utf-8")
     prefixes = ("_execution/", "_transient/")
     there = {o.key for prefix in prefixes for o in bucket.store.objects(bucket.name, prefix)}
-    store_tree(bucket, layout.root, "", there=there)
+    store_own_tree(bucket, layout.root, there=there)
 
 
 def _store_bad_runs(

@@ -2,32 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
+from typing import BinaryIO
 
 from robovast.agent.bucket import Bucket
 from robovast.agent.campaign import read_plan
 from robovast.agent.exit_codes import AgentExit
 from robovast.agent.folders import Folders
 from robovast.agent.messages import write_message
-from robovast.agent.trees import SIDE_BY_SIDE, store_tree
+from robovast.agent.trees import SIDE_BY_SIDE
 from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.storage import ObjectStore, StoredObject
+from robovast.cluster.ownership import is_owned
+from robovast.cluster.storage import ObjectStore
 from robovast.errors import ExitCode, InputError, StorageError
 from robovast.postprocessing import state
+from robovast.postprocessing.content import changed, scan
 from robovast.postprocessing.events import CampaignSummary, Failure, Options
 from robovast.postprocessing.records import run_of
 from robovast.postprocessing.session import postprocess
+from robovast.results.bucket_runs import listed_files
 from robovast.results.download import Silent, download_campaign
 from robovast.results.layout import RUN_RECORD
+from robovast.results.run_files import StoredFile, Writer, escaped, is_writers
+from robovast.results.run_record import RunRecord, read_run_record
 
 CACHE = f"{state.FOLDER}/{state.FILE}"
 """What postprocessing has finished."""
 MOST_TOLD = 5
 """Different failures that the termination message tells."""
-_SAME_TIME = 1e-3
-"""Times of a file and of its object differ by less, rounded as they are [s]."""
 
 
 def process(folders: Folders) -> AgentExit:
@@ -49,51 +54,87 @@ def process(folders: Folders) -> AgentExit:
     store = ObjectStore(endpoint, credentials, connections=SIDE_BY_SIDE)
     campaign = folders.work / "results" / plan.campaign
     bucket = Bucket(store, plan.bucket, plan.owner)
-    bucket.claim()
-    there = {item.key: item for item in store.objects(plan.bucket)}
+    is_owned(store, plan.bucket, plan.owner.uid if plan.owner is not None else None)
+    there = [item.key for item in store.objects(plan.bucket)]
     download_campaign(store, plan.bucket, campaign, Silent())
+    before = scan(campaign, ())
     (summary,) = postprocess(campaign, Options(), _Log())
     if summary.interrupted:
         return AgentExit.RUNS_LEFT
-    stored = _store_changes(bucket, campaign, there)
+    new = changed(before, scan(campaign, ()))
+    stored = _store_changes(bucket, campaign, new, there)
     _refuse_failures(summary.failures)
     worked = {"runs": summary.runs, "worked": len(summary.worked), "stored": stored}
     write_message(folders.message, worked)
     return AgentExit.PASSED
 
 
-def _store_changes(bucket: Bucket, campaign: Path, there: Mapping[str, StoredObject]) -> int:
-    """Store the files that are not as they were fetched; returns how many.
+def _store_changes(
+    bucket: Bucket, campaign: Path, new: Iterable[str], there: Collection[str]
+) -> int:
+    """Store files that are new or have changed; returns how many.
 
     The cache comes last: what it claims is in the bucket then.
     """
-    as_fetched = {key for key, item in there.items() if _is_as_fetched(campaign / key, item)}
-    own = {f"{state.FOLDER}/{path.name}" for path in (campaign / state.FOLDER).iterdir()}
-    stored = store_tree(bucket, campaign, "", there=there, skipped=as_fetched | own)
-    _renew_records(bucket, campaign, {run_of(key) for key in stored} - {""})
-    if stored or CACHE not in there:
-        bucket.store.put_file(bucket.name, CACHE, campaign / CACHE)
-    return len(stored)
+    grouped: dict[str, list[str]] = {}
+    for path in new:
+        if not path.startswith(f"{state.FOLDER}/") and not (campaign / path).is_symlink():
+            grouped.setdefault(run_of(path), []).append(path)
+    known = frozenset(there)
 
+    def store(path: str) -> int:
+        with (campaign / path).open("rb") as file:
+            return _put(bucket, escaped(path), file, known)
 
-def _is_as_fetched(path: Path, item: StoredObject) -> bool:
-    try:
-        found = path.stat()
-    except OSError:
-        return False
-    return found.st_size == item.size and abs(found.st_mtime - item.modified) < _SAME_TIME
-
-
-def _renew_records(bucket: Bucket, campaign: Path, runs: Iterable[str]) -> None:
-    """Store records of runs again, as they are: who has a run fetches it again when it is newer."""
-
-    def renew(run: str) -> None:
-        key = f"{run}/{RUN_RECORD}"
-        with (campaign / key).open("rb") as file:
-            bucket.store.put(bucket.name, key, file, is_new=True)
+    def add(run: str) -> int:
+        return add_to_run(bucket, campaign, run, grouped[run])
 
     with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
-        list(pool.map(renew, runs))
+        stored = sum(pool.map(store, grouped.pop("", [])))
+        stored += sum(pool.map(add, grouped))
+    if stored or CACHE not in known:
+        bucket.store.put_file(bucket.name, CACHE, campaign / CACHE)
+    return stored
+
+
+def _put(bucket: Bucket, key: str, file: BinaryIO, there: Collection[str]) -> int:
+    if key in there:
+        return int(bucket.store.put(bucket.name, key, file))
+    bucket.store.put_new(bucket.name, key, file)
+    return 1
+
+
+def add_to_run(bucket: Bucket, campaign: Path, run: str, paths: Iterable[str]) -> int:
+    """Store new files of a run beside the others; none when the run was repeated meanwhile.
+
+    Who has the run fetches it again, since its record is a new one.
+    """
+    record, etag = bucket.seen(run)
+    if record is None or record != read_run_record(campaign / run):
+        return 0
+    writer = Writer(run)
+    files = {file.path: file for file in _files_of(bucket, run, record)}
+    added = 0
+    for added, path in enumerate(paths, 1):
+        below = path[len(run) + 1 :]
+        key = writer.key(below, added)
+        with (campaign / path).open("rb") as file:
+            sent = bucket.store.put_new(bucket.name, f"{run}/{key}", file)
+        files[below] = StoredFile(below, key, sent.size, sent.sha256)
+    listed = bucket.store_list(writer, list(files.values()))
+    return added if bucket.settle(run, replace(record, files=listed), etag) else 0
+
+
+def _files_of(bucket: Bucket, run: str, record: RunRecord) -> Iterator[StoredFile]:
+    """What belongs to a run; one that an older version stored has its files beside its record."""
+    if record.files is not None:
+        yield from listed_files(bucket.store, bucket.name, run, record.files)
+        return
+    for item in bucket.store.objects(bucket.name, f"{run}/"):
+        key = item.key[len(run) + 1 :]
+        if key != RUN_RECORD and not is_writers(key):
+            digest = bucket.store.digest(bucket.name, item.key) or ""
+            yield StoredFile(key, key, item.size, digest)
 
 
 def _refuse_failures(failures: Iterable[Failure]) -> None:

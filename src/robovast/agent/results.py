@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import json
 import os
-import shutil
 import socket
 import time
-from io import BytesIO
+from contextlib import suppress
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import BinaryIO
 
+from robovast import safe_paths
 from robovast.agent.bucket import Bucket
 from robovast.agent.claims import claim_job
 from robovast.agent.pack import Pack, PodJob
-from robovast.agent.trees import open_files, store_tree
+from robovast.agent.trees import open_files, store_files, store_tree
 from robovast.agent.watch import EndedRun
-from robovast.cluster.storage import PART
 from robovast.containers import named_digest
+from robovast.execution.own_names import set_own_names_aside
 from robovast.execution.record import Circumstances, make_record
-from robovast.results.layout import RUN_RECORD
+from robovast.results.run_files import StoredFile, Writer, escaped, shortened
+from robovast.results.run_record import RunRecord
 from robovast.results.verdict import Verdict
 
 RUNTIME = "kubernetes"
@@ -26,8 +30,11 @@ RUNTIME = "kubernetes"
 SNAPSHOT_INTERVAL = 30.0
 """How often, at most, the logs of a job that goes on are stored, lest a lost pod takes them [s]."""
 
-_OWN_NAMES = frozenset({RUN_RECORD, "job"})
-"""What a run's folder has beside what the run wrote."""
+SMALL = 16 * 2**20
+"""Files of a job that goes on are stored up to this size [byte]."""
+
+MISSING = "missing.json"
+"""File of a job's folder that says what of it is not stored."""
 
 
 class Results:
@@ -49,6 +56,32 @@ class Results:
         Returns:
             The verdict that is stored: that of another pod, when it was there before.
         """
+        set_own_names_aside(ended.folder)
+        verdict = self._settled(ended)
+        while verdict is None:
+            verdict = self._settled(ended)
+        _remove(ended.folder)
+        return verdict
+
+    def _settled(self, ended: EndedRun) -> Verdict | None:
+        """The verdict that is stored; None when another writer has come in between."""
+        run = ended.run.path
+        earlier, etag = self._bucket.seen(run)
+        if earlier is not None and earlier.attempt >= self._pack.attempt:
+            return earlier.verdict
+        writer = Writer(run)
+
+        def store(path: str, number: int, file: BinaryIO) -> StoredFile:
+            key = writer.key(path, number)
+            sent = self._bucket.store.put_new(self._bucket.name, f"{run}/{key}", file)
+            return StoredFile(path, key, sent.size, sent.sha256)
+
+        stored, missing = store_files(ended.folder, store)
+        files = self._bucket.store_list(writer, stored)
+        record = replace(self._record(ended), files=files, missing=shortened(missing))
+        return record.verdict if self._bucket.settle(run, record, etag) else None
+
+    def _record(self, ended: EndedRun) -> RunRecord:
         circumstances = Circumstances(
             campaign=self._pack.campaign,
             attempt=self._pack.attempt,
@@ -58,42 +91,17 @@ class Results:
             image_digest=named_digest(self._pack.image),
             host=self._host,
         )
-        record = make_record(
-            ended.run, ended.result, ended.observed, ended.exit_code, circumstances
-        )
-        verdict = self._store(ended, record.verdict, record.to_json().encode())
-        shutil.rmtree(ended.folder, ignore_errors=True)
-        return verdict
-
-    def _store(self, ended: EndedRun, verdict: Verdict, text: bytes) -> Verdict:
-        name, store, run = self._bucket.name, self._bucket.store, ended.run.path
-        prefix = f"{run}/"
-        key = prefix + RUN_RECORD
-        there = {item.key for item in store.objects(name, prefix)}
-        earlier = self._bucket.record(run) if key in there else None
-        if earlier is not None and earlier.attempt >= self._pack.attempt:
-            return earlier.verdict
-        self._store_files(ended, prefix, there)
-        if key not in there:
-            if store.create(name, key, text):
-                return verdict
-            # Another pod executed this run at the same time, and has just stored it. Files of both
-            # may be there; its are complete, so that ours can replace them as a whole.
-            self._store_files(ended, prefix, {item.key for item in store.objects(name, prefix)})
-        store.put_bytes(name, key, text)
-        return verdict
-
-    def _store_files(self, ended: EndedRun, prefix: str, there: set[str]) -> None:
-        """Store what a run wrote, and remove what else is there."""
-        keys = store_tree(self._bucket, ended.folder, prefix, there=there, skipped=_OWN_NAMES)
-        self._bucket.store.delete(self._bucket.name, there - keys - {prefix + RUN_RECORD})
+        return make_record(ended.run, ended.result, ended.observed, ended.exit_code, circumstances)
 
     def store_job(self, job: PodJob, folder: Path) -> None:
         """Store what a job that is over left beside its runs, and remove its folder."""
         prefix = f"_jobs/{self._name(job)}/"
         there = {item.key for item in self._bucket.store.objects(self._bucket.name, prefix)}
-        store_tree(self._bucket, folder, prefix, there=there)
-        shutil.rmtree(folder, ignore_errors=True)
+        _, missing = store_tree(self._bucket, folder, prefix, there=there)
+        if missing:
+            told = json.dumps([asdict(file) for file in missing], indent=1)
+            self._bucket.store.put_bytes(self._bucket.name, prefix + MISSING, told.encode())
+        _remove(folder)
 
     def store_snapshot(self, job: PodJob, folder: Path) -> None:
         """Store the small files of a job that goes on, now and then."""
@@ -101,10 +109,11 @@ class Results:
             return
         prefix = f"_jobs/{self._name(job)}/"
         for path, file in open_files(folder):
+            if isinstance(file, OSError):
+                continue  # it is told of at the end of the job
             with file:
-                content = file.read(PART + 1)
-            if len(content) <= PART:
-                self._bucket.store.put(self._bucket.name, prefix + path, BytesIO(content))
+                if os.fstat(file.fileno()).st_size <= SMALL:
+                    self._bucket.store.put(self._bucket.name, prefix + escaped(path), file)
         self._next_snapshot = time.monotonic() + SNAPSHOT_INTERVAL
 
     def _name(self, job: PodJob) -> str:
@@ -115,3 +124,9 @@ class Results:
             number = claim_job(self._bucket, self._pack, job)
             self._names[job.index] = self._pack.job_name(number)
         return self._names[job.index]
+
+
+def _remove(folder: Path) -> None:
+    """Make room; what cannot be removed goes with the pod."""
+    with suppress(OSError):
+        safe_paths.remove(folder, folder.parent)

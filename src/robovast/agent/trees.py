@@ -1,7 +1,11 @@
-"""Storing folders that somebody else wrote: no link is followed, nothing but files is read."""
+"""Storing folders that somebody else wrote: no link is followed, nothing but files is read.
+
+What cannot be read is told, file by file, and keeps nothing else from being stored.
+"""
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 from collections.abc import Callable, Collection, Iterator
@@ -9,45 +13,140 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from threading import BoundedSemaphore
-from typing import BinaryIO
+from typing import BinaryIO, TypeVar
 
 from robovast.agent.bucket import Bucket
+from robovast.errors import StorageError
+from robovast.results.run_files import MissingFile, escaped, shown
+
+T = TypeVar("T")
 
 SIDE_BY_SIDE = 8
 """How many files are stored at once, and how many connections that takes."""
+DEEPEST = 200
+"""Levels of folders that are looked into; each takes an open file."""
+LINK = "it is a link, which is not followed"
+"""Why a link is not stored."""
+
+_FILE = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
+_FOLDER = os.O_RDONLY | os.O_NOFOLLOW | os.O_DIRECTORY | os.O_CLOEXEC
 
 
-def open_files(root: Path) -> Iterator[tuple[str, BinaryIO]]:
-    """Path relative to `root` and content of every regular file below it.
+def open_files(root: Path) -> Iterator[tuple[str, BinaryIO | OSError]]:
+    """Path relative to `root` of everything below it that is no folder, and its content.
 
-    What vanishes meanwhile, links, sockets and the like are passed over.
+    In place of content that cannot be had, and of links, sockets and the like, there is an error.
+    What its owner alone may read, or nobody, is read nonetheless when it is ours.
     """
+    parent = os.open(root.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
-        yield from _open_files(root)
-    except FileNotFoundError:
+        folder = _open(parent, root.name, _FOLDER)
+    except (FileNotFoundError, NotADirectoryError):
         return
+    finally:
+        os.close(parent)
+    yield from _below(folder, "", DEEPEST)
 
 
-def _open_files(root: Path) -> Iterator[tuple[str, BinaryIO]]:
-    for folder, _, names, folder_fd in os.fwalk(root):
-        below = os.path.relpath(folder, root)
-        for name in sorted(names):
-            file = _open_regular(name, folder_fd)
-            if file is not None:
-                path = name if below == "." else f"{below}/{name}"
-                yield os.fsencode(path).decode("utf-8", "replace"), file
-
-
-def _open_regular(name: str, folder_fd: int) -> BinaryIO | None:
+def _below(folder: int, prefix: str, levels: int) -> Iterator[tuple[str, BinaryIO | OSError]]:
+    """Files in an open folder, which is closed at the end."""
     try:
-        flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-        file = os.fdopen(os.open(name, flags, dir_fd=folder_fd), "rb")
+        for name in sorted(os.listdir(folder)):
+            yield from _found(folder, name, prefix + name, levels)
+    except OSError as error:
+        yield prefix, error
+    finally:
+        os.close(folder)
+
+
+def _found(
+    folder: int, name: str, path: str, levels: int
+) -> Iterator[tuple[str, BinaryIO | OSError]]:
+    try:
+        opened = _opened(folder, name, levels)
+    except OSError as error:
+        yield path, error
+        return
+    if isinstance(opened, int):
+        yield from _below(opened, f"{path}/", levels - 1)
+    else:
+        yield path, opened
+
+
+def _opened(folder: int, name: str, levels: int) -> BinaryIO | int:
+    """A file, or the descriptor of a folder."""
+    kind = os.stat(name, dir_fd=folder, follow_symlinks=False).st_mode
+    if stat.S_ISDIR(kind):
+        if not levels:
+            raise OSError(errno.ENAMETOOLONG, f"it is more than {DEEPEST} folders deep")
+        return _open(folder, name, _FOLDER)
+    _refuse_others(kind)
+    file = os.fdopen(_open(folder, name, _FILE), "rb", buffering=0)
+    try:
+        _refuse_others(os.fstat(file.fileno()).st_mode)
     except OSError:
-        return None
-    if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-        return file
-    file.close()
-    return None
+        file.close()
+        raise
+    return file
+
+
+def _refuse_others(kind: int) -> None:
+    if stat.S_ISLNK(kind):
+        raise OSError(errno.ELOOP, LINK)
+    if not stat.S_ISREG(kind):
+        raise OSError(errno.EINVAL, "it is no regular file")
+
+
+def _open(folder: int, name: str, flags: int) -> int:
+    try:
+        return os.open(name, flags, dir_fd=folder)
+    except PermissionError:
+        _make_readable(folder, name)
+        return os.open(name, flags, dir_fd=folder)
+
+
+def _make_readable(folder: int, name: str) -> None:
+    """Let the owner read; its mode may be all that keeps us out."""
+    handle = os.open(name, os.O_PATH | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
+    try:
+        os.chmod(f"/proc/self/fd/{handle}", os.fstat(handle).st_mode & 0o777 | 0o500)
+    finally:
+        os.close(handle)
+
+
+def store_files(
+    root: Path, store: Callable[[str, int, BinaryIO], T]
+) -> tuple[list[T], list[MissingFile]]:
+    """Do something with every file below a folder, some at a time.
+
+    Args:
+        root: the folder; nothing happens when it does not exist.
+        store: is given path, number and content of a file.
+
+    Returns:
+        What `store` returned, in no order, and the files that could not be read.
+    """
+    stored: list[T] = []
+    missing: list[MissingFile] = []
+
+    def keep(path: str, number: int, file: BinaryIO) -> None:
+        with file:
+            try:
+                stored.append(store(path, number, file))
+            except OSError as error:
+                missing.append(_missing(path, error))
+
+    with _Crowd() as crowd:
+        for number, (path, found) in enumerate(open_files(root)):
+            if isinstance(found, OSError):
+                missing.append(_missing(path, found))
+            else:
+                crowd.do(partial(keep, path, number, found), found)
+    return stored, sorted(missing, key=lambda file: file.path)
+
+
+def _missing(path: str, error: OSError) -> MissingFile:
+    return MissingFile(shown(path), error.strerror or str(error))
 
 
 def store_tree(
@@ -57,8 +156,8 @@ def store_tree(
     *,
     there: Collection[str] = (),
     skipped: Collection[str] = (),
-) -> set[str]:
-    """Store every file below a folder; returns the keys.
+) -> tuple[set[str], list[MissingFile]]:
+    """Store every file below a folder under its path; returns the keys, and what is not stored.
 
     Args:
         bucket: the campaign's.
@@ -71,19 +170,37 @@ def store_tree(
         StorageError: the server refuses, or is gone for too long.
     """
 
-    def store(key: str, file: BinaryIO) -> None:
-        with file:
-            bucket.store.put(bucket.name, key, file, is_new=key not in there)
+    def store(path: str, _: int, file: BinaryIO) -> str:
+        key = prefix + escaped(path)
+        if path in skipped:
+            return ""
+        if key in there:
+            bucket.store.put(bucket.name, key, file)
+        else:
+            bucket.store.put_new(bucket.name, key, file)
+        return key
 
-    keys: set[str] = set()
-    with _Crowd() as crowd:
-        for path, file in open_files(root):
-            if path in skipped:
-                file.close()
-            else:
-                key = prefix + path
-                keys.add(key)
-                crowd.do(partial(store, key, file))
+    keys, missing = store_files(root, store)
+    return set(keys) - {""}, missing
+
+
+def store_own_tree(
+    bucket: Bucket,
+    root: Path,
+    prefix: str = "",
+    *,
+    there: Collection[str] = (),
+    skipped: Collection[str] = (),
+) -> set[str]:
+    """As `store_tree`, of a folder that RoboVAST wrote: every file of it is needed, but no link.
+
+    Raises:
+        StorageError: also when a file cannot be read.
+    """
+    keys, missing = store_tree(bucket, root, prefix, there=there, skipped=skipped)
+    for file in missing:
+        if file.reason != LINK:
+            raise StorageError(f"{root / file.path}: cannot be stored: {file.reason}.")
     return keys
 
 
@@ -103,10 +220,11 @@ class _Crowd:
         if kind is None and self._failures:
             raise self._failures[0]
 
-    def do(self, action: Callable[[], None]) -> None:
-        """Do it soon; raises what an earlier action raised."""
+    def do(self, action: Callable[[], None], file: BinaryIO) -> None:
+        """Do something with a file soon; raises what an earlier action raised."""
         self._free.acquire()
         if self._failures:
+            file.close()
             raise self._failures[0]
         self._pool.submit(action).add_done_callback(self._ended)
 

@@ -14,9 +14,15 @@ from robovast.pauses import BUSY, Pauses
 
 T = TypeVar("T")
 
+
+class ObjectError(StorageError):
+    """One object is not what it should be; that says nothing of the others."""
+
+
 _PASSING = frozenset(
     {
         "BadDigest",  # damaged on the way
+        "ConditionalRequestConflict",
         "IncompleteBody",
         "InternalError",
         "NoSuchUpload",  # a restart forgot the parts of a large file
@@ -79,6 +85,12 @@ _CHANGING = frozenset({404, 408, 409, 412, 416})
 """HTTP statuses that are about the state of things."""
 
 
+def _kind(error: S3Error) -> type[StorageError]:
+    if error.code in _OF_ONE_OBJECT:
+        return ObjectError
+    return RefusedError if is_refusal(error) else StorageError
+
+
 @contextmanager
 def explained(attempt: str) -> Iterator[None]:
     """Turn a fault into an error that says what to do.
@@ -95,7 +107,7 @@ def explained(attempt: str) -> Iterator[None]:
     except S3Error as error:
         cause = f"{(error.message or 'no reason given').rstrip('.')} ({error.code})"
         remedy = _REMEDIES.get(error.code or "", "The server's own log may tell more.")
-        kind = RefusedError if is_refusal(error) else StorageError
+        kind = _kind(error)
         raise kind(f"{attempt}: {cause}. {remedy}") from error
     except (MinioException, HTTPError) as error:
         reason = getattr(error, "reason", None) or error
@@ -105,11 +117,13 @@ def explained(attempt: str) -> Iterator[None]:
         ) from error
 
 
+_OF_ONE_OBJECT = frozenset({"InvalidRange", "NoSuchKey", "PreconditionFailed"})
 _REMEDIES = {
     "AccessDenied": "The account's policy must allow it.",
     "InvalidAccessKeyId": "Check the access key.",
     "KeyTooLongError": "S3 takes names of 1,024 bytes, folders included.",
     "SignatureDoesNotMatch": "Check the secret key.",
+    "NoSuchKey": "It was there; was it removed meanwhile?",
     "NoSuchBucket": "Is it the right server, or was the bucket removed?",
     "PreconditionFailed": "It has changed meanwhile; try again.",
     "XMinioAdminBucketQuotaExceeded": "Raise the bucket's quota.",

@@ -7,23 +7,24 @@ not sent again. A server that is restarted, or gone for a while, costs time and 
 from __future__ import annotations
 
 import hashlib
-import io
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from email.utils import parsedate_to_datetime
 from pathlib import Path
-from typing import Any, BinaryIO, TypeVar, cast
+from typing import Any, BinaryIO, TypeVar
 
-import urllib3
 from minio.deleteobjects import DeleteObject
 from minio.error import MinioException, S3Error
 from urllib3.exceptions import HTTPError, ProtocolError
 
 from robovast.atomic import put_in_place
 from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.faults import explained, passes, persist
-from robovast.cluster.s3_client import CreateOnly, connect
+from robovast.cluster.faults import ObjectError, explained, passes, persist
+from robovast.cluster.s3_client import connect
+from robovast.cluster.upload import ChangedError, Content, measured, of_bytes, send
 from robovast.errors import StorageError
 from robovast.pauses import Pauses
 
@@ -35,8 +36,8 @@ MODE = "mode"
 """Metadata key that executable files have."""
 EXECUTABLE = 0o755
 
-PART = 16 * 2**20
-"""Largest content that is sent in one piece, and size of the pieces of a larger one [byte]."""
+PARTS = 4
+"""How many parts of large files are sent at once, whatever the number of files."""
 CHUNK = 2**20
 """How much of a download is held in memory [byte]."""
 PATIENCE = 600.0
@@ -45,6 +46,7 @@ ATTEMPTS = 3
 """How often a file is sent that changes while it is sent."""
 
 _ABSENT = frozenset({"NoSuchKey", "NoSuchBucket", "NotFound", "ResourceNotFound"})
+_REFUSED = frozenset({"PreconditionFailed", "NoSuchKey"})
 _TAKEN = frozenset({"BucketAlreadyOwnedByYou", "BucketAlreadyExists"})
 
 
@@ -58,6 +60,19 @@ class StoredObject:
     modified: float
     """When it was stored [s since the epoch]; whole seconds on some servers."""
     etag: str
+    """Empty when it is not known."""
+    sha256: str = ""
+    """Of its content, where more than its own metadata says it."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """A small object, all at one time."""
+
+    content: bytes
+    etag: str
+    modified: float
+    """When it was stored [s since the epoch], in whole seconds."""
 
 
 class ObjectStore:
@@ -83,8 +98,8 @@ class ObjectStore:
         """
         self.endpoint = endpoint
         self._patience = patience
-        self._client = connect(endpoint, credentials, urllib3.PoolManager, patience, connections)
-        self._creating = connect(endpoint, credentials, CreateOnly, patience, connections)
+        self._client = connect(endpoint, credentials, patience, connections + PARTS)
+        self._parts = ThreadPoolExecutor(PARTS, "parts")
 
     def buckets(self) -> list[str]:
         """Names of all buckets of the account, sorted."""
@@ -140,44 +155,58 @@ class ObjectStore:
 
     def put_bytes(self, bucket: str, key: str, content: bytes) -> bool:
         """Store a content; False when an equal object was there."""
-        return self.put(bucket, key, io.BytesIO(content))
+        with self._explained(f"store {bucket}/{key}"):
+            return self._put(bucket, key, of_bytes(content), {})
 
-    def put(self, bucket: str, key: str, stream: BinaryIO, *, is_new: bool = False) -> bool:
-        """Store the content of an open file from its beginning; False when an equal one was there.
+    def put(self, bucket: str, key: str, file: BinaryIO) -> bool:
+        """Store the content of an open file; False when an equal one was there.
 
-        Args:
-            bucket: an existing bucket.
-            key: name of the object.
-            stream: a file, open for reading in binary mode.
-            is_new: spare the question whether it is there.
+        Raises:
+            OSError: the file cannot be read, or changes again and again.
         """
         with self._explained(f"store {bucket}/{key}"):
-            size, digest = _measure(stream)
-            if not is_new and self._digest(bucket, key) == digest:
-                return False
-            for _ in range(ATTEMPTS):
-                if self._send(bucket, key, stream, size, digest) == digest:
-                    return True
-                size, digest = _measure(stream)
-        raise StorageError(f"{bucket}/{key}: its file changes again and again while it is stored.")
+            return self._steady(file, lambda content, mode: self._put(bucket, key, content, mode))
 
-    def _send(self, bucket: str, key: str, stream: BinaryIO, size: int, digest: str) -> str:
-        """Send it; returns the SHA-256 of what was sent."""
-        metadata = {DIGEST: digest} | ({MODE: "executable"} if _is_executable(stream) else {})
+    def put_new(self, bucket: str, key: str, file: BinaryIO) -> Content:
+        """Store the content of an open file where nothing is yet; returns what was stored.
 
-        def send() -> str:
-            reader = _HashingReader(stream)
-            self._client.put_object(
-                bucket,
-                key,
-                cast("BinaryIO", reader),
-                size,
-                metadata=metadata,  # type: ignore[arg-type]
-                part_size=PART if size > PART else 0,
-            )
-            return reader.digest()
+        Raises:
+            OSError: the file cannot be read, or changes again and again.
+        """
 
-        return self._persist(send)
+        def store(content: Content, mode: Mapping[str, str]) -> Content:
+            self._send(bucket, key, content, mode)
+            return content
+
+        with self._explained(f"store {bucket}/{key}"):
+            return self._steady(file, store)
+
+    def _steady(self, file: BinaryIO, store: Callable[[Content, Mapping[str, str]], T]) -> T:
+        executable = os.fstat(file.fileno()).st_mode & 0o100
+        for _ in range(ATTEMPTS):
+            try:
+                return store(measured(file), {MODE: "executable"} if executable else {})
+            except ChangedError:
+                continue
+        raise OSError("it changes again and again while it is stored")
+
+    def _put(self, bucket: str, key: str, content: Content, metadata: Mapping[str, str]) -> bool:
+        if self._digest(bucket, key) == content.sha256:
+            return False
+        self._send(bucket, key, content, metadata)
+        return True
+
+    def _send(
+        self,
+        bucket: str,
+        key: str,
+        content: Content,
+        metadata: Mapping[str, str],
+        condition: Mapping[str, str] | None = None,
+    ) -> None:
+        noted = {f"x-amz-meta-{k}": v for k, v in {DIGEST: content.sha256, **metadata}.items()}
+        headers = {**noted, **(condition or {})}
+        self._persist(lambda: send(self._client, self._parts, bucket, key, content, headers))
 
     def create(self, bucket: str, key: str, content: bytes) -> bool:
         """Store a content unless there is an object of this name; False when there is another one.
@@ -185,27 +214,36 @@ class ObjectStore:
         Of several that try at once one succeeds, where the server knows conditional writes
         (`If-None-Match`); where it does not, it is looked for first.
         """
-        digest = hashlib.sha256(content).hexdigest()
+        return self._store_if(bucket, key, content, None)
+
+    def replace(self, bucket: str, key: str, content: bytes, etag: str) -> bool:
+        """Store a content in place of the object of this ETag; False when there is another one.
+
+        Of several that try at once one succeeds, where the server knows conditional writes
+        (`If-Match`); where it does not, it is looked for first.
+        """
+        return self._store_if(bucket, key, content, etag)
+
+    def _store_if(self, bucket: str, key: str, content: bytes, etag: str | None) -> bool:
+        sent = of_bytes(content)
+        condition = {"If-None-Match": "*"} if etag is None else {"If-Match": f'"{etag}"'}
         with self._explained(f"store {bucket}/{key}"):
             try:
-                self._persist(
-                    lambda: self._creating.put_object(
-                        bucket, key, io.BytesIO(content), len(content), metadata={DIGEST: digest}
-                    )
-                )
+                self._send(bucket, key, sent, {}, condition)
             except S3Error as error:
                 if error.code == "NotImplemented":
-                    return self._create_unconditionally(bucket, key, content, digest)
-                if error.code != "PreconditionFailed":
+                    return self._store_unless(bucket, key, sent, etag)
+                if error.code not in _REFUSED:
                     raise
-                return self._digest(bucket, key) == digest  # ours, when its answer was lost
+                return self._digest(bucket, key) == sent.sha256  # ours, when its answer was lost
             return True
 
-    def _create_unconditionally(self, bucket: str, key: str, content: bytes, digest: str) -> bool:
-        found = self._digest(bucket, key)
-        if found is None:
-            self.put_bytes(bucket, key, content)
-        return found in {None, digest}
+    def _store_unless(self, bucket: str, key: str, content: Content, etag: str | None) -> bool:
+        found = self._stat(bucket, key)
+        if (_etag(found) if found else None) == etag:
+            self._send(bucket, key, content, {})
+            return True
+        return found is not None and _noted(found.metadata or {}, DIGEST) == content.sha256
 
     def digest(self, bucket: str, key: str) -> str | None:
         """SHA-256 that the writer of an object noted, empty without; None when there is none."""
@@ -213,8 +251,11 @@ class ObjectStore:
             return self._digest(bucket, key)
 
     def _digest(self, bucket: str, key: str) -> str | None:
-        found = self._unless_absent(lambda: self._client.stat_object(bucket, key))
+        found = self._stat(bucket, key)
         return _noted(found.metadata or {}, DIGEST) if found else None
+
+    def _stat(self, bucket: str, key: str) -> Any:
+        return self._unless_absent(lambda: self._client.stat_object(bucket, key))
 
     def objects(self, bucket: str, prefix: str = "") -> Iterator[StoredObject]:
         """All objects whose key begins so, sorted by key."""
@@ -222,8 +263,7 @@ class ObjectStore:
             for item in self._items(bucket, prefix, recursive=True):
                 if not item.object_name.endswith("/"):  # a folder, as some servers show them
                     modified = item.last_modified.timestamp()
-                    etag = (item.etag or "").strip('"')
-                    yield StoredObject(item.object_name, item.size, modified, etag)
+                    yield StoredObject(item.object_name, item.size, modified, _etag(item))
 
     def folders(self, bucket: str, prefix: str = "") -> list[str]:
         """Names of the folders directly below a prefix that is empty or ends with `/`."""
@@ -248,13 +288,19 @@ class ObjectStore:
 
     def read(self, bucket: str, key: str) -> bytes | None:
         """Content of a small object, verified; None when there is none."""
+        found = self.look(bucket, key)
+        return found.content if found else None
 
-        def read() -> bytes:
+    def look(self, bucket: str, key: str) -> Look | None:
+        """A small object, verified; None when there is none."""
+
+        def read() -> Look:
             with self._opened(bucket, key) as answer:
                 content: bytes = answer.read()
-                noted = _noted(answer.headers, DIGEST)
-            _verify(f"{bucket}/{key}", noted, hashlib.sha256(content).hexdigest())
-            return content
+                headers = answer.headers
+            _verify(f"{bucket}/{key}", _noted(headers, DIGEST), hashlib.sha256(content).hexdigest())
+            modified = parsedate_to_datetime(headers["Last-Modified"]).timestamp()
+            return Look(content, str(headers["ETag"]).strip('"'), modified)
 
         with self._explained(f"read {bucket}/{key}"):
             return self._unless_absent(read)
@@ -278,14 +324,18 @@ class ObjectStore:
             received: is told how many bytes arrived, those of earlier attempts included.
 
         Raises:
+            ObjectError: the object is not what it should be.
             OSError: the file cannot be written.
         """
         target.parent.mkdir(parents=True, exist_ok=True)
-        tag = hashlib.sha256(item.etag.encode()).hexdigest()[:8]
-        part = target.with_name(f".{target.name[:200]}.{tag}.part")
+        part = _part(target, f"{item.key} {item.etag or item.sha256}")
         meter = _Meter(received)
-        with self._explained(f"fetch {bucket}/{item.key}"):
-            self._persist(lambda: self._fetch(bucket, item, part, meter))
+        try:
+            with self._explained(f"fetch {bucket}/{item.key}"):
+                self._persist(lambda: self._fetch(bucket, item, part, meter))
+        except ObjectError:  # what arrived is not what was wanted
+            part.unlink(missing_ok=True)
+            raise
         os.utime(part, (item.modified, item.modified))
         put_in_place(part, target)
 
@@ -297,17 +347,15 @@ class ObjectStore:
             hasher = hashlib.file_digest(file, "sha256")
             with self._opened(bucket, item.key, file.tell(), item.etag) as answer:
                 headers = dict(answer.headers)
+                _verify_size(f"{bucket}/{item.key}", item.size, file.tell(), headers)
                 for chunk in answer.stream(CHUNK):
                     hasher.update(chunk)
                     file.write(chunk)
                     meter.show(file.tell())
             if file.tell() < item.size:
                 raise ProtocolError(f"only {file.tell()} of {item.size} bytes arrived")
-        try:
-            _verify(f"{bucket}/{item.key}", _noted(headers, DIGEST), hasher.hexdigest())
-        except StorageError:
-            part.unlink()
-            raise
+        noted = item.sha256 or _noted(headers, DIGEST)
+        _verify(f"{bucket}/{item.key}", noted, hasher.hexdigest())
         if _noted(headers, MODE):
             part.chmod(EXECUTABLE)
 
@@ -336,23 +384,6 @@ class ObjectStore:
         return explained(f"{self.endpoint}: cannot {attempt}")
 
 
-class _HashingReader:
-    """Reads a file from its beginning and hashes what is read."""
-
-    def __init__(self, stream: BinaryIO) -> None:
-        stream.seek(0)
-        self._stream = stream
-        self._hash = hashlib.sha256()
-
-    def read(self, size: int = -1) -> bytes:
-        data = self._stream.read(size)
-        self._hash.update(data)
-        return data
-
-    def digest(self) -> str:
-        return self._hash.hexdigest()
-
-
 class _Meter:
     """Tells of each byte once, however often a download begins again."""
 
@@ -366,19 +397,15 @@ class _Meter:
             self._shown = position
 
 
-def _measure(stream: BinaryIO) -> tuple[int, str]:
-    """Size [byte] and SHA-256 of a file, of the very same bytes even when it grows meanwhile."""
-    reader, size = _HashingReader(stream), 0
-    while data := reader.read(CHUNK):
-        size += len(data)
-    return size, reader.digest()
+def _part(target: Path, content: str) -> Path:
+    """Where a file is while it is incomplete: beside it, under a name of its content."""
+    tag = hashlib.sha256(content.encode("utf-8", "surrogateescape")).hexdigest()[:12]
+    name = os.fsdecode(os.fsencode(target.name)[:200])  # file systems count bytes
+    return target.with_name(f".{name}.{tag}.part")
 
 
-def _is_executable(stream: BinaryIO) -> bool:
-    try:
-        return bool(os.fstat(stream.fileno()).st_mode & 0o100)
-    except OSError:  # no file of the file system
-        return False
+def _etag(found: Any) -> str:
+    return str(found.etag or "").strip('"')
 
 
 def _noted(headers: Mapping[str, Any], name: str) -> str:
@@ -388,7 +415,16 @@ def _noted(headers: Mapping[str, Any], name: str) -> str:
 
 def _verify(name: str, noted: str, found: str) -> None:
     if noted and noted != found:
-        raise StorageError(
+        raise ObjectError(
             f"{name} is damaged: its SHA-256 is {found}, its writer noted {noted}. When that is "
             "so again, the object in the bucket is broken."
+        )
+
+
+def _verify_size(name: str, expected: int, offset: int, headers: Mapping[str, str]) -> None:
+    length = next((int(v) for k, v in headers.items() if k.lower() == "content-length"), None)
+    if length is not None and offset + length != expected:
+        raise ObjectError(
+            f"{name} is damaged: it has {offset + length} bytes, its writer noted {expected}. When "
+            "that is so again, the object in the bucket is broken."
         )

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import stat
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import BinaryIO
 
-from robovast.safe_paths import extents, has_holes, open_file, status
+from robovast.results.layout import RUN_RECORD
+from robovast.results.run_record import PLACE, record_text
+from robovast.safe_paths import extents, has_holes, open_file, read_file, status
 
 _CHUNK = 1 << 20
 Stamp = tuple[int, int, int]
@@ -89,10 +92,24 @@ def _digest_of_extents(file: BinaryIO) -> str:
     return digest.hexdigest()
 
 
+def _record_digest(path: Path) -> str:
+    """Digest of a record as it was before it had a place in a bucket; empty when it has none."""
+    try:
+        record = json.loads(read_file(path))
+        del record[PLACE]
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+        return ""
+    return hashlib.sha256(record_text(record).encode()).hexdigest()
+
+
 def digests(folder: Path, names: Iterable[str]) -> dict[str, str]:
     """SHA-256 of files by their relative path; what is no plain file is left out."""
     paths = ((name, folder / name) for name in sorted(names))
-    return {n: file_digest(path) for n, path in paths if _is_plain(path)}
+    return {n: _digest(n, path) for n, path in paths if _is_plain(path)}
+
+
+def _digest(name: str, path: Path) -> str:
+    return (name == RUN_RECORD and _record_digest(path)) or file_digest(path)
 
 
 def _is_plain(path: Path) -> bool:

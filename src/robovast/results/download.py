@@ -3,7 +3,7 @@
 ```
 <campaign>/
   <variant>/<run>/         a run, complete; its `run.json` has the time of the object in S3
-  .download/<variant>/…    runs of which files are still missing; gone at the end
+  .download/<variant>/…    executions of which files are still missing; gone at the end
 ```
 """
 
@@ -13,23 +13,30 @@ import contextlib
 import json
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path, PurePosixPath
 from threading import Event, Lock
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from robovast.atomic import put_in_place
+from robovast.cluster.faults import ObjectError
 from robovast.cluster.ownership import owner_of
 from robovast.cluster.storage import ObjectStore, StoredObject
 from robovast.errors import RobovastError, StorageError
 from robovast.locks import exclusive_folder
 from robovast.results.belonging import STAGE, occupy
+from robovast.results.bucket_runs import BucketFile, OpenedRun, RunObjects, open_run
 from robovast.results.layout import RUN_RECORD
+
+T = TypeVar("T")
 
 THREADS = 8
 """Files that are fetched at once."""
+MOST_TOLD = 5
+"""Broken runs that an error names."""
 
 _JOB = re.compile(r"[\w-][\w.-]*(/[\w-][\w.-]*)*")
 
@@ -61,15 +68,6 @@ class Silent:
 
 
 @dataclass(frozen=True)
-class RunObjects:
-    """The objects of one run that is stored."""
-
-    path: str
-    """`<variant>/<number>`."""
-    objects: tuple[StoredObject, ...]
-
-
-@dataclass(frozen=True)
 class DownloadPlan:
     """What is to be fetched."""
 
@@ -81,21 +79,6 @@ class DownloadPlan:
     """Runs that are here."""
     unfinished: tuple[str, ...] = ()
     """Runs that are not stored yet."""
-
-    @property
-    def objects(self) -> list[StoredObject]:
-        """All of these files."""
-        return [*self.files, *(item for run in self.runs for item in run.objects)]
-
-    @property
-    def count(self) -> int:
-        """Number of files."""
-        return sum(len(run.objects) for run in self.runs) + len(self.files)
-
-    @property
-    def size(self) -> int:
-        """[byte]"""
-        return sum(item.size for item in self.objects)
 
 
 @dataclass(frozen=True)
@@ -111,6 +94,8 @@ class DownloadResult:
     """Runs that the cluster has not stored yet."""
     size: int
     """Bytes of the files that were fetched."""
+    lacking: tuple[str, ...] = ()
+    """Runs that were fetched, of which files could not be stored: their records say which."""
 
 
 def download_campaign(
@@ -142,9 +127,19 @@ def download_campaign(
     with _explained(campaign), exclusive_folder(campaign / STAGE, refusal):
         occupy(campaign, owner_of(store, bucket))
         plan = plan_download(store.objects(bucket), campaign, force=force)
-        observer.planned(plan.count, plan.size)
-        _Fetching(store, bucket, campaign, observer).fetch(plan)
-    return DownloadResult(campaign, len(plan.runs), plan.present, plan.unfinished, plan.size)
+        runs = _Fetching(store, bucket, campaign, observer).fetch(plan)
+    return DownloadResult(
+        campaign=campaign,
+        fetched=len(runs),
+        present=plan.present,
+        unfinished=plan.unfinished,
+        size=_size(plan.files, runs),
+        lacking=tuple(run.path for run in runs if run.lacks_files),
+    )
+
+
+def _size(files: Iterable[StoredObject], runs: Iterable[OpenedRun]) -> int:
+    return sum(item.size for item in (*files, *(file.item for run in runs for file in run.files)))
 
 
 def plan_download(
@@ -200,19 +195,27 @@ class _Stopped(Exception):  # noqa: N818 - no error: it ends a thread
 class _Pending:
     """A run of which files are still missing."""
 
-    run: RunObjects
+    run: OpenedRun
+    stage: Path
+    """Where its files are until all are here; those of other executions are elsewhere."""
     left: int
     lock: Lock = field(default_factory=Lock)
+    broken: bool = False
+    """One of its files cannot be had."""
 
     def count_down(self) -> bool:
-        """One file more is here; True when it was the last."""
+        """One file less is to come; True when it was the last."""
         with self.lock:
             self.left -= 1
             return not self.left
 
 
 class _Fetching:
-    """Fetches files in several threads, and moves each run that is complete into its place."""
+    """Fetches files in several threads, and moves each run that is complete into its place.
+
+    A broken object costs its run alone; what is in progress ends after any other fault, and is
+    continued another time.
+    """
 
     def __init__(
         self, store: ObjectStore, bucket: str, campaign: Path, observer: DownloadObserver
@@ -223,37 +226,78 @@ class _Fetching:
         self._observer = observer
         self._lock = Lock()
         self._stop = Event()
+        self._broken: dict[str, ObjectError] = {}
+        """What is wrong, by run or file."""
 
-    def fetch(self, plan: DownloadPlan) -> None:
-        """Fetch all; after a fault what is in progress is ended, and continued another time."""
+    def fetch(self, plan: DownloadPlan) -> list[OpenedRun]:
+        """Fetch all; returns the runs.
+
+        Raises:
+            StorageError: some files could not be fetched.
+        """
         with ThreadPoolExecutor(THREADS, "download") as pool:
-            tasks = [pool.submit(task) for task in self._tasks(plan)]
-            try:
-                for task in as_completed(tasks):
-                    task.result()
-            except BaseException:
-                self._stop.set()
-                pool.shutdown(wait=True, cancel_futures=True)
-                raise
+            found = self._do(pool, [partial(self._open, run) for run in plan.runs])
+            runs = [run for run in found if run is not None]
+            count = len(plan.files) + sum(len(run.files) for run in runs)
+            self._observer.planned(count, _size(plan.files, runs))
+            self._do(pool, list(self._tasks(plan.files, runs)))
+        self._refuse_broken()
+        return runs
 
-    def _tasks(self, plan: DownloadPlan) -> Iterator[Callable[[], None]]:
-        for item in plan.files:
-            yield lambda item=item: self._get(item, self._campaign / item.key)  # type: ignore[misc]
-        for run in plan.runs:
-            pending = _Pending(run, len(run.objects))
-            for item in run.objects:
-                yield lambda item=item, pending=pending: self._get_part(item, pending)  # type: ignore[misc]
+    def _do(self, pool: ThreadPoolExecutor, actions: Sequence[Callable[[], T]]) -> list[T]:
+        tasks = [pool.submit(action) for action in actions]
+        try:
+            for task in as_completed(tasks):
+                task.result()
+        except BaseException:
+            self._stop.set()
+            pool.shutdown(wait=True, cancel_futures=True)
+            raise
+        return [task.result() for task in tasks]
 
-    def _get_part(self, item: StoredObject, pending: _Pending) -> None:
-        self._get(item, self._campaign / STAGE / item.key)
-        if pending.count_down():
-            self._place(pending.run)
+    def _open(self, run: RunObjects) -> OpenedRun | None:
+        try:
+            return open_run(self._store, self._bucket, run)
+        except ObjectError as error:
+            self._broken[run.path] = error
+            return None
 
-    def _get(self, item: StoredObject, target: Path) -> None:
-        if STAGE in target.parts and _is_here(item, target):
-            self._received(item.size)
-        else:
-            self._store.get_file(self._bucket, item, target, self._received)
+    def _tasks(
+        self, files: Iterable[StoredObject], runs: Iterable[OpenedRun]
+    ) -> Iterator[Callable[[], None]]:
+        for item in files:
+            yield partial(self._get_file, item)
+        for run in runs:
+            stage = self._campaign / STAGE / f"{run.path}.{run.tag}"
+            pending = _Pending(run, stage, len(run.files))
+            for file in run.files:
+                yield partial(self._get_part, file, pending)
+
+    def _get_file(self, item: StoredObject) -> None:
+        try:
+            self._store.get_file(self._bucket, item, self._campaign / item.key, self._received)
+        except ObjectError as error:
+            self._broken[item.key] = error
+        self._finished()
+
+    def _get_part(self, file: BucketFile, pending: _Pending) -> None:
+        target = pending.stage / file.path[len(pending.run.path) + 1 :]
+        try:
+            if _is_here(file.item, target):
+                self._received(file.item.size)
+            elif not pending.broken:
+                file.bring(self._store, self._bucket, target, self._received)
+        except ObjectError as error:
+            pending.broken = True
+            self._broken[pending.run.path] = error
+        self._part_finished(pending)
+
+    def _part_finished(self, pending: _Pending) -> None:
+        self._finished()
+        if pending.count_down() and not pending.broken:
+            self._place(pending)
+
+    def _finished(self) -> None:
         with self._lock:
             self._observer.file_finished()
 
@@ -263,14 +307,18 @@ class _Fetching:
         with self._lock:
             self._observer.received(size)
 
-    def _place(self, run: RunObjects) -> None:
+    def _place(self, pending: _Pending) -> None:
         """Move a complete run to its place."""
-        stage, target = self._campaign / STAGE / run.path, self._campaign / run.path
-        expected = {self._campaign / STAGE / item.key for item in run.objects}
-        for path in [path for path in stage.rglob("*") if path.is_file() and path not in expected]:
-            path.unlink()  # of a run that was repeated since
+        stage, target = pending.stage, self._campaign / pending.run.path
         _link_job(stage)
         put_in_place(stage, target, replace=True)
+
+    def _refuse_broken(self) -> None:
+        if self._broken:
+            names = sorted(self._broken)
+            told = " ".join(f"{name}: {self._broken[name]}" for name in names[:MOST_TOLD])
+            more = f" … and {len(names) - MOST_TOLD} more." if len(names) > MOST_TOLD else ""
+            raise StorageError(f"All is fetched but {len(names)} runs or files. {told}{more}")
 
 
 def _link_job(run: Path) -> None:

@@ -9,15 +9,16 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager
+from functools import partial
 from itertools import count
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 
 from robovast.atomic import appearing_file
-from robovast.cluster.storage import ObjectStore, StoredObject
+from robovast.cluster.storage import ObjectStore
 from robovast.errors import InputError
+from robovast.results.bucket_runs import BucketFile, open_run
 from robovast.results.download import THREADS, job_link, plan_download
-from robovast.results.layout import RUN_RECORD
 
 
 def pack_bucket(
@@ -41,26 +42,34 @@ def pack_bucket(
 
     Raises:
         InputError: the bucket is empty.
+        ObjectError: an object is not what it should be.
         StorageError: the bucket cannot be read, or the archive cannot be written.
     """
     plan = plan_download(store.objects(bucket), archive.parent / campaign, force=True)
-    objects = sorted(plan.objects, key=lambda item: item.key)
-    if not objects:
+    with ThreadPoolExecutor(THREADS, "open") as pool:
+        runs = list(pool.map(partial(open_run, store, bucket), plan.runs))
+    others = [BucketFile(item.key, item) for item in plan.files]
+    files = sorted(
+        [*others, *(file for run in runs for file in run.files)], key=lambda file: file.path
+    )
+    if not files:
         raise InputError(f"the bucket {bucket} of {campaign} is empty: there is nothing to pack.")
-    records = {f"{run.path}/{RUN_RECORD}" for run in plan.runs}
+    records = {run.files[-1].path for run in runs}
+    total = sum(file.item.size for file in files)
     done = 0
     with (
         appearing_file(archive) as part,
         _written(part) as tar,
-        closing(_fetched(store, bucket, objects, archive.parent)) as files,
+        closing(_fetched(store, bucket, files, archive.parent)) as fetched,
     ):
-        for item, path in files:
-            _add(tar, f"{campaign}/{item.key}", path, int(item.modified))
-            if item.key in records:
-                _add_link(tar, PurePosixPath(campaign, item.key).parent, path, int(item.modified))
+        for file, path in fetched:
+            modified = int(file.item.modified)
+            _add(tar, f"{campaign}/{file.path}", path, modified)
+            if file.path in records:
+                _add_link(tar, PurePosixPath(campaign, file.path).parent, path, modified)
             path.unlink()
-            done += item.size
-            progress(done, plan.size)
+            done += file.item.size
+            progress(done, total)
 
 
 @contextmanager
@@ -75,22 +84,22 @@ def _written(path: Path) -> Iterator[tarfile.TarFile]:
 
 
 def _fetched(
-    store: ObjectStore, bucket: str, objects: Sequence[StoredObject], folder: Path
-) -> Generator[tuple[StoredObject, Path], None, None]:
-    """Each object, in order, with a file of its content; the next ones are on their way."""
+    store: ObjectStore, bucket: str, files: Sequence[BucketFile], folder: Path
+) -> Generator[tuple[BucketFile, Path], None, None]:
+    """Each file, in order, with one of its content here; the next ones are on their way."""
     with TemporaryDirectory(prefix=".packing-", dir=folder) as scratch:
         names = count()
 
-        def fetch(item: StoredObject) -> tuple[StoredObject, Path]:
+        def fetch(file: BucketFile) -> tuple[BucketFile, Path]:
             path = Path(scratch, str(next(names)))
-            store.get_file(bucket, item, path)
-            return item, path
+            file.bring(store, bucket, path)
+            return file, path
 
         pool = ThreadPoolExecutor(THREADS, "pack")
-        coming: deque[Future[tuple[StoredObject, Path]]] = deque()
+        coming: deque[Future[tuple[BucketFile, Path]]] = deque()
         try:
-            for item in objects:
-                coming.append(pool.submit(fetch, item))
+            for file in files:
+                coming.append(pool.submit(fetch, file))
                 if len(coming) > THREADS:
                     yield coming.popleft().result()
             while coming:

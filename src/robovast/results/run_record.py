@@ -6,6 +6,7 @@ A run folder with a `run.json` is complete; one without is not to be trusted.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
@@ -14,11 +15,15 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from robovast.results.layout import RUN_RECORD
+from robovast.results.run_files import FileList, MissingFile
 from robovast.results.verdict import Verdict
 from robovast.safe_paths import read_file
 
 SCHEMA = 1
 """Version of the record's format; it stays when keys are added, which older versions ignore."""
+
+PLACE = "files"
+"""Key that says where in a bucket the run's files are; no property of the run itself."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,10 @@ class RunRecord:
     image_digest: str
     host: str
     parameters: dict[str, Any] = field(default_factory=dict)
+    files: FileList | None = None
+    """In a bucket: where its files are listed; None where they are beside it."""
+    missing: tuple[MissingFile, ...] = ()
+    """What the run wrote and could not be stored."""
     schema: int = SCHEMA
 
     @property
@@ -56,11 +65,16 @@ class RunRecord:
 
     def write(self, folder: Path) -> None:
         """Write `run.json` into the folder of a run that is not in its place yet."""
-        _write(folder, asdict(self))
+        _write(folder, self._data())
 
     def to_json(self) -> str:
         """The text of `run.json`."""
-        return _text(asdict(self))
+        return record_text(self._data())
+
+    def _data(self) -> dict[str, Any]:
+        data = asdict(self)
+        left_out = {key for key in (PLACE, "missing") if not data[key]}
+        return {key: value for key, value in data.items() if key not in left_out}
 
 
 def copy_run_record(source: Path, target: Path, **changes: Any) -> None:
@@ -79,10 +93,11 @@ def _write(folder: Path, data: dict[str, Any]) -> None:
     path = folder / RUN_RECORD
     path.unlink(missing_ok=True)
     with path.open("x", encoding="utf-8") as file:
-        file.write(_text(data))
+        file.write(record_text(data))
 
 
-def _text(data: dict[str, Any]) -> str:
+def record_text(data: Mapping[str, Any]) -> str:
+    """Content of a record as it is written."""
     return json.dumps(data, indent=1, default=str) + "\n"
 
 

@@ -19,7 +19,6 @@ from robovast.agent.job_files import prepare_output, write_environment
 from robovast.agent.orders import RunContainer
 from robovast.agent.pack import Pack, PodJob, read_pack
 from robovast.agent.silence import Silence
-from robovast.agent.trees import open_files
 from robovast.agent.watch import EndedRun, JobWatch
 from robovast.cluster.plan import Owner
 from robovast.expansion import Variant
@@ -185,18 +184,3 @@ def test_a_clock_that_is_set_makes_no_agent_silent(folders: Folders, tmp_path: P
     finally:
         process.kill()
         process.wait()
-
-
-def test_only_files_are_opened(tmp_path: Path) -> None:
-    (tmp_path / "a" / "b").mkdir(parents=True)
-    (tmp_path / "a" / "b" / "file").write_text("content")
-    (tmp_path / "link").symlink_to(tmp_path / "a" / "b" / "file")
-    (tmp_path / "folder").symlink_to(tmp_path / "a")
-    os.mkfifo(tmp_path / "pipe")
-    found = {}
-    for path, file in open_files(tmp_path):
-        with file:
-            found[path] = file.read()
-    assert found == {"a/b/file": b"content"}
-    assert list(open_files(tmp_path / "link")) == []
-    assert list(open_files(tmp_path / "none")) == []

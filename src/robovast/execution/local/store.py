@@ -9,13 +9,13 @@ from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
 
-from robovast import safe_paths
 from robovast.atomic import make_folder, put_in_place
 from robovast.errors import StorageError
 from robovast.execution.local.session import Session
+from robovast.execution.own_names import set_own_names_aside
 from robovast.execution.record import Circumstances, make_record
 from robovast.plan import Job, Run
-from robovast.results.layout import JOB_LINK, OWN_NAMES, Layout
+from robovast.results.layout import JOB_LINK, Layout
 from robovast.results.run_record import RunRecord, read_run_record
 from robovast.results.verdict import TestResult
 
@@ -57,8 +57,7 @@ def store_run(
     record = make_record(run, result, observed, exit_code, circumstances)
     with explained(session.layout.root):
         folder.mkdir(parents=True, exist_ok=True)
-        for name in OWN_NAMES:  # a run that wrote one of its own keeps it by another name
-            _set_name_aside(folder / name, folder.parent)
+        set_own_names_aside(folder)
         (folder / JOB_LINK).symlink_to(Path("..") / ".." / "_jobs" / job.name)
         record.write(folder)
         put_in_place(folder, target, replace=earlier is not None and not earlier.finished)
@@ -115,9 +114,3 @@ def explained(root: Path) -> Iterator[None]:
             f"{root}: {cause}. The runs that were finished are stored. {remedy}, then continue "
             f"with `vast exec local run --resume {root}`."
         ) from error
-
-
-def _set_name_aside(path: Path, root: Path) -> None:
-    place = safe_paths.unused(path, root)
-    if place != path:
-        safe_paths.move(path, root, place, root)

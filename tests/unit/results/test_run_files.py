@@ -1,0 +1,116 @@
+"""Keys and lists of a run's files."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from robovast.postprocessing.content import digests
+from robovast.results.run_files import (
+    LONGEST_KEY,
+    MissingFile,
+    StoredFile,
+    Writer,
+    escaped,
+    is_writers,
+    read_list,
+    shortened,
+    write_list,
+)
+from robovast.results.run_record import record_text
+
+NAMES = [
+    *(
+        b"a",
+        b"\xe4",
+        b"\\xe4",
+        b"\\\\xe4",
+        "ä".encode(),
+        b"\n",
+        b"\\n",
+        b" ",
+        b"%0a",
+        b"a\\",
+        b"\x7f",
+    ),
+    *("名".encode() * 85, "\u202e".encode(), "\ufffd".encode(), b"\xff\xfe"),
+]
+
+
+def test_every_name_has_a_key_of_its_own_that_is_plain_text() -> None:
+    keys = {escaped(os.fsdecode(name)) for name in NAMES}
+    assert len(keys) == len(NAMES)
+    assert all(key.isprintable() and key.encode() for key in keys)
+    assert escaped("maps/hall 2.yaml") == "maps/hall 2.yaml"
+    assert escaped(os.fsdecode(b"map_\xe4.pgm")) == r"map_\xe4.pgm"
+
+
+def test_keys_are_never_longer_than_servers_take() -> None:
+    writer = Writer("hall-1/0")
+    paths = ["/".join(["名" * 85] * depth) for depth in range(1, 9)]
+    paths += [os.fsdecode(b"\xe4" * length) for length in (1, 63, 64, 255)]
+    keys = [writer.key(path, number) for number, path in enumerate(paths)]
+    assert len(set(keys)) == len(paths)
+    for key in keys:
+        assert is_writers(key)
+        assert len(f"hall-1/0/{key}".encode()) <= LONGEST_KEY
+        assert max(len(part.encode()) for part in key.split("/")) <= 255
+
+
+def test_writers_have_places_of_their_own() -> None:
+    first, second = Writer("hall-1/0"), Writer("hall-1/0")
+    keys = [w.key(path, n) for w in (first, second) for n, path in enumerate(("a", "x" * 1200))]
+    keys += [first.list_key, second.list_key]
+    assert len(set(keys)) == 6
+    assert all(map(is_writers, keys))
+    assert not any(map(is_writers, ["a", ".writer-a/b", "run.json", ".writer-0123456789abcdef0/b"]))
+
+
+def test_a_list_is_read_as_it_was_written() -> None:
+    names = itertools.chain(NAMES, [b"a/b", b".writer-x/c"])
+    files = [StoredFile(os.fsdecode(name), f"k/{n}", n, "ab") for n, name in enumerate(names)]
+    again = read_list(write_list(files))
+    assert sorted(again, key=lambda f: f.size) == files
+    assert {os.fsencode(file.path) for file in again} >= set(NAMES)
+
+
+@pytest.mark.parametrize("path", ["", "/", "/etc/passwd", "../x", "a/../../x", "a//b", ".", "a\0b"])
+@pytest.mark.parametrize("which", ["path", "key"])
+def test_a_list_that_leads_out_is_refused(path: str, which: str) -> None:
+    item = {"path": "a", "key": "a", "size": 1, "sha256": "", which: path}
+    with pytest.raises(ValueError, match="leads out"):
+        read_list(json.dumps({"files": [item]}).encode())
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", '{"files": 1}', '{"files": [{}]}', '{"files": [1]}']
+)
+def test_what_is_no_list_is_refused(text: str) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011 - of any text
+        read_list(text.encode())
+
+
+def test_a_record_holds_some_of_many_missing_files() -> None:
+    missing = [MissingFile(str(number), "gone") for number in range(1000)]
+    told = shortened(missing)
+    assert len(told) == 51
+    assert told[-1] == MissingFile("…", "and 950 more")
+    assert shortened(missing[:50]) == tuple(missing[:50])
+
+
+def test_a_place_in_a_bucket_is_no_change_of_a_run(tmp_path: Path) -> None:
+    record = {"verdict": "passed", "exit_code": None, "parameters": {"x": 1}, "schema": 1}
+    found = set()
+    for number, place in enumerate((None, {"key": "a", "count": 1}, {"key": "b", "count": 2})):
+        path = tmp_path / str(number) / "run.json"
+        path.parent.mkdir()
+        data = record if place is None else {**record, "files": place, "schema": 1}
+        path.write_text(record_text(data))
+        found.add(digests(path.parent, [path.name])[path.name])
+    assert len(found) == 1
+    path.write_text(record_text({**record, "verdict": "failed", "files": {}}))
+    assert digests(path.parent, [path.name])[path.name] not in found
