@@ -18,6 +18,7 @@ from typing import BinaryIO, TypeVar
 from robovast.agent.bucket import Bucket
 from robovast.errors import StorageError
 from robovast.results.run_files import MissingFile, escaped, shown
+from robovast.safe_paths import extents, has_holes
 
 T = TypeVar("T")
 
@@ -25,6 +26,8 @@ SIDE_BY_SIDE = 8
 """How many files are stored at once, and how many connections that takes."""
 DEEPEST = 200
 """Levels of folders that are looked into; each takes an open file."""
+MOST_HOLES = 2**30
+"""Of a file, what was never written to it [byte]."""
 LINK = "it is a link, which is not followed"
 """Why a link is not stored."""
 
@@ -84,6 +87,7 @@ def _opened(folder: int, name: str, levels: int) -> BinaryIO | int:
     file = os.fdopen(_open(folder, name, _FILE), "rb", buffering=0)
     try:
         _refuse_others(os.fstat(file.fileno()).st_mode)
+        _refuse_holes(file)
     except OSError:
         file.close()
         raise
@@ -95,6 +99,15 @@ def _refuse_others(kind: int) -> None:
         raise OSError(errno.ELOOP, LINK)
     if not stat.S_ISREG(kind):
         raise OSError(errno.EINVAL, "it is no regular file")
+
+
+def _refuse_holes(file: BinaryIO) -> None:
+    """Refuse what would fill the storage, and take hours, though the disk has little of it."""
+    if has_holes(file):
+        size = os.fstat(file.fileno()).st_size
+        holes = size - sum(end - begin for begin, end in extents(file))
+        if holes > MOST_HOLES:
+            raise OSError(errno.EFBIG, f"{holes} of its {size} bytes were never written")
 
 
 def _open(folder: int, name: str, flags: int) -> int:

@@ -163,6 +163,15 @@ def test_a_folder_of_any_depth_is_told_not_fatal(tmp_path: Path) -> None:
     safe_paths.remove(tmp_path / "d", tmp_path)
 
 
+def test_a_file_of_holes_is_not_made_terabytes_of_the_storage(tmp_path: Path) -> None:
+    for name, size in (("sparse", 3 << 40), ("small", 1 << 20)):
+        (tmp_path / name).write_bytes(b"begin")
+        os.truncate(tmp_path / name, size)
+    found, missing = contents(tmp_path)
+    assert set(found) == {"small"}
+    assert "of its 3298534883328 bytes were never written" in missing["sparse"]
+
+
 def test_a_run_may_call_its_files_as_we_do(tmp_path: Path) -> None:
     root = tmp_path / "run"
     root.mkdir()
