@@ -32,7 +32,7 @@ class Leadership:
         self._settings = settings
         self._until = -inf
         self.term = 0
-        """Counts how often this replica began to lead; what it remembers is of one term."""
+        """Counts how often this replica took the Lease; what it remembers is of one term."""
         self._read_first: tuple[object, float] = (None, 0.0)
         """Holder and time as the Lease last told them, and when that was read first."""
         self._leader = ""
@@ -59,7 +59,6 @@ class Leadership:
                 if held:
                     attempts = RENEWALS
                     self._notice(self._settings.identity)
-                    self.term += not self.leading
                     # counted from before the request: others count from what they read
                     self._until = asked + self._settings.lease_seconds * 2 / 3
                     self._acquired.set()
@@ -97,7 +96,9 @@ class Leadership:
                 "metadata": {"name": NAME, "namespace": self._settings.lease_namespace},
                 "spec": self._claim({}),
             }
-            return await self._api.create(self._collection, made) is not None
+            held = await self._api.create(self._collection, made) is not None
+            self.term += held
+            return held
         spec = lease["spec"]
         mine = spec.get("holderIdentity") == self._settings.identity
         if not mine and not self._expired(spec):
@@ -109,6 +110,7 @@ class Leadership:
             if error.code == 409:
                 return False  # another replica was faster
             raise
+        self.term += not mine  # late, but ours all the time: nobody else has done anything
         return True
 
     def _expired(self, spec: Object) -> bool:
