@@ -46,8 +46,8 @@ class FloorplanVariationConfig(NavigationConfig):
     """What varies in floor plans (.variation), relative to the .vast file."""
     num_variations: Annotated[int, Field(ge=1)]
     """Number of plans to draw for each of the files."""
-    seed: int | None = None
-    """Seed; without one it follows from the configuration's name."""
+    seed: Annotated[int, Field(ge=0, lt=2**32)] | None = None
+    """Seed of the first plan, that of the others counts on; without, it follows from names."""
     container: Container = None
     """Image of a generator to use instead of the one in this process."""
 
@@ -75,8 +75,6 @@ class _FloorplanVariation(NavigationVariation):
 
     def variation(self, in_configs: list[Config]) -> list[Config]:
         """Each configuration with each floor plan."""
-        for name in self.parameters.name:
-            self.reference(f"@{name}")
         with nav_extra(type(self).__name__):
             try:
                 made = list(self._made())
@@ -86,8 +84,8 @@ class _FloorplanVariation(NavigationVariation):
                 raise InputError(f"{self._where}: {error}") from None
         return [
             self._with_plan(config, plan, artefacts)
-            for config in in_configs
             for plan, artefacts in made
+            for config in in_configs
         ]
 
     @property
@@ -128,9 +126,7 @@ class _FloorplanVariation(NavigationVariation):
     def get_campaign_transient_files(self) -> list[tuple[str, str]]:
         """The models that are not: those that were drawn, and those from elsewhere."""
         return [
-            (f"floorplans/{path.name}", str(path))
-            for path in self._models
-            if not self._is_input(path)
+            (f"fpm/{path.name}", str(path)) for path in self._models if not self._is_input(path)
         ]
 
     @classmethod
@@ -151,12 +147,6 @@ class _FloorplanVariation(NavigationVariation):
     def _plans(self) -> Iterator[_Plan]:
         raise NotImplementedError
 
-    def _read(self, path: Path) -> FloorPlan:
-        from robovast.navigation.floorplan.language import read_floorplan
-
-        self._models.append(path)
-        return read_floorplan(path)
-
     @cached_property
     def _folder(self) -> Path:
         if self.output_dir is None:
@@ -170,7 +160,7 @@ class _FloorplanVariation(NavigationVariation):
         """Where a model is in a campaign."""
         if self._is_input(path):
             return f"_config/{path.relative_to(Path(self.base_path).resolve())}"
-        return f"_transient/floorplans/{path.name}"
+        return f"_transient/fpm/{path.name}"
 
     def _generator(self) -> dict[str, Any]:
         """What to record of a generator that is not ours."""
@@ -233,32 +223,46 @@ class FloorplanVariation(_FloorplanVariation):
         return len(given.variation_files) * given.num_variations
 
     def _plans(self) -> Iterator[_Plan]:
+        drawn = [plan for file in self.parameters.variation_files for plan in self._drawn_by(file)]
+        yield from sorted(drawn, key=lambda plan: plan.name)
+
+    def _drawn_by(self, file: str) -> Iterator[_Plan]:
         from robovast.navigation.floorplan.about import read_about
         from robovast.navigation.floorplan.sampling import read_variation
 
-        for file in self.parameters.variation_files:
-            path = (Path(self.base_path) / file).resolve()
-            plan, distributions = read_variation(path, self._read)
-            self._models.append(path)
-            for number in range(1, self.parameters.num_variations + 1):
-                rng = self.generator(self.parameters.seed, file, number)
-                try:
-                    drawn = distributions.draw(plan, rng)
-                except DocumentError as error:
-                    raise InputError(
-                        f"{path}: no sound floor plan was found for variation {number}: {error}\n"
-                        "    Narrow the distributions."
-                    ) from None
-                about = read_about(distributions.base)
-                yield self._written(f"{path.stem}_{number}", drawn, about, distributions.base)
+        path = (Path(self.base_path) / file).resolve()
+        distributions = read_variation(path)
+        base = distributions.model.path
+        self._models += [path, base]
+        for number in range(self.parameters.num_variations):
+            seed = (self._seed(file) + number) % 2**32
+            try:
+                drawn = distributions.draw(seed)
+            except DocumentError as error:
+                raise InputError(
+                    f"{path}: no sound floor plan was found for the seed {seed}: {error}\n"
+                    "    Narrow the distributions."
+                ) from None
+            yield self._written(f"{drawn.name}_{seed}", path.stem, drawn, read_about(base), base)
 
-    def _written(self, stem: str, plan: FloorPlan, about: dict[str, Any], base: Path) -> _Plan:
-        """A drawn plan as a model of its own, under a name that no other plan has."""
+    def _seed(self, file: str) -> int:
+        """The seed of the first plan of a file."""
+        if self.parameters.seed is not None:
+            return int(self.parameters.seed)
+        identity = f"{self.entry}/{type(self).__name__}/{file}".encode()
+        return int.from_bytes(hashlib.sha256(identity).digest()[:4])
+
+    def _written(
+        self, name: str, stem: str, plan: FloorPlan, about: dict[str, Any], base: Path
+    ) -> _Plan:
+        """A drawn plan as a model of its own; `stem` is that of the file which draws it."""
         from robovast.navigation.floorplan.text import write_floorplan
 
         text = write_floorplan(plan)
-        name = f"{stem}_{hashlib.sha256(text.encode()).hexdigest()[:6]}"
         path = self._folder / f"{name}.fpm"
+        if path in self._drawn:  # another file draws from the same model, with the same seed
+            name = f"{name}_{stem}"
+            path = self._folder / f"{name}.fpm"
         path.write_text(f"// drawn from {os.path.basename(base)}\n{text}", encoding="utf-8")
         self._models.append(path)
         self._drawn.add(path)

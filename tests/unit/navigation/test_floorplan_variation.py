@@ -108,12 +108,57 @@ def test_plans_are_drawn_by_the_distributions(expanded, plans: Path) -> None:
     assert [v.parameters for v in other.variants] != [v.parameters for v in composition.variants]
 
 
+def test_plans_are_those_of_the_seed(expanded, plans: Path) -> None:
+    (plans / "base.fpm").write_text("""\
+Floor plan: base
+    var door = 0.9 m
+    var wt = 0.2 m
+    var off = 0.1 m
+    Space room:
+        shape: Rectangle width=2.0 m, length=off
+        location:
+            wrt: world
+            of: this
+            rotation: z: 10.0 deg
+        walls:
+            thickness: wt
+    Entryway exit:
+        shape: Rectangle width=door, height=2.0 m
+        location:
+            in: room.walls[0]
+""")
+    (plans / "base.variation").write_text("""\
+import 'base.fpm'
+door : uniform([0.5, 1.0])
+wt : normal(mean=0.3, std=0.05)
+room: { shape.width: discrete([(0.5, 3.0), (0.5, 4.0)]) shape.length: uniform([7.0]) }
+off : discrete([(0.2, 0.5), (0.8, 1.5)])
+exit: { location.rotation.y: uniform([0.0]) }
+room: { location.rotation.z: uniform([20.0]) }
+""")
+    composition = expanded(
+        {"ParameterVariationList": {"name": "trigger_threshold", "values": [1.0, 2.0]}},
+        variation(variation_files=["plans/base.variation"], seed=7),
+    )
+    maps = [f"maps/base_{seed}.yaml" for seed in (7, 8, 9) for _ in "ab"]
+    assert [v.parameters["map_file"] for v in composition.variants] == maps
+    assert [v.name for v in composition.variants][:3] == ["hall-1-1", "hall-2-1", "hall-1-2"]
+    texts = {file.name: file.source.read_text() for file in composition.transient_files}
+    assert list(texts) == [f"fpm/base_{seed}.fpm" for seed in (7, 8, 9)]
+    rooms = (text[text.index("Space") :] for text in texts.values())
+    sizes = [tuple(re.findall(r"(?:width|length|thickness)[=:] ?([0-9.]+)", r)) for r in rooms]
+    assert sizes == [
+        ("4", "1.5", "0.26", "1"), ("3", "1.5", "0.36", "1"), ("3", "1.5", "0.3", "0.5"),
+    ]  # fmt: skip
+    assert all("rotation: z: 0.349066 rad" in text for text in texts.values())
+
+
 def test_a_plan_that_is_not_sound_is_drawn_again(expanded, plans: Path) -> None:
     text = VARIED.replace("uniform([5.0, 6.0, 7.0])", "uniform([-5.0, 6.0])")
     (plans / "room.variation").write_text(text)
     assert len(expanded(variation(num_variations=5)).variants) == 5
     (plans / "room.variation").write_text(text.replace("-5.0, 6.0", "-5.0"))
-    with pytest.raises(InputError, match=r"`hall` would have a width of -5 m(.|\n)*Narrow"):
+    with pytest.raises(InputError, match=r"the width must be above 0 m, not -5 m(.|\n)*Narrow"):
         expanded(variation())
 
 

@@ -67,7 +67,7 @@ def test_every_floor_plan_is_a_model_with_its_author(ask) -> None:
     rows = ask("floorplan-models")
     models = names(rows, "floorplan")
     assert {"_config/plans/hall.fpm", "_config/plans/office.fpm"} < models
-    assert len({model for model in models if model.startswith("_transient/floorplans/")}) == 3
+    assert len({model for model in models if model.startswith("_transient/fpm/")}) == 3
     assert names(rows, "creator") == {"agents/The-RoboVAST-developers"}
     assert all(row["date"] for row in rows)
 
@@ -76,9 +76,13 @@ def test_models_are_transformed_and_artefacts_generated(ask) -> None:
     transformed = ask("floorplan-transformation")
     assert len(transformed) == 12 * 3  # configurations × files of the graph
     assert all(row["agent"] for row in transformed)
-    hall = "buildings-1-1/_config/floorplans/hall/hall"
+    config = "buildings-1-1/_config"
     generated = names(ask("floorplan-generation"), "gen_file")
-    assert {f"{hall}.yaml", f"{hall}.pgm", f"{hall}.stl"} < generated
+    assert {
+        f"{config}/maps/hall.yaml",
+        f"{config}/maps/hall.pgm",
+        f"{config}/3d-mesh/hall.stl",
+    } < generated
 
 
 def test_failures_are_counted_by_environment(ask) -> None:

@@ -12,7 +12,7 @@ from robovast.navigation.floorplan.model import FloorPlan
 from robovast.navigation.floorplan.render import RESOLUTION, render
 from robovast.navigation.occupancy import write_map
 
-FOLDER = "floorplans"
+MAPS, MESHES, GRAPHS = "maps", "3d-mesh", "json-ld"
 """Where the files of all plans are, below a configuration's folder."""
 
 
@@ -41,25 +41,26 @@ def make_artefacts(plan: FloorPlan, name: str, root: Path) -> Artefacts:
     Args:
         plan: the plan.
         name: of the files.
-        root: existing folder; the files go into `floorplans/<name>` below it.
+        root: existing folder; the files go into MAPS, MESHES and GRAPHS below it.
 
     Raises:
         DocumentError: the plan is not sound.
     """
     layout = lay_out(plan)
-    folder = root / FOLDER / name
-    folder.mkdir(parents=True, exist_ok=True)
-    image = write_map(render(layout), folder / f"{name}.yaml")
-    (folder / f"{name}.stl").write_bytes(to_stl(mesh_of(layout)))
+    graph_folder = f"{GRAPHS}/{name}"
+    for folder in (MAPS, MESHES, graph_folder):
+        (root / folder).mkdir(parents=True, exist_ok=True)
+    map_file, mesh_file = f"{MAPS}/{name}.yaml", f"{MESHES}/{name}.stl"
+    image = write_map(render(layout), root / map_file)
+    (root / mesh_file).write_bytes(to_stl(mesh_of(layout)))
     graph = documents(layout)
     for file, text in graph.items():
-        (folder / file).write_text(text, encoding="utf-8")
-    below = f"{FOLDER}/{name}"
+        (root / graph_folder / file).write_text(text, encoding="utf-8")
     return Artefacts(
         root,
-        f"{below}/{name}.yaml",
-        f"{below}/{image.name}",
-        f"{below}/{name}.stl",
-        tuple(f"{below}/{file}" for file in graph),
+        map_file,
+        f"{MAPS}/{image.name}",
+        mesh_file,
+        tuple(f"{graph_folder}/{file}" for file in graph),
         RESOLUTION,
     )

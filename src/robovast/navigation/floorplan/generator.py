@@ -16,8 +16,11 @@ from tempfile import TemporaryDirectory
 from robovast.common.file_cache import ContentCache
 from robovast.errors import InputError
 from robovast.expansion.containers import ContainerRunner
-from robovast.navigation.floorplan.artefacts import FOLDER, Artefacts
+from robovast.navigation.floorplan.artefacts import Artefacts
 from robovast.navigation.occupancy import map_image, read_resolution
+
+FOLDER = "floorplans"
+"""Where a generator's files are, below a configuration's folder; it names those below itself."""
 
 
 def generate(runner: ContainerRunner, model: Path, name: str, root: Path) -> Artefacts:

@@ -31,10 +31,39 @@ def read_floorplan(path: Path) -> FloorPlan:
         InputError: the file cannot be read.
         DocumentError: everything that is wrong in it, with line and column.
     """
-    source = Source(path, "floorplan.tx")
-    plan = _Reader(source).plan()
-    source.finish()
-    return plan
+    return Model(path).plan()
+
+
+class Model:
+    """A model as it is written, in which numbers can be replaced.
+
+    Args:
+        path: the file.
+
+    Raises:
+        InputError: the file cannot be read.
+        DocumentError: it is not in the language; with line and column.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._source = Source(path, "floorplan.tx")
+
+    @property
+    def root(self) -> Any:
+        """What was parsed."""
+        return self._source.model
+
+    def plan(self) -> FloorPlan:
+        """The floor plan, with the numbers as they are now.
+
+        Raises:
+            DocumentError: everything that is wrong in it, with line and column.
+        """
+        self._source.problems.clear()
+        plan = _Reader(self._source).plan()
+        self._source.finish()
+        return plan
 
 
 class _Reader:
@@ -54,7 +83,10 @@ class _Reader:
             plan.wall_height = sizes.get("height", plan.wall_height)
         plan.spaces = [self._space(node) for node in self._items["Space"]]
         plan.openings = [self._opening(node) for node in self._items["Opening"]]
-        self._check_names(model.items, "in this floor plan")
+        plan.features = [self._feature(node, "world") for node in self._items["Feature"]]
+        self._check_names(self._items["Variable"], "among the variables")
+        named = ("Space", "Opening", "Feature")
+        self._check_names((i for i in model.items if kind(i) in named), "in this floor plan")
         if not plan.spaces:
             self._source.problem(model, f"the floor plan `{plan.name}` has no `Space`")
         return plan
@@ -73,18 +105,12 @@ class _Reader:
             self._source.place(node),
             sizes.get("thickness"),
             sizes.get("height"),
-            [self._feature(feature) for feature in features],
+            [self._feature(feature, "this") for feature in features],
         )
 
-    def _feature(self, node: Any) -> Feature:
+    def _feature(self, node: Any, frame: str) -> Feature:
         parts = _by_kind(node.parts)
-        location = self._location(node, parts["Location"], default=FrameRef("this"))
-        if location.wrt.space != "this":
-            self._source.problem(
-                node,
-                f"`{node.name}` must be placed in its own space, not in `{location.wrt}`",
-                "Write `wrt: this` or `wrt: this.walls[0]`.",
-            )
+        location = self._location(node, parts["Location"], default=FrameRef(frame))
         heights = [self._size(part.value, "the height") for part in parts["Height"]]
         if not heights:
             self._source.problem(node, f"`{node.name}` has no `height`")
@@ -105,13 +131,13 @@ class _Reader:
         if not 1 <= len(walls) <= 2 or any(wall.wall is None for wall in walls):
             self._source.problem(
                 node,
-                f"`{node.name}` must be in one wall, or in two that touch",
+                f"`{node.name}` must be in one wall, or in two",
                 "Write `in: room.walls[0]` or `in: room.walls[0] and hall.walls[2]`.",
             )
         return Opening(
             node.kind,
             node.name,
-            self._shape(node, parts["ShapeOf"], ("width", "height")),
+            self._shape(node, parts["ShapeOf"], ("width", "height"), upright=True),
             walls,
             location,
             self._source.place(node),
@@ -144,7 +170,9 @@ class _Reader:
         sizes = (size for walls in found for size in walls.sizes)
         return {size.key: self._size(size.value, f"the {size.key} of a wall") for size in sizes}
 
-    def _shape(self, node: Any, found: list[Any], sides: tuple[str, str]) -> Shape:
+    def _shape(
+        self, node: Any, found: list[Any], sides: tuple[str, str], *, upright: bool = False
+    ) -> Shape:
         if len(found) != 1:
             self._source.problem(node, f"`{node.name}` must have one `shape`, not {len(found)}")
             return _FALLBACK
@@ -153,7 +181,7 @@ class _Reader:
             case "CircleShape":
                 return Circle(self._size(shape.value, "the radius"))
             case "PolygonShape":
-                return self._polygon(shape)
+                return self._polygon(shape, upright=upright)
         values = {side.key: self._size(side.value, f"the {side.key}") for side in shape.sides}
         if set(values) != set(sides):
             self._source.problem(
@@ -164,9 +192,13 @@ class _Reader:
             return _FALLBACK
         return Rectangle(*(values[side] for side in sides))
 
-    def _polygon(self, shape: Any) -> Polygon:
+    def _polygon(self, shape: Any, *, upright: bool) -> Polygon:
+        """Corners by x and y; of something upright, and with three numbers each, by x and z."""
         points = [
-            (self._number(point.x, angle=False), self._number(point.y, angle=False))
+            (
+                self._number(point.x, angle=False),
+                self._number(point.z if upright and point.z else point.y, angle=False),
+            )
             for point in shape.points
         ]
         if len(set(points)) < 3:
@@ -190,13 +222,14 @@ class _Reader:
                     value, f"there is no variable `{value.variable}`", f"There are: {known}."
                 )
                 return 0.0
-        if (written.unit in ANGLES) != angle:
+        if written.unit and (written.unit in ANGLES) != angle:
             wanted = "an angle in deg or rad" if angle else "a length in m, cm or mm"
             self._source.problem(value, f"{wanted} is needed here, not a value in {written.unit}")
-        return float(written.number) * UNITS[written.unit]
+        sign = -1.0 if value.negative else 1.0
+        return sign * float(written.number) * UNITS[written.unit or "m"]
 
     def _check_names(self, nodes: Iterable[Any], where: str) -> None:
-        named = [node for node in nodes if kind(node) != "Defaults"]
+        named = list(nodes)
         counts = Counter(node.name for node in named)
         for node in named[::-1]:
             if counts[node.name] > 1:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import combinations, pairwise
+from itertools import pairwise
 
 import shapely
 from shapely import affinity
@@ -31,9 +31,6 @@ FLOOR = 0.05
 _SLACK = 0.001
 """How far an opening reaches beyond a wall, so that no film is left [m]."""
 
-_LEAST_OVERLAP = 1e-4
-"""Smaller overlaps of rooms are errors of rounding [m²]."""
-
 _SIDES_OF_CIRCLE = 32
 
 
@@ -42,10 +39,11 @@ class Wall:
     """One wall of a room."""
 
     frame: Pose
-    """In the middle of its inner edge; x along it, y outwards."""
+    """In the middle of a side of the room's shape: x to the next corner, y to the left."""
     length: float
-    """Of its inner edge [m]."""
+    """Of that side [m]."""
     thickness: float
+    """Along y: outside of a shape whose corners go clockwise, inside of any other [m]."""
     height: float
 
 
@@ -86,7 +84,7 @@ class PlacedOpening:
     outline: Area
     """In the wall: along it, and height above the floor."""
     near: float
-    """Where it begins, from the inner edge of the first wall outwards [m]."""
+    """Where it begins, along the y of the first wall's frame [m]."""
     far: float
     """Where it ends [m]."""
 
@@ -116,33 +114,70 @@ def lay_out(plan: FloorPlan) -> Layout:
     """Where everything of a plan is.
 
     Raises:
-        DocumentError: rooms overlap, an opening is wider than its wall, a frame does not exist.
+        DocumentError: a frame does not exist, or spaces are placed at one another in a circle.
     """
-    rooms: dict[str, Room] = {}
-    for space in plan.spaces:
-        rooms[space.name] = _room(plan, space, rooms)
-    problems = list(_overlaps(list(rooms.values())))
-    openings = []
-    for opening in plan.openings:
-        placed = _opening(opening, rooms)
-        wall = _wall(rooms, opening.walls[0], opening.place)
-        left, _, right, _ = placed.outline.bounds
-        if max(-left, right) > wall.length / 2 + _SLACK:
-            problems.append(
-                Problem(
-                    opening.place,
-                    "",
-                    f"`{opening.name}` reaches {max(-left, right) - wall.length / 2:.2f} m beyond "
-                    f"the end of `{opening.walls[0]}`, which is {wall.length:g} m long",
-                )
-            )
-        openings.append(placed)
-    if problems:
-        raise DocumentError(problems)
+    rooms = _Rooms(plan)
+    placed = [rooms.at(space.name, space.place) for space in plan.spaces]
     features = [
-        _feature(feature, room) for room in rooms.values() for feature in room.space.features
+        _feature(feature, rooms, room) for room in placed for feature in room.space.features
     ]
-    return Layout(plan, tuple(rooms.values()), tuple(features), tuple(openings))
+    features += [_feature(feature, rooms, None) for feature in plan.features]
+    openings = [_opening(opening, rooms) for opening in plan.openings]
+    return Layout(plan, tuple(placed), tuple(features), tuple(openings))
+
+
+class _Rooms:
+    """The rooms of a plan, each placed when it is first asked for, whatever their order."""
+
+    def __init__(self, plan: FloorPlan) -> None:
+        self._plan = plan
+        self._spaces = {space.name: space for space in plan.spaces}
+        self._placed: dict[str, Room] = {}
+        self._asked: list[str] = []
+
+    def at(self, name: str, place: Place) -> Room:
+        """The room of a space.
+
+        Args:
+            name: of the space.
+            place: where it is asked for.
+
+        Raises:
+            DocumentError: there is none, or it is placed at what is placed at it.
+        """
+        if name in self._placed:
+            return self._placed[name]
+        if name not in self._spaces:
+            known = ", ".join(self._spaces) or "none"
+            raise _problem(place, f"there is no space `{name}`", f"There are: {known}.")
+        if name in self._asked:
+            circle = " → ".join([*self._asked[self._asked.index(name) :], name])
+            raise _problem(place, f"spaces are placed at one another in a circle: {circle}")
+        self._asked.append(name)
+        room = self._placed[name] = _room(self._plan, self._spaces[name], self)
+        self._asked.pop()
+        return room
+
+    def wall(self, ref: FrameRef, place: Place) -> Wall:
+        """A wall of a space.
+
+        Raises:
+            DocumentError: there is no such space or wall.
+        """
+        walls = self.at(ref.space, place).walls
+        if ref.wall is None or ref.wall >= len(walls):
+            raise _no_wall(ref, len(walls), place)
+        return walls[ref.wall]
+
+    def frame(self, ref: FrameRef, place: Place) -> Pose:
+        """The frame of the world, of a space or of a wall.
+
+        Raises:
+            DocumentError: there is no such space or wall.
+        """
+        if ref.space == "world":
+            return Pose(0.0, 0.0)
+        return self.at(ref.space, place).frame if ref.wall is None else self.wall(ref, place).frame
 
 
 def compose(a: Pose, b: Pose) -> Pose:
@@ -157,121 +192,72 @@ def inverse(pose: Pose) -> Pose:
     return Pose(-cos * pose.x - sin * pose.y, sin * pose.x - cos * pose.y, -pose.yaw)
 
 
-def _room(plan: FloorPlan, space: Space, rooms: dict[str, Room]) -> Room:
+def _room(plan: FloorPlan, space: Space, rooms: _Rooms) -> Room:
     outline = _outline(space.shape)
     if not outline.is_valid:
-        raise DocumentError(
-            [Problem(space.place, "", f"the sides of `{space.name}` cross one another")]
-        )
+        raise _problem(space.place, f"the sides of `{space.name}` cross one another")
     thickness, height = plan.thickness(space), plan.height(space)
     walls = _walls(outline, thickness, height)
     frame = _frame(space, walls, rooms, thickness)
-    solid = outline.buffer(thickness, join_style="mitre").difference(outline)
+    if outline.exterior.is_ccw:
+        solid = outline.difference(outline.buffer(-thickness, join_style="mitre"))
+    else:
+        solid = outline.buffer(thickness, join_style="mitre").difference(outline)
     placed = tuple(
         Wall(compose(frame, wall.frame), wall.length, thickness, height) for wall in walls
     )
     return Room(space, frame, _placed(outline, frame), placed, _placed(solid, frame))
 
 
-def _frame(space: Space, walls: list[Wall], rooms: dict[str, Room], thickness: float) -> Pose:
+def _frame(space: Space, walls: list[Wall], rooms: _Rooms, thickness: float) -> Pose:
     """Where a space is in the world."""
     location = space.location
     offset = _offset(location)
-    if location.wrt.space == "world":
-        base = Pose(0.0, 0.0)
-    elif location.wrt.wall is None:
-        base = _known(rooms, location.wrt, space.place).frame
-    else:
-        wall = _wall(rooms, location.wrt, space.place)
-        base = wall.frame
-        if location.spaced:
-            offset = Pose(offset.x, offset.y + wall.thickness + thickness, offset.yaw)
+    base = rooms.frame(location.wrt, space.place)
     if location.of.wall is None:
         return compose(base, offset)
     if location.of.wall >= len(walls):
         raise _no_wall(location.of, len(walls), space.place)
-    if location.wrt.wall is not None and location.aligned:
-        offset = Pose(offset.x, offset.y, offset.yaw + math.pi)
+    if location.wrt.wall is not None:
+        wall = rooms.wall(location.wrt, space.place)
+        apart = wall.thickness + thickness if location.spaced else 0.0
+        turn = math.pi if location.aligned else 0.0
+        offset = Pose(offset.x, offset.y + apart, offset.yaw + turn)
     return compose(compose(base, offset), inverse(walls[location.of.wall].frame))
 
 
 def _walls(outline: Area, thickness: float, height: float) -> list[Wall]:
     """The walls of an outline, in the order of its corners."""
-    corners = list(outline.exterior.coords)
-    turned = math.pi if outline.exterior.is_ccw else 0.0
     found = []
-    for (x0, y0), (x1, y1) in pairwise(corners):
-        yaw = math.atan2(y1 - y0, x1 - x0) + turned
+    for (x0, y0), (x1, y1) in pairwise(outline.exterior.coords):
+        yaw = math.atan2(y1 - y0, x1 - x0)
         frame = Pose((x0 + x1) / 2, (y0 + y1) / 2, yaw)
         found.append(Wall(frame, math.dist((x0, y0), (x1, y1)), thickness, height))
     return found
 
 
-def _feature(feature: Feature, room: Room) -> PlacedFeature:
-    wall = feature.location.wrt.wall
-    if wall is not None and wall >= len(room.walls):
-        raise _no_wall(feature.location.wrt, len(room.walls), feature.place)
-    base = room.frame if wall is None else room.walls[wall].frame
-    frame = compose(base, _offset(feature.location))
+def _feature(feature: Feature, rooms: _Rooms, own: Room | None) -> PlacedFeature:
+    ref = feature.location.wrt
+    if ref.space == "this" and own is not None:
+        ref = FrameRef(own.space.name, ref.wall)
+    frame = compose(rooms.frame(ref, feature.place), _offset(feature.location))
     return PlacedFeature(feature, frame, _placed(_outline(feature.shape), frame))
 
 
-def _opening(opening: Opening, rooms: dict[str, Room]) -> PlacedOpening:
-    first, *others = (_wall(rooms, ref, opening.place) for ref in opening.walls)
-    near, far = 0.0, first.thickness
-    for other in others:
-        inner = compose(inverse(first.frame), other.frame).y
-        near, far = min(near, inner - other.thickness), max(far, inner)
+def _opening(opening: Opening, rooms: _Rooms) -> PlacedOpening:
+    first, *others = (rooms.wall(ref, opening.place) for ref in opening.walls)
+    far = first.thickness + sum(other.thickness for other in others)
     outline = affinity.rotate(_outline(opening.shape), opening.location.rotation, use_radians=True)
-    bottom = max(opening.location.z + outline.bounds[1], 0.0)
-    outline = affinity.translate(outline, 0.0, bottom - outline.bounds[1])
-    outline = affinity.translate(outline, opening.location.x)
-    return PlacedOpening(opening, first.frame, outline, near - _SLACK, far + _SLACK)
-
-
-def _overlaps(rooms: list[Room]) -> list[Problem]:
-    found = []
-    for a, b in combinations(rooms, 2):
-        area = a.floor.intersection(b.floor).area
-        wanted = not (a.space.location.aligned and b.space.location.aligned)
-        if area > _LEAST_OVERLAP and not wanted:
-            found.append(
-                Problem(
-                    b.space.place,
-                    "",
-                    f"the space `{b.space.name}` overlaps `{a.space.name}` by {area:.2f} m²",
-                    "Move one of them, or add `spaced`; `not aligned` says that it is meant.",
-                )
-            )
-    return found
-
-
-def _known(rooms: dict[str, Room], ref: FrameRef, place: Place) -> Room:
-    if ref.space in rooms:
-        return rooms[ref.space]
-    known = ", ".join(rooms) or "none"
-    raise DocumentError(
-        [
-            Problem(
-                place,
-                "",
-                f"there is no space `{ref.space}` before this",
-                f"A space is placed in the world or at one that comes before it: {known}.",
-            )
-        ]
-    )
-
-
-def _wall(rooms: dict[str, Room], ref: FrameRef, place: Place) -> Wall:
-    walls = _known(rooms, ref, place).walls
-    if ref.wall is None or ref.wall >= len(walls):
-        raise _no_wall(ref, len(walls), place)
-    return walls[ref.wall]
+    outline = affinity.translate(outline, opening.location.x, opening.location.z)
+    return PlacedOpening(opening, first.frame, outline, -_SLACK, far + _SLACK)
 
 
 def _no_wall(ref: FrameRef, count: int, place: Place) -> DocumentError:
-    message = f"there is no `{ref}`: the space has walls[0] to walls[{count - 1}]"
-    return DocumentError([Problem(place, "", message)])
+    return _problem(place, f"there is no `{ref}`: the space has walls[0] to walls[{count - 1}]")
+
+
+def _problem(place: Place, message: str, remedy: str = "") -> DocumentError:
+    return DocumentError([Problem(place, "", message, remedy)])
 
 
 def _offset(location: Location) -> Pose:

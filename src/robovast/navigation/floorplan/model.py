@@ -71,7 +71,7 @@ class Location:
 
 @dataclass
 class Feature:
-    """Something on the floor of a space."""
+    """Something on the floor."""
 
     kind: Literal["Column", "Divider"]
     name: str
@@ -117,6 +117,8 @@ class FloorPlan:
     place: Place
     spaces: list[Space] = field(default_factory=list)
     openings: list[Opening] = field(default_factory=list)
+    features: list[Feature] = field(default_factory=list)
+    """Those of no space."""
     wall_thickness: float = 0.2
     wall_height: float = 2.5
 

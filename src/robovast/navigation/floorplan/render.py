@@ -15,7 +15,7 @@ from robovast.navigation.occupancy import Mask, OccupancyMap
 RESOLUTION = 0.05
 """Edge of a cell [m]."""
 
-_MARGIN = 0.5
+_MARGIN = 1.25
 """Unknown space around the plan [m]."""
 
 

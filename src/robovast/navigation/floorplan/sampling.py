@@ -2,209 +2,200 @@
 
 from __future__ import annotations
 
-import copy
 import math
-import random
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from robovast.errors import DocumentError, Problem
+from numpy.random import RandomState
+
+from robovast.errors import DocumentError
+from robovast.navigation.floorplan.language import Model
 from robovast.navigation.floorplan.layout import lay_out
-from robovast.navigation.floorplan.model import (
-    Circle,
-    Feature,
-    FloorPlan,
-    Opening,
-    Rectangle,
-    Shape,
-    Space,
-)
+from robovast.navigation.floorplan.model import FloorPlan
 from robovast.navigation.floorplan.parser import UNITS, Source, kind
+from robovast.navigation.floorplan.unwritten import add_number
 
 ATTEMPTS = 100
 """How often a plan is drawn until one is sound."""
 
-Draw = Callable[[random.Random], float]
+Draw = Callable[[RandomState], tuple[float, str]]
+"""A number, and its unit where it has one of its own."""
 
-_FILLERS = frozenset({"location", "pose", "transformation", "defaults"})
+_FILLERS = frozenset({"pose", "transformation"})
 """Parts of an attribute's name that say nothing: versions of the language differ in them."""
-
-_SIZES = frozenset({"width", "depth", "radius", "height", "wall_thickness", "wall_height"})
 
 
 @dataclass(frozen=True)
 class _Entry:
-    """One attribute that varies."""
+    """One number of the model that varies."""
 
-    path: tuple[str, ...]
-    """Name of an element: a space, an opening, or a space and its feature."""
-    attribute: tuple[str, ...]
+    node: Any
+    """What has the number, and a unit or none: a value or a variable."""
     draw: Draw
+
+    def set(self, rng: RandomState) -> None:
+        """Replace the number; one without a unit keeps that of what it replaces."""
+        number, unit = self.draw(rng)
+        own = self.node.unit
+        self.node.number = number * UNITS[unit] / UNITS[own or "m"] if unit else number
 
 
 @dataclass(frozen=True)
 class PlanVariation:
     """What varies in a floor plan."""
 
-    base: Path
-    """Its model."""
+    model: Model
+    """It is changed with each draw."""
     entries: tuple[_Entry, ...]
 
-    def draw(self, plan: FloorPlan, rng: random.Random) -> FloorPlan:
-        """A sound plan; equal generators give equal plans.
+    def draw(self, seed: int) -> FloorPlan:
+        """A sound plan; equal seeds give equal plans, those of NumPy's legacy generator.
+
+        Args:
+            seed: from 0 to 2**32 - 1.
 
         Raises:
             DocumentError: none of ATTEMPTS was sound; says what was wrong with the last.
         """
+        rng = RandomState(seed)
         last = DocumentError([])
         for _ in range(ATTEMPTS):
-            drawn = copy.deepcopy(plan)
+            for entry in self.entries:
+                entry.set(rng)
             try:
-                for entry in self.entries:
-                    _set(drawn, entry, entry.draw(rng))
-                lay_out(drawn)
+                plan = self.model.plan()
+                lay_out(plan)
             except DocumentError as error:
                 last = error
             else:
-                return drawn
+                return plan
         raise last
 
 
-def read_variation(
-    path: Path, read: Callable[[Path], FloorPlan]
-) -> tuple[FloorPlan, PlanVariation]:
-    """A .variation file, and the plan that it imports.
+def read_variation(path: Path) -> PlanVariation:
+    """A .variation file, and the model that it imports.
 
     Args:
         path: the file.
-        read: reads the model that it imports.
 
     Raises:
         InputError: the file or the model cannot be read.
         DocumentError: everything that is wrong in it, with line and column.
     """
     source = Source(path, "variation.tx")
-    base = (path.parent / source.model.file).resolve()
-    plan = read(base)
-    entries = tuple(
-        _Entry(
-            tuple(target.name.split(".")),
-            _attribute(entry.attribute),
-            _distribution(source, entry.distribution),
-        )
-        for target in source.model.targets
-        for entry in target.entries
-        if _exists(source, plan, target, entry)
-    )
+    model = Model((path.parent / source.model.file).resolve())
+    model.plan()
+    entries = tuple(e for target in source.model.targets for e in _entries(source, model, target))
     source.finish()
-    return plan, PlanVariation(base, entries)
+    return PlanVariation(model, entries)
 
 
-def _exists(source: Source, plan: FloorPlan, target: Any, entry: Any) -> bool:
-    element = _element(plan, target.name.split("."))
+def _entries(source: Source, model: Model, target: Any) -> Iterator[_Entry]:
+    element = _element(model.root, target.name.split("."))
     if element is None:
         source.problem(
             target,
-            f"the floor plan `{plan.name}` has no `{target.name}`",
-            f"It has: {', '.join(_names(plan))}.",
+            f"the floor plan `{model.root.name}` has no `{target.name}`",
+            f"It has: {', '.join(_names(model.root))}.",
         )
-        return False
-    found = _slot(element, _attribute(entry.attribute))
-    if found is None:
+    elif kind(element) == "Variable":
+        if target.distribution is not None:  # what stands in braces has no effect on a variable
+            yield _Entry(element, _distribution(source, target.distribution))
+    elif target.distribution is not None:
+        source.problem(target, f"`{target.name}` is no variable: name an attribute of it in braces")
+    else:
+        for entry in target.entries:
+            yield from _entry(source, model, target.name, element, entry)
+
+
+def _entry(source: Source, model: Model, name: str, element: Any, entry: Any) -> Iterator[_Entry]:
+    draw = _distribution(source, entry.distribution)
+    numbers = dict(_numbers(element, model.root))
+    attribute = _attribute(entry.attribute)
+    value = numbers.get(attribute) or add_number(element, attribute)
+    if value is None:
         source.problem(
             entry,
-            f"`{entry.attribute}` of `{target.name}` cannot be varied",
-            f"These can: {', '.join(_attributes(element))}.",
+            f"`{entry.attribute}` of `{name}` cannot be varied",
+            f"These can: {', '.join(numbers)}, and where it is.",
         )
-    return found is not None
+    elif not value.variable:  # one that is a variable stays as it is
+        yield _Entry(value, draw)
 
 
 def _distribution(source: Source, node: Any) -> Draw:
     match kind(node):
         case "Normal":
-            mean, std = _number(node.mean), _number(node.std)
+            mean, std = float(node.mean.number), float(node.std.number)
             if std < 0:
                 source.problem(node, "`std` must not be below 0")
-            return lambda rng: rng.gauss(mean, std)
+            return lambda rng: (round(float(rng.normal(mean, abs(std))), 2), node.mean.unit)
         case "Uniform":
-            values = [_number(value) for value in node.values]
-            return lambda rng: rng.choice(values)
-    weights = [option.weight for option in node.options]
-    choices = [_number(option.value) for option in node.options]
+            values = [(float(value.number), value.unit) for value in node.values]
+            return lambda rng: values[rng.randint(0, len(values))]
+    weights = [float(option.weight) for option in node.options]
+    choices = [(float(option.value.number), option.value.unit) for option in node.options]
     if min(weights) < 0 or not math.isclose(sum(weights), 1.0, abs_tol=1e-6):
         source.problem(node, f"the weights must sum to 1, not {sum(weights):g}")
-    return lambda rng: rng.choices(choices, [max(weight, 0.0) for weight in weights])[0]
+    return lambda rng: choices[rng.choice(len(choices), p=weights)]
 
 
-def _number(node: Any) -> float:
-    return float(node.number) * UNITS[node.unit or "m"]
+def _attribute(name: str) -> str:
+    """The name of an attribute without what versions of the language differ in."""
+    name = name.removeprefix("defaults.").replace("walls.", "wall.").replace("wall_", "wall.")
+    parts = [part for part in name.split(".") if part not in _FILLERS]
+    return ".".join(["location", *parts] if parts[0] in {"translation", "rotation"} else parts)
 
 
-def _attribute(name: str) -> tuple[str, ...]:
-    parts = name.replace("wall_thickness", "wall.thickness").replace("wall_height", "wall.height")
-    return tuple(part for part in parts.split(".") if part not in _FILLERS)
+def _numbers(element: Any, root: Any) -> Iterator[tuple[str, Any]]:
+    """The numbers that stand in an element, by the names of its attributes."""
+    sizes = [size for item in root.items if kind(item) == "Defaults" for size in _sizes(item)]
+    if kind(element) == "Space":
+        yield from ((f"wall.{size.key}", size.value) for size in [*sizes, *_sizes(element)])
+    for part in element.parts:
+        match kind(part):
+            case "ShapeOf" if kind(part.shape) == "RectangleShape":
+                yield from ((f"shape.{side.key}", side.value) for side in part.shape.sides)
+            case "ShapeOf" if kind(part.shape) == "CircleShape":
+                yield "shape.radius", part.shape.value
+            case "Height":
+                yield "height", part.value
+            case "Location":
+                yield from _located(part)
 
 
-def _set(plan: FloorPlan, entry: _Entry, value: float) -> None:
-    element = _element(plan, entry.path)
-    slot = _slot(element, entry.attribute)
-    if element is None or slot is None:  # `read_variation` has refused it
-        return
-    owner, name = slot
-    if name in _SIZES and value <= 0:
-        what = f"`{element.name}` would have a {name.replace('_', ' ')} of {value:.3g} m"
-        raise DocumentError([Problem(element.place, "", what)])
-    setattr(owner, name, value)
+def _sizes(node: Any) -> list[Any]:
+    return [size for part in node.parts if kind(part) == "Walls" for size in part.sizes]
 
 
-def _slot(element: Any, attribute: tuple[str, ...]) -> tuple[Any, str] | None:
-    """The object that has an attribute, and its name there."""
-    match attribute:
-        case ("translation", "x" | "y" | "z" as axis):
-            return element.location, axis
-        case ("rotation",) | ("rotation", "x" | "y" | "z"):
-            return element.location, "rotation"
-        case ("shape", side) if side in _sides(element.shape):
-            return element.shape, _sides(element.shape)[side]
-        case ("height",) if isinstance(element, Feature):
-            return element, "height"
-        case ("wall" | "walls", "thickness" | "height" as size) if isinstance(element, Space):
-            return element, f"wall_{size}"
-    return None
+def _located(location: Any) -> Iterator[tuple[str, Any]]:
+    for part in location.parts:
+        if kind(part) in {"Translation", "Rotation"}:
+            name = f"location.{kind(part).lower()}"
+            yield from ((f"{name}.{axis.key}", axis.value) for axis in part.axes)
 
 
-def _sides(shape: Shape) -> dict[str, str]:
-    match shape:
-        case Rectangle():
-            return {"width": "width", "length": "depth", "height": "depth"}
-        case Circle():
-            return {"radius": "radius"}
-    return {}
-
-
-def _attributes(element: Any) -> Iterable[str]:
-    yield from ("location.translation.x", "location.translation.y", "location.rotation.z")
-    yield from (f"shape.{side}" for side in _sides(element.shape))
-    if isinstance(element, Feature):
-        yield "height"
-    if isinstance(element, Space):
-        yield from ("walls.thickness", "walls.height")
-
-
-def _element(plan: FloorPlan, path: Iterable[str]) -> Space | Opening | Feature | None:
+def _element(root: Any, path: list[str]) -> Any:
+    """A space, opening or feature, else a variable, by its name; None when there is none."""
     first, *rest = path
-    elements: list[Space | Opening] = [*plan.spaces, *plan.openings]
-    named = next((element for element in elements if element.name == first), None)
-    if not rest:
-        return named
-    features = named.features if isinstance(named, Space) else []
-    return next((feature for feature in features if [feature.name] == rest), None)
+    named = [item for item in root.items if kind(item) != "Defaults" and item.name == first]
+    named.sort(key=lambda item: kind(item) == "Variable")
+    if not named or not rest:
+        return next(iter(named), None)
+    features = [feature for feature in _features(named[0]) if [feature.name] == rest]
+    return next(iter(features), None)
 
 
-def _names(plan: FloorPlan) -> Iterable[str]:
-    for space in plan.spaces:
-        yield space.name
-        yield from (f"{space.name}.{feature.name}" for feature in space.features)
-    yield from (opening.name for opening in plan.openings)
+def _features(item: Any) -> list[Any]:
+    if kind(item) != "Space":
+        return []
+    return [f for part in item.parts if kind(part) == "Features" for f in part.features]
+
+
+def _names(root: Any) -> Iterable[str]:
+    for item in root.items:
+        if kind(item) != "Defaults":
+            yield item.name
+            yield from (f"{item.name}.{feature.name}" for feature in _features(item))

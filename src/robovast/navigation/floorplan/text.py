@@ -27,6 +27,9 @@ def _items(plan: FloorPlan) -> Iterator[str]:
     for space in plan.spaces:
         yield ""
         yield from _space(space)
+    for feature in plan.features:
+        yield ""
+        yield from _feature(feature)
     for opening in plan.openings:
         yield ""
         yield from _opening(opening)
