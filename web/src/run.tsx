@@ -98,6 +98,7 @@ function Head({ data, title, target }: { data: RunDetails; title: string; target
         {title} {typeof record.verdict === "string" && <Mark verdict={record.verdict as Verdict} />}
       </h1>
       {record.reason ? <p class="reason">{String(record.reason)}</p> : null}
+      <Missing files={record.missing} />
       {data.failure && (
         <details>
           <summary>All that the test result says</summary>
@@ -116,6 +117,23 @@ function Head({ data, title, target }: { data: RunDetails; title: string; target
       </dl>
       {data.command && <Repeat command={data.command} target={target} />}
     </div>
+  );
+}
+
+/** What the run wrote and could not be stored, as its record says. */
+function Missing({ files }: { files: unknown }) {
+  const told = Array.isArray(files) ? (files as Partial<Record<string, unknown>>[]) : [];
+  return told.length === 0 ? null : (
+    <details>
+      <summary>Files that could not be stored</summary>
+      <ul>
+        {told.map((file) => (
+          <li key={String(file?.path)}>
+            {String(file?.path)}: {String(file?.reason)}
+          </li>
+        ))}
+      </ul>
+    </details>
   );
 }
 
