@@ -30,7 +30,8 @@ _MESSAGE = Struct("<BQHIQ").unpack_from
 """Opcode and length of the record, channel, sequence number, time received [ns]."""
 _RECORD_SIZE = 9
 _MESSAGE_SIZE = 31
-_LARGEST = 1 << 32
+_LARGEST = 1 << 30
+"""Of a record, which is held in memory [bytes]."""
 _END = (Opcode.DATA_END, Opcode.FOOTER)
 _KNOWN = frozenset(Opcode)
 _UNREADABLE = (

@@ -1,6 +1,7 @@
 """Of a bag that is not whole, what can be read is converted, and the rest is stated."""
 
 import random
+import resource
 import sqlite3
 from hashlib import sha512
 from pathlib import Path
@@ -126,6 +127,18 @@ def test_after_a_damaged_length_reading_goes_on_at_the_next_chunk(tmp_path: Path
     assert read[-1] == COUNT - 1
     assert COUNT * 0.8 < len(read) < COUNT
     assert any("is damaged" in warning for warning in done.warnings)
+
+
+def test_a_record_of_gigabytes_is_no_record(tmp_path: Path) -> None:
+    folder = tmp_path / "rosbag2"
+    folder.mkdir()
+    with (folder / "a.mcap").open("wb") as file:
+        file.write(b"\x89MCAP0\r\n" + b"\x06" + (2 << 30).to_bytes(8, "little"))
+        file.truncate(3 << 30)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    warnings = convert(folder).warnings
+    assert any("a.mcap is damaged" in warning for warning in warnings), warnings
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1 << 20, "KiB"
 
 
 def test_an_sqlite_file_that_is_cut_off_is_read_up_to_there(tmp_path: Path) -> None:
