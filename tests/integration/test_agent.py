@@ -196,7 +196,7 @@ def test_a_repetition_replaces_bad_runs_alone(make: Make) -> None:
     assert campaign.read(f"_transient/bad-runs-{repeat['list']}.txt") == "0-1"
     assert pod.run(0, "--attempt", 2, "--repeat", repeat["list"]) == 10
     assert pod.message() == {"passed": "0", "failed": "1", "errored": "", "counts": [1, 1, 0]}
-    assert set(campaign.objects("one-1/")) == {
+    assert set(campaign.objects("one-1/0/")) == {
         "one-1/0/run.json", "one-1/0/second-1", "one-1/0/test.xml",
     }  # fmt: skip
     records = [campaign.record(f"one-{n}/0") for n in (1, 2, 3)]
