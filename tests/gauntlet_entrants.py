@@ -8,12 +8,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from random import Random
-from typing import Any
+from typing import Any, TypeVar
 
 from cluster_lab import Lab
 from gauntlet_trace import SEND
 from gauntlet_truth import Course
 from robovast_testbed.errors import StartFailed
+
+T = TypeVar("T")
 
 
 class Deed(StrEnum):
@@ -27,7 +29,6 @@ class Deed(StrEnum):
 
 
 DESTINIES: Sequence[tuple[Deed, ...]] = (
-    (),
     (),
     (Deed.SUSPEND,),
     (Deed.SUSPEND, Deed.RETRY),
@@ -182,27 +183,36 @@ def persistently(ask: Callable[[], object]) -> Iterator[None]:
             return
 
 
-def draw(chance: Random, labs: Sequence[Lab], number: int) -> list[Entrant]:
+def shuffled(chance: Random, items: Sequence[T]) -> Iterator[T]:
+    """All items in random order, again and again."""
+    while True:
+        yield from chance.sample(items, len(items))
+
+
+def draw(
+    chance: Random, labs: Sequence[Lab], number: int, destinies: Iterator[tuple[Deed, ...]]
+) -> list[Entrant]:
     """The next campaign, or two of one name in two namespaces that are made in one request."""
-    twins = chance.random() < 0.25
-    chosen = list(labs) if twins else [chance.choice(labs)]
-    return [_draw_one(chance, lab, number, "ab"[index]) for index, lab in enumerate(chosen)]
+    chosen = list(labs) if chance.random() < 0.25 else [chance.choice(labs)]
+    return [
+        Entrant(
+            lab,
+            f"g{number}",
+            _course(chance, f"g{number}-{lab.namespace}"),
+            chance.choice(["Retain", "Retain", "Delete"]),
+            chance.randint(1, 2),
+            next(destinies),
+        )
+        for lab in chosen
+    ]
 
 
-def _draw_one(chance: Random, lab: Lab, number: int, letter: str) -> Entrant:
-    course = Course(
-        salt=f"g{number}{letter}-{chance.randrange(16**6):06x}",
+def _course(chance: Random, salt: str) -> Course:
+    return Course(
+        salt=salt,
         trace=SEND,
         variants=chance.randint(2, 6),
         runs=chance.randint(1, 3),
         runs_per_job=chance.randint(1, 6),
         pause=round(chance.uniform(0.1, 2), 1),
-    )
-    return Entrant(
-        lab,
-        f"g{number}",
-        course,
-        chance.choice(["Retain", "Retain", "Delete"]),
-        chance.randint(1, 2),
-        chance.choice(DESTINIES),
     )

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from random import Random
 
 from cluster_lab import Lab
-from gauntlet_entrants import PATIENCE, Entrant, draw, persistently
+from gauntlet_entrants import DESTINIES, PATIENCE, Entrant, draw, persistently, shuffled
 from gauntlet_faults import FAULTS, Arena
 from robovast_testbed.errors import StartFailed
 
@@ -41,13 +41,12 @@ class Faults:
         self._thread.join()
 
     def _rage(self) -> None:
-        names = list(FAULTS)
-        weights = [FAULTS[name][0] for name in names]
-        while not self._over.wait(self._chance.uniform(0.3, 1.7) * self._pause):
-            name = self._chance.choices(names, weights)[0]
+        for name in shuffled(self._chance, list(FAULTS)):
+            if self._over.wait(self._chance.uniform(0.3, 1.7) * self._pause):
+                return
             say(f"- {name}")
             try:
-                FAULTS[name][1](self._arena, Random(self._chance.random()))  # noqa: S311
+                FAULTS[name](self._arena, Random(self._chance.random()))  # noqa: S311
             except (StartFailed, OSError) as error:
                 say(f"  it could not be done: {str(error).splitlines()[0]}")
             else:
@@ -64,6 +63,9 @@ class Gauntlet:
     alive: int
     """How many campaigns are executed at once."""
     entrants: list[Entrant] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._destinies = shuffled(self.chance, DESTINIES)
 
     def run(self, minutes: float, pause: float) -> Counter[str]:
         """Let campaigns run until the time is over and all have ended; returns the faults."""
@@ -85,7 +87,7 @@ class Gauntlet:
         return faults.done
 
     def _more(self, is_over: Callable[[], bool]) -> list[Iterator[None]]:
-        new = draw(self.chance, self.labs, len(self.entrants))
+        new = draw(self.chance, self.labs, len(self.entrants), self._destinies)
         objects = {"apiVersion": "v1", "kind": "List", "items": [e.prepared() for e in new]}
         for entrant in new:
             self.arena.salts[entrant.key] = entrant.course.salt
