@@ -72,20 +72,34 @@ class Kept:
 
 
 def read_results(folder: Path) -> Kept:
-    """The runs of a results folder that have a record, and what is below their folders."""
+    """The runs of a campaign that have a record, and their files.
+
+    Args:
+        folder: the results, or the bucket as the S3 server keeps it: there a record names a list
+            of the run's files, each with its key, unless an older version has stored it.
+    """
     records, files = {}, {}
     for path in sorted(folder.glob("*/*/" + RECORD)):
         run = path.parent.relative_to(folder).as_posix()
         records[run] = json.loads(path.read_bytes())
-        files[run] = dict(_contents(path.parent))
+        listed = path.parent / (records[run].get("files") or {}).get("key", RECORD)
+        is_list = listed.name != RECORD and listed.exists()
+        files[run] = dict(_listed(listed) if is_list else _contents(path.parent))
     return Kept(records, files)
+
+
+def _listed(path: Path) -> Iterator[tuple[str, bytes]]:
+    for item in json.loads(path.read_bytes())["files"]:
+        place = path.parent / item["key"]
+        if place.exists():
+            yield item["path"], place.read_bytes()
 
 
 def _contents(folder: Path) -> Iterator[tuple[str, bytes]]:
     for parent, _, names in os.walk(folder):
         for name in names:
             path = Path(parent, name)
-            if not path.is_symlink():
+            if not path.is_symlink() and name != RECORD:
                 yield path.relative_to(folder).as_posix(), path.read_bytes()
 
 
@@ -190,14 +204,15 @@ def _said_ids(ranges: str | None) -> set[int]:
 
 def compare_readers(course: Course, first: Kept, second: Kept) -> list[Violation]:
     """Compare what two readers find: the same executions of the same runs."""
-    found = []
-    for run in sorted({*first.records, *second.records}):
-        one, other = (kept.records.get(run) for kept in (first, second))
-        if one != other:
-            found.append(
-                Violation(Fault.MIXED, f"{course.salt} {run}", "download and bucket differ")
-            )
-    return found
+    return [
+        Violation(Fault.MIXED, f"{course.salt} {run}", "download and bucket differ")
+        for run in sorted({*first.records, *second.records})
+        if _of_run(first, run) != _of_run(second, run)
+    ]
+
+
+def _of_run(kept: Kept, run: str) -> object:
+    return kept.records.get(run), kept.files.get(run)
 
 
 @dataclass(frozen=True)

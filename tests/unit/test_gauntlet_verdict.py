@@ -140,4 +140,15 @@ def test_results_are_read_without_following_links(tmp_path: Path) -> None:
     (tmp_path / "one-2" / "0").mkdir(parents=True)
     found = read_results(tmp_path)
     assert list(found.records) == ["one-1/0"]
-    assert set(found.files["one-1/0"]) == {"run.json", "deep/a"}
+    assert found.files["one-1/0"] == {"deep/a": b"a"}
+
+
+def test_of_a_bucket_the_files_count_that_the_record_names(tmp_path: Path) -> None:
+    run = tmp_path / "one-1" / "0"
+    for writer in ("first", "second"):
+        (run / writer).mkdir(parents=True)
+        (run / writer / "a").write_text(writer)
+        listed = [{"path": "a", "key": f"{writer}/a"}, {"path": "lost", "key": f"{writer}/lost"}]
+        (run / f"{writer}.json").write_text(json.dumps({"files": listed}))
+    (run / "run.json").write_text(json.dumps({"files": {"key": "second.json"}}))
+    assert read_results(tmp_path).files["one-1/0"] == {"a": b"second"}
