@@ -76,6 +76,9 @@ def measure(server: s3.Server, root: Path, variants: int) -> None:
         plan.write_text(json.dumps(known))
         execute(Pod(campaign), "fetch", index=variants - 1)
         execute(Pod(campaign), "finish")
+        plan.write_text(json.dumps({k: v for k, v in known.items() if k != "composed"}))
+        print("  as of a campaign that an older version composed:")
+        execute(Pod(campaign), "fetch", index=variants - 1)
     finally:
         campaign.close()
 
