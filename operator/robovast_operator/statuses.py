@@ -149,9 +149,9 @@ class Statuses:
             await few_at_once(self._write_configuration_status(i, tell.of(i)) for i in due)
 
     async def _write_configuration_status(self, item: Object, told: ConfigurationStatus) -> None:
-        body = compact(told.model_dump(by_alias=True, exclude_none=True))
-        if body == (item.get("status") or {}):
+        if told == read_status(ConfigurationStatus, item.get("status")):
             return
+        body = compact(told.model_dump(by_alias=True, exclude_none=True))
         meta = item["metadata"]
         path = f"{paths.configurations(meta['namespace'])}/{meta['name']}"
         written = await self._api.apply_status(

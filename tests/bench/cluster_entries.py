@@ -75,6 +75,11 @@ class Bench:
     def state(self, name: str) -> dict[str, Any]:
         return dict(self.requests.get(f"{GROUP}/campaigns/{name}").get("status") or {})
 
+    def with_status(self, path: str) -> int:
+        """How many objects have one."""
+        found = self.requests.get(f"{path}&resourceVersion=0")["items"]
+        return sum("status" in item for item in found)
+
     def measure_entries(self, count: int) -> None:
         """A document of many entries."""
         began = self.cluster.audit_log.stat().st_size
@@ -86,13 +91,13 @@ class Bench:
             "the first Job": lambda: self.number(f"{JOBS}entries"),
             "all Configurations": lambda: self.number(own) == count,
             "the end": lambda: self.state("entries").get("state") == "Finished",
+            "all their statuses": lambda: self.with_status(own) == count,
         }
         while len(moments) < len(waits):
             for what, there in waits.items():
                 if what not in moments and there():
                     moments[what] = time.monotonic() - start
-            time.sleep(0.05)
-        time.sleep(5)
+            time.sleep(0.2)
         counted = write_requests(self.cluster, began, SPACE)
         writes = {key: n for key, n in counted.items() if key.startswith(ACCOUNT)}
         print(f"{count} entries: " + ", ".join(f"{w} after {s:.1f} s" for w, s in moments.items()))

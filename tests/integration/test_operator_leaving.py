@@ -180,7 +180,8 @@ def test_jobs_of_a_configuration_applied_by_hand_go_with_it(
 
 def ended(place: Place, operator: OperatorProcess) -> None:
     """A campaign at its end, with a Configuration that was applied by hand."""
-    place.cluster.apply(campaign("few", place.namespace, 3, 2), addition(place.namespace))
+    made = campaign("few", place.namespace, 2, 2)  # with the two that are added six, as is told
+    place.cluster.apply(made, addition(place.namespace))
 
     def over() -> bool:
         state = status(place.cluster, place.namespace, "few")
