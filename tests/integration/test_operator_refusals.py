@@ -11,7 +11,7 @@ from patience import eventually
 from robovast_testbed.kubernetes import Cluster
 
 
-@pytest.mark.parametrize("kind", ["configmaps", "configurations.robovast.io", "jobs.batch"])
+@pytest.mark.parametrize("kind", ["configmaps", "jobs.batch"])
 def test_a_quota_is_told_and_once_it_is_raised_the_campaign_goes_on(
     fake_cluster: Cluster, namespace: str, new_operator: NewOperator, kind: str
 ) -> None:
