@@ -1,5 +1,5 @@
 """`python -m robovast_cli`: the command `vast`."""
 
-from robovast_cli.main import main
+from robovast_cli.entry import main
 
 main()
