@@ -17,7 +17,6 @@ from operator_process import (
     finished,
     free_port,
     page,
-    status,
 )
 from patience import eventually
 from robovast_testbed.errors import StartFailed
@@ -114,8 +113,10 @@ def test_a_document_that_is_nested_deeply_ends_no_watch(
     eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
 
     def refused() -> bool:
-        told = condition(status(fake_cluster, namespace, "deep"), "Accepted")
-        return told.get("status") == "False" and "nested too deeply" in told["message"]
+        path = '{.status.conditions[?(@.type=="Accepted")].message}'
+        where = f"--namespace={namespace}"
+        told = fake_cluster.kubectl("get", "campaign", "deep", where, "-o", f"jsonpath={path}")
+        return "nested too deeply" in told
 
     eventually(refused, 30, operator.told)
     assert "ok" in page(port, "healthz")
