@@ -6,6 +6,7 @@ from robovast.errors import RobovastError
 from robovast_operator.api import ApiError
 from robovast_operator.picture import Trouble
 
+_QUOTA = ("exceeded quota", "status unknown for quota")
 _TOO_LARGE = ("request is too large", "Too long: ", "limit is ")
 """What the API server says of an object that is larger than it keeps."""
 
@@ -26,7 +27,7 @@ def trouble_of_error(error: Exception) -> Trouble:
 
 def _refusal(error: ApiError, message: str) -> Trouble:
     told = f"the API server refuses what the campaign needs: {message}."
-    if "exceeded quota" in message:
+    if any(text in message for text in _QUOTA):
         return Trouble("Quota", f"{told} Raise the quota, or remove what is not needed any more.")
     if error.code == 413 or any(text in message for text in _TOO_LARGE):
         return Trouble(

@@ -192,11 +192,32 @@ class Reconciler:
         )
         decision = decide(observed)
         await self._carry_out(obj, accepted, decision, memory)
-        await self._inputs.make_configurations(accepted)
-        await self._statuses.configurations(accepted, revisions[-1], decision.status, memory)
+        await self._show_configurations(obj, accepted, revisions[-1], decision.status, memory)
         for delay in (again, queued, decision.again):
             if delay is not None:
                 self._queue.add((accepted.identity.namespace, accepted.identity.name), delay)
+
+    async def _show_configurations(
+        self,
+        obj: Object,
+        accepted: Accepted,
+        revision: Revision,
+        status: CampaignStatus,
+        memory: Memory,
+    ) -> None:
+        """Keep the objects that show a campaign's entries; no run waits for one that is refused."""
+        identity = accepted.identity
+        try:
+            await self._inputs.make_configurations(accepted)
+            await self._statuses.configurations(accepted, revision, status, memory)
+        except ApiError as error:
+            if error.terminating or error.code == 0:
+                raise
+            trouble = trouble_of_error(error)
+            LOGGER.warning("%s/%s: %s", identity.namespace, identity.name, trouble.message)
+            self._metrics.failed(trouble.reason)
+            await self._statuses.tell(identity, trouble, obj["metadata"]["generation"])
+            self._queue.add((identity.namespace, identity.name), REFUSED_DELAY)
 
     async def _composed(
         self, obj: Object, accepted: Accepted, memory: Memory, jobs: dict[str, JobState]

@@ -88,14 +88,15 @@ class Statuses:
         conditions = failing_conditions(
             (trouble.reason, trouble.message), generation, moment, old.conditions
         )
-        told = event(
-            Identity.of(obj),
-            Message("Warning", trouble.reason, trouble.message),
-            moment,
-            about=f"{trouble.reason}{generation}",
-        )
-        await self._api.create(paths.events(obj["metadata"]["namespace"]), told)
+        await self.tell(Identity.of(obj), trouble, generation)
         await self.write(obj, old.model_copy(update={"conditions": conditions}), memory)
+
+    async def tell(self, identity: Identity, trouble: Trouble, generation: int) -> None:
+        """Say what is wrong by an Event; once for each cause and generation."""
+        message = Message("Warning", trouble.reason, trouble.message)
+        about = f"{trouble.reason}{generation}"
+        told = event(identity, message, format_time(now()), about=about)
+        await self._api.create(paths.events(identity.namespace), told)
 
     async def write(self, obj: Object, status: CampaignStatus, memory: Memory) -> bool:
         """Write a status that has changed; False when it is put off."""

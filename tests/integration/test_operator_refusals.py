@@ -40,6 +40,31 @@ def test_a_quota_is_told_and_once_it_is_raised_the_campaign_goes_on(
     eventually(lambda: finished(fake_cluster, namespace, "few"), 90, operator.told)
 
 
+def test_objects_that_only_show_entries_hold_no_run_back(
+    fake_cluster: Cluster, namespace: str, new_operator: NewOperator
+) -> None:
+    fake_cluster.apply(
+        {
+            "apiVersion": "v1",
+            "kind": "ResourceQuota",
+            "metadata": {"name": "small", "namespace": namespace},
+            "spec": {"hard": {"count/configurations.robovast.io": "0"}},
+        }
+    )
+    operator = new_operator(ROBOVAST_STALL_SECONDS="2")
+    operator.start()
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 90, operator.told)
+    state = status_of(fake_cluster, namespace, "few")
+    assert condition(state, "Stalled")["status"] == "False"
+    events = json.loads(
+        fake_cluster.kubectl("get", "events", f"--namespace={namespace}", "--output=json")
+    )["items"]
+    told = [item for item in events if item["reason"] == "Quota"]
+    assert len(told) == 1
+    assert "quota: small" in told[0]["message"]
+
+
 def test_a_document_that_no_object_can_hold_is_told(
     fake_cluster: Cluster, namespace: str, new_operator: NewOperator
 ) -> None:
