@@ -127,6 +127,7 @@ class FakeJob:
             message="",
             deleting=self.deleting,
             size=self.size,
+            configuration=self.shard.owner["uid"] if self.shard and self.shard.owner else "",
         )
 
 

@@ -213,8 +213,9 @@ def _withdraw(picture: Picture) -> list[Action]:
     An object goes when its last owner does, so the Configuration cannot be another one; nor can it
     belong to the Campaign: GitOps tools do not prune what has an owner.
     """
-    gone = (picture.job(shard) for shard in picture.shards if picture.withdrawn(shard))
-    return [DeleteJob(job.name) for job in gone if job is not None and not job.deleting]
+    withdrawn = picture.observed.withdrawn
+    gone = (job for job in picture.observed.jobs.values() if job.configuration in withdrawn)
+    return [DeleteJob(job.name) for job in gone if not job.deleting]
 
 
 def _expiry(picture: Picture) -> datetime | None:

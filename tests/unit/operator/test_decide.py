@@ -428,6 +428,18 @@ def test_a_job_that_holds_pods_which_are_to_go_is_made_anew() -> None:
     assert decide(held).actions == (), "once is enough"
 
 
+def test_a_job_goes_with_its_configuration_though_its_shard_was_settled_long_ago() -> None:
+    world = World(accepted(runs=2))
+    (revision,) = world.revisions
+    owner = {"uid": "of-a-configuration", "name": "more"}
+    world.revisions = [replace(revision, owners={0: owner})]
+    world.settle()
+    jobs = [name for name, job in world.jobs.items() if job.role == "shard"]
+    assert world.look().later == ()
+    world.withdrawn = frozenset({owner["uid"]})
+    assert world.look().later == tuple(DeleteJob(name) for name in jobs)
+
+
 def test_a_campaign_ends_without_the_runs_of_a_configuration_that_is_gone() -> None:
     """Its Job goes with it, and is not made again; what has no verdict is errored."""
     world = World(accepted(runs=2, parallelism=1))
