@@ -175,7 +175,9 @@ class Inputs:
         name = accepted.identity.child(f"plan-{len(revisions)}")
         new = next_revision(accepted, revisions, additions.found, name)
         if new is not None:
-            told = replace(additions.accepted or accepted, planned=accepted.planned)
+            # The first plan is the document's own: that is compared with it for ever.
+            whole = additions.accepted if revisions else None
+            told = replace(whole or accepted, planned=accepted.planned)
             if not await self._create_plan(told, new, new.entries):
                 memory.forget_inputs()  # another replica was faster: read what it wrote
                 return await self.revisions(accepted, additions, memory)
