@@ -12,6 +12,7 @@ from threading import Thread
 
 from robovast import safe_paths
 from robovast.agent.folders import Folders
+from robovast.execution.stopwatch import Stopwatch
 
 HEARTBEAT = 5.0
 """How often the agent says that it lives [s]."""
@@ -59,16 +60,24 @@ class RunContainer:
             _rewrite(self._config / "heartbeat", str(time.monotonic_ns()))
             time.sleep(HEARTBEAT)
 
-    def started(self, job: int) -> float | None:
-        """When a job began [s since the epoch]; None when it did not."""
-        found = safe_paths.status(self._answers / f"{job}.started", self._out)
-        return None if found is None else found.st_mtime
+    def started(self, job: int) -> Stopwatch | None:
+        """How long ago a job began, however late that is seen; None when it did not."""
+        found = self._answer(rf"{job}\.started\.(\d{{1,12}}\.\d{{1,9}})")
+        status = safe_paths.status(self._answers / found[0], self._out) if found else None
+        if found is None or status is None:
+            return None
+        late = time.clock_gettime(time.CLOCK_BOOTTIME) - float(found[1])
+        return Stopwatch(status.st_mtime, max(late, 0.0))
 
     def exit_code(self, job: int) -> int | None:
         """How a job ended; None when it did not."""
+        found = self._answer(rf"{job}\.code\.(\d{{1,3}})")
+        return int(found[1]) if found else None
+
+    def _answer(self, pattern: str) -> re.Match[str] | None:
+        """The answer whose name matches."""
         answers = safe_paths.names(self._answers, self._out)
-        found = (re.fullmatch(rf"{job}\.code\.(\d{{1,3}})", name) for name in answers)
-        return next((int(match[1]) for match in found if match), None)
+        return next(filter(None, (re.fullmatch(pattern, name) for name in answers)), None)
 
     def all_over(self, job: int, secondaries: Iterable[str]) -> bool:
         """True when a job has ended in all secondary containers."""

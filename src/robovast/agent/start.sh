@@ -5,7 +5,7 @@
 # The agent orders by the files order (`run N`, `stop N`, `end`) and heartbeat (changes while the
 # agent lives) beside this script, and reads the answers in $ROBOVAST_OUT_DIR/.job:
 #   lock             held while the main container lives
-#   N.started        job N has begun
+#   N.started.UPTIME job N has begun, so long after the machine [s]
 #   N.code.CODE      it has ended with this exit code
 #   N.over.NAME      it has ended in the secondary container NAME
 #   terminated       somebody else told the main container to end
@@ -82,8 +82,8 @@ watch_orders() {
 }
 
 run_job() {
-    local watcher code
-    [[ $held ]] && answer "$job.started"
+    local watcher code begun
+    [[ $held ]] && { read -r begun _ </proc/uptime; answer "$job.started.$begun"; }
     set -m # a process group of its own for the job
     enter_job &
     child=$!

@@ -127,8 +127,7 @@ class JobWatch:
     def _ending(self) -> Ending | None:
         number, container = self._job.index, self._container
         if self._stopwatch is None:
-            began = container.started(number)
-            self._stopwatch = None if began is None else Stopwatch(began)
+            self._stopwatch = container.started(number)
         code = container.exit_code(number)
         if code is not None:
             return Ending(code)

@@ -6,16 +6,17 @@ import time
 
 
 class Stopwatch:
-    """Runs from when it is made."""
+    """Runs from when it is made, or from before."""
 
-    def __init__(self, began: float | None = None) -> None:
+    def __init__(self, began: float | None = None, late: float = 0.0) -> None:
         """Start it.
 
         Args:
             began: when that is, as people read it [s since the epoch]; now when None.
+            late: how long that has been already [s].
         """
         self._began = time.time() if began is None else began
-        self._start = time.monotonic()
+        self._start = time.monotonic() - late
 
     @property
     def seconds(self) -> float:

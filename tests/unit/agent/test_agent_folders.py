@@ -84,13 +84,30 @@ def test_orders_are_rewritten_in_place_and_whole(folders: Folders) -> None:
     assert (folders.config / "order").stat().st_ino == inode
 
 
+def begin(folders: Folders, ago: float = 0.0) -> None:
+    """Say what a container says when its first job begins."""
+    uptime = time.clock_gettime(time.CLOCK_BOOTTIME) - ago
+    (folders.answers / f"1.started.{uptime:.2f}").touch()
+
+
+def test_a_job_has_taken_as_long_as_it_did_when_its_agent_looks_late(folders: Folders) -> None:
+    container = RunContainer(folders)
+    container.prepare()
+    begin(folders, ago=100.0)
+    stopwatch = container.started(1)
+    assert stopwatch is not None
+    assert 99 <= stopwatch.seconds < 110
+    began, ended = stopwatch.period
+    assert ended - began == pytest.approx(100, abs=10)
+
+
 def test_a_container_is_gone_when_its_lock_is_free_and_it_left_no_code(folders: Folders) -> None:
     container = RunContainer(folders)
     container.prepare()
     assert not container.is_gone(1), "it did not start yet"
     with (folders.answers / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        (folders.answers / "1.started").touch()
+        begin(folders)
         assert not container.is_gone(1), "it runs"
     assert container.is_gone(1)
     (folders.answers / "1.code.137").touch()
@@ -101,8 +118,9 @@ def test_a_container_is_gone_when_its_lock_is_free_and_it_left_no_code(folders: 
 def test_whatever_a_run_makes_of_the_answers_hangs_nobody(folders: Folders, tmp_path: Path) -> None:
     container = RunContainer(folders)
     container.prepare()
-    container_started = folders.answers / "1.started"
-    container_started.touch()
+    begin(folders)
+    (folders.answers / "2.started.now").touch()
+    assert container.started(2) is None
     (folders.answers / "lock").unlink()
     os.mkfifo(folders.answers / "lock")
     for name in ("1.code.x", "1.code.", "1.code.1e3", "1.code.99999", "11.code.7"):
@@ -147,7 +165,7 @@ def test_a_clock_that_is_set_makes_no_run_overdue(
     watch = JobWatch(folders, job, 600, (), received, lambda: False, silence)
     with (folders.answers / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        (folders.answers / "1.started").touch()
+        begin(folders)
         following = Thread(target=watch.follow)
         following.start()
         time.sleep(0.5)
