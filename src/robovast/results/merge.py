@@ -23,6 +23,8 @@ from robovast.results.run_record import copy_run_record, read_run_record
 
 JOB = "job"
 """Link in a run's folder to its job's own output."""
+MERGED_FROM = "merged_from"
+"""Key of a merged campaign's `execution.yaml`: whose runs it holds."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ def merge_campaigns(campaigns: Sequence[Path], target: Path) -> MergeResult:
         target: folder of the new campaign; it appears when it is complete.
 
     Raises:
-        InputError: there is nothing to merge, or two campaigns have one name.
+        InputError: there is nothing to merge, two have one name, or runs would come twice.
         StorageError: the target is there already, or cannot be written.
     """
     _check(campaigns)
@@ -93,6 +95,31 @@ def _check(campaigns: Sequence[Path]) -> None:
         raise InputError(f"two of the campaigns are named {twice}; rename the folder of one.")
     if not (campaigns[-1] / "_config").is_dir():
         raise InputError(f"{campaigns[-1]} has no `_config` folder, so it cannot be merged.")
+    _check_origins(campaigns)
+
+
+def _check_origins(campaigns: Sequence[Path]) -> None:
+    """Refuse a merged campaign beside one that it was merged from."""
+    found: dict[str, str] = {}
+    for path in campaigns:
+        for origin in _origins(Layout(path)):
+            if origin in found:
+                raise InputError(
+                    f"{found[origin]} and {path.name} both hold the runs of {origin}, which would "
+                    "come twice; name the campaigns to merge with `--campaign`."
+                )
+            found[origin] = path.name
+
+
+def _origins(campaign: Layout) -> list[str]:
+    """The campaigns that a merged one was merged from, itself of any other."""
+    merged_from = _execution(campaign).get(MERGED_FROM)
+    named = merged_from if isinstance(merged_from, list) else []
+    return list(map(str, named)) or [campaign.root.name]
+
+
+def _execution(campaign: Layout) -> dict[str, Any]:
+    return read_mapping(campaign.execution / "execution.yaml")
 
 
 def _parts(layout: Layout) -> Iterator[_Part]:
@@ -193,11 +220,11 @@ def _copy(source: Path, target: Path) -> None:
 def _write_records(
     layout: Layout, campaigns: Sequence[Layout], merged: dict[str, list[_Part]], runs: _Runs
 ) -> None:
-    execution = read_mapping(campaigns[-1].execution / "execution.yaml")
-    names = [campaign.root.name for campaign in campaigns]
+    execution = _execution(campaigns[-1])
+    origins = [origin for campaign in campaigns for origin in _origins(campaign)]
     layout.execution.mkdir()
     (layout.execution / "execution.yaml").write_text(
-        dump_yaml({**execution, "runs": runs.most, "merged_from": names}), encoding="utf-8"
+        dump_yaml({**execution, "runs": runs.most, MERGED_FROM: origins}), encoding="utf-8"
     )
     layout.transient.mkdir()
     (layout.transient / "job_links.yaml").write_text(dump_yaml(runs.jobs), encoding="utf-8")

@@ -161,6 +161,18 @@ def test_campaigns_must_be_told_apart(tmp_path: Path) -> None:
         merge_campaigns([], tmp_path / "merged")
 
 
+def test_no_run_comes_twice(tmp_path: Path) -> None:
+    first = make_campaign(tmp_path, FIRST, {"one": "A"}, 1)
+    second = make_campaign(tmp_path, SECOND, {"one": "A"}, 1)
+    merged = merge_campaigns([first, second], tmp_path / "merged").target
+    third = make_campaign(tmp_path, "third", {"one": "A"}, 1)
+    again = merge_campaigns([merged, third], tmp_path / "again").target
+    for both in ([first, merged], [again, second], [merged, again]):
+        with pytest.raises(InputError, match=r"both hold the runs of camp.*--campaign"):
+            merge_campaigns(both, tmp_path / "twice")
+    assert not (tmp_path / "twice").exists()
+
+
 def test_a_failure_in_the_middle_leaves_nothing(tmp_path: Path) -> None:
     first = make_campaign(tmp_path, FIRST, {"one": "A"}, 1)
     (first / "one" / "0" / "big").write_bytes(bytes(2**16))
