@@ -59,6 +59,8 @@ def _outcome(folder: Path, where: str, files: Iterable[str], findings: Findings)
     if f"{where}/{TEST_RESULT}" not in files:
         findings.missing(f"no {TEST_RESULT}", where)
     if record is None:
+        if f"{where}/{RUN_RECORD}" in files:
+            findings.missing(f"no {RUN_RECORD} that can be read, so told by {TEST_RESULT}", where)
         record = _read_result(folder)
     outcome = {
         "success": "true" if record["verdict"] == Verdict.PASSED else "false",

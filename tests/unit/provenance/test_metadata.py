@@ -193,6 +193,7 @@ def test_missing_pieces_are_stated_and_never_fatal(
 ) -> None:
     (campaign / "hall-1-1/0/test.xml").unlink()
     (campaign / "hall-1-1/1/job").unlink()
+    (campaign / "hall-1-1/1/run.json").write_text('{"verd')
     shutil.rmtree(campaign / "_execution")
     shutil.rmtree(campaign / "hall-1-2/0")
     shutil.rmtree(campaign / "hall-1-2/1")
@@ -201,6 +202,7 @@ def test_missing_pieces_are_stated_and_never_fatal(
     assert caplog.messages == [
         f"{NAME}: no execution.yaml: {NAME}",
         f"{NAME}: no test.xml: hall-1-1/0",
+        f"{NAME}: no run.json that can be read, so told by test.xml: hall-1-1/1",
         f"{NAME}: no sysinfo.yaml: hall-1-1/1",
         f"{NAME}: configurations without a run: hall-1-2",
     ]
