@@ -60,8 +60,9 @@ class Progress:
         self.verdicts[record.verdict] += 1
 
     def counts(self) -> str:
-        """`12 of 260 done: 11 passed, 1 failed`."""
-        parts = [f"{self.verdicts[v]} {v}" for v in Verdict if self.verdicts[v]]
+        """`12 of 260 done: 4 before, 7 passed, 1 failed`."""
+        before = [f"{self.done_before} before"] if self.done_before else []
+        parts = [*before, *(f"{self.verdicts[v]} {v}" for v in Verdict if self.verdicts[v])]
         return f"{self.done} of {self.total} done" + (f": {', '.join(parts)}" if parts else "")
 
 

@@ -160,7 +160,8 @@ def _waiting_message(container: Object, waiting: Object) -> str:
     if _WAITING[waiting["reason"]] == "ImagePull":
         return (
             f"the image {image} of the container {name} cannot be pulled ({waiting['reason']}): "
-            f"{told} Check its name, and `spec.scheduling.imagePullSecrets` for a private one."
+            f"{told.rstrip('. ')}. Check its name, and `spec.scheduling.imagePullSecrets` for a "
+            "private one."
         )
     return f"the container {name} cannot start ({waiting['reason']}): {told}"
 

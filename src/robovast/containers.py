@@ -56,7 +56,7 @@ def check_engine(engine: str, instead: str) -> None:
     result = call([engine, "info"])
     if not result.ok:
         raise CannotRunError(
-            f"{engine} does not answer: {result.last_error}. Is its daemon running, and may "
+            f"{engine} does not answer ({result.last_error}). Is its daemon running, and may "
             f"you use it? Or {instead}."
         )
 
