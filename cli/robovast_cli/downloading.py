@@ -118,6 +118,9 @@ def _try(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> bo
 def _download(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> None:
     with open_store(kube, results.place) as store:
         if results.campaign is not None:
+            if _has_not_begun(results.campaign) and not store.has_bucket(results.bucket):
+                say(f"{results.campaign.name}: nothing is stored yet; repeat the command later.")
+                return
             is_owned(store, results.bucket, results.campaign.uid)
         folder = folder_for(output, results.name, owner_of(store, results.bucket))
         if folder.name != results.name:
@@ -126,6 +129,11 @@ def _download(kube: Kubernetes, results: Results, output: Path, *, force: bool) 
             result = download_campaign(store, results.bucket, folder, view, force=force)
     for line in _summary(result):
         say(line)
+
+
+def _has_not_begun(campaign: CampaignState) -> bool:
+    """Whether its bucket may not be there yet: the first pod makes it."""
+    return not campaign.finished and not campaign.done
 
 
 def _summary(result: DownloadResult) -> Iterator[str]:

@@ -533,7 +533,13 @@ def test_results_that_were_removed_keep_no_others(
     vast("run", "--detach")
     (name,) = set(operator.names()) - {stored.name}
     endpoint = f"http://{s3_server.endpoint}"
-    operator.report(name, bucket=f"{name}-gone", campaign="gone", endpoint=endpoint)
+    bucket = {"bucket": f"{name}-gone", "campaign": "gone", "endpoint": endpoint}
+    operator.report(name, **bucket)
+    outcome = vast("download", "-o", "home", group=("results",))
+    assert (outcome.code, outcome.err) == (0, "")
+    assert f"{name}: nothing is stored yet" in outcome.out
+    assert [path.name for path in (tmp_path / "home").iterdir()] == [f"{stored.name}-2026"]
+    operator.report(name, **bucket, state="Finished")
     outcome = vast("download", "-o", "home", group=("results",))
     assert outcome.code == 5
     assert "NoSuchBucket" in outcome.err
