@@ -176,6 +176,19 @@ def test_a_link_that_leaves_a_checkout_is_refused_by_name(
     assert not list((tmp_path / "inputs").rglob("map.png"))
 
 
+def test_a_folder_that_is_a_link_out_of_a_checkout_is_none_of_it(
+    copy: Copy, repository: str, tmp_path: Path
+) -> None:
+    secrets = tmp_path / "credentials"
+    secrets.mkdir()
+    (secrets / "secretKey").write_text("secret")
+    (Path(repository.removeprefix("file://")) / "away").symlink_to(secrets)
+    commit(repository)
+    with pytest.raises(InputError, match="has no folder `away`"):
+        copy(git=GitSource(url=repository, ref="main", path="away"))
+    assert not list((tmp_path / "inputs").iterdir())
+
+
 def test_links_within_a_checkout_are_its_files(copy: Copy, repository: str) -> None:
     top = Path(repository.removeprefix("file://"))
     (top / "shared").mkdir()

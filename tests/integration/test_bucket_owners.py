@@ -10,6 +10,7 @@ from uuid import uuid4
 import pytest
 from agent_pods import Campaign, Pod
 from local_campaigns import make_campaign
+from one_run import open_store
 from robovast_testbed.s3 import Server
 
 from robovast.cluster.mirror import mirror
@@ -55,6 +56,23 @@ def test_campaigns_of_one_name_and_one_second_share_nothing(campaigns: list[Camp
         assert (owner.namespace, owner.name) == PLACES[number]
     assert Pod(campaigns[0]).task("purge") == 0
     assert [c.bucket in c.store.buckets() for c in campaigns] == [False, True, True]
+
+
+@pytest.mark.parametrize("bad", [{"campaign": "../out"}, {"campaign": "."}, {"uid": "../../../x"}])
+def test_an_owner_does_not_choose_where_its_campaign_is_written(
+    tmp_path: Path, s3_server: Server, bad: dict[str, str]
+) -> None:
+    store, bucket = open_store(s3_server), f"nav-{uuid4().hex[:10]}"
+    owner = {"uid": "u", "namespace": "n", "name": "nav", "campaign": NAME, **bad}
+    store.make_bucket(bucket)
+    store.put_bytes(bucket, "_transient/owner.json", json.dumps(owner).encode())
+    store.put_bytes(bucket, "_config/a.vast", b"version: 1")
+    page = tmp_path / "deep/page"
+    (page / NAME).mkdir(parents=True)
+    (page / NAME / "other").touch()
+    assert bucket in mirror(store, page)
+    store.delete_bucket(bucket)
+    assert not list(tmp_path.rglob("*.vast"))
 
 
 @pytest.mark.parametrize("command", ["fetch", "compose", "finish", "process"])

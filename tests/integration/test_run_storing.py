@@ -6,6 +6,7 @@ import itertools
 import os
 import random
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from uuid import uuid4
 
@@ -18,7 +19,9 @@ from robovast.agent.check import check_runs
 from robovast.cluster import upload
 from robovast.cluster.storage import ObjectStore
 from robovast.errors import StorageError
+from robovast.results.bucket_runs import listed_files
 from robovast.results.download import Silent, download_campaign
+from robovast.results.run_files import Writer
 from robovast.results.verdict import Verdict
 
 MIB = 2**20
@@ -185,6 +188,55 @@ def check_order(
     assert check_whole(store, bucket, run, [final]) is final
     assert objects(store, bucket, run) == len(final.files) + 2
     empty(store, bucket)
+
+
+def test_every_odd_name_is_listed_and_goes_with_its_bucket(
+    s3_server: Server, store: ObjectStore, bucket: str
+) -> None:
+    """What servers use themselves; the bucket is removed at the end."""
+    names = ["a__XLDIR__", "xl.meta", "a/xl.meta", "part.1", ".minio.sys/x", "a\\b", "...", " "]
+    run = Execution(s3_server, bucket, "one-1/0", "odd", files=dict.fromkeys(names, b"x"))
+    run.storing()
+    assert check_whole(store, bucket, "one-1/0", [run]) is run
+    assert check_all(store, bucket, ["one-1/0"]) == {}
+
+
+@pytest.mark.parametrize("path", ["/".join(["d" * 200] * 40), "n" * 300, "run.json/x"])
+def test_what_this_disk_cannot_have_costs_its_run_alone(
+    s3_server: Server, store: ObjectStore, bucket: str, tmp_path: Path, path: str
+) -> None:
+    deep = Execution(s3_server, bucket, "one-1/0", "deep")
+    deep.storing()
+    Execution(s3_server, bucket, "one-1/1", "plain").storing()
+    record, etag = (of_campaign := Bucket(store, bucket, None)).seen("one-1/0")
+    assert record is not None
+    assert record.files is not None
+    [file] = listed_files(store, bucket, "one-1/0", record.files)
+    writer = Writer("one-1/0")
+    files = of_campaign.store_list(writer, [replace(file, path=path)])
+    assert of_campaign.settle("one-1/0", replace(record, files=files), etag)
+    with pytest.raises(StorageError, match=r"but 1 runs.*one-1/0.*cannot be kept on this disk"):
+        download_campaign(store, bucket, tmp_path, Silent())
+    assert (tmp_path / "one-1/1/run.json").exists()
+    assert not (tmp_path / "one-1/0").exists()
+
+
+@pytest.mark.parametrize("key", ["../1/run.json", "a" * 2000, "", "a\0b"])
+def test_a_record_that_names_no_list_costs_its_run_alone(
+    s3_server: Server, store: ObjectStore, bucket: str, tmp_path: Path, key: str
+) -> None:
+    for number in (0, 1):
+        Execution(s3_server, bucket, f"one-1/{number}", "plain").storing()
+    of_campaign = Bucket(store, bucket, None)
+    record, etag = of_campaign.seen("one-1/0")
+    assert record is not None
+    assert record.files is not None
+    files = replace(record.files, key=key)
+    assert of_campaign.settle("one-1/0", replace(record, files=files), etag)
+    with pytest.raises(StorageError, match=r"but 1 runs.*one-1/0.*is damaged"):
+        download_campaign(store, bucket, tmp_path, Silent())
+    assert (tmp_path / "one-1/1/run.json").exists()
+    assert set(check_all(store, bucket, ["one-1/0", "one-1/1"])) == {"one-1/0"}
 
 
 def test_what_is_damaged_costs_its_run_alone(

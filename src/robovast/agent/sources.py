@@ -93,7 +93,7 @@ def _checkout(git: GitSource, folders: Folders, target: Path) -> None:
             raise StorageError(f"{git.url}: `{git.ref}` cannot be fetched: {cause}")
     shutil.rmtree(repository / ".git")  # it holds the URL, with whatever stands in it
     folder = Path(os.path.normpath(repository / git.path))
-    if not folder.is_relative_to(repository) or not folder.is_dir():
+    if _leads_out(folder, repository) or not folder.is_dir():
         raise InputError(f"{git.url}: `{git.ref}` has no folder `{git.path}`.")
     _resolve_links(folder, repository)
     shutil.copytree(folder, target, dirs_exist_ok=True, symlinks=True)

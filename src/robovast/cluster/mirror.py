@@ -53,6 +53,9 @@ def mirror(store: ObjectStore, results: Path) -> list[str]:
         except StorageError as error:
             LOGGER.warning("%s: %s", bucket, error)
             failed.append(bucket)
+        except Exception:  # whatever somebody has put there is nobody else's trouble
+            LOGGER.exception("%s", bucket)
+            failed.append(bucket)
     _remove_purged(store, results, set(buckets))
     return failed
 

@@ -5,6 +5,7 @@ A bucket without one is of an older version, or nobody's yet.
 
 from __future__ import annotations
 
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
@@ -62,12 +63,19 @@ def parse_owner(content: bytes, place: str) -> Owner:
     Raises:
         OtherOwnerError: it is none.
     """
+    unknown = f"{place}: whose it is cannot be read in {OWNER}, so it is left alone."
     try:
-        return Owner.model_validate_json(content)
+        owner = Owner.model_validate_json(content)
     except ValidationError as error:
-        raise OtherOwnerError(
-            f"{place}: whose it is cannot be read in {OWNER}, so it is left alone."
-        ) from error
+        raise OtherOwnerError(unknown) from error
+    if not (_is_name(owner.campaign) and _is_name(owner.uid)):  # folders are called so
+        raise OtherOwnerError(unknown)
+    return owner
+
+
+def _is_name(text: str) -> bool:
+    """True for what can be the name of a file, and is no path to another place."""
+    return PurePosixPath(text).name == text and text not in {"", ".."} and "\0" not in text
 
 
 def claim(store: ObjectStore, bucket: str, owner: Owner) -> None:

@@ -9,7 +9,7 @@ import tarfile
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from gzip import BadGzipFile
 from pathlib import Path, PurePosixPath
@@ -25,6 +25,8 @@ MOST_EXPANSION = 200
 """How many times its own size an archive may unpack to; a campaign takes 2 to 30 times as much."""
 LEAST_ROOM = 64 << 20
 """What any archive may unpack to [byte]."""
+_LONGEST_TARGET = 4096
+"""Of a link, what Linux takes [byte]: a longer one is refused when it is made."""
 _OVERHEAD = 512
 """What an entry takes, however empty it is [byte]."""
 
@@ -159,7 +161,8 @@ def _write(archive: Path, member: Member, path: Path, room: _Room) -> None:
         raise _refused(archive, member.name, "is there twice") from None
     if member.executable:
         path.chmod(0o755)
-    os.utime(path, (member.modified, member.modified))
+    with suppress(OverflowError, ValueError):  # a time that no disk knows
+        os.utime(path, (member.modified, member.modified))
 
 
 def _link(archive: Path, path: Path, target: str) -> None:
@@ -221,6 +224,11 @@ def _tar_member(tar: tarfile.TarFile, item: tarfile.TarInfo) -> Member:
     )
 
 
+def _target(zipped: zipfile.ZipFile, item: zipfile.ZipInfo) -> str:
+    with zipped.open(item) as content:
+        return os.fsdecode(content.read(_LONGEST_TARGET))
+
+
 def _zip_members(zipped: zipfile.ZipFile) -> Iterator[Member]:
     for item in zipped.infolist():
         mode = item.external_attr >> 16
@@ -231,5 +239,5 @@ def _zip_members(zipped: zipfile.ZipFile) -> Iterator[Member]:
             open=lambda item=item: zipped.open(item),  # type: ignore[misc]
             executable=bool(mode & 0o100),
             modified=mktime((*item.date_time, 0, 0, -1)),
-            target=os.fsdecode(zipped.read(item)) if link else "",
+            target=_target(zipped, item) if link else "",
         )

@@ -11,7 +11,14 @@ from pathlib import Path
 from robovast.cluster.faults import ObjectError
 from robovast.cluster.storage import ObjectStore, StoredObject
 from robovast.results.layout import RUN_RECORD
-from robovast.results.run_files import FileList, StoredFile, is_writers, read_list
+from robovast.results.run_files import (
+    FileList,
+    StoredFile,
+    is_inside,
+    is_key,
+    is_writers,
+    read_list,
+)
 from robovast.results.run_record import parse_run_record
 
 
@@ -117,6 +124,8 @@ def listed_files(store: ObjectStore, bucket: str, run: str, files: FileList) -> 
         StorageError: the bucket cannot be read.
     """
     name = f"{bucket}/{run}/{files.key}"
+    if not is_inside(files.key) or not is_key(files.key):
+        raise ObjectError(f"{bucket}/{run}/{RUN_RECORD} is damaged: it names no list of files.")
     content = store.read(bucket, f"{run}/{files.key}")
     if content is None:
         raise ObjectError(f"{name} is gone, the list of the run's files.")

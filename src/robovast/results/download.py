@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import re
@@ -37,7 +38,13 @@ THREADS = 8
 """Files that are fetched at once."""
 MOST_TOLD = 5
 """Broken runs that an error names."""
+MOST_SHOWN = 100
+"""Of a file's path, in an error."""
 
+_UNKEEPABLE = frozenset(
+    {errno.EEXIST, errno.EILSEQ, errno.EINVAL, errno.EISDIR, errno.ENAMETOOLONG, errno.ENOTDIR}
+)
+"""What a disk says of a file that it cannot have, whatever else it has."""
 _JOB = re.compile(r"[\w-][\w.-]*(/[\w-][\w.-]*)*")
 
 
@@ -288,9 +295,17 @@ class _Fetching:
             elif not pending.broken:
                 file.bring(self._store, self._bucket, target, self._received)
         except ObjectError as error:
-            pending.broken = True
-            self._broken[pending.run.path] = error
+            self._give_up(pending, error)
+        except OSError as error:
+            if error.errno not in _UNKEEPABLE:
+                raise
+            told = f"`{file.path[:MOST_SHOWN]}` cannot be kept on this disk: {error.strerror}."
+            self._give_up(pending, ObjectError(told))
         self._part_finished(pending)
+
+    def _give_up(self, pending: _Pending, error: ObjectError) -> None:
+        pending.broken = True
+        self._broken[pending.run.path] = error
 
     def _part_finished(self, pending: _Pending) -> None:
         self._finished()

@@ -31,6 +31,9 @@ MOST_TOLD = 50
 """Missing files that a record names."""
 
 _WRITER = re.compile(r"\.writer-[0-9a-f]{16}(?:\.json$|\.long/|/)")
+_FOLDER_MARK = re.compile(r"__(?=XLDIR__)")
+"""Begins what MinIO takes for the mark of a folder: such an object can neither be listed as it is
+called nor removed with its bucket."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +116,7 @@ class Writer:
 def escaped(path: str) -> str:
     """A path as a part of a key: what is no printable text as `\\xNN`, `\\` as `\\\\`."""
     text = os.fsencode(path).decode("utf-8", "surrogateescape")
-    return "".join(map(_escaped, text))
+    return _FOLDER_MARK.sub(r"_\\x5f", "".join(map(_escaped, text)))
 
 
 def _escaped(character: str) -> str:
@@ -157,14 +160,24 @@ def read_list(content: bytes) -> list[StoredFile]:
         files = [StoredFile(**item) for item in json.loads(content)["files"]]
         for file in files:
             _check(file)
-    except (KeyError, TypeError, AttributeError) as error:
+    except (KeyError, TypeError, AttributeError, RecursionError, UnicodeError) as error:
         raise ValueError(f"it is no list of files: {error!r}") from error
+    if len({file.path for file in files}) < len(files):
+        raise ValueError("it has a path twice")
     return files
 
 
 def _check(file: StoredFile) -> None:
-    for path in (file.path, file.key):
-        parts = PurePosixPath(path).parts
-        plain = str(PurePosixPath(path)) == path and "\0" not in path and path[:1] != "/"
-        if not plain or not parts or path == RUN_RECORD or ".." in parts:
-            raise ValueError(f"it has a path that leads out of its folder: {path!r}")
+    """Refuse what no writer has written."""
+    if type(file.size) is not int or file.size < 0 or not isinstance(file.sha256, str):
+        raise ValueError(f"it has no size or no SHA-256 of {file.path!r}")
+    os.fsencode(file.path)
+    if not is_inside(file.path) or not is_inside(file.key) or not is_key(file.key):
+        raise ValueError(f"it has a path that leads out of its folder: {file.path!r}")
+
+
+def is_inside(path: str) -> bool:
+    """True for a path that stays in a run's folder, and is not the record's."""
+    parts = PurePosixPath(path).parts
+    plain = str(PurePosixPath(path)) == path and "\0" not in path and path[:1] != "/"
+    return plain and bool(parts) and path != RUN_RECORD and ".." not in parts

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import tarfile
+import tracemalloc
 import zipfile
 from pathlib import Path
 
@@ -207,6 +208,30 @@ def test_a_zip_file_that_lies_of_its_size_is_refused(tmp_path: Path) -> None:
         zipped.writestr(f"{NAME}/big", bytes(LEAST_ROOM + 1))
     with pytest.raises(InputError, match="unpacks to more"):
         import_archive(path, tmp_path / "results")
+
+
+def test_a_link_of_gigabytes_takes_no_memory(tmp_path: Path) -> None:
+    path = tmp_path / "x.zip"
+    entry = zipfile.ZipInfo(f"{NAME}/link")
+    entry.external_attr, entry.compress_type = 0o120777 << 16, zipfile.ZIP_DEFLATED
+    with zipfile.ZipFile(path, "w") as zipped:
+        zipped.writestr(f"{NAME}/_config/x.vast", "")
+        with zipped.open(entry, "w") as file:
+            for _ in range(256):
+                file.write(b"x" * 2**20)
+    tracemalloc.start()
+    with pytest.raises(StorageError, match="name too long"):
+        import_archive(path, tmp_path / "results")
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 2**25
+
+
+@pytest.mark.parametrize("time", ["nan", "inf", "1e30", "-1e30"])
+def test_a_time_that_no_disk_knows_is_left_out(tmp_path: Path, time: str) -> None:
+    odd = member(f"{NAME}/one-1/0/odd", b"x", pax_headers={"mtime": time})
+    campaign = import_archive(archive_of(tmp_path, *GOOD, odd), tmp_path / "results")
+    assert (campaign / "one-1/0/odd").read_bytes() == b"x"
 
 
 def test_what_a_campaign_brings_that_is_executed_is_told(tmp_path: Path) -> None:

@@ -86,12 +86,42 @@ def test_a_list_that_leads_out_is_refused(path: str, which: str) -> None:
         read_list(json.dumps({"files": [item]}).encode())
 
 
+DEEP = f'{{"files": {"[" * 100_000}'
+
+
 @pytest.mark.parametrize(
-    "text", ["", "[]", "{}", '{"files": 1}', '{"files": [{}]}', '{"files": [1]}']
+    "text", [DEEP, "", "[]", "{}", '{"files": 1}', '{"files": [{}]}', '{"files": [1]}']
 )
 def test_what_is_no_list_is_refused(text: str) -> None:
     with pytest.raises(ValueError):  # noqa: PT011 - of any text
         read_list(text.encode())
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"size": "1"},
+        {"size": None},
+        {"size": -1},
+        {"size": True},
+        {"sha256": None},
+        {"path": "\ud800"},
+        {"key": "\ud800"},
+        {"key": "a" * 2000},
+        {"path": "b"},
+    ],
+)
+def test_what_no_writer_writes_is_no_list(bad: dict[str, object]) -> None:
+    good = {"path": "a", "key": "a", "size": 1, "sha256": ""}
+    other = {**good, "path": "b", "key": "b"}
+    assert read_list(json.dumps({"files": [good, other]}).encode())
+    with pytest.raises(ValueError, match="it "):
+        read_list(json.dumps({"files": [{**good, **bad}, other]}).encode())
+
+
+def test_a_name_that_a_server_takes_for_a_folder_is_escaped() -> None:
+    assert escaped("a__XLDIR__") == r"a_\x5fXLDIR__"
+    assert escaped("__xldir__") == "__xldir__"
 
 
 def test_a_record_holds_some_of_many_missing_files() -> None:
