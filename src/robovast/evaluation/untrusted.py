@@ -35,9 +35,9 @@ def parse_json(content: bytes) -> Any:
 
 
 def parse_yaml(content: bytes) -> Any:
-    """YAML as plain data; None when it is not valid."""
+    """The first document of YAML as plain data; None when it is not valid."""
     try:
-        return plain(yaml.load(content, Loader=_Loader))  # the safe one
+        return plain(next(yaml.load_all(content, Loader=_Loader), None))  # the safe one
     except (ValueError, RecursionError, TypeError, yaml.YAMLError):
         return None
 

@@ -51,9 +51,9 @@ def read_mapping(
 
 @lru_cache(maxsize=64)
 def _parse(content: bytes) -> Any:
-    """Parsed once for equal content: every job of a machine writes the same system information."""
+    """The first document, parsed once: jobs of a machine write the same system information."""
     text = content.decode("utf-8", "replace").lstrip("\ufeff")
-    return yaml.load(text, Loader=_Loader)  # safe
+    return next(yaml.load_all(text, Loader=_Loader), None)  # safe
 
 
 def _short(error: Exception) -> str:

@@ -46,7 +46,7 @@ def warn_of_executables(campaign: Path) -> str | None:
 def _calls(document: Path) -> Iterator[Any]:
     """Every entry of a document that may name a plugin; what is of another form names none."""
     try:
-        data = yaml.safe_load(read_text(document))
+        data = next(yaml.safe_load_all(read_text(document)), None)  # others have no effect
     except (OSError, ValueError, RecursionError, yaml.YAMLError):
         return  # no command reads it, either
     yield from (

@@ -97,7 +97,8 @@ def _write(
 
 def _document_data(document: Path | None) -> dict[str, Any]:
     try:
-        data = yaml.safe_load(document.read_text(encoding="utf-8")) if document else {}
+        text = document.read_text(encoding="utf-8") if document else ""
+        data = next(yaml.safe_load_all(text), None)
     except (OSError, ValueError, yaml.YAMLError):
         return {}
     return data if isinstance(data, dict) else {}

@@ -211,6 +211,17 @@ def test_missing_pieces_are_stated_and_never_fatal(
     assert "start_time" not in first
 
 
+def test_only_the_first_document_of_a_vast_file_counts(
+    campaign: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    before = written(campaign)["metadata"]
+    (document,) = (campaign / "_config").glob("*.vast")
+    document.write_text(document.read_text() + "\n---\nmetadata: {name: other}\n")
+    with caplog.at_level(logging.WARNING):
+        assert written(campaign)["metadata"] == before
+    assert not caplog.messages
+
+
 def test_a_configuration_is_a_folder_of_the_campaign(campaign: Path) -> None:
     path = campaign / "_transient/configurations.yaml"
     path.write_text(path.read_text().replace("name: hall-1-1\n", "name: ../hall-1-1\n"))

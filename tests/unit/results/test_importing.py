@@ -242,6 +242,8 @@ results_processing:
   postprocessing: [rosbags_to_csv, {command: {script: ./steal.sh}}, "mine.py:main"]
   metadata_processing: ["facts.py:Facts"]
 analysis: {postprocessing: 7}
+---
+more: 1
 """
     config = f"{NAME}/_config"
     files = [member(f"{config}/x.vast", document), member(f"{config}/a/look.ipynb", b"{}")]
