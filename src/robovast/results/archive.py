@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from gzip import BadGzipFile
 from pathlib import Path, PurePosixPath
 from time import mktime
-from typing import IO, Literal
+from typing import IO, Any, Literal, Self
 
 from robovast.errors import InputError
 
@@ -27,6 +27,15 @@ LEAST_ROOM = 64 << 20
 """What any archive may unpack to [byte]."""
 _LONGEST_TARGET = 4096
 """Of a link, what Linux takes [byte]: a longer one is refused when it is made."""
+_LONGEST_HEADER = 1 << 20
+"""Of a tar file, what tells name and times of an entry [byte]; it is read into memory at once."""
+_HEADERS = (
+    tarfile.XHDTYPE,
+    tarfile.XGLTYPE,
+    tarfile.SOLARIS_XHDTYPE,
+    tarfile.GNUTYPE_LONGNAME,
+    tarfile.GNUTYPE_LONGLINK,
+)
 _OVERHEAD = 512
 """What an entry takes, however empty it is [byte]."""
 
@@ -113,6 +122,18 @@ def _checked(archive: Path, member: Member) -> PurePosixPath:
     return path
 
 
+class _Entry(tarfile.TarInfo):
+    """An entry of a tar file of which little is held in memory."""
+
+    @classmethod
+    def frombuf(cls, buf: bytes | bytearray, encoding: Any, errors: str) -> Self:
+        """Read a header; see `tarfile.TarInfo`."""
+        entry = super().frombuf(buf, encoding, errors)
+        if entry.type in _HEADERS and entry.size > _LONGEST_HEADER:
+            raise tarfile.ReadError(f"a header of {entry.size} bytes")
+        return entry
+
+
 class _Room:
     """How much an archive may still unpack to: a bomb does not fill the disk."""
 
@@ -188,7 +209,7 @@ def _members(archive: Path) -> Iterator[Iterator[Member]]:
                     yield _zip_members(zipped)
             else:
                 file.seek(0)
-                with tarfile.open(fileobj=file, mode="r:*") as tar:
+                with tarfile.open(fileobj=file, mode="r:*", tarinfo=_Entry) as tar:
                     yield (_tar_member(tar, item) for item in tar)
                     _read_to_the_end(tar)
     except (FileNotFoundError, IsADirectoryError, PermissionError) as error:

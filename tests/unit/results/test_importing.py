@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import tarfile
 import tracemalloc
@@ -221,6 +222,23 @@ def test_a_link_of_gigabytes_takes_no_memory(tmp_path: Path) -> None:
                 file.write(b"x" * 2**20)
     tracemalloc.start()
     with pytest.raises(StorageError, match="name too long"):
+        import_archive(path, tmp_path / "results")
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 2**25
+
+
+@pytest.mark.parametrize("kind", [tarfile.XHDTYPE, tarfile.GNUTYPE_LONGNAME])
+def test_a_header_of_gigabytes_takes_no_memory(tmp_path: Path, kind: bytes) -> None:
+    path = tmp_path / f"{NAME}.tar.gz"
+    header = tarfile.TarInfo("header")
+    header.type, header.size = kind, 2**28
+    with gzip.open(path, "wb", 1) as file:
+        file.write(tarfile.TarInfo("first").tobuf() + header.tobuf(tarfile.GNU_FORMAT))
+        for _ in range(256):
+            file.write(bytes(2**20))
+    tracemalloc.start()
+    with pytest.raises(InputError, match="a header of 268435456 bytes"):
         import_archive(path, tmp_path / "results")
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
