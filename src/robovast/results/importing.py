@@ -33,6 +33,11 @@ def import_archive(archive: Path, output: Path, *, force: bool = False) -> Path:
         whole.mkdir()
         links = unpack(archive, whole)
         campaign = _campaign_in(archive, whole)
+        if campaign.name.startswith("."):
+            raise InputError(
+                f"{archive}: refused, because its campaign is called `{campaign.name}`: what is "
+                "hidden is no campaign. Nothing was imported."
+            )
         refuse_links_out(archive, links, campaign)
         put_in_place(campaign, output / campaign.name, replace=force)
     return output / campaign.name

@@ -146,6 +146,13 @@ def test_what_holds_no_campaign_is_refused(tmp_path: Path) -> None:
         import_archive(tmp_path / "missing.tar.gz", tmp_path / "results")
 
 
+def test_a_campaign_with_a_name_of_unfinished_work_is_refused(tmp_path: Path) -> None:
+    archive = archive_of(tmp_path, member(".other.part/_config/x.vast"))
+    with pytest.raises(InputError, match="hidden is no campaign"):
+        import_archive(archive, tmp_path / "results")
+    assert list((tmp_path / "results").iterdir()) == []
+
+
 def test_a_campaign_that_is_here_is_replaced_on_demand_only(tmp_path: Path) -> None:
     archive = archive_of(tmp_path, *GOOD)
     kept = tmp_path / "results" / NAME / "mine"
