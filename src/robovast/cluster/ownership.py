@@ -24,6 +24,10 @@ class OtherOwnerError(StorageError):
     """A bucket, or a folder, belongs to another campaign."""
 
 
+_LARGEST = 64 * 1024
+"""Of what says whose a bucket is [byte]."""
+
+
 def owner_of(store: ObjectStore, bucket: str) -> Owner | None:
     """Whose a bucket is; None when nobody has claimed it.
 
@@ -31,7 +35,7 @@ def owner_of(store: ObjectStore, bucket: str) -> Owner | None:
         OtherOwnerError: it is not known, since the object is not what this program writes.
         StorageError: the bucket cannot be read.
     """
-    content = store.read(bucket, OWNER)
+    content = store.read(bucket, OWNER, _LARGEST)
     return parse_owner(content, f"the bucket {bucket}") if content is not None else None
 
 

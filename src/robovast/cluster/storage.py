@@ -38,6 +38,9 @@ EXECUTABLE = 0o755
 
 PARTS = 4
 """How many parts of large files are sent at once, whatever the number of files."""
+SMALL = 256 * 1024 * 1024
+"""Larger objects are never read into memory, whoever made them [byte]."""
+
 CHUNK = 2**20
 """How much of a download is held in memory [byte]."""
 PATIENCE = 600.0
@@ -286,18 +289,27 @@ class ObjectStore:
                 if not passes(error) or not pauses.wait():
                     raise
 
-    def read(self, bucket: str, key: str) -> bytes | None:
+    def read(self, bucket: str, key: str, limit: int = SMALL) -> bytes | None:
         """Content of a small object, verified; None when there is none."""
-        found = self.look(bucket, key)
+        found = self.look(bucket, key, limit)
         return found.content if found else None
 
-    def look(self, bucket: str, key: str) -> Look | None:
-        """A small object, verified; None when there is none."""
+    def look(self, bucket: str, key: str, limit: int = SMALL) -> Look | None:
+        """A small object, verified; None when there is none.
+
+        Raises:
+            ObjectError: it has more bytes than the limit: others may have made it.
+        """
 
         def read() -> Look:
             with self._opened(bucket, key) as answer:
-                content: bytes = answer.read()
                 headers = answer.headers
+                size = int(headers.get("Content-Length") or 0)
+                if size > limit:
+                    raise ObjectError(
+                        f"{bucket}/{key} has {size:,} bytes, more than the {limit:,} that are read"
+                    )
+                content: bytes = answer.read()
             _verify(f"{bucket}/{key}", _noted(headers, DIGEST), hashlib.sha256(content).hexdigest())
             modified = parsedate_to_datetime(headers["Last-Modified"]).timestamp()
             return Look(content, str(headers["ETag"]).strip('"'), modified)
