@@ -86,6 +86,15 @@ def test_a_file_comes_home_as_it_was(
     assert [path.name for path in target.parent.iterdir()] == ["ü.bin"]
 
 
+def test_an_object_that_should_be_small_and_is_not_is_not_read(
+    store: ObjectStore, bucket: str
+) -> None:
+    store.put_bytes(bucket, "owner", b"x" * 100)
+    assert store.read(bucket, "owner", 100) == b"x" * 100
+    with pytest.raises(ObjectError, match=f"{bucket}/owner has 100 bytes, more than the 99"):
+        store.read(bucket, "owner", 99)
+
+
 def test_what_is_there_and_equal_is_not_sent_again(
     store: ObjectStore, bucket: str, tmp_path: Path
 ) -> None:
@@ -114,15 +123,6 @@ def changes_after_measuring(
 
 @pytest.mark.parametrize("size", [2 * MIB, 2 * PART + 1])
 @pytest.mark.parametrize("shrink", [False, True])
-def test_an_object_that_should_be_small_and_is_not_is_not_read(
-    store: ObjectStore, bucket: str
-) -> None:
-    store.put_bytes(bucket, "owner", b"x" * 100)
-    assert store.read(bucket, "owner", 100) == b"x" * 100
-    with pytest.raises(ObjectError, match=f"{bucket}/owner has 100 bytes, more than the 99"):
-        store.read(bucket, "owner", 99)
-
-
 def test_a_file_that_changes_while_it_is_sent_is_sent_anew(
     store: ObjectStore,
     bucket: str,
