@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
+from robovast.cluster.names import child_name
 from robovast.cluster.ranges import count
 from robovast.cluster.resources import CAMPAIGN_LABEL, ROLE_LABEL, UID_LABEL
 from robovast_operator.campaign import Key, Object
@@ -200,7 +201,13 @@ class Store:
         return [job for job in self._own_jobs(key, uid) if job.role == NOTIFY_ROLE]
 
     def _own_jobs(self, key: Key, uid: str) -> list[JobState]:
-        return [job for job in self.jobs.get(key, {}).values() if job.campaign_uid == uid]
+        """The Jobs that have a Campaign's uid and a name that is given to its own.
+
+        Anybody may make a Job with its labels: such a one is none of it.
+        """
+        begin = child_name(key[1], uid, "")
+        jobs = self.jobs.get(key, {}).values()
+        return [job for job in jobs if job.campaign_uid == uid and job.name.startswith(begin)]
 
     def configurations_of(self, key: Key) -> list[Object]:
         """The Configurations of a Campaign, oldest first."""

@@ -98,6 +98,32 @@ def test_a_stray_job_with_our_label_stops_nobody(
     assert "ok" in page(port, "healthz")
 
 
+def test_a_stray_job_with_all_labels_of_a_campaign_is_none_of_it(
+    fake_cluster: Cluster, namespace: str, new_operator: NewOperator
+) -> None:
+    """One that nothing can ever execute would hold the campaign back for ever."""
+    operator = new_operator(ROBOVAST_RESYNC_SECONDS="2")
+    operator.start()
+    held = campaign("few", namespace, 3, 2)
+    held["spec"]["suspend"] = True
+    fake_cluster.apply(held)
+    uid = fake_cluster.kubectl(
+        "get", "campaign", "few", f"--namespace={namespace}", "--output=jsonpath={.metadata.uid}"
+    )
+    for role in ("shard", "finish", "compose"):
+        job = next(malformed_jobs(namespace))
+        job["metadata"]["name"] = f"stray-{role}"
+        job["metadata"]["labels"] |= {
+            "robovast.io/campaign": "few",
+            "robovast.io/campaign-uid": uid,
+            "robovast.io/role": role,
+            "robovast.io/shard": "0",
+        }
+        fake_cluster.apply(job)
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 90, operator.told)
+
+
 def test_a_document_that_is_nested_deeply_ends_no_watch(
     fake_cluster: Cluster, namespace: str, new_operator: NewOperator
 ) -> None:
