@@ -109,4 +109,5 @@ def _work(
     except Exception as error:
         answer = False, error
     resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-    sender.send(answer)
+    with contextlib.suppress(BrokenPipeError):  # whoever asked was killed
+        sender.send(answer)
