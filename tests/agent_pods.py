@@ -55,7 +55,7 @@ def keys_by_path(store: ObjectStore, bucket: str, prefix: str = "") -> dict[str,
     plan = plan_download(store.objects(bucket, prefix), Path("nowhere"), force=True)
     runs = [open_run(store, bucket, run) for run in plan.runs]
     files = {file.path: file.item.key for run in runs for file in run.files}
-    return {**files, **{item.key: item.key for item in plan.files}}
+    return {**files, **{file.path: file.item.key for file in plan.files}}
 
 
 @dataclass

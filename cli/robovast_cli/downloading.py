@@ -20,6 +20,9 @@ from robovast_cli.kubernetes import Kubernetes, connect
 from robovast_cli.output import say
 from robovast_cli.workspace import shown
 
+MOST_TOLD = 20
+"""Objects of a bucket that have no place here, or another one."""
+
 
 @dataclass(frozen=True)
 class Results:
@@ -147,6 +150,9 @@ def _summary(result: DownloadResult) -> Iterator[str]:
             f"{len(result.lacking)} runs wrote files that could not be stored, {result.lacking[0]} "
             "the first: `missing` in their run.json says which, and why."
         )
+    yield from result.warnings[:MOST_TOLD]
+    if len(result.warnings) > MOST_TOLD:
+        yield f"… and {len(result.warnings) - MOST_TOLD} objects more."
 
 
 def _view(title: str) -> AbstractContextManager[DownloadObserver]:

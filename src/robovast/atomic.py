@@ -23,6 +23,7 @@ from robovast.errors import StorageError
 from robovast.safe_paths import create_file
 
 _PART = re.compile(r"\..+\.[0-9]+(-[0-9a-f]{8})?\.part", re.DOTALL)
+_REPLACED = re.compile(r"\..+\.replaced", re.DOTALL)
 _FEW = 500
 """So many files are brought to the disk one by one; of more, all that the machine has written."""
 _LONGEST = 200
@@ -135,6 +136,11 @@ def discard(folder: Path) -> None:
     part = _part_name(folder)
     folder.rename(part)
     _remove(part)
+
+
+def is_unfinished(name: str) -> bool:
+    """True for the name of what is being written, removed or replaced."""
+    return _PART.fullmatch(name) is not None or _REPLACED.fullmatch(name) is not None
 
 
 def sweep(folder: Path) -> None:

@@ -242,6 +242,41 @@ def test_it_may_be_killed_after_any_request_that_adds_to_a_run(
     assert add_to_run(bucket, home, "c-1/0", names) == 0, "the run is another one since"
 
 
+FOLDERS = """
+from pathlib import Path
+
+def each(results_dir, config_dir):
+    made = Path(results_dir) / "each.csv"
+    made.unlink()
+    made.mkdir()
+    (made / "new").write_text("new")
+    return True, ""
+
+each.per_run = True
+
+def whole(results_dir, config_dir, text):
+    made = Path(results_dir) / "whole.txt"
+    made.unlink()
+    made.mkdir()
+    (made / "new").write_text("new")
+    return True, ""
+"""
+
+
+def test_a_folder_in_place_of_a_file_of_before_loses_neither(
+    stored: Stored, tmp_path: Path
+) -> None:
+    assert stored.process()[0] == 0
+    stored.store.put_bytes(stored.bucket, "_config/tools/plugins.py", FOLDERS.encode())
+    code, message = stored.process()
+    home = download(stored, tmp_path)
+    assert (home / "c-1/0/each.csv/new").read_text() == "new"
+    assert (home / "c-1/0/each.csv.1").read_text() == "score\n0\n"
+    assert code == 0, message
+    assert (home / "whole.txt.1/new").read_text() == "new"
+    assert (home / "whole.txt").read_text() == "made"
+
+
 def run_files(stored: Stored, home: Path) -> dict[str, bytes]:
     folder = download(stored, home)
     return {

@@ -158,6 +158,34 @@ def test_a_damaged_object_is_refused(store: ObjectStore, bucket: str, tmp_path: 
     assert not (tmp_path / "hall").exists()
 
 
+def test_keys_that_anybody_chose_are_told_and_the_rest_comes_home(
+    store: ObjectStore, bucket: str, tmp_path: Path
+) -> None:
+    put_run(store, bucket, "hall/0", bag=b"x")
+    for key in (".download/lock", ".bucket", ".running/lock", ".aside/hall/0/x"):
+        store.put_bytes(bucket, key, b"evil")
+    result, _ = fetch(store, bucket, tmp_path)
+    assert len(result.warnings) == 4
+    assert all("is left in the bucket" in line for line in result.warnings)
+    assert set(tree(tmp_path)) == {"hall/0/bag", "hall/0/run.json"}
+    assert fetch(store, bucket, tmp_path)[0].present == 1
+
+
+def test_what_stands_in_a_files_way_costs_that_file_alone(
+    store: ObjectStore, bucket: str, tmp_path: Path
+) -> None:
+    put_run(store, bucket, "hall/0", bag=b"x")
+    put_run(store, bucket, "room/0", bag=b"x")
+    store.put_bytes(bucket, "_config/a/b", b"x")
+    (tmp_path / "_config").mkdir()
+    for place in (tmp_path / "_config/a", tmp_path / "room"):
+        place.write_text("mine")
+    with pytest.raises(StorageError, match=r"but 2 runs or files.*_config/a/b.*room/0"):
+        fetch(store, bucket, tmp_path)
+    assert (tmp_path / "hall/0/run.json").exists()
+    assert (tmp_path / "room").read_text() == "mine"
+
+
 def test_two_downloads_into_one_folder_do_not_mix(
     store: ObjectStore, bucket: str, tmp_path: Path
 ) -> None:

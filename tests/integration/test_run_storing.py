@@ -201,7 +201,7 @@ def test_every_odd_name_is_listed_and_goes_with_its_bucket(
     assert check_all(store, bucket, ["one-1/0"]) == {}
 
 
-@pytest.mark.parametrize("path", ["/".join(["d" * 200] * 40), "n" * 300, "run.json/x"])
+@pytest.mark.parametrize("path", ["/".join(["d" * 200] * 40), "n" * 300])
 def test_what_this_disk_cannot_have_costs_its_run_alone(
     s3_server: Server, store: ObjectStore, bucket: str, tmp_path: Path, path: str
 ) -> None:
@@ -219,6 +219,26 @@ def test_what_this_disk_cannot_have_costs_its_run_alone(
         download_campaign(store, bucket, tmp_path, Silent())
     assert (tmp_path / "one-1/1/run.json").exists()
     assert not (tmp_path / "one-1/0").exists()
+
+
+def test_a_file_of_a_run_beside_a_folder_of_its_name_comes_home(
+    s3_server: Server, store: ObjectStore, bucket: str, tmp_path: Path
+) -> None:
+    """As two executions of postprocessing may leave it: first a file, then a folder."""
+    Execution(s3_server, bucket, "one-1/0", "plain", files={"b": b"later"}).storing()
+    record, etag = (of_campaign := Bucket(store, bucket, None)).seen("one-1/0")
+    assert record is not None
+    assert record.files is not None
+    listed = listed_files(store, bucket, "one-1/0", record.files)
+    paths = {"out.csv": "a", "b": "a/b"}
+    named = [replace(file, path=paths[file.path]) for file in listed]
+    files = of_campaign.store_list(Writer("one-1/0"), named)
+    assert of_campaign.settle("one-1/0", replace(record, files=files), etag)
+    for present in (0, 1):
+        result = download_campaign(store, bucket, tmp_path, Silent())
+        assert result.present == present
+    assert (tmp_path / "one-1/0/a.1").read_bytes() == b"plain wrote this"
+    assert (tmp_path / "one-1/0/a/b").read_bytes() == b"later"
 
 
 @pytest.mark.parametrize("key", ["../1/run.json", "a" * 2000, "", "a\0b"])

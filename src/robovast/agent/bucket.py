@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Sequence
 from itertools import count
+from typing import BinaryIO
 
 from robovast.agent.pack import job_name
 from robovast.cluster.ownership import claim, is_owned
@@ -17,6 +18,7 @@ from robovast.cluster.plan import Owner
 from robovast.cluster.storage import ObjectStore
 from robovast.plan import Run
 from robovast.results.layout import RUN_RECORD
+from robovast.results.places import Keys
 from robovast.results.run_files import FileList, StoredFile, Writer, write_list
 from robovast.results.run_record import RunRecord, parse_run_record
 from robovast.results.verdict import Verdict
@@ -91,6 +93,22 @@ class Bucket:
             count=len(files),
             size=sum(file.size for file in files),
         )
+
+    def put(self, key: str, file: BinaryIO, there: Keys) -> bool:
+        """Store the content of an open file; False when it was there.
+
+        Args:
+            key: of the object; another one beside it when a part of it is taken by something else.
+            file: its content.
+            there: keys that exist already.
+        """
+        place = there.beside(key)
+        if place != key:
+            print(f"{key}: stored as {place}, since the bucket has a file in its way")  # noqa: T201
+        if place in there:
+            return self.store.put(self.name, place, file)
+        self.store.put_new(self.name, place, file)
+        return True
 
     def verdicts(self, runs: Iterable[Run], attempt: int) -> dict[int, Verdict]:
         """Verdicts of the runs that are stored with this attempt or a later one, by run id."""

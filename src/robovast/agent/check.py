@@ -17,9 +17,9 @@ from itertools import groupby
 from robovast.agent.bucket import Bucket
 from robovast.agent.trees import SIDE_BY_SIDE
 from robovast.cluster.faults import ObjectError
-from robovast.postprocessing.records import run_of
 from robovast.results.bucket_runs import listed_files
 from robovast.results.layout import RUN_RECORD
+from robovast.results.places import run_of
 from robovast.results.run_files import FileList, StoredFile
 from robovast.results.run_record import RunRecord
 

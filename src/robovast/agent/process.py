@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import BinaryIO
 
 from robovast.agent.bucket import Bucket
 from robovast.agent.campaign import read_plan
@@ -21,11 +20,11 @@ from robovast.errors import ExitCode, InputError, StorageError
 from robovast.postprocessing import state
 from robovast.postprocessing.content import changed, scan
 from robovast.postprocessing.events import CampaignSummary, Failure, Options
-from robovast.postprocessing.records import run_of
 from robovast.postprocessing.session import postprocess
 from robovast.results.bucket_runs import listed_files
 from robovast.results.download import Silent, download_campaign
 from robovast.results.layout import RUN_RECORD
+from robovast.results.places import Keys, run_of
 from robovast.results.run_files import StoredFile, Writer, escaped, is_writers
 from robovast.results.run_record import RunRecord, read_run_record
 
@@ -56,7 +55,9 @@ def process(folders: Folders) -> AgentExit:
     bucket = Bucket(store, plan.bucket, plan.owner)
     is_owned(store, plan.bucket, plan.owner.uid if plan.owner is not None else None)
     there = [item.key for item in store.objects(plan.bucket)]
-    download_campaign(store, plan.bucket, campaign, Silent())
+    brought = download_campaign(store, plan.bucket, campaign, Silent())
+    for warning in brought.warnings:
+        print(warning)  # noqa: T201
     before = scan(campaign, ())
     (summary,) = postprocess(campaign, Options(), _Log())
     if summary.interrupted:
@@ -69,9 +70,7 @@ def process(folders: Folders) -> AgentExit:
     return AgentExit.PASSED
 
 
-def _store_changes(
-    bucket: Bucket, campaign: Path, new: Iterable[str], there: Collection[str]
-) -> int:
+def _store_changes(bucket: Bucket, campaign: Path, new: Iterable[str], there: Iterable[str]) -> int:
     """Store files that are new or have changed; returns how many.
 
     The cache comes last: what it claims is in the bucket then.
@@ -80,11 +79,11 @@ def _store_changes(
     for path in new:
         if not path.startswith(f"{state.FOLDER}/") and not (campaign / path).is_symlink():
             grouped.setdefault(run_of(path), []).append(path)
-    known = frozenset(there)
+    known = Keys(there)
 
     def store(path: str) -> int:
         with (campaign / path).open("rb") as file:
-            return _put(bucket, escaped(path), file, known)
+            return bucket.put(escaped(path), file, known)
 
     def add(run: str) -> int:
         return add_to_run(bucket, campaign, run, grouped[run])
@@ -95,13 +94,6 @@ def _store_changes(
     if stored or CACHE not in known:
         bucket.store.put_file(bucket.name, CACHE, campaign / CACHE)
     return stored
-
-
-def _put(bucket: Bucket, key: str, file: BinaryIO, there: Collection[str]) -> int:
-    if key in there:
-        return int(bucket.store.put(bucket.name, key, file))
-    bucket.store.put_new(bucket.name, key, file)
-    return 1
 
 
 def add_to_run(bucket: Bucket, campaign: Path, run: str, paths: Iterable[str]) -> int:

@@ -15,11 +15,12 @@ from robovast import safe_paths
 from robovast.agent.bucket import Bucket
 from robovast.agent.claims import claim_job
 from robovast.agent.pack import Pack, PodJob
-from robovast.agent.trees import open_files, store_files, store_tree
+from robovast.agent.trees import open_files, store_files
 from robovast.agent.watch import EndedRun
 from robovast.containers import named_digest
 from robovast.execution.own_names import set_own_names_aside
 from robovast.execution.record import Circumstances, make_record
+from robovast.results.places import Keys
 from robovast.results.run_files import StoredFile, Writer, escaped, shortened
 from robovast.results.run_record import RunRecord
 from robovast.results.verdict import Verdict
@@ -96,8 +97,12 @@ class Results:
     def store_job(self, job: PodJob, folder: Path) -> None:
         """Store what a job that is over left beside its runs, and remove its folder."""
         prefix = f"_jobs/{self._name(job)}/"
-        there = {item.key for item in self._bucket.store.objects(self._bucket.name, prefix)}
-        _, missing = store_tree(self._bucket, folder, prefix, there=there)
+        there = Keys(item.key for item in self._bucket.store.objects(self._bucket.name, prefix))
+
+        def store(path: str, _: int, file: BinaryIO) -> bool:
+            return self._bucket.put(prefix + escaped(path), file, there)
+
+        _, missing = store_files(folder, store)
         if missing:
             told = json.dumps([asdict(file) for file in missing], indent=1)
             self._bucket.store.put_bytes(self._bucket.name, prefix + MISSING, told.encode())

@@ -81,7 +81,9 @@ def _pack(folders: Folders, request: Request, archive: Path) -> None:
     store = ObjectStore(request.endpoint, credentials, patience=PATIENCE)
     if request.uid is not None:
         is_owned(store, request.bucket, request.uid)
-    pack_bucket(store, request.bucket, request.campaign, archive, Progress("packed"))
+    progress = Progress("packed")
+    for warning in pack_bucket(store, request.bucket, request.campaign, archive, progress):
+        print(warning)  # noqa: T201
 
 
 @contextmanager

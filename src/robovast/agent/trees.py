@@ -162,29 +162,29 @@ def _missing(path: str, error: OSError) -> MissingFile:
     return MissingFile(shown(path), error.strerror or str(error))
 
 
-def store_tree(
+def store_own_tree(
     bucket: Bucket,
     root: Path,
-    prefix: str,
     *,
     there: Collection[str] = (),
     skipped: Collection[str] = (),
-) -> tuple[set[str], list[MissingFile]]:
-    """Store every file below a folder under its path; returns the keys, and what is not stored.
+) -> set[str]:
+    """Store every file below a folder that RoboVAST wrote under its path; returns the keys.
+
+    Every file of it is needed, but no link.
 
     Args:
         bucket: the campaign's.
         root: the folder; nothing happens when it does not exist.
-        prefix: begins every key.
-        there: keys below the prefix that exist already.
+        there: keys that exist already.
         skipped: paths, relative to the folder, that are left out.
 
     Raises:
-        StorageError: the server refuses, or is gone for too long.
+        StorageError: a file cannot be read, the server refuses, or is gone for too long.
     """
 
     def store(path: str, _: int, file: BinaryIO) -> str:
-        key = prefix + escaped(path)
+        key = escaped(path)
         if path in skipped:
             return ""
         if key in there:
@@ -194,27 +194,10 @@ def store_tree(
         return key
 
     keys, missing = store_files(root, store)
-    return set(keys) - {""}, missing
-
-
-def store_own_tree(
-    bucket: Bucket,
-    root: Path,
-    prefix: str = "",
-    *,
-    there: Collection[str] = (),
-    skipped: Collection[str] = (),
-) -> set[str]:
-    """As `store_tree`, of a folder that RoboVAST wrote: every file of it is needed, but no link.
-
-    Raises:
-        StorageError: also when a file cannot be read.
-    """
-    keys, missing = store_tree(bucket, root, prefix, there=there, skipped=skipped)
     for file in missing:
         if file.reason != LINK:
             raise StorageError(f"{root / file.path}: cannot be stored: {file.reason}.")
-    return keys
+    return set(keys) - {""}
 
 
 class _Crowd:

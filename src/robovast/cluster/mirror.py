@@ -19,9 +19,7 @@ from robovast.common.execution import is_campaign_dir
 from robovast.errors import StorageError
 from robovast.results.belonging import folder_for
 from robovast.results.download import Silent, download_campaign
-
-ORIGIN = ".bucket"
-"""File in a campaign's folder here that names its bucket."""
+from robovast.results.places import ORIGIN
 
 LOGGER = logging.getLogger(__name__)
 
@@ -48,7 +46,8 @@ def mirror(store: ObjectStore, results: Path) -> list[str]:
             if owner is not None or is_campaign_dir(bucket):
                 name = owner.campaign if owner is not None else bucket
                 folder = folder_for(results, name, owner)
-                download_campaign(store, bucket, folder, Silent())
+                for warning in download_campaign(store, bucket, folder, Silent()).warnings:
+                    LOGGER.info("%s: %s", bucket, warning)
                 (folder / ORIGIN).write_text(bucket, encoding="utf-8")
         except StorageError as error:
             LOGGER.warning("%s: %s", bucket, error)

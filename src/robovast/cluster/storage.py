@@ -136,7 +136,8 @@ class ObjectStore:
         return self._persist(lambda: self._client.bucket_exists(bucket))
 
     def _empty(self, bucket: str) -> None:
-        self._delete(bucket, (item.key for item in self.objects(bucket)))
+        items = self._items(bucket, "", recursive=True)
+        self._delete(bucket, (item.object_name for item in items))
 
     def delete(self, bucket: str, keys: Collection[str]) -> None:
         """Remove objects; those that are not there count as removed."""
@@ -264,7 +265,7 @@ class ObjectStore:
         """All objects whose key begins so, sorted by key."""
         with self._explained(f"list {bucket}/{prefix}"):
             for item in self._items(bucket, prefix, recursive=True):
-                if not item.object_name.endswith("/"):  # a folder, as some servers show them
+                if item.size or not item.object_name.endswith("/"):  # which some show for folders
                     modified = item.last_modified.timestamp()
                     yield StoredObject(item.object_name, item.size, modified, _etag(item))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,20 +13,13 @@ from robovast.atomic import write_atomically
 from robovast.plain import dump_yaml, to_plain
 from robovast.postprocessing.content import RECORD
 from robovast.postprocessing.outcome import Entry
+from robovast.results.places import run_of
 from robovast.safe_paths import read_file
 
 try:
     from yaml import CSafeLoader as _Loader
 except ImportError:  # PyYAML built without libyaml: slower, same result
     from yaml import SafeLoader as _Loader  # type: ignore[assignment]
-
-_RUN = re.compile(r"^(?P<run>[^/_.][^/]*/\d+)/")
-
-
-def run_of(path: str) -> str:
-    """The run `<variant>/<number>` that a path of a campaign is in; empty when in none."""
-    match = _RUN.match(path)
-    return match["run"] if match else ""
 
 
 def with_found(

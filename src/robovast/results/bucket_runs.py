@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from robovast.cluster.faults import ObjectError
 from robovast.cluster.storage import ObjectStore, StoredObject
 from robovast.results.layout import RUN_RECORD
+from robovast.results.places import set_apart
 from robovast.results.run_files import (
     FileList,
     StoredFile,
@@ -69,6 +70,8 @@ class OpenedRun:
     """Its record last."""
     lacks_files: bool
     """Whether it wrote some that could not be stored."""
+    apart: Mapping[str, str]
+    """Files that are folders too, by where they were, and where they are."""
 
     @property
     def tag(self) -> str:
@@ -89,12 +92,15 @@ def open_run(store: ObjectStore, bucket: str, run: RunObjects) -> OpenedRun:
         raise ObjectError(f"{bucket}/{key} is gone: it was removed meanwhile.")
     record = parse_run_record(look.content)
     if record is None or record.files is None:
-        files = _files_beside(run)
+        found = _files_beside(run)
     else:
-        files = _named_files(store, bucket, run.path, record.files, look.modified)
+        found = _named_files(store, bucket, run.path, record.files, look.modified)
+    apart = set_apart([*(file.path for file in found), key])
+    files = [replace(file, path=apart.get(file.path, file.path)) for file in found]
     item = StoredObject(key, len(look.content), look.modified, look.etag)
     own = BucketFile(key, item, look.content)
-    return OpenedRun(run.path, (*files, own), record is not None and bool(record.missing))
+    lacks_files = record is not None and bool(record.missing)
+    return OpenedRun(run.path, (*files, own), lacks_files, apart)
 
 
 def _files_beside(run: RunObjects) -> tuple[BucketFile, ...]:

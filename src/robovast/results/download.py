@@ -14,11 +14,11 @@ import errno
 import json
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from threading import Event, Lock
 from typing import Protocol, TypeVar
 
@@ -31,6 +31,8 @@ from robovast.locks import exclusive_folder
 from robovast.results.belonging import STAGE, occupy
 from robovast.results.bucket_runs import BucketFile, OpenedRun, RunObjects, open_run
 from robovast.results.layout import RUN_RECORD
+from robovast.results.places import run_of, set_apart, why_no_place
+from robovast.results.run_files import shown
 
 T = TypeVar("T")
 
@@ -80,12 +82,14 @@ class DownloadPlan:
 
     runs: tuple[RunObjects, ...]
     """Complete runs that are not here, or were repeated since."""
-    files: tuple[StoredObject, ...]
+    files: tuple[BucketFile, ...]
     """Other files that are not here, or have changed since."""
     present: int = 0
     """Runs that are here."""
     unfinished: tuple[str, ...] = ()
     """Runs that are not stored yet."""
+    warnings: tuple[str, ...] = ()
+    """What of the bucket has no place in the folder, or another one."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +107,8 @@ class DownloadResult:
     """Bytes of the files that were fetched."""
     lacking: tuple[str, ...] = ()
     """Runs that were fetched, of which files could not be stored: their records say which."""
+    warnings: tuple[str, ...] = ()
+    """What of the bucket has no place in the folder, or another one."""
 
 
 def download_campaign(
@@ -142,29 +148,31 @@ def download_campaign(
         unfinished=plan.unfinished,
         size=_size(plan.files, runs),
         lacking=tuple(run.path for run in runs if run.lacks_files),
+        warnings=(*plan.warnings, *(line for run in runs for line in told_apart(run.apart))),
     )
 
 
-def _size(files: Iterable[StoredObject], runs: Iterable[OpenedRun]) -> int:
-    return sum(item.size for item in (*files, *(file.item for run in runs for file in run.files)))
+def _size(files: Iterable[BucketFile], runs: Iterable[OpenedRun]) -> int:
+    return sum(file.item.size for file in (*files, *(file for run in runs for file in run.files)))
 
 
 def plan_download(
     objects: Iterable[StoredObject], campaign: Path, *, force: bool = False
 ) -> DownloadPlan:
-    """What is to be fetched of the objects of a bucket.
-
-    Raises:
-        StorageError: an object's name leaves the folder.
-    """
+    """What is to be fetched of the objects of a bucket."""
     runs: dict[str, list[StoredObject]] = {}
     files: list[StoredObject] = []
+    refused: dict[str, str] = {}
     for item in objects:
-        run = _run_of(item.key)
-        if run:
+        run = run_of(item.key)
+        if reason := why_no_place(item.key):
+            refused[item.key] = reason
+        elif run:
             runs.setdefault(run, []).append(item)
-        elif force or not _is_here(item, campaign / item.key):
+        else:
             files.append(item)
+    apart = set_apart([*(item.key for item in files), *(f"{run}/{RUN_RECORD}" for run in runs)])
+    placed = [BucketFile(apart.get(item.key, item.key), item) for item in files]
     wanted, unfinished, present = [], [], 0
     for path, parts in runs.items():
         record = next((item for item in parts if item.key == f"{path}/{RUN_RECORD}"), None)
@@ -174,16 +182,24 @@ def plan_download(
             present += 1
         else:
             wanted.append(RunObjects(path, tuple(parts)))
-    return DownloadPlan(tuple(wanted), tuple(files), present, tuple(unfinished))
+    return DownloadPlan(
+        runs=tuple(wanted),
+        files=tuple(
+            file for file in placed if force or not _is_here(file.item, campaign / file.path)
+        ),
+        present=present,
+        unfinished=tuple(unfinished),
+        warnings=(
+            *(f"{shown(key)!r} is left in the bucket: {why}." for key, why in refused.items()),
+            *told_apart(apart),
+        ),
+    )
 
 
-def _run_of(key: str) -> str | None:
-    """The run that an object belongs to; None when it belongs to none."""
-    parts = PurePosixPath(key).parts
-    if not parts or str(PurePosixPath(key)) != key or key.startswith("/") or ".." in parts:
-        raise StorageError(f"the bucket has an object whose name is no path in a folder: {key!r}")
-    is_run = len(parts) > 2 and not parts[0].startswith(("_", ".")) and parts[1].isdigit()
-    return f"{parts[0]}/{parts[1]}" if is_run else None
+def told_apart(apart: Mapping[str, str]) -> Iterator[str]:
+    """What to say of files that have another place; see `set_apart`."""
+    for path, place in apart.items():
+        yield f"{path!r} is a file in the bucket, and a folder: here the file is {place!r}."
 
 
 def _is_here(item: StoredObject, path: Path) -> bool:
@@ -270,47 +286,45 @@ class _Fetching:
             return None
 
     def _tasks(
-        self, files: Iterable[StoredObject], runs: Iterable[OpenedRun]
+        self, files: Iterable[BucketFile], runs: Iterable[OpenedRun]
     ) -> Iterator[Callable[[], None]]:
-        for item in files:
-            yield partial(self._get_file, item)
+        for own in files:
+            yield partial(self._get_file, own)
         for run in runs:
             stage = self._campaign / STAGE / f"{run.path}.{run.tag}"
             pending = _Pending(run, stage, len(run.files))
             for file in run.files:
                 yield partial(self._get_part, file, pending)
 
-    def _get_file(self, item: StoredObject) -> None:
+    def _get_file(self, file: BucketFile) -> None:
         try:
-            self._store.get_file(self._bucket, item, self._campaign / item.key, self._received)
+            with _keeping(file.path):
+                target = self._campaign / file.path
+                file.bring(self._store, self._bucket, target, self._received)
         except ObjectError as error:
-            self._broken[item.key] = error
+            self._broken[file.path] = error
         self._finished()
 
     def _get_part(self, file: BucketFile, pending: _Pending) -> None:
         target = pending.stage / file.path[len(pending.run.path) + 1 :]
-        try:
+        with self._costing(pending), _keeping(file.path):
             if _is_here(file.item, target):
                 self._received(file.item.size)
             elif not pending.broken:
                 file.bring(self._store, self._bucket, target, self._received)
-        except ObjectError as error:
-            self._give_up(pending, error)
-        except OSError as error:
-            if error.errno not in _UNKEEPABLE:
-                raise
-            told = f"`{file.path[:MOST_SHOWN]}` cannot be kept on this disk: {error.strerror}."
-            self._give_up(pending, ObjectError(told))
-        self._part_finished(pending)
-
-    def _give_up(self, pending: _Pending, error: ObjectError) -> None:
-        pending.broken = True
-        self._broken[pending.run.path] = error
-
-    def _part_finished(self, pending: _Pending) -> None:
         self._finished()
         if pending.count_down() and not pending.broken:
-            self._place(pending)
+            with self._costing(pending), _keeping(pending.run.path):
+                self._place(pending)
+
+    @contextlib.contextmanager
+    def _costing(self, pending: _Pending) -> Iterator[None]:
+        """Let a broken object cost its run."""
+        try:
+            yield
+        except ObjectError as error:
+            pending.broken = True
+            self._broken[pending.run.path] = error
 
     def _finished(self) -> None:
         with self._lock:
@@ -334,6 +348,18 @@ class _Fetching:
             told = " ".join(f"{name}: {self._broken[name]}" for name in names[:MOST_TOLD])
             more = f" … and {len(names) - MOST_TOLD} more." if len(names) > MOST_TOLD else ""
             raise StorageError(f"All is fetched but {len(names)} runs or files. {told}{more}")
+
+
+@contextlib.contextmanager
+def _keeping(path: str) -> Iterator[None]:
+    """What this disk cannot have, whatever else it has, is the fault of one object."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _UNKEEPABLE:
+            raise
+        told = f"`{path[:MOST_SHOWN]}` cannot be kept on this disk: {error.strerror}."
+        raise ObjectError(told) from error
 
 
 def _link_job(run: Path) -> None:

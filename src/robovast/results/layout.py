@@ -26,6 +26,8 @@ RUN_RECORD = "run.json"
 TEST_RESULT = "test.xml"
 JOB_LINK = "job"
 """Link in a run's folder to the folder of the job that executed it."""
+RUNNING = ".running"
+ASIDE = ".aside"
 OWN_NAMES = (RUN_RECORD, JOB_LINK)
 """What a run's folder has beside what the run wrote."""
 
@@ -60,12 +62,12 @@ class Layout:
     @property
     def running(self) -> Path:
         """Work folders of jobs that are being executed."""
-        return self.root / ".running"
+        return self.root / RUNNING
 
     @property
     def aside(self) -> Path:
         """What stood in a run's place and was not understood."""
-        return self.root / ".aside"
+        return self.root / ASIDE
 
     def job(self, name: str) -> Path:
         """A job's own output: system information, logs, resource usage."""

@@ -18,7 +18,7 @@ from robovast.atomic import appearing_file
 from robovast.cluster.storage import ObjectStore
 from robovast.errors import InputError
 from robovast.results.bucket_runs import BucketFile, open_run
-from robovast.results.download import THREADS, job_link, plan_download
+from robovast.results.download import THREADS, job_link, plan_download, told_apart
 
 
 def pack_bucket(
@@ -27,7 +27,7 @@ def pack_bucket(
     campaign: str,
     archive: Path,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
-) -> None:
+) -> list[str]:
     """Write the `.tar.gz` of a campaign that is in a bucket.
 
     Equal buckets make equal archives. Files are fetched some at a time and verified, so that the
@@ -40,6 +40,9 @@ def pack_bucket(
         archive: the file; it appears when it is complete.
         progress: is told how many bytes of the campaign are in it, of how many.
 
+    Returns:
+        What of the bucket is not in it, or in another place.
+
     Raises:
         InputError: the bucket is empty.
         ObjectError: an object is not what it should be.
@@ -48,9 +51,8 @@ def pack_bucket(
     plan = plan_download(store.objects(bucket), archive.parent / campaign, force=True)
     with ThreadPoolExecutor(THREADS, "open") as pool:
         runs = list(pool.map(partial(open_run, store, bucket), plan.runs))
-    others = [BucketFile(item.key, item) for item in plan.files]
     files = sorted(
-        [*others, *(file for run in runs for file in run.files)], key=lambda file: file.path
+        [*plan.files, *(file for run in runs for file in run.files)], key=lambda file: file.path
     )
     if not files:
         raise InputError(f"the bucket {bucket} of {campaign} is empty: there is nothing to pack.")
@@ -70,6 +72,7 @@ def pack_bucket(
             path.unlink()
             done += file.item.size
             progress(done, total)
+    return [*plan.warnings, *(line for run in runs for line in told_apart(run.apart))]
 
 
 @contextmanager

@@ -18,10 +18,10 @@ import os
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import PurePosixPath
 from uuid import uuid4
 
 from robovast.results.layout import RUN_RECORD
+from robovast.results.places import is_plain
 
 LONGEST_KEY = 1000
 """Of an object; S3 allows 1024 [byte]."""
@@ -177,7 +177,5 @@ def _check(file: StoredFile) -> None:
 
 
 def is_inside(path: str) -> bool:
-    """True for a path that stays in a run's folder, and is not the record's."""
-    parts = PurePosixPath(path).parts
-    plain = str(PurePosixPath(path)) == path and "\0" not in path and path[:1] != "/"
-    return plain and bool(parts) and path != RUN_RECORD and ".." not in parts
+    """True for a path that stays in a run's folder, and is not the record's, nor in it."""
+    return is_plain(path) and path.partition("/")[0] != RUN_RECORD

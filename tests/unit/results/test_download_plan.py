@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from robovast.cluster.storage import StoredObject
-from robovast.errors import StorageError
 from robovast.results.download import plan_download
 
 TIME = 1_700_000_000.5
@@ -32,7 +31,7 @@ def test_a_run_is_what_has_a_record(tmp_path: Path) -> None:
     )
     assert [run.path for run in plan.runs] == ["hall-1/0"]
     assert plan.unfinished == ("hall-1/1",)
-    assert [item.key for item in plan.files] == ["hall-1/_config/c"]
+    assert [file.path for file in plan.files] == ["hall-1/_config/c"]
     assert [item.key for item in plan.runs[0].objects] == ["hall-1/0/bag/a", "hall-1/0/run.json"]
 
 
@@ -55,7 +54,19 @@ def test_a_run_is_here_when_its_record_is_that_of_the_bucket(
     assert len(plan_download(objects, tmp_path, force=True).runs) == 1
 
 
-@pytest.mark.parametrize("key", ["../evil", "/etc/passwd", "hall/0/../../../evil", "a//b", "a/./b"])
-def test_an_object_that_would_leave_the_folder_is_refused(tmp_path: Path, key: str) -> None:
-    with pytest.raises(StorageError, match="no path in a folder"):
-        plan_download(stored(key), tmp_path)
+@pytest.mark.parametrize("key", ["../evil", "a//b", ".download/lock"])
+def test_an_object_without_a_place_is_told_and_costs_nothing_else(tmp_path: Path, key: str) -> None:
+    plan = plan_download(stored(key, "_config/c", "hall/0/run.json"), tmp_path)
+    assert [file.path for file in plan.files] == ["_config/c"]
+    assert len(plan.runs) == 1
+    assert len(plan.warnings) == 1
+    assert f"'{key}' is left in the bucket" in plan.warnings[0]
+
+
+def test_a_file_beside_a_folder_of_its_name_comes_home(tmp_path: Path) -> None:
+    plan = plan_download(stored("a", "a/b", "hall", "hall/0/run.json"), tmp_path)
+    assert [file.path for file in plan.files] == ["a.1", "a/b", "hall.1"]
+    assert [file.item.key for file in plan.files] == ["a", "a/b", "hall"]
+    assert [line.partition(" ")[0] for line in plan.warnings] == ["'a'", "'hall'"]
+    put(tmp_path, "a.1")
+    assert [file.path for file in plan_download(stored("a", "a/b"), tmp_path).files] == ["a/b"]
