@@ -76,19 +76,55 @@ def _no_report(why: str) -> TestResult:
 
 
 _SUITES = ("testsuite", "testsuites")
+_BAD = frozenset({"failure", "error", "rerunfailure", "rerunerror", "flakyfailure", "flakyerror"})
+"""Elements of a case, in small letters; those of Surefire say that an execution of it failed."""
+_NOT_RUN = frozenset({"skipped", "disabled", "ignored"})
+"""Elements of a case that was not executed."""
+_BAD_COUNTS = ("failures", "errors", "flakes")
+_NOT_RUN_COUNTS = ("skipped", "disabled", "ignored", "notrun", "skips", "skip")
+_STATES = {
+    **dict.fromkeys(
+        ("", "run", "completed", "passed", "pass", "success", "successful", "ok", "fixed"), "ran"
+    ),
+    **dict.fromkeys(
+        ("notrun", "skipped", "skip", "disabled", "ignored", "suppressed", "pending"), "not run"
+    ),
+    **dict.fromkeys(
+        ("fail", "failed", "failure", "error", "errored", "broken", "regression"), "bad"
+    ),
+}
+"""What `status` and `result` of a case say: GoogleTest, CTest and others write them."""
+
+
+@dataclass
+class _Suite:
+    """What is known of a suite, those in it included."""
+
+    said: int = 0
+    """Tests that it says to have."""
+    said_not_run: int = 0
+    cases: int = 0
+    not_run: int = 0
 
 
 class _Report:
-    """What a JUnit report says, taken down while it is parsed: all of its suites and cases."""
+    """What a JUnit report says, taken down while it is parsed: all of its suites and cases.
+
+    Names count in any letter case and namespace.
+    """
 
     def __init__(self) -> None:
         self._root = ""
-        self._suites: list[tuple[int, int]] = []
-        """Of those that are open: how many tests they say to have, cases before them."""
-        self._suite_count = self._cases = self._skipped = self._bad = 0
-        self._incomplete = ""
+        self._whole = _Suite()
+        self._suites = [self._whole]
+        """Those that are open, the report first."""
+        self._suite_count = self._bad = 0
+        self._case_not_run = False
+        """Of the case that is open."""
+        self._doubt = ""
+        """Why the report does not say enough."""
         self._started_at: float | None = None
-        self._durations: dict[int, list[float]] = {1: [], 2: []}
+        self._durations: dict[int, list[float]] = {2: [], 3: []}
         """Of suites at the top, and in these."""
         self._failures: dict[str, tuple[str, list[str]]] = {}
         """Message and text of the first failure, and of the first error."""
@@ -97,15 +133,16 @@ class _Report:
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         """An element begins."""
-        name = tag.rpartition("}")[2]
+        name = _plain(tag)
+        attributes = {_plain(key): value for key, value in attributes.items()}
         self._root = self._root or name
         if name in _SUITES:
             self._start_suite(name, attributes)
         elif name == "testcase":
-            self._cases += 1
-        elif name == "skipped":
-            self._skipped += 1
-        elif name in {"failure", "error"}:
+            self._start_case(attributes)
+        elif name in _NOT_RUN:
+            self._case_not_run = True
+        elif name in _BAD:
             self._bad += 1
             self._text = []
             message = (attributes.get("message") or "").strip()
@@ -115,11 +152,23 @@ class _Report:
 
     def _start_suite(self, name: str, attributes: dict[str, str]) -> None:
         self._suite_count += name == "testsuite"
-        self._bad += _count(attributes, "failures") + _count(attributes, "errors")
-        self._suites.append((_count(attributes, "tests"), self._cases))
+        self._bad += sum(_count(attributes, key) for key in _BAD_COUNTS)
+        not_run = sum(_count(attributes, key) for key in _NOT_RUN_COUNTS)
+        self._suites.append(_Suite(_count(attributes, "tests"), not_run))
         duration = _seconds(attributes.get("time"))
         if duration is not None and len(self._suites) in self._durations:
             self._durations[len(self._suites)].append(duration)
+
+    def _start_case(self, attributes: dict[str, str]) -> None:
+        self._case_not_run = False
+        self._suites[-1].cases += 1
+        for key in ("status", "result"):
+            text = attributes.get(key, "")
+            state = _STATES.get(text.strip().lower())
+            self._bad += state == "bad"
+            self._case_not_run |= state == "not run"
+            if state is None:
+                self._doubt = f"a test case has the {key} `{text[:40]}`, which is not known"
 
     def data(self, text: str) -> None:
         """Text in an element."""
@@ -129,10 +178,15 @@ class _Report:
     def end(self, tag: str) -> None:
         """An element ends."""
         self._text = None
-        if tag.rpartition("}")[2] in _SUITES:
-            said, before = self._suites.pop()
-            if said > self._cases - before:
-                self._incomplete = f"a suite of {said} tests has {self._cases - before} of them"
+        name = _plain(tag)
+        if name == "testcase":
+            self._suites[-1].not_run += self._case_not_run
+        elif name in _SUITES:
+            suite = self._suites.pop()
+            self._suites[-1].cases += suite.cases
+            self._suites[-1].not_run += max(suite.not_run, suite.said_not_run)
+            if suite.said > suite.cases:
+                self._doubt = f"a suite of {suite.said} tests has {suite.cases} of them"
 
     def close(self) -> None:
         """The report ends."""
@@ -144,18 +198,24 @@ class _Report:
         duration = next((sum(d) for d in self._durations.values() if d), None)
         if self._bad:
             return TestResult(Verdict.FAILED, self._failure(), self._started_at, duration)
-        why = self._incomplete
-        if not self._suite_count or not self._cases:
+        why = self._doubt
+        if not self._suite_count or not self._whole.cases:
             why = "it has no test case"
-        elif self._skipped >= self._cases:
+        elif self._whole.not_run >= self._whole.cases:
             why = "all of its test cases were skipped"
         if why:
             return TestResult(Verdict.ERRORED, f"{TEST_RESULT} says nothing: {why}")
         return TestResult(Verdict.PASSED, "", self._started_at, duration)
 
     def _failure(self) -> str:
-        message, text = self._failures.get("failure") or self._failures.get("error") or ("", [])
+        told = [self._failures[name] for name in ("failure", "error") if name in self._failures]
+        message, text = next(iter([*told, *self._failures.values()]), ("", []))
         return ": ".join(filter(None, (message, _detail("".join(text))))) or "the scenario failed"
+
+
+def _plain(name: str) -> str:
+    """A name of XML without its namespace, in small letters."""
+    return name.rpartition("}")[2].lower()
 
 
 def _count(attributes: dict[str, str], name: str) -> int:

@@ -84,6 +84,15 @@ GOOD = '<testsuite errors="0" failures="0" tests="1" time="2"><testcase name="a"
         SUITE.format(e=0, f=0, case="<testcase/><testcase><error/></testcase>"),
         SUITE.format(e=0, f=0, case="<error/><testcase/>"),
         '<testsuite xmlns="https://junit.org"><testcase><failure/></testcase></testsuite>',
+        "<TestSuite><TestCase><Failure/></TestCase></TestSuite>",
+        '<a:testsuite xmlns:a="urn:a"><a:testcase><a:ERROR/></a:testcase></a:testsuite>',
+        '<testsuite Failures="1"><testcase/></testsuite>',
+        '<testsuite><testcase status="fail"/></testsuite>',
+        '<testsuite><testcase result="Failed"/><testcase/></testsuite>',
+        "<testsuite><testcase><rerunFailure/></testcase></testsuite>",
+        "<testsuite><testcase><flakyFailure/></testcase></testsuite>",
+        "<testsuite><testcase><flakyError/></testcase></testsuite>",
+        '<testsuite flakes="1"><testcase/></testsuite>',
     ],
 )
 def test_whatever_failed_anywhere_is_failed(tmp_path: Path, text: str) -> None:
@@ -101,6 +110,19 @@ def test_whatever_failed_anywhere_is_failed(tmp_path: Path, text: str) -> None:
         ("<testsuites><testcase/></testsuites>", "no test case"),
         ('<testsuite errors="0" failures="0" tests="0"/>', "no test case"),
         (SUITE.format(e=0, f=0, case="<testcase><skipped/></testcase>"), "were skipped"),
+        ('<testsuite><testcase status="notrun"/></testsuite>', "were skipped"),
+        ('<testsuite><testcase status="run" result="suppressed"/></testsuite>', "were skipped"),
+        ('<testsuite><testcase result="skipped"/></testsuite>', "were skipped"),
+        ("<testsuite><testcase><disabled/></testcase></testsuite>", "were skipped"),
+        ("<testsuite><testcase><Skipped/></testcase></testsuite>", "were skipped"),
+        ('<testsuite tests="2" disabled="2"><testcase/><testcase/></testsuite>', "were skipped"),
+        ('<testsuites disabled="1"><testsuite><testcase/></testsuite></testsuites>', "skipped"),
+        ('<testsuite tests="1" skip="1"><testcase/></testsuite>', "were skipped"),
+        ('<testsuite disabled="-1"><testcase/></testsuite>', "`disabled` is -1"),
+        (
+            '<testsuite><testcase/><testcase status="crashed"/></testsuite>',
+            "the status `crashed`, which is not known",
+        ),
         ('<testsuite tests="3"><testcase/></testsuite>', "a suite of 3 tests has 1 of them"),
         ('<testsuite failures="-1" errors="1"><testcase/></testsuite>', "`failures` is -1"),
     ],
@@ -115,6 +137,33 @@ def test_cases_of_all_suites_pass_and_take_their_time(tmp_path: Path) -> None:
     mixed = "<testcase/><testcase><skipped/></testcase>"
     result = result_of(tmp_path, report(GOOD, SUITE.format(e=0, f=0, case=mixed)))
     assert (result.verdict, result.duration) == (Verdict.PASSED, 3.5)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        # GoogleTest, with one test that is disabled
+        '<testsuites tests="2" failures="0" disabled="1" errors="0"><testsuite tests="2" '
+        'failures="0" disabled="1" skipped="0" errors="0"><testcase name="a" status="run" '
+        'result="completed"/><testcase name="b" status="notrun" result="suppressed"/></testsuite>'
+        "</testsuites>",
+        # pytest
+        '<testsuites name="pytest tests"><testsuite errors="0" failures="0" skipped="1" tests="2">'
+        '<testcase/><testcase><skipped type="pytest.skip" message="why"/></testcase></testsuite>'
+        "</testsuites>",
+        # CTest
+        '<testsuite tests="1" failures="0" disabled="0" skipped="0"><testcase status="run">'
+        "<system-out>it said &lt;failure/&gt;</system-out></testcase></testsuite>",
+        # Surefire
+        '<testsuite xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" tests="1" errors="0" '
+        'skipped="0" failures="0" flakes="0"><properties/><testcase/></testsuite>',
+        "<testsuite><testcase><skipped/><skipped/></testcase><testcase/></testsuite>",
+    ],
+)
+def test_reports_of_others_pass_when_something_ran_and_all_that_did_passed(
+    tmp_path: Path, text: str
+) -> None:
+    assert result_of(tmp_path, text).verdict is Verdict.PASSED
 
 
 @pytest.mark.parametrize("time", ["nan", "inf", "-inf", "-1", "1e300", "9" * 5000, "soon", ""])
