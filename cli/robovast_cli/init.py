@@ -25,6 +25,7 @@ def init(
         Literal["debug", "info", "warning", "error", "critical"] | None,
         typer.Option(
             "--project-log-level",
+            case_sensitive=False,
             help="Log level of every command in this project.",
             show_default=False,
         ),

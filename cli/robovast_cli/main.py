@@ -90,6 +90,7 @@ def vast(
         typer.Option(
             "-l",
             "--log-level",
+            case_sensitive=False,
             help="How much to tell on stderr; the project's level, else `warning`.",
             show_default=False,
         ),

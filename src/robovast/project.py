@@ -4,18 +4,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import ValidationError
+from pydantic import BeforeValidator, ValidationError
 
 from robovast.atomic import write_atomically
 from robovast.document.model import Section
-from robovast.document.problems import problems_of
+from robovast.document.problems import nearest, problems_of
 from robovast.document.source import Source
 from robovast.errors import DocumentError, InputError, StorageError
 from robovast.plain import dump_yaml
 
 PROJECT_FILE = ".robovast_project"
+
+Level = Literal["debug", "info", "warning", "error", "critical"]
+"""How much is told, in any case of letters."""
+
+
+def _lower(value: object) -> object:
+    return value.lower() if isinstance(value, str) else value
 
 
 class ProjectFile(Section):
@@ -25,7 +32,7 @@ class ProjectFile(Section):
     """The .vast file."""
     results_dir: str = "results"
     """Where campaigns and their results go."""
-    log_level: Literal["debug", "info", "warning", "error", "critical"] | None = None
+    log_level: Annotated[Level, BeforeValidator(_lower)] | None = None
     """Log level of every command in the project."""
 
 
@@ -97,10 +104,17 @@ def _read(root: Path) -> Project:
             [source.problem((), "a project file is a mapping", "`vast init --force CONFIG`")]
         )
     try:
-        file = ProjectFile.model_validate(source.data)
+        file = ProjectFile.model_validate(_without_unknown(source.data))
     except ValidationError as error:
         raise DocumentError(problems_of(error, source, ProjectFile)) from error
     return Project(root, root / file.config, root / file.results_dir, file.log_level)
+
+
+def _without_unknown(data: dict[Any, Any]) -> dict[Any, Any]:
+    """Without keys that nobody reads, unless one looks like a missing one, misspelt."""
+    known = ProjectFile.model_fields
+    missing = [name for name in known if name not in data]
+    return {key: v for key, v in data.items() if key in known or nearest(str(key), missing)}
 
 
 def _relative(path: Path, root: Path) -> str:

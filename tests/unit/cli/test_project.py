@@ -49,6 +49,20 @@ def test_the_projects_log_level_holds_unless_another_is_given(vast, sweep) -> No
     assert logging.getLogger().level == logging.INFO
 
 
+def test_log_levels_are_read_in_any_case(vast, sweep) -> None:
+    (sweep.parent / PROJECT_FILE).write_text("config: drive.vast\nlog_level: ERROR\n")
+    assert vast("config", "list").code == 0
+    assert logging.getLogger().level == logging.ERROR
+    assert vast("-l", "Info", "config", "list").code == 0
+    assert logging.getLogger().level == logging.INFO
+
+
+def test_keys_of_other_versions_have_no_effect_in_a_project_file(vast, sweep) -> None:
+    text = "config: drive.vast\nconfig_path: /old\ncluster: rke2\n"
+    (sweep.parent / PROJECT_FILE).write_text(text)
+    assert vast("config", "list").code == 0
+
+
 def test_init_replaces_nothing_unless_forced(vast, sweep) -> None:
     vast("init", "drive.vast")
     before = (sweep.parent / PROJECT_FILE).read_text()
