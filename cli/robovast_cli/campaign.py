@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 
 from robovast.document import Document
-from robovast.errors import ExitCode
+from robovast.errors import ExitCode, InputError
 from robovast.execution.local import LocalOptions, Observer, Summary, resume_campaign, run_campaign
 from robovast.results.layout import Layout
 from robovast.results.run_record import RunRecord
 from robovast.results.verdict import Verdict
-from robovast_cli.output import say
+from robovast_cli.output import asked, say
 from robovast_cli.workspace import shown
 
 MOST_LISTED = 20
@@ -25,6 +27,24 @@ MOST_LISTED = 20
 def start(document: Document, output: Path, options: LocalOptions) -> ExitCode:
     """Run a new campaign."""
     return _watch(lambda view: run_campaign(document, output, options, view))
+
+
+def meant(document: Document, out: Path, options: LocalOptions) -> LocalOptions:
+    """The options, with the configuration that OUT names where the user says that it is one.
+
+    Raises:
+        InputError: nobody is there to be asked.
+    """
+    names = [entry.name for entry in document.vast.configuration or ()]
+    if out.exists() or not any(re.fullmatch(rf"{re.escape(n)}(-\d+)*", str(out)) for n in names):
+        return options
+    if not sys.stdin.isatty():
+        raise InputError(
+            f"`{out}` is a configuration, and OUT is the folder for results. `--config {out}` runs "
+            f"it alone, `--output {out}` makes a folder of that name."
+        )
+    question = f"`{out}` is a configuration. Run it alone (no: results go into a folder {out})?"
+    return replace(options, select=str(out)) if asked(question, default=True) else options
 
 
 def resume(campaign: Path, options: LocalOptions) -> ExitCode:

@@ -152,7 +152,11 @@ def run(
         return campaign.resume(resume, options)
     if out and output and out != output:
         raise typer.BadParameter(f"OUT is {out}, and --output is {output}; name one.", ctx)
-    return campaign.start(ctx.obj.document(), out or output or ctx.obj.results, options)
+    document = ctx.obj.document()
+    if out and not (output or config):
+        options = campaign.meant(document, out, options)
+        out = None if options.select else out
+    return campaign.start(document, out or output or ctx.obj.results, options)
 
 
 @app.command()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 
+import typer
+
 from robovast_cli.report import silence_stdout
 
 
@@ -14,3 +16,15 @@ def say(line: str) -> None:
         sys.stdout.flush()
     except BrokenPipeError:
         silence_stdout()
+
+
+def asked(question: str, *, default: bool) -> bool:
+    """What the user answers.
+
+    Raises:
+        KeyboardInterrupt: nobody answers.
+    """
+    try:
+        return typer.confirm(question, default=default)
+    except typer.Abort:
+        raise KeyboardInterrupt from None

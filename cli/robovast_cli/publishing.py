@@ -14,7 +14,7 @@ from robovast.publication.context import PublicationContext
 from robovast.publication.plugin import GROUP
 from robovast.publication.publish import PublishOptions, plan_publication, publish
 from robovast.results.campaigns import find_campaigns
-from robovast_cli.output import say
+from robovast_cli.output import asked, say
 from robovast_cli.plugin_list import described_plugins
 from robovast_cli.results_options import chosen_campaigns
 from robovast_cli.workspace import shown
@@ -74,10 +74,7 @@ def _context() -> PublicationContext:
 
 
 def _confirm(path: Path) -> bool:
-    try:
-        return typer.confirm(f"{shown(path)} exists and differs. Replace it?", default=True)
-    except typer.Abort:
-        raise KeyboardInterrupt from None
+    return asked(f"{shown(path)} exists and differs. Replace it?", default=True)
 
 
 class _Bars:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -16,6 +17,7 @@ from local_campaigns import EXAMPLES, Recorder, make_campaign, run, verdicts
 from robovast.document import load_document
 from robovast.errors import CannotRunError
 from robovast.execution.local import LocalOptions, prepare_run
+from robovast.results.campaigns import find_campaigns
 
 PASS = 'echo "$1,$2" > "$3/out.csv"\n'
 
@@ -200,6 +202,50 @@ def test_prepared_run_uses_the_network_of_the_machine_on_request(
 ) -> None:
     result = call(_prepared(tmp_path, slim_image), "--network-host", "--shell", text="hostname\n")
     assert result.stdout.split()[-1:] == [os.uname().nodename]
+
+
+def test_prepared_run_puts_results_where_it_is_told(slim_image: str, tmp_path: Path) -> None:
+    script = _prepared(tmp_path, slim_image)
+    result = call(script, "--results-dir", str(tmp_path / "mine"), "--log-tree", "--debug")
+    assert result.returncode == 0, result.stderr
+    (campaign,) = find_campaigns(tmp_path / "mine")
+    assert re.fullmatch(r"test_campaign-\d{4}-\d{2}-\d{2}-\d{8}", campaign.name)
+    assert f"Results: {campaign}" in result.stdout
+    target = tmp_path / "the one"
+    assert call(script, "--campaign-dir", str(target)).returncode == 0
+    assert (target / "one-1/0/test.xml").is_file()
+    again = call(script, "--campaign-dir", str(target))
+    assert (again.returncode, "is not empty" in again.stderr) == (5, True)
+
+
+def test_prepared_runs_that_start_together_have_folders_of_their_own(
+    slim_image: str, tmp_path: Path
+) -> None:
+    script = _prepared(tmp_path, slim_image)
+    processes = [subprocess.Popen([script], stdout=subprocess.DEVNULL) for _ in range(3)]
+    assert [process.wait(timeout=120) for process in processes] == [0, 0, 0]
+    campaigns = find_campaigns(tmp_path / "run/out")
+    assert [(path / "one-1/0/test.xml").is_file() for path in campaigns] == [True] * 3
+
+
+def test_prepared_run_ends_after_a_job_that_fails_on_request(
+    slim_image: str, tmp_path: Path
+) -> None:
+    document = load_document(make_campaign(tmp_path / "in", "exit 1\n"))
+    script = prepare_run(document, tmp_path / "run", LocalOptions(image=slim_image))
+    assert (
+        call(script, "--abort-on-failure", "--results-dir", str(tmp_path / "one")).returncode == 1
+    )
+    assert call(script, "--results-dir", str(tmp_path / "all")).returncode == 1
+    counts = [len(list((tmp_path / name).glob("*/*/*/test.xml"))) for name in ("one", "all")]
+    assert counts == [1, 3]
+
+
+def test_prepared_run_opens_one_shell(slim_image: str, tmp_path: Path) -> None:
+    document = load_document(make_campaign(tmp_path / "in", PASS))
+    script = prepare_run(document, tmp_path / "run", LocalOptions(image=slim_image))
+    for option in ("--shell", "--start-only"):
+        assert call(script, option, text="echo one\n").stdout.split().count("one") == 1
 
 
 def test_prepared_run_checks_the_image_first(wrong_compat_image: str, tmp_path: Path) -> None:

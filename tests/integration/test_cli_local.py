@@ -174,3 +174,31 @@ def test_prepare_run_leaves_a_script(tmp_path: Path) -> None:
         (tmp_path / "run/out_template/_transient/configurations.yaml").read_text()
     )
     assert [config["name"] for config in configurations["configs"]] == ["one-2"]
+
+
+def test_a_configuration_in_the_place_of_the_folder_is_asked_about(tmp_path: Path) -> None:
+    file = make_campaign(tmp_path / "in", PASS)
+    command = [VAST, "-V", file, "exec", "local", "run", "one-2", "--runtime", "process"]
+    refused = subprocess.run(command, cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True)
+    assert (refused.returncode, b"`--config one-2` runs" in refused.stderr) == (2, True)
+    assert not (tmp_path / "one-2").exists()
+    for answer, total in ((b"\n", b"1 run:"), (b"n\n", b"3 runs:")):
+        main, other = pty.openpty()
+        process = subprocess.Popen(command, cwd=tmp_path, stdin=other, stdout=subprocess.PIPE)
+        os.close(other)
+        os.write(main, answer)
+        out, _ = process.communicate(timeout=60)
+        os.close(main)
+        assert total in out
+    assert len(list((tmp_path / "results").iterdir())) == 1
+    assert len(list((tmp_path / "one-2").iterdir())) == 1
+
+
+def test_campaigns_that_start_in_one_second_both_work(tmp_path: Path) -> None:
+    file = make_campaign(tmp_path / "in", PASS)
+    command = [VAST, "-V", file, "exec", "local", "run", "out", "--runtime", "process"]
+    processes = [
+        subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL) for _ in range(4)
+    ]
+    assert [process.wait(timeout=120) for process in processes] == [0] * 4
+    assert len(list((tmp_path / "out").iterdir())) == 4

@@ -20,7 +20,7 @@ from robovast.agent.trees import SIDE_BY_SIDE, store_own_tree
 from robovast.cluster.ranges import format_ranges, spans, truncate
 from robovast.cluster.repetition import GroupSizes, list_key, list_name, list_text, retry_groups
 from robovast.cluster.status import FAILING_LIMIT
-from robovast.common.execution import get_campaign_timestamp
+from robovast.common.execution import campaign_time
 from robovast.document import Document
 from robovast.execution.generate import write_execution
 from robovast.expansion import Variant
@@ -106,7 +106,7 @@ def _store_execution(
     write_execution(
         layout,
         document,
-        started=_started(campaign.plan.campaign),
+        started=(campaign_time(campaign.plan.campaign) or datetime.now(UTC)).replace(tzinfo=UTC),
         runs=campaign.plan.runs,
         kind="cluster",
         image=campaign.plan.image,
@@ -136,14 +136,6 @@ def _store_bad_runs(
     bucket.store.put_bytes(bucket.name, list_key(name), text.encode())
     sizes = GroupSizes.of(retry_groups(campaign.packs, bad))
     return {"repeat": {"list": name, "sizes": str(sizes)}}
-
-
-def _started(campaign: str) -> datetime:
-    """When a campaign was created: its name says it."""
-    timestamp = get_campaign_timestamp(campaign)
-    if timestamp is None:
-        return datetime.now(UTC)
-    return datetime.strptime(timestamp, "%Y-%m-%d-%H%M%S").replace(tzinfo=UTC)
 
 
 def summary(index: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from robovast.common.execution import get_campaign_timestamp
+from robovast.common.execution import campaign_time
 from robovast.document.model import PluginCall, ResultsProcessing
 from robovast.document.problems import problems_of
 from robovast.document.source import Source
@@ -35,10 +35,7 @@ class Campaign:
     @property
     def started(self) -> datetime | None:
         """When it was started, as its name says."""
-        try:
-            return datetime.strptime(get_campaign_timestamp(self.name) or "", "%Y-%m-%d-%H%M%S")
-        except ValueError:
-            return None
+        return campaign_time(self.name)
 
 
 def _refuse(path: Path) -> bool:

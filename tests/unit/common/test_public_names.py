@@ -65,7 +65,13 @@ def test_campaign_folder_names() -> None:
     assert not execution.is_campaign_dir("/results/navigation")
     assert execution.get_campaign_timestamp(name) == "2026-03-10-142530"
     assert execution.is_campaign_dir(execution.get_campaign("hall"))
+    of_a_script = "navigation_evaluation-2026-03-10-14253042"
+    assert execution.is_campaign_dir(of_a_script)
+    assert execution.get_campaign_timestamp(of_a_script) == "2026-03-10-14253042"
+    assert execution.campaign_time(of_a_script) == execution.campaign_time(name) == when
+    assert execution.campaign_time("navigation-2026-13-10-142530") is None
     assert execution.campaign_prefix("../../etc") == "etc"
+    assert execution.campaign_prefix("a_b c", "._-") == "a_b-c"
     assert execution.campaign_prefix("a b/c") == "a-b-c"
 
 

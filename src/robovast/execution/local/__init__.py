@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections.abc import Sequence
-from datetime import datetime
+from contextlib import suppress
+from datetime import datetime, timedelta
+from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -47,14 +49,14 @@ def run_campaign(
     Raises:
         InputError: the document cannot be expanded, or nothing matches `options.select`.
         CannotRunError: the runtime cannot run it; nothing was started or made.
-        StorageError: `output` cannot be written, or holds the campaign already.
+        StorageError: `output` cannot be written.
     """
     with TemporaryDirectory(prefix="robovast-") as scratch:
         composition = choose_variants(document, Path(scratch), options, observer.message)
         runtime = choose_runtime(document, options, observer.message)
         identity = runtime.check()
         started = datetime.now().astimezone()
-        layout = _make_folder(output, campaign_folder_name(document.vast.campaign_name, started))
+        layout = _make_folder(output, document.vast.campaign_name, started)
         runs = options.runs or document.vast.execution.runs
         with explained(layout.root):
             write_configurations(document, composition, layout.root, timings=True)
@@ -94,15 +96,19 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
     return execute_campaign(session, runs, observer)
 
 
-def _make_folder(output: Path, name: str) -> Layout:
-    root = output.absolute() / name
+def _make_folder(output: Path, name: str, started: datetime) -> Layout:
+    """A folder for a campaign, named after the first second from its start that no other has."""
     try:
         make_folder(output)
-        root.mkdir()
-    except FileExistsError:
+        for seconds in count():
+            root = output.absolute() / campaign_folder_name(name, started + timedelta(0, seconds))
+            with suppress(FileExistsError):
+                root.mkdir()
+                break
+    except NotADirectoryError as error:
         raise StorageError(
-            f"{root} exists already: another campaign of this name was started in the same second. "
-            "Start it again, or choose another output folder."
+            f"{error.filename or output} is a file, and results go into a folder. Choose another "
+            "place."
         ) from None
     except OSError as error:
         raise StorageError(

@@ -68,9 +68,6 @@ def open_shell(document: Document, options: LocalOptions) -> int:
         raise CannotRunError("`--start-only` needs containers: use `--runtime docker` or `podman`.")
     with TemporaryDirectory(prefix="robovast-") as folder:
         script = prepare_run(document, Path(folder), dataclasses.replace(options, runs=1))
-        _, *others = sorted((Path(folder) / "jobs").iterdir())
-        for job in others:
-            shutil.rmtree(job)
         flags = {"--no-gui": not options.gui, "--network-host": options.network_host}
         chosen = [flag for flag, given in flags.items() if given]
         return subprocess.run([script, "--shell", *chosen], check=False).returncode
@@ -149,7 +146,7 @@ def _write_script(document: Document, output: Path, options: LocalOptions) -> Pa
     values = {
         "COMPAT_VERSION": str(COMPAT_VERSION),
         "IMAGE": shlex.quote(resolve_image(document, options) or ""),
-        "CAMPAIGN": shlex.quote(campaign_prefix(document.vast.campaign_name)),
+        "CAMPAIGN": shlex.quote(campaign_prefix(document.vast.campaign_name, "._-")),
         "OPTIONS": " ".join(flag for flag, given in flags.items() if given),
         "USER": str(execution.run_as_user) if own_user else "",
     }
