@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from robovast.common.progress import fmt_size
+from robovast.errors import InputError
 from robovast_cli.lazy import new_app
 from robovast_cli.results_options import ResultsDir
 
@@ -14,19 +16,33 @@ remove_app = new_app("Remove campaigns from the share.")
 
 
 @list_app.command()
-def list_share(ctx: typer.Context, results_dir: ResultsDir = None) -> None:
+def list_share(
+    ctx: typer.Context,
+    campaign: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-i",
+            "--campaign",
+            metavar="NAME|GLOB",
+            help="Only this campaign. May be repeated; all when omitted.",
+            show_default=False,
+        ),
+    ] = None,
+    results_dir: ResultsDir = None,
+) -> None:
     """List the campaigns on the share, and which of them are here.
 
     The share is described by ROBOVAST_SHARE_TYPE and the variables of its kind, in the
     environment or a `.env` file in this folder or above; docs/publication.md has them all.
     """
-    from robovast.common.progress import fmt_size
     from robovast.results.share import open_share
     from robovast_cli.listing import format_table
 
     results = results_dir or ctx.obj.results
     with open_share() as share:
-        campaigns = share.campaigns()
+        campaigns = share.chosen(campaign or [])
+    if campaign and not campaigns:
+        raise InputError("nothing on the share is called so; without `-i` all is listed.")
     rows = [
         [item.name, fmt_size(item.size), "yes" if (results / item.name).is_dir() else "no"]
         for item in campaigns
@@ -38,14 +54,22 @@ def list_share(ctx: typer.Context, results_dir: ResultsDir = None) -> None:
 def remove_from_share(
     campaign: Annotated[
         list[str],
-        typer.Option("-i", "--campaign", metavar="NAME", help="The campaign. May be repeated."),
+        typer.Option(
+            "-i", "--campaign", metavar="NAME|GLOB", help="The campaign. May be repeated."
+        ),
     ],
+    yes: Annotated[bool, typer.Option("-y", "--yes", help="Do not ask.")] = False,
 ) -> None:
     """Remove campaigns from the share; what is here stays."""
     from robovast.results.share import open_share
     from robovast_cli.output import say
 
     with open_share() as share:
-        for item in share.chosen(campaign):
+        chosen = share.chosen(campaign)
+        for item in chosen:
+            say(f"{item.name}: {fmt_size(item.size)}")
+        if chosen and not yes:
+            typer.confirm("Remove from the share?", abort=True)
+        for item in chosen:
             share.remove(item)
             say(f"Removed {item.name} from the share.")

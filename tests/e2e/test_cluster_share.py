@@ -146,7 +146,7 @@ def test_a_campaign_goes_to_the_share_and_comes_home(lab: Lab, share: Share) -> 
     assert name in share.vast("results", "list-share")
     share.vast("results", "download", "-o", lab.folder / "fresh")
     assert files(lab.folder / "fresh" / name) == files(direct)
-    share.vast("results", "remove-from-share", "-i", name)
+    share.vast("results", "remove-from-share", "-y", "-i", name)
     assert list(share.folder.iterdir()) == []
 
     share.upload(**share.sftp)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fnmatch
+import logging
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -22,6 +24,9 @@ from robovast.results.importing import campaign_of_archive, import_archive
 GROUP = "robovast.share_providers"
 SHARE_TYPE = "ROBOVAST_SHARE_TYPE"
 SUFFIX = ".tar.gz"
+_GLOB = frozenset("*?[")
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -63,20 +68,24 @@ class Share:
             )
 
     def chosen(self, names: Sequence[str]) -> list[SharedCampaign]:
-        """The named campaigns, or all.
+        """The named campaigns, or all; a glob that matches none is told as a warning.
 
         Raises:
             NotOnShareError: one is not on the share.
         """
         known = {item.name: item for item in self.campaigns()}
-        wanted = [name.removesuffix(SUFFIX) for name in names]
-        unknown = next((name for name in wanted if name not in known), None)
-        if unknown:
-            raise NotOnShareError(
-                f"there is no campaign `{unknown}` on the share; it has "
-                f"{', '.join(known) or 'none'}."
-            )
-        return [known[name] for name in dict.fromkeys(wanted)] if names else list(known.values())
+        found: list[str] = []
+        for name in (given.removesuffix(SUFFIX) for given in names):
+            matching = [name] if name in known else fnmatch.filter(known, name)
+            if not matching and not _GLOB.intersection(name):
+                raise NotOnShareError(
+                    f"there is no campaign `{name}` on the share; it has "
+                    f"{', '.join(known) or 'none'}."
+                )
+            if not matching:
+                _log.warning("no campaign on the share matches `%s`.", name)
+            found += matching
+        return [known[name] for name in dict.fromkeys(found)] if names else list(known.values())
 
     def verify(self) -> None:
         """Raise when archives cannot be uploaded, as far as that can be told before."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import subprocess
+import sys
 import tarfile
 import zipfile
 from pathlib import Path
@@ -170,17 +172,30 @@ def archive_of(name: str) -> bytes:
     return content.getvalue()
 
 
+SHARE = """
+import pathlib
+from robovast.execution.cluster_execution.share_providers.base import BaseShareProvider
+
+class Share(BaseShareProvider):
+    def required_env_vars(self): return {'MY_TOKEN': 'a token'}
+    def build_pod_env(self): return {}
+    def upload_archive(self, *_): ...
+    def list_campaign_archives_with_size(self):
+        return [(path.name, path.stat().st_size) for path in pathlib.Path('shared').iterdir()]
+    def remove_archive(self, name): pathlib.Path('shared', name).unlink()
+"""
+
+
+def make_share(folder: Path, sizes: dict[str, int]) -> None:
+    """A share that is a folder, with archives of sizes."""
+    (folder / "share.py").write_text(SHARE)
+    (folder / "shared").mkdir()
+    for name, size in sizes.items():
+        (folder / "shared" / f"{name}.tar.gz").write_bytes(bytes(size))
+
+
 def test_a_share_is_listed_and_emptied(vast, results: Path, tmp_path: Path) -> None:
-    (tmp_path / "share.py").write_text(
-        "from robovast.execution.cluster_execution.share_providers.base import BaseShareProvider\n"
-        f"ARCHIVES = {{'{NAME}.tar.gz': 2048, 'far-away.tar.gz': 10}}\n"
-        "class Share(BaseShareProvider):\n"
-        "    def required_env_vars(self): return {'MY_TOKEN': 'a token'}\n"
-        "    def build_pod_env(self): return {}\n"
-        "    def upload_archive(self, *_): ...\n"
-        "    def list_campaign_archives_with_size(self): return ARCHIVES.items()\n"
-        "    def remove_archive(self, name): del ARCHIVES[name]\n"
-    )
+    make_share(tmp_path, {NAME: 2048, "far-away": 10, "far-off": 20})
     outcome = vast("results", "list-share")
     assert outcome.code == 2
     assert "there is no share: set ROBOVAST_SHARE_TYPE" in outcome.err
@@ -189,14 +204,42 @@ def test_a_share_is_listed_and_emptied(vast, results: Path, tmp_path: Path) -> N
     assert outcome.out.splitlines() == [
         "CAMPAIGN                   SIZE     HERE",
         "far-away                   10 B     no",
+        "far-off                    20 B     no",
         f"{NAME}  2.0 KiB  yes",
     ]
-    outcome = vast("results", "remove-from-share", "-i", "far-away")
-    assert (outcome.code, outcome.out) == (0, "Removed far-away from the share.\n")
-    outcome = vast("results", "remove-from-share", "-i", "far-away")
+    assert len(vast("results", "list-share", "-i", "far-*").out.splitlines()) == 3
+    outcome = vast("results", "list-share", "-i", "near-*")
+    assert (outcome.code, outcome.out) == (2, "")
+    outcome = vast("results", "remove-from-share", "-y", "-i", "far-*", "-i", "near")
     assert outcome.code == 2
-    assert f"it has {NAME}" in outcome.err
+    assert f"there is no campaign `near` on the share; it has far-away, far-off, {NAME}." in (
+        outcome.err
+    )
     assert "secret-77" not in outcome.err + outcome.out
+    assert "Removed" not in outcome.out
+    outcome = vast("results", "remove-from-share", "-i", "far-*", "-i", "near*", "-y")
+    assert (outcome.code, outcome.out.splitlines()) == (
+        0,
+        [
+            "far-away: 10 B",
+            "far-off: 20 B",
+            "Removed far-away from the share.",
+            "Removed far-off from the share.",
+        ],
+    )
+
+
+@pytest.mark.parametrize(("answer", "code", "left"), [("", 1, 1), ("n\n", 1, 1), ("y\n", 0, 0)])
+def test_what_is_removed_from_a_share_is_asked_before(
+    folder: Path, answer: str, code: int, left: int
+) -> None:
+    make_share(folder, {"a": 10})
+    (folder / ".env").write_text("ROBOVAST_SHARE_TYPE=share.py:Share\nMY_TOKEN=x\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "robovast_cli", "results", "remove-from-share", "-i", "a"],
+        cwd=folder, input=answer, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, len(list((folder / "shared").iterdir()))) == (code, left), done
 
 
 def test_a_described_share_is_where_results_come_from(
