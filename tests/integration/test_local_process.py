@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -17,7 +18,7 @@ import yaml
 from local_campaigns import EXAMPLES, ROOT, Recorder, make_campaign, resume, run, verdicts
 from patience import eventually
 
-from robovast.common.execution import campaign_folder_name
+from robovast.common.execution import campaign_folder_name, is_campaign_dir
 from robovast.errors import CannotRunError, InputError, StorageError
 from robovast.results.merge import merge_campaigns
 
@@ -232,17 +233,35 @@ def test_an_output_folder_that_cannot_be_written_is_refused_before_anything_runs
     tmp_path: Path,
 ) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(StorageError, match="Choose another folder"):
-        run(make_campaign(tmp_path / "in", PASS), tmp_path / "file" / "out")
+    file = make_campaign(tmp_path / "in", PASS)
+    for output in (tmp_path / "file", tmp_path / "file" / "out"):
+        with pytest.raises(StorageError, match=r"/file is a file, and results go into a folder"):
+            run(file, output)
 
 
-def test_an_output_folder_that_holds_the_campaign_is_refused(tmp_path: Path) -> None:
+def test_campaigns_that_start_in_one_second_have_folders_of_their_own(tmp_path: Path) -> None:
     now = datetime.now().astimezone()
-    for seconds in range(20):
-        name = campaign_folder_name("test_campaign", now + timedelta(seconds=seconds))
+    taken = {
+        campaign_folder_name("test_campaign", now + timedelta(seconds=seconds))
+        for seconds in range(20)
+    }
+    for name in taken:
         (tmp_path / "out" / name).mkdir(parents=True)
-    with pytest.raises(StorageError, match="exists already"):
-        run(make_campaign(tmp_path / "in", PASS), tmp_path / "out")
+    summary = run(make_campaign(tmp_path / "in", PASS), tmp_path / "out")
+    assert len(summary.records) == 3
+    assert summary.campaign.name not in taken
+    assert is_campaign_dir(summary.campaign)
+
+
+def test_a_campaign_leaves_a_log_of_what_it_did(tmp_path: Path) -> None:
+    summary = run(make_campaign(tmp_path / "in", FAIL_SECOND), tmp_path / "out", jobs=1)
+    lines = (summary.campaign / "_execution/controller.log").read_text().splitlines()
+    line = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d,\d{3} INFO robovast\.campaign: (.+)")
+    texts = [found[1] for found in map(line.fullmatch, lines) if found]
+    assert len(texts) == len(lines)
+    assert f"{summary.campaign.name}: 3 runs, 0 done before; process, 1 side by side" in texts
+    assert "one-2/0: started" in texts
+    assert any(text.startswith("one-2/0: failed after ") for text in texts)
 
 
 def test_two_programs_do_not_execute_one_campaign(tmp_path: Path) -> None:

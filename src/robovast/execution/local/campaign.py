@@ -13,6 +13,7 @@ from robovast.atomic import write_atomically
 from robovast.execution.contract import contract_files
 from robovast.execution.generate import copy_file
 from robovast.execution.inputs import container_files
+from robovast.execution.local.controller_log import logged
 from robovast.execution.local.events import Observer, Summary
 from robovast.execution.local.job_execution import JobExecution
 from robovast.execution.local.session import Session
@@ -34,16 +35,19 @@ def execute_campaign(session: Session, runs: Sequence[Run], observer: Observer) 
     """
     root = session.layout.root
     refusal = f"{root}: another `vast` is executing this campaign; wait for it or stop it."
-    with exclusive_folder(session.layout.running, refusal):
+    with (
+        exclusive_folder(session.layout.running, refusal),
+        logged(session.layout, observer) as told,
+    ):
         with explained(root):
-            done = finished_runs(session, runs, observer.message)
+            done = finished_runs(session, runs, told.message)
         todo = [run for run in runs if run.id not in done]
         session.runtime.clean_up_campaign(session.token)
         _prepare_common(session)
-        execution = _CampaignExecution(session, todo, observer, done)
+        execution = _CampaignExecution(session, todo, told, done)
         count = min(session.jobs_side_by_side, len(todo))
         how = f"{session.runtime.name}, {count} side by side"
-        observer.campaign_started(root, len(runs), len(done), how)
+        told.campaign_started(root, len(runs), len(done), how)
         interrupted = execution.run(count)
         _write_job_links(session.layout, execution.records)
     records = [execution.records[run.id] for run in runs if run.id in execution.records]

@@ -1,0 +1,71 @@
+"""`_execution/controller.log`: what a campaign on this machine did, and when."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from robovast.execution.local.events import Observer
+from robovast.execution.local.store import explained
+from robovast.plan import Run
+from robovast.results.layout import Layout
+from robovast.results.run_record import RunRecord
+
+FILE = "controller.log"
+
+_log = logging.getLogger("robovast.campaign")
+_log.propagate = False  # whoever watches is told by the observer
+
+
+@contextmanager
+def logged(layout: Layout, observer: Observer) -> Iterator[Observer]:
+    """An observer that passes everything on, and writes it to the log of a campaign.
+
+    Warnings of the whole library go into that log, too.
+
+    Raises:
+        StorageError: it cannot be written.
+    """
+    with explained(layout.root):
+        layout.execution.mkdir(exist_ok=True)
+        handler = logging.FileHandler(layout.execution / FILE, encoding="utf-8")
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    library = logging.getLogger("robovast")
+    _log.setLevel(logging.INFO)
+    for logger in (_log, library):
+        logger.addHandler(handler)
+    try:
+        yield _Logged(observer)
+    finally:
+        for logger in (_log, library):
+            logger.removeHandler(handler)
+        handler.close()
+
+
+@dataclass(frozen=True)
+class _Logged:
+    observer: Observer
+
+    def campaign_started(self, campaign: Path, total: int, done: int, how: str) -> None:
+        """Log the campaign."""
+        _log.info("%s: %d runs, %d done before; %s", campaign.name, total, done, how)
+        self.observer.campaign_started(campaign, total, done, how)
+
+    def run_started(self, run: Run) -> None:
+        """Log the run."""
+        _log.info("%s: started", run.path)
+        self.observer.run_started(run)
+
+    def run_finished(self, run: Run, record: RunRecord) -> None:
+        """Log its verdict."""
+        took = f"after {record.duration:.1f} s"
+        _log.info("%s: %s %s. %s", run.path, record.verdict, took, record.reason)
+        self.observer.run_finished(run, record)
+
+    def message(self, text: str) -> None:
+        """Log the text."""
+        _log.info("%s", text)
+        self.observer.message(text)
