@@ -10,6 +10,9 @@ from robovast_cli.lazy import new_app
 app = new_app("List, generate and check configurations.", no_args_is_help=True)
 
 
+_DOCUMENTS = {".vast", ".yaml", ".yml"}
+
+
 @app.callback()
 def config() -> None:
     """List, generate and check configurations."""
@@ -35,6 +38,19 @@ def list_(
     from robovast_cli.listing import print_configurations
 
     print_configurations(ctx.obj.document(), output, internal=debug)
+
+
+@app.command(hidden=True)
+def gui(ctx: typer.Context, debug: Annotated[bool, typer.Option("--debug")] = False) -> None:
+    """List the configurations, as `vast config list`: they are edited in an editor of your own."""
+    from robovast_cli.listing import print_configurations
+
+    typer.echo(
+        "note: configurations are edited in your own editor, which `vast config schema` teaches "
+        "the keys (docs/cli.md); `vast config view OUT` draws them. This is `vast config list`.",
+        err=True,
+    )
+    print_configurations(ctx.obj.document(), "table", internal=debug)
 
 
 @app.command()
@@ -132,11 +148,21 @@ def export_configs(
     ctx: typer.Context,
     patterns: Annotated[
         list[str],
-        typer.Argument(metavar="PATTERN", help="Names or globs of configurations."),
+        typer.Argument(
+            metavar="PATTERN",
+            help="Names or globs of configurations; the last may be the file to write (`*.vast`, "
+            "`*.yaml`, `*.yml`).",
+        ),
     ],
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="File to write; stdout when omitted."),
+    ] = None,
+    source: Annotated[
+        Path | None,
+        typer.Option(
+            "--input", metavar="VAST_FILE", help="The same as `vast -V`.", show_default=False
+        ),
     ] = None,
 ) -> None:
     """Write configurations as entries with fixed parameters.
@@ -145,6 +171,9 @@ def export_configs(
     """
     from robovast_cli.entries import export_entries
 
+    if output is None and len(patterns) > 1 and Path(patterns[-1]).suffix in _DOCUMENTS:
+        output = Path(patterns.pop())
+    ctx.obj.vast_file = source or ctx.obj.vast_file
     export_entries(ctx.obj.document(), patterns, output)
 
 

@@ -16,11 +16,12 @@ from robovast.atomic import write_atomically
 from robovast.document import load_document
 from robovast.document.loader import Document, check_source
 from robovast.document.source import Source
-from robovast.errors import InputError, StorageError
+from robovast.errors import DocumentError, InputError, RobovastError, StorageError
 from robovast.expansion import Variant, expand, select_variants
 from robovast.plain import dump_yaml
 from robovast.results.configurations import read_variants
 from robovast.results.layout import Layout
+from robovast_cli.output import asked
 from robovast_cli.workspace import shown
 
 
@@ -39,6 +40,10 @@ def export_entries(document: Document, patterns: Sequence[str], output: Path | N
     if output is None:
         sys.stdout.write(text)
         return
+    if output.exists() and sys.stdin.isatty():
+        if not asked(f"{output} exists. Replace it?", default=True):
+            return
+        output.unlink()
     try:
         with output.open("x", encoding="utf-8") as file:
             file.write(text)
@@ -50,13 +55,20 @@ def export_entries(document: Document, patterns: Sequence[str], output: Path | N
 def import_entries(target: Path, source: Path) -> None:
     """Append the entries of a source to the `configuration` list of a .vast file.
 
+    Each is expanded by itself before; what cannot be is named and left out.
+
     Raises:
-        InputError: nothing to import, or a target whose text cannot be extended.
-        DocumentError: the target would be wrong with them, as places in its new text.
+        InputError: nothing to import, a name that is there already, or a target whose text cannot
+            be extended.
+        DocumentError: the target is wrong, or would be with all of them.
         StorageError: the target cannot be written.
     """
-    entries = _read_entries(source)
-    load_document(target)
+    document = load_document(target)
+    given = _read_entries(source)
+    _refuse_known(document, given)
+    entries = [entry for entry in given if _is_usable(document, entry, source)]
+    if not entries:
+        raise InputError(f"{source}: none of its configurations can be used in {target}.")
     text = append_entries(target.read_bytes().decode(), entries, target)
     check_source(Source(target, text))
     try:
@@ -66,6 +78,35 @@ def import_entries(target: Path, source: Path) -> None:
     except OSError as error:
         raise StorageError(f"{target}: cannot be written: {error.strerror}.") from error
     typer.echo(f"Added {_counted(entries)} to {shown(target)}.")
+
+
+def _refuse_known(document: Document, entries: Sequence[Any]) -> None:
+    known = {entry.name for entry in document.vast.configuration or ()}
+    names = [entry.get("name") for entry in entries if isinstance(entry, dict)]
+    there = [name for name in names if name in known]
+    if there:
+        raise InputError(
+            f"{document.path}: has configurations of these names already: "
+            f"{', '.join(there)}. Rename them, there or in what is imported."
+        )
+
+
+def _is_usable(document: Document, entry: Any, source: Path) -> bool:
+    """Whether a document can be expanded with nothing but this entry; says why not."""
+    data = {**document.source.data, "configuration": [entry]}
+    try:
+        alone = check_source(Source(document.path, dump_yaml(data)))
+        with TemporaryDirectory(prefix="robovast-") as folder:
+            expand(alone, Path(folder), logging.getLogger(__name__).info)
+    except DocumentError as error:
+        cause = "; ".join(f"{problem.key}: {problem.message}" for problem in error.problems)
+    except RobovastError as error:
+        cause = str(error)
+    else:
+        return True
+    name = entry.get("name") if isinstance(entry, dict) else entry
+    typer.echo(f"{source}: `{name}` is left out: {cause}", err=True)
+    return False
 
 
 def append_entries(text: str, entries: Sequence[Any], file: Path) -> str:

@@ -197,8 +197,44 @@ def test_import_that_would_break_the_file_changes_nothing(vast, sweep, tmp_path)
     (tmp_path / "more.yaml").write_text("configuration: [{name: new}, {name: fixed}]\n")
     outcome = vast("-V", sweep, "config", "import-configs", "more.yaml")
     assert outcome.code == 2
-    assert "configuration[3].name: the name `fixed` stands twice" in outcome.err
+    assert "has configurations of these names already: fixed. Rename them" in outcome.err
     assert sweep.read_bytes() == before
+
+
+def test_import_leaves_out_what_cannot_be_expanded(vast, sweep, tmp_path) -> None:
+    bad = [{"name": "odd", "parameters": [{"colour": "red"}]}, {"name": "a/b"}, 7]
+    good = {
+        "name": "new",
+        "variations": [{"ParameterVariationList": {"name": "speed", "values": [3]}}],
+    }
+    (tmp_path / "more.yaml").write_text(yaml.safe_dump({"configuration": [*bad, good]}))
+    outcome = vast("-V", sweep, "config", "import-configs", "more.yaml")
+    assert (outcome.code, outcome.out) == (0, "Added 1 configuration to drive.vast.\n")
+    lines = outcome.err.splitlines()
+    assert lines[0].startswith(
+        "more.yaml: `odd` is left out: configuration[0].parameters[0].colour:"
+    )
+    assert lines[1].startswith("more.yaml: `a/b` is left out: configuration[0].name:")
+    assert lines[2].startswith("more.yaml: `7` is left out: ")
+    assert vast("config", "list", "-o", "name").out.split()[-1] == "new-1"
+    before = sweep.read_bytes()
+    (tmp_path / "more.yaml").write_text(yaml.safe_dump({"configuration": bad}))
+    outcome = vast("-V", sweep, "config", "import-configs", "more.yaml")
+    assert outcome.code == 2
+    assert "none of its configurations can be used" in outcome.err
+    assert sweep.read_bytes() == before
+
+
+def test_export_takes_its_file_as_the_last_argument(vast, sweep, tmp_path) -> None:
+    outcome = vast("config", "export-configs", "fixed", "f.vast", "--input", "drive.vast")
+    assert (outcome.code, outcome.out) == (0, "Wrote 1 configuration to f.vast.\n")
+
+
+def test_gui_says_what_stands_in_its_place(vast, sweep) -> None:
+    outcome = vast("config", "gui", "--debug")
+    assert outcome.code == 0
+    assert "your own editor" in outcome.err
+    assert "_config_name" in outcome.out
 
 
 NEW = [{"name": "new", "parameters": [{"speed": 1}]}]
