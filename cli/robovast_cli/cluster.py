@@ -5,14 +5,25 @@ from typing import Annotated, Literal
 
 import typer
 
-from robovast_cli.cluster_options import CampaignName, Context, Namespace
+from robovast_cli.cluster_options import (
+    CampaignName,
+    Context,
+    Namespace,
+    SetupOptions,
+    setup_config,
+)
 from robovast_cli.lazy import new_app
 from robovast_cli.local import Debug, LogTree, Runs, Select
 
 Image = Annotated[
     str | None,
     typer.Option(
-        "-i", "--image", help="Container image; the file's when omitted.", show_default=False
+        "-i",
+        "--image",
+        envvar="ROBOVAST_IMAGE",
+        show_envvar=False,
+        help="Container image; $ROBOVAST_IMAGE, then the file's, when omitted.",
+        show_default=False,
     ),
 ]
 ConfigOption = Annotated[
@@ -150,6 +161,8 @@ def setup(
 @app.command()
 def cleanup(
     force: Annotated[bool, typer.Option("-f", "--force", help="Also while campaigns run.")] = False,
+    _config: Annotated[str | None, setup_config("c")] = None,
+    _options: SetupOptions = None,
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
@@ -186,6 +199,8 @@ def prepare_run(
     image: Image = None,
     log_tree: LogTree = False,
     debug: Debug = False,
+    _cluster_config: Annotated[str | None, setup_config("k")] = None,
+    _options: SetupOptions = None,
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
@@ -236,6 +251,7 @@ def run_cleanup(
     data: Annotated[
         bool, typer.Option("--data", help="Also remove its results from the cluster's storage.")
     ] = False,
+    _options: SetupOptions = None,
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
@@ -249,6 +265,7 @@ def run_cleanup(
 def download_cleanup(
     campaign: CampaignName = None,
     yes: Annotated[bool, typer.Option("-f", "--yes", help="Do not ask.")] = False,
+    _options: SetupOptions = None,
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:

@@ -5,6 +5,7 @@ from robovast_cli.lazy import Lazy, new_group
 COMMANDS = {
     "gui": Lazy("robovast_cli.gui:app", "Look at results in the browser."),
     "mcp-server": Lazy("robovast_cli.mcp:app", "Let an assistant look at results, as `vast mcp`."),
+    "index": Lazy("robovast_cli.evaluation_index:app", "Make the campaigns' `campaign.db`."),
     "notebook": Lazy("robovast_cli.notebook:app", "Open a notebook on results in Jupyter."),
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from pathlib import Path
 from typing import Annotated, Literal
@@ -54,6 +55,9 @@ def download(
         bool,
         typer.Option("--keep-archive", help="Also leave the `.tar.gz` that came from the share."),
     ] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Print each HTTP request and its status on stderr.")
+    ] = False,
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
@@ -63,6 +67,8 @@ def download(
     campaign runs, after an interruption, after more runs were added. From the share, a campaign
     that is here stays as it is, unless `--force` replaces it.
     """
+    if debug:
+        logging.getLogger("urllib3").setLevel(logging.DEBUG)
     output = output or ctx.obj.results
     names = campaign or []
     cluster_is_meant = source == "cluster" or (source is None and (context or namespace))

@@ -22,6 +22,12 @@ def metadata(
             help="Execute no plugins in the campaigns' own files.",
         ),
     ] = False,
+    dot_pdf: Annotated[
+        bool,
+        typer.Option(
+            "--dot-pdf", help="Also draw the graph: metadata.dot and, with Graphviz, metadata.pdf."
+        ),
+    ] = False,
 ) -> ExitCode:
     """Write metadata.yaml and metadata.prov.json (PROV-O) of campaigns.
 
@@ -30,4 +36,5 @@ def metadata(
     """
     from robovast_cli.descriptions import describe_campaigns
 
-    return describe_campaigns(results_dir or ctx.obj.results, own_plugins=not no_plugins)
+    results = results_dir or ctx.obj.results
+    return describe_campaigns(results, own_plugins=not no_plugins, draw=dot_pdf)

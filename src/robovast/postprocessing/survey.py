@@ -27,7 +27,7 @@ OWN = "."
 WHOLE = ""
 """The unit of everything: its inputs are those of all others."""
 
-_GENERATED = ("metadata.yaml", "metadata.prov.json", "metadata.pdf", "campaign.db")
+_GENERATED = ("metadata.yaml", "metadata.prov.json", "metadata.dot", "metadata.pdf", "campaign.db")
 """Files of a campaign's folder that are made of all others."""
 _OWN_FOLDERS = ("_config", "_transient")
 

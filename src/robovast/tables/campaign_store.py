@@ -59,6 +59,24 @@ def write_campaign_store(layout: Layout, document: Path | None, runs: Iterable[s
         raise StorageError(f"{path}: cannot be written: {error}.") from error
 
 
+def index_campaign(layout: Layout, *, force: bool) -> bool:
+    """Describe a campaign unless its store is newer than every run; returns whether it was done.
+
+    Raises:
+        StorageError: the file cannot be written.
+    """
+    runs = list(layout.run_folders())
+    path = layout.root / FILE
+    if not force and path.is_file():
+        made = path.stat().st_mtime
+        if all(folder.stat().st_mtime < made for folder in runs):
+            return False
+    documents = sorted(layout.config.glob("*.vast"))
+    names = (str(folder.relative_to(layout.root)) for folder in runs)
+    write_campaign_store(layout, documents[0] if documents else None, names)
+    return True
+
+
 def _is_ours(path: Path) -> bool:
     try:
         with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as connection:
