@@ -10,8 +10,29 @@ import json
 from pathlib import Path
 
 from robovast.plain import dump_yaml
+from robovast.results.run_record import RunRecord
+from robovast.results.verdict import Verdict
 
 NAME = "hall_tests-2026-03-04-152130"
+RECORD = RunRecord(
+    campaign=NAME,
+    variant="hall-1-1",
+    entry="hall",
+    run=0,
+    id=0,
+    verdict=Verdict.PASSED,
+    reason="",
+    started_at="2026-03-04T15:21:30+00:00",
+    finished_at="2026-03-04T15:21:32+00:00",
+    duration=2.0,
+    exit_code=0,
+    attempt=1,
+    job="job-0",
+    runtime="docker",
+    image="",
+    image_digest="",
+    host="h",
+)
 DATASET = "https://example.org/datasets/halls/"
 
 DOCUMENT = """\

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import sys
@@ -15,7 +14,7 @@ from typing import Any
 from robovast.evaluation.summaries import RunSummary, VariantRuns
 from robovast.evaluation.untrusted import mapping, plain, read_yaml
 from robovast.results.layout import RUN_RECORD
-from robovast.results.verdict import Verdict, read_test_result
+from robovast.results.run_record import RunRecord, parse_run_record, result_without_record
 
 LARGEST = 1 << 20
 """Of a record that is read [bytes]."""
@@ -26,7 +25,6 @@ _LARGEST_NUMBER = 1e18
 """Of seconds; larger integers are no numbers to compute with."""
 
 _RUN = re.compile(r"0|[1-9][0-9]{0,8}")
-_VERDICTS = list(Verdict)
 
 
 def read_variant(results: Path, campaign: str, name: str) -> VariantRuns:
@@ -38,19 +36,20 @@ def read_variant(results: Path, campaign: str, name: str) -> VariantRuns:
     with _folder(f"{results}/{campaign}/{name}") as variant:
         numbers = sorted(int(entry.name) for entry in os.scandir(variant) if _is_run(entry))
         records = [(number, _read_record(variant, number)) for number in numbers]
-    first: Mapping[str, Any] = next((record for _, record in records if record), {})
-    if isinstance(first.get("parameters"), dict):
-        parameters = _bounded(first["parameters"])
+    first = next((record for _, record in records if record is not None), None)
+    if first is not None:
+        parameters = _bounded(first.parameters)
     else:
         scenarios = read_yaml(results, f"{campaign}/{name}/_config/scenario.config")
         parameters = next(map(mapping, scenarios.values()), {})
     runs = [
         _from_record(number, record)
-        if record
+        if record is not None
         else _from_test_result(results / campaign / name / str(number), number)
         for number, record in records
     ]
-    return VariantRuns(name, str(first.get("entry") or name), parameters, tuple(runs))
+    entry = first.entry if first is not None else ""
+    return VariantRuns(name, entry or name, parameters, tuple(runs))
 
 
 def seconds(value: Any) -> float | None:
@@ -74,36 +73,35 @@ def _is_run(entry: os.DirEntry[str]) -> bool:
     return bool(_RUN.fullmatch(entry.name)) and entry.is_dir(follow_symlinks=False)
 
 
-def _read_record(variant: int, number: int) -> Mapping[str, Any]:
-    """A run's record; empty when there is none that can be read."""
+def _read_record(variant: int, number: int) -> RunRecord | None:
+    """A run's record; None when there is none that can be read."""
     flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     try:
         descriptor = os.open(f"{number}/{RUN_RECORD}", flags, dir_fd=variant)
     except OSError:
-        return {}
+        return None
     try:
         size = min(os.fstat(descriptor).st_size, LARGEST)
-        record = mapping(json.loads(os.read(descriptor, size)))
-    except (OSError, ValueError, RecursionError):
-        return {}
+        return parse_run_record(os.read(descriptor, size))
+    except OSError:
+        return None
     finally:
         os.close(descriptor)
-    return record if record.get("verdict") in _VERDICTS else {}
 
 
-def _from_record(number: int, record: Mapping[str, Any]) -> RunSummary:
+def _from_record(number: int, record: RunRecord) -> RunSummary:
     return RunSummary(
         number=number,
-        verdict=Verdict(record["verdict"]),
-        reason=sys.intern(str(record.get("reason") or "")[:LONGEST_REASON]),
-        started_at=seconds(record.get("started_at")),
-        duration=_number(record.get("duration")),
+        verdict=record.verdict,
+        reason=sys.intern(record.reason[:LONGEST_REASON]),
+        started_at=seconds(record.started_at),
+        duration=_number(record.duration),
     )
 
 
 def _from_test_result(folder: Path, number: int) -> RunSummary:
     """A run without a record: of another program, or of an older version."""
-    result = read_test_result(folder)
+    result = result_without_record(folder)
     reason = result.reason[:LONGEST_REASON]
     return RunSummary(number, result.verdict, reason, result.started_at, result.duration)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,8 +11,9 @@ from robovast.provenance.findings import Findings
 from robovast.provenance.reading import list_files, read_mapping
 from robovast.provenance.times import as_utc, from_epoch
 from robovast.results.layout import RUN_RECORD, TEST_RESULT, job_folder
-from robovast.results.verdict import Verdict, read_test_result
-from robovast.safe_paths import read_file, read_text
+from robovast.results.run_record import read_run_record, result_without_record
+from robovast.results.verdict import Verdict
+from robovast.safe_paths import read_text
 
 BAG_PARTS = (".mcap", ".db3")
 RUN_BAG = "rosbag2"
@@ -55,12 +55,12 @@ def describe_run(root: Path, variant: str, number: str, findings: Findings) -> d
 
 def _outcome(folder: Path, where: str, files: Iterable[str], findings: Findings) -> dict[str, Any]:
     """Verdict and times: from `run.json`, or from `test.xml` where another tool ran it."""
-    record = _read_record(folder / RUN_RECORD)
+    record = _read_record(folder)
     if f"{where}/{TEST_RESULT}" not in files:
         findings.missing(f"no {TEST_RESULT}", where)
     if record is None:
         if f"{where}/{RUN_RECORD}" in files:
-            findings.missing(f"no {RUN_RECORD} that can be read, so told by {TEST_RESULT}", where)
+            findings.missing(f"no {RUN_RECORD} that this version understands", where)
         record = _read_result(folder)
     outcome = {
         "success": "true" if record["verdict"] == Verdict.PASSED else "false",
@@ -72,18 +72,15 @@ def _outcome(folder: Path, where: str, files: Iterable[str], findings: Findings)
     return {name: value for name, value in outcome.items() if value}
 
 
-def _read_record(path: Path) -> dict[str, Any] | None:
+def _read_record(folder: Path) -> dict[str, Any] | None:
     """A run's record, as far as it is needed here; None when there is none."""
-    try:
-        record = json.loads(read_file(path))
-        keys = ("verdict", "reason", "started_at", "finished_at")
-        return {**{key: record[key] for key in keys}, "verdict": Verdict(record["verdict"])}
-    except (OSError, ValueError, TypeError, KeyError):
-        return None
+    record = read_run_record(folder)
+    keys = ("verdict", "reason", "started_at", "finished_at")
+    return {key: getattr(record, key) for key in keys} if record is not None else None
 
 
 def _read_result(folder: Path) -> dict[str, Any]:
-    result = read_test_result(folder)
+    result = result_without_record(folder)
     start, duration = result.started_at, result.duration
     end = start + duration if start is not None and duration is not None else None
     return {

@@ -16,12 +16,16 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from robovast.results.layout import RUN_RECORD
 from robovast.results.places import is_plain
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 LONGEST_KEY = 1000
 """Of an object; S3 allows 1024 [byte]."""
@@ -47,6 +51,8 @@ class StoredFile:
     size: int
     """[byte]"""
     sha256: str
+    unknown: Mapping[str, Any] = field(default_factory=dict)
+    """What a newer version has written besides."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +69,8 @@ class FileList:
     """Of all files together [byte]."""
     revision: int = 0
     """Raised when the record is written again, so that whoever has seen the old one notices."""
+    unknown: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    """What a newer version has written besides."""
 
     def revised(self) -> FileList:
         """The same, told from the one before."""
@@ -147,7 +155,8 @@ def is_writers(key: str) -> bool:
 def write_list(files: Iterable[StoredFile]) -> bytes:
     """The list of a run's files, as it is stored."""
     ordered = sorted(files, key=lambda file: file.path)
-    return json.dumps({"files": [asdict(file) for file in ordered]}, indent=0).encode()
+    items = [with_unknown(asdict(file)) for file in ordered]
+    return json.dumps({"files": items}, indent=0).encode()
 
 
 def read_list(content: bytes) -> list[StoredFile]:
@@ -157,7 +166,8 @@ def read_list(content: bytes) -> list[StoredFile]:
         ValueError: it is none, or a path or key in it leads elsewhere.
     """
     try:
-        files = [StoredFile(**item) for item in json.loads(content)["files"]]
+        items = json.loads(content)["files"]
+        files = [StoredFile(**with_unknown_apart(item, StoredFile)) for item in items]
         for file in files:
             _check(file)
     except (KeyError, TypeError, AttributeError, RecursionError, UnicodeError) as error:
@@ -165,6 +175,18 @@ def read_list(content: bytes) -> list[StoredFile]:
     if len({file.path for file in files}) < len(files):
         raise ValueError("it has a path twice")
     return files
+
+
+def with_unknown_apart(data: Mapping[str, Any], kind: type[DataclassInstance]) -> dict[str, Any]:
+    """What was read, what the class does not know of it under `unknown`: a newer version's."""
+    known = {field.name for field in fields(kind)} - {"unknown"}
+    rest = {key: data[key] for key in data if key not in known}
+    return {**{key: data[key] for key in data if key in known}, "unknown": rest}
+
+
+def with_unknown(data: dict[str, Any]) -> dict[str, Any]:
+    """As it is written: what was not known stands beside the rest again."""
+    return {**data.pop("unknown"), **data}
 
 
 def _check(file: StoredFile) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
@@ -15,8 +16,13 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from robovast.results.layout import RUN_RECORD
-from robovast.results.run_files import FileList, MissingFile
-from robovast.results.verdict import Verdict
+from robovast.results.run_files import (
+    FileList,
+    MissingFile,
+    with_unknown,
+    with_unknown_apart,
+)
+from robovast.results.verdict import TestResult, Verdict, read_test_result
 from robovast.safe_paths import read_file
 
 SCHEMA = 1
@@ -57,6 +63,8 @@ class RunRecord:
     missing: tuple[MissingFile, ...] = ()
     """What the run wrote and could not be stored."""
     schema: int = SCHEMA
+    unknown: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    """What a newer version has written besides; it stays when the record is written again."""
 
     @property
     def finished(self) -> bool:
@@ -72,7 +80,9 @@ class RunRecord:
         return record_text(self._data())
 
     def _data(self) -> dict[str, Any]:
-        data = asdict(self)
+        data = with_unknown(asdict(self))
+        if data[PLACE]:
+            data[PLACE] = with_unknown(data[PLACE])
         left_out = {key for key in (PLACE, "missing") if not data[key]}
         return {key: value for key, value in data.items() if key not in left_out}
 
@@ -112,10 +122,26 @@ def read_run_record(folder: Path) -> RunRecord | None:
 def parse_run_record(text: str | bytes) -> RunRecord | None:
     """The record in the text of a `run.json`; None when it is none of this format."""
     try:
-        record = _adapter().validate_json(text)
-    except ValueError:
+        data = with_unknown_apart(json.loads(text), RunRecord)
+        if data.get(PLACE):
+            data[PLACE] = with_unknown_apart(data[PLACE], FileList)
+        record = _adapter().validate_python(data)
+    except (ValueError, TypeError, AttributeError, RecursionError):
         return None
     return record if record.schema <= SCHEMA else None
+
+
+def result_without_record(folder: Path) -> TestResult:
+    """What is known of a run that has no record of this format: its test.xml says it.
+
+    Not so where a newer version has written the record: it may say otherwise.
+    """
+    with suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
+        if json.loads(read_file(folder / RUN_RECORD, folder.parent))["schema"] > SCHEMA:
+            return TestResult(
+                Verdict.ERRORED, f"{RUN_RECORD} is of a newer version of RoboVAST than this"
+            )
+    return read_test_result(folder)
 
 
 @cache

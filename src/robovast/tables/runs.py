@@ -13,8 +13,7 @@ import yaml
 from robovast.errors import InputError
 from robovast.results.configurations import read_configurations
 from robovast.results.layout import Layout
-from robovast.results.run_record import read_run_record
-from robovast.results.verdict import read_test_result
+from robovast.results.run_record import read_run_record, result_without_record
 from robovast.safe_paths import read_file
 
 COLUMNS = {
@@ -78,8 +77,8 @@ def _row(folder: Path, variant: str, number: int, configuration: Mapping[str, An
 
 
 def _judged(folder: Path) -> Row:
-    """What test.xml says."""
-    result = read_test_result(folder)
+    """What is known without a record."""
+    result = result_without_record(folder)
     start = None if result.started_at is None else datetime.fromtimestamp(result.started_at, UTC)
     end = start + timedelta(seconds=result.duration) if start and result.duration else None
     return {

@@ -150,7 +150,8 @@ def test_times_that_are_none_are_left_out(root: Path, time: str) -> None:
     json.dumps(columns(index.variants), allow_nan=False)
     first, second = index.variants[0].runs
     assert (first.verdict, first.duration) == (Verdict.PASSED, None)
-    assert second.verdict is Verdict.PASSED
+    too_large = len(time) > 300  # for a number of seconds, so that the record is not understood
+    assert second.verdict is (Verdict.ERRORED if too_large else Verdict.PASSED)
     assert second.duration in {None, -1.0}
     assert index.summary().duration is not None
 

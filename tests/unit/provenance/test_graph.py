@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import json
 import socket
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import rdflib
-from provenance_campaigns import DATASET, NAME, make_old_campaign, nodes_of
+from provenance_campaigns import DATASET, NAME, RECORD, make_old_campaign, nodes_of
 from rdflib import PROV, RDF, Literal, URIRef
 from rdflib.compare import isomorphic
 
 from robovast.provenance import PluginFaultsError, describe, write_graph, write_metadata
 from robovast.provenance.vocabulary import PREFIXES, ROBOVAST
+from robovast.results.verdict import Verdict
 
 SHAPES = Path(__file__).with_name("prov-constraints.ttl")
 BASE = f"{DATASET}{NAME}/"
@@ -117,8 +119,7 @@ def test_success_is_a_boolean(described: Path) -> None:
 
 
 def test_an_interrupted_run_has_no_success(campaign: Path) -> None:
-    record = {"verdict": "interrupted", "reason": "", "started_at": None, "finished_at": None}
-    (campaign / "hall-1-1/0/run.json").write_text(json.dumps(record))
+    replace(RECORD, verdict=Verdict.INTERRUPTED, started_at="").write(campaign / "hall-1-1/0")
     describe(campaign)
     graph = load(campaign)
     assert graph.value(iri("hall-1-1/0"), VAST.success) is None

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import logging
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import yaml
-from provenance_campaigns import DOCUMENT, NAME, SYSINFO, make_old_campaign
+from provenance_campaigns import DOCUMENT, NAME, RECORD, SYSINFO, make_old_campaign
 
 from robovast.provenance import PluginFaultsError, describe, write_metadata
+from robovast.results.verdict import Verdict
 
 
 def read(root: Path) -> dict:
@@ -202,7 +204,7 @@ def test_missing_pieces_are_stated_and_never_fatal(
     assert caplog.messages == [
         f"{NAME}: no execution.yaml: {NAME}",
         f"{NAME}: no test.xml: hall-1-1/0",
-        f"{NAME}: no run.json that can be read, so told by test.xml: hall-1-1/1",
+        f"{NAME}: no run.json that this version understands: hall-1-1/1",
         f"{NAME}: no sysinfo.yaml: hall-1-1/1",
         f"{NAME}: configurations without a run: hall-1-2",
     ]
@@ -270,10 +272,10 @@ def test_text_that_is_not_utf_8_is_kept_as_far_as_it_can_be_read(campaign: Path)
 
 
 def test_results_of_a_local_campaign_come_from_its_records(campaign: Path) -> None:
-    (campaign / "hall-1-1/0/run.json").write_text(
-        '{"verdict": "interrupted", "reason": "stopped", '
-        '"started_at": "2026-03-04T16:00:00+01:00", "finished_at": null}'
+    record = replace(
+        RECORD, verdict=Verdict.INTERRUPTED, started_at="2026-03-04T16:00:00+01:00", finished_at=""
     )
+    record.write(campaign / "hall-1-1/0")
     result = written(campaign)["configurations"][0]["test_results"][0]
     assert (result["success"], result["verdict"]) == ("false", "interrupted")
     assert result["start_time"] == "2026-03-04T15:00:00+00:00"
