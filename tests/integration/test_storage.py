@@ -17,6 +17,7 @@ from uuid import uuid4
 import pytest
 from cutting_proxy import cutting_proxy
 from minio import Minio
+from robovast_testbed import clocks, outages
 from robovast_testbed.s3 import Server
 
 from robovast.cluster import storage, upload
@@ -340,6 +341,24 @@ def test_a_wrong_key_is_said_at_once(s3_server: Server, bucket: str) -> None:
     with pytest.raises(StorageError, match=r"Check the secret key|policy"):
         stranger.put_bytes(bucket, "key", b"")
     assert time.monotonic() - begin < 5
+
+
+@pytest.mark.parametrize("seconds", [3600, -3600])
+def test_a_wrong_clock_is_named_and_waited_for(
+    s3_server: Server, bucket: str, seconds: int
+) -> None:
+    (process,) = outages.processes(s3_server.bed, lambda words: s3_server.make in words[0])
+    patient, hasty = open_store(s3_server), open_store(s3_server, patience=1)
+    with ThreadPoolExecutor() as pool:
+        with clocks.shifted(process, seconds):
+            time.sleep(1.5)  # servers look at the clock for the header Date once a second
+            with pytest.raises(StorageError, match=r"clock"):
+                hasty.put_bytes(bucket, "key", b"")
+            stored = pool.submit(patient.put_bytes, bucket, "key", b"content")
+            time.sleep(1)
+            assert not stored.done()
+        stored.result()
+    assert hasty.read(bucket, "key") == b"content"
 
 
 def test_a_server_that_stays_away_is_named_when_patience_ends(s3_server: Server) -> None:

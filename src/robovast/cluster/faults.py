@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import time
+from calendar import timegm
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from email.utils import parsedate
 from typing import TypeVar
 
 from minio.error import InvalidResponseError, MinioException, S3Error, ServerError
@@ -19,6 +22,9 @@ class ObjectError(StorageError):
     """One object is not what it should be; that says nothing of the others."""
 
 
+CLOCKS_APART = 600
+"""So much, and servers may refuse what is asked; most allow 15 minutes [s]."""
+_SKEWED = "RequestTimeTooSkewed"
 _PASSING = frozenset(
     {
         "BadDigest",  # damaged on the way
@@ -27,7 +33,7 @@ _PASSING = frozenset(
         "InternalError",
         "NoSuchUpload",  # a restart forgot the parts of a large file
         "OperationAborted",
-        "RequestTimeTooSkewed",  # it waited for too long
+        _SKEWED,  # it waited for too long, or a clock is wrong
         "RequestTimeout",
         "ServiceUnavailable",
         "SlowDown",
@@ -62,7 +68,7 @@ def persist(action: Callable[[], T], patience: float) -> T:
 def passes(error: Exception) -> bool:
     """True when the same request may succeed later."""
     if isinstance(error, S3Error):
-        return error.code in _PASSING or error.response.status in BUSY
+        return error.code in _PASSING or error.response.status in BUSY or _is_of_clocks(error)
     if isinstance(error, ServerError):
         return error.status_code in BUSY
     if isinstance(error, InvalidResponseError):  # of a proxy, which speaks no S3
@@ -70,6 +76,16 @@ def passes(error: Exception) -> bool:
     if isinstance(error, MaxRetryError):
         return not isinstance(error.reason, SSLError)
     return isinstance(error, HTTPError) and not isinstance(error, SSLError)
+
+
+def _is_of_clocks(error: S3Error) -> bool:
+    """True when a request was refused because it was signed at another time than the server's.
+
+    That has a code of its own, but no code comes with the answer to a HEAD.
+    """
+    told = parsedate(error.response.headers.get("date"))
+    apart = abs(timegm(told) - time.time()) if told else 0
+    return error.code == _SKEWED or (error.code == "AccessDenied" and apart > CLOCKS_APART)
 
 
 def is_refusal(error: S3Error) -> bool:
@@ -106,7 +122,8 @@ def explained(attempt: str) -> Iterator[None]:
         yield
     except S3Error as error:
         cause = f"{(error.message or 'no reason given').rstrip('.')} ({error.code})"
-        remedy = _REMEDIES.get(error.code or "", "The server's own log may tell more.")
+        code = _SKEWED if _is_of_clocks(error) else error.code or ""
+        remedy = _REMEDIES.get(code, "The server's own log may tell more.")
         kind = _kind(error)
         raise kind(f"{attempt}: {cause}. {remedy}") from error
     except (MinioException, HTTPError) as error:
@@ -126,6 +143,7 @@ _REMEDIES = {
     "NoSuchKey": "It was there; was it removed meanwhile?",
     "NoSuchBucket": "Is it the right server, or was the bucket removed?",
     "PreconditionFailed": "It has changed meanwhile; try again.",
+    _SKEWED: "Its clock and the one here are too far apart: set the wrong one.",
     "XMinioAdminBucketQuotaExceeded": "Raise the bucket's quota.",
     "XMinioStorageFull": "Make room on the server; what is stored stays.",
 }
