@@ -40,8 +40,6 @@ DESTINIES: Sequence[tuple[Deed, ...]] = (
     (Deed.DELETE_LATE,),
     (Deed.SUSPEND, Deed.DELETE_LATE),
 )
-PATIENCE = 420.0
-"""For how long a campaign may take once nothing is done to it any more [s]."""
 
 
 @dataclass
@@ -76,6 +74,11 @@ class Entrant:
     def status(self) -> dict[str, Any]:
         found: dict[str, Any] = self.last.get("status", {})
         return found
+
+    @property
+    def seen(self) -> object:
+        """How far it has come."""
+        return self.there, self.done, self.status.get("runs"), self.status.get("conditions")
 
     @property
     def bucket(self) -> str | None:
@@ -190,10 +193,12 @@ def shuffled(chance: Random, items: Sequence[T]) -> Iterator[T]:
 
 
 def draw(
-    chance: Random, labs: Sequence[Lab], number: int, destinies: Iterator[tuple[Deed, ...]]
+    chance: Random,
+    places: Iterator[Sequence[Lab]],
+    number: int,
+    destinies: Iterator[tuple[Deed, ...]],
 ) -> list[Entrant]:
     """The next campaign, or two of one name in two namespaces that are made in one request."""
-    chosen = list(labs) if chance.random() < 0.25 else [chance.choice(labs)]
     return [
         Entrant(
             lab,
@@ -203,7 +208,7 @@ def draw(
             chance.randint(1, 2),
             next(destinies),
         )
-        for lab in chosen
+        for lab in next(places)
     ]
 
 

@@ -11,11 +11,11 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
-from typing import Any
+from typing import Any, TypeVar
 
 from cluster_lab import SYSTEM
-from gauntlet_verdict import Excuse
-from robovast_testbed import outages
+from gauntlet_verdict import JUMP, Excuse
+from robovast_testbed import clocks, outages
 from robovast_testbed.errors import StartFailed
 from robovast_testbed.kubernetes import Cluster
 from robovast_testbed.outages import Process
@@ -29,9 +29,15 @@ from robovast.cluster.resources import (
     UID_LABEL,
 )
 
+T = TypeVar("T")
+
 S3_PORT = 9000
 API_PORT = 6443
 AT_ONCE = ("--grace-period=0", "--force")
+LOOKING = 20.0
+"""For how long a fault waits until somebody is there to suffer it [s]."""
+LOST = 120.0
+"""A node that is not heard of counts as lost by then [s]."""
 SETTLING = 15.0
 """For how long a run that was hit may take until it is told to be over [s]."""
 
@@ -67,15 +73,30 @@ class Arena:
 Do = Callable[[Arena, Random], None]
 
 
+class MissedError(Exception):
+    """A fault that has changed nothing, as nobody was there to suffer it."""
+
+
+def _soon(look: Callable[[], Sequence[T]]) -> Sequence[T]:
+    give_up = time.monotonic() + LOOKING
+    while not (found := look()):
+        if time.monotonic() > give_up:
+            raise MissedError
+        time.sleep(0.3)
+    return found
+
+
 def _kill_one(arena: Arena, chance: Random, wanted: Callable[[Sequence[str]], bool]) -> None:
-    found = arena.processes(wanted)
-    if found:
-        chance.choice(found).signal(signal.SIGKILL)
+    chance.choice(_soon(lambda: arena.processes(wanted))).signal(signal.SIGKILL)
 
 
 def kill_operator(arena: Arena, chance: Random) -> None:
     """As a process; its container starts again."""
-    _kill_one(arena, chance, lambda command: "robovast_operator" in command)
+    _kill_one(arena, chance, _is_operator)
+
+
+def _is_operator(command: Sequence[str]) -> bool:
+    return "robovast_operator" in command
 
 
 def replace_operator(arena: Arena, chance: Random) -> None:
@@ -84,7 +105,11 @@ def replace_operator(arena: Arena, chance: Random) -> None:
 
 
 def kill_agent(arena: Arena, chance: Random) -> None:
-    _kill_one(arena, chance, lambda command: tuple(command[-2:]) == ("robovast.agent", "agent"))
+    _kill_one(arena, chance, _is_agent)
+
+
+def _is_agent(command: Sequence[str]) -> bool:
+    return {"robovast.agent", "agent"} <= set(command)
 
 
 def kill_fetch(arena: Arena, chance: Random) -> None:
@@ -99,9 +124,7 @@ def kill_fetch(arena: Arena, chance: Random) -> None:
 
 def kill_run(arena: Arena, chance: Random) -> None:
     """The first process of a run's container, as when its memory is used up."""
-    found = [p for p in arena.processes(_is_start) if _is_first(p)]
-    if not found:
-        return
+    found = _soon(lambda: [p for p in arena.processes(_is_start) if _is_first(p)])
     process = chance.choice(found)
     host = process.environment.get("HOSTNAME", "")
     whose = [
@@ -138,17 +161,22 @@ def forget_run(arena: Arena, chance: Random) -> None:
 
 
 def _delete_some_pod(arena: Arena, chance: Random, *how: str) -> None:
+    pod = chance.choice(_soon(lambda: _running(arena)))
+    _delete_pod(arena, pod["metadata"]["namespace"], pod["metadata"]["name"], *how)
+
+
+def _running(arena: Arena) -> list[dict[str, Any]]:
+    """The pods whose runs are executed."""
     listed = arena.cluster.get("pods", "--all-namespaces", f"--selector={ROLE_LABEL}=shard")
     pods: list[dict[str, Any]] = listed["items"]  # type: ignore[assignment]
     running = [pod for pod in pods if pod["status"]["phase"] == "Running"]
-    if running:
-        pod = chance.choice(sorted(running, key=lambda pod: str(pod["metadata"]["name"])))
-        _delete_pod(arena, pod["metadata"]["namespace"], pod["metadata"]["name"], *how)
+    return sorted(running, key=lambda pod: str(pod["metadata"]["name"]))
 
 
 def _delete_pod(arena: Arena, namespace: str, *which: str) -> None:
     words = ("delete", "pod", *which, "--wait=false", "--ignore-not-found")
-    arena.cluster.kubectl("--namespace", namespace, *words)
+    if not arena.cluster.kubectl("--namespace", namespace, *words):
+        raise MissedError
 
 
 def restart_part(part: str, longest: float) -> Do:
@@ -177,7 +205,7 @@ def replace_s3(arena: Arena, chance: Random) -> None:
 
 
 def hang_s3(arena: Arena, chance: Random) -> None:
-    with _stopped(arena.processes(_is_s3)):
+    with _stopped(_soon(lambda: arena.processes(_is_s3))):
         time.sleep(chance.uniform(3, 15))
 
 
@@ -185,7 +213,7 @@ def slow_s3(arena: Arena, chance: Random) -> None:
     """It works for a tenth of the time."""
     end = time.monotonic() + chance.uniform(5, 15)
     while time.monotonic() < end:
-        with _stopped(arena.processes(_is_s3)):
+        with _stopped(_soon(lambda: arena.processes(_is_s3))):
             time.sleep(0.45)
         time.sleep(0.05)
 
@@ -230,8 +258,11 @@ def _filtered(arena: Arena, chain: str, *rule: str) -> Iterator[None]:
     arena.cluster.bed.run(*iptables, "--insert", chain, *rule)
     try:
         yield
+        listed = arena.cluster.bed.run(*iptables, "--list", chain, "1", "--verbose", "--exact")
     finally:
         arena.cluster.bed.run(*iptables, "--delete", chain, *rule)
+    if listed.split()[0] == "0":  # packets
+        raise MissedError
 
 
 def fill_storage(arena: Arena, chance: Random) -> None:
@@ -265,7 +296,28 @@ def _full(folder: Path) -> Iterator[None]:
 def cut_node(arena: Arena, chance: Random) -> None:
     """Nothing is heard of the node until it counts as lost."""
     with outages.paused(arena.cluster, "kubelet"):
-        time.sleep(chance.uniform(45, 75))
+        give_up = time.monotonic() + LOST
+        while _hears_of_node(arena):
+            if time.monotonic() > give_up:
+                raise MissedError
+            time.sleep(1)
+        time.sleep(chance.uniform(3, 20))
+
+
+def _hears_of_node(arena: Arena) -> bool:
+    path = '--output=jsonpath={.items[*].status.conditions[?(@.type=="Ready")].status}'
+    return arena.cluster.kubectl("get", "nodes", path) == "True"
+
+
+def shift_clock(wanted: Callable[[Sequence[str]], bool], seconds: int) -> Do:
+    """One process's clock jumps, and later back."""
+
+    def do(arena: Arena, chance: Random) -> None:
+        process = chance.choice(_soon(lambda: arena.processes(wanted)))
+        with clocks.shifted(process, seconds):
+            time.sleep(chance.uniform(3, 15))
+
+    return do
 
 
 def spread_junk(arena: Arena, chance: Random) -> None:
@@ -277,9 +329,13 @@ def spread_junk(arena: Arena, chance: Random) -> None:
         chosen = chance.choice(sorted(live, key=lambda obj: str(obj["metadata"]["name"])))
         name, uid = chosen["metadata"]["name"], chosen["metadata"]["uid"]
     mark = f"junk-{chance.randrange(16**8):08x}"
+    made = 0
     for obj in _junk(chance, mark, space, name, uid):
         with suppress(StartFailed):  # refused: so much the better
             arena.cluster.kubectl("create", "--filename=-", stdin=json.dumps(obj))
+            made += 1
+    if not made:
+        raise MissedError
 
 
 def _junk(
@@ -348,6 +404,10 @@ FAULTS: dict[str, Do] = {
     "node's disk full": fill_node,
     "API server cut off from pods": cut_api,
     "node cut off": cut_node,
+    "operator's clock an hour ahead": shift_clock(_is_operator, JUMP),
+    "operator's clock an hour behind": shift_clock(_is_operator, -JUMP),
+    "agent's clock an hour ahead": shift_clock(_is_agent, JUMP),
+    "agent's clock an hour behind": shift_clock(_is_agent, -JUMP),
     "malformed objects": spread_junk,
 }
 """What each does, by name."""

@@ -10,7 +10,6 @@ from gauntlet_faults import Arena
 from gauntlet_trace import read_traces
 from gauntlet_verdict import (
     Begun,
-    Excuse,
     Fault,
     Kept,
     Violation,
@@ -42,7 +41,7 @@ def judge(entrant: Entrant, where: Arena, home: Path) -> Iterator[Violation]:
         yield Violation(Fault.MISJUDGED, course.salt, f"it never ended: {_told(entrant)}")
         return
     yield from compare_status(course, entrant.status, kept)
-    yield from compare_download(entrant, kept, excuses, home)
+    yield from compare_download(entrant, kept, home)
 
 
 def _told(entrant: Entrant) -> str:
@@ -54,9 +53,7 @@ def _told(entrant: Entrant) -> str:
     )
 
 
-def compare_download(
-    entrant: Entrant, kept: Kept, excuses: Sequence[Excuse], home: Path
-) -> Iterator[Violation]:
+def compare_download(entrant: Entrant, kept: Kept, home: Path) -> Iterator[Violation]:
     target = home / entrant.course.salt
     words = ("results", "download", "-n", entrant.lab.namespace, "-i", entrant.name, "-o", target)
     done = entrant.lab.vast(*words, code=None)
@@ -65,7 +62,6 @@ def compare_download(
         yield Violation(Fault.LOST, entrant.course.salt, f"it cannot be downloaded: {text}")
         return
     mine = read_results(target / str(entrant.status["campaign"]))
-    yield from compare_runs(entrant.course, mine, excuses, entrant.attempts)
     yield from compare_readers(entrant.course, kept, mine)
 
 

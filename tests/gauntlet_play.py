@@ -11,12 +11,17 @@ from dataclasses import dataclass, field
 from random import Random
 
 from cluster_lab import Lab
-from gauntlet_entrants import DESTINIES, PATIENCE, Entrant, draw, persistently, shuffled
-from gauntlet_faults import FAULTS, Arena
+from gauntlet_entrants import DESTINIES, Entrant, draw, persistently, shuffled
+from gauntlet_faults import FAULTS, Arena, MissedError
+from gauntlet_watch import Companion
 from robovast_testbed.errors import StartFailed
 
 ROUND = 1.5
 """How often campaigns are looked at [s]."""
+PATIENCE = 300.0
+"""For how long nothing may get any further once nothing is done to the cluster any more [s]."""
+MOST = 1800.0
+"""For how long all campaigns may then take to end [s]."""
 
 
 def say(text: str) -> None:
@@ -29,7 +34,7 @@ class Faults:
     def __init__(self, where: Arena, chance: Random, pause: float) -> None:
         self._arena, self._chance, self._pause = where, chance, pause
         self._over = threading.Event()
-        self._thread = threading.Thread(target=self._rage, daemon=True)
+        self._thread = Companion(self._rage)
         self.done: Counter[str] = Counter()
 
     def __enter__(self) -> Faults:
@@ -38,7 +43,7 @@ class Faults:
 
     def __exit__(self, *_: object) -> None:
         self._over.set()
-        self._thread.join()
+        self._thread.end()
 
     def _rage(self) -> None:
         for name in shuffled(self._chance, list(FAULTS)):
@@ -47,6 +52,8 @@ class Faults:
             say(f"- {name}")
             try:
                 FAULTS[name](self._arena, Random(self._chance.random()))  # noqa: S311
+            except MissedError:
+                say("  nobody was there to suffer it")
             except (StartFailed, OSError) as error:
                 say(f"  it could not be done: {str(error).splitlines()[0]}")
             else:
@@ -66,6 +73,7 @@ class Gauntlet:
 
     def __post_init__(self) -> None:
         self._destinies = shuffled(self.chance, DESTINIES)
+        self._places = shuffled(self.chance, [*([lab] for lab in self.labs), self.labs])
 
     def run(self, minutes: float, pause: float) -> Counter[str]:
         """Let campaigns run until the time is over and all have ended; returns the faults."""
@@ -81,13 +89,23 @@ class Gauntlet:
                     playing += self._more(is_over)
                 playing = self._round(playing)
         say("all is repaired")
-        give_up = time.monotonic() + PATIENCE
-        while playing and time.monotonic() < give_up:
-            playing = self._round(playing)
+        self._await_end(playing)
         return faults.done
 
+    def _await_end(self, playing: list[Iterator[None]]) -> None:
+        """Give up once nothing has got any further for long."""
+        limit = time.monotonic() + MOST
+        give_up, before = 0.0, ""
+        while playing:
+            now, seen = time.monotonic(), repr([entrant.seen for entrant in self.entrants])
+            if seen != before:
+                give_up, before = min(now + PATIENCE, limit), seen
+            if now > give_up:
+                return
+            playing = self._round(playing)
+
     def _more(self, is_over: Callable[[], bool]) -> list[Iterator[None]]:
-        new = draw(self.chance, self.labs, len(self.entrants), self._destinies)
+        new = draw(self.chance, self._places, len(self.entrants), self._destinies)
         objects = {"apiVersion": "v1", "kind": "List", "items": [e.prepared() for e in new]}
         for entrant in new:
             self.arena.salts[entrant.key] = entrant.course.salt

@@ -42,6 +42,10 @@ class Violation:
         return f"{self.fault}: {self.where}: {self.text}"
 
 
+JUMP = 3600
+"""How far clocks jump; runs take, and wait to be stored, for less than half of it [s]."""
+
+
 @dataclass(frozen=True)
 class Excuse:
     """When something was done to runs themselves, so that they could not end as they should."""
@@ -54,12 +58,20 @@ class Excuse:
     runs: int | None = None
     """How many runs it may have changed; None: any number."""
 
-    def covers(self, salt: str, record: Mapping[str, Any]) -> bool:
-        """Say whether a run was executed meanwhile."""
+    def covers(self, salt: str, record: Mapping[str, Any], stored: float) -> bool:
+        """Say whether a run was executed meanwhile.
+
+        Args:
+            salt: its campaign.
+            record: what is stored of it.
+            stored: when that was [s since the epoch]; the clock that its times are by may have been
+                wrong by an hour.
+        """
         if self.salt not in ("", salt):
             return False
         begin, end = (_seconds(record[key]) for key in ("started_at", "finished_at"))
-        return begin <= self.end and end >= self.begin
+        wrong = round((end - stored) / JUMP) * JUMP
+        return begin - wrong <= self.end and end - wrong >= self.begin
 
 
 @dataclass(frozen=True)
@@ -69,6 +81,8 @@ class Kept:
     records: dict[str, dict[str, Any]]
     files: dict[str, dict[str, bytes]]
     """Content by path, by run."""
+    stored: dict[str, float]
+    """When each record was written, by run [s since the epoch]."""
 
 
 def read_results(folder: Path) -> Kept:
@@ -78,14 +92,15 @@ def read_results(folder: Path) -> Kept:
         folder: the results, or the bucket as the S3 server keeps it: there a record names a list
             of the run's files, each with its key, unless an older version has stored it.
     """
-    records, files = {}, {}
+    kept = Kept({}, {}, {})
     for path in sorted(folder.glob("*/*/" + RECORD)):
         run = path.parent.relative_to(folder).as_posix()
-        records[run] = json.loads(path.read_bytes())
-        listed = path.parent / (records[run].get("files") or {}).get("key", RECORD)
+        record = kept.records[run] = json.loads(path.read_bytes())
+        kept.stored[run] = path.stat().st_mtime
+        listed = path.parent / (record.get("files") or {}).get("key", RECORD)
         is_list = listed.name != RECORD and listed.exists()
-        files[run] = dict(_listed(listed) if is_list else _contents(path.parent))
-    return Kept(records, files)
+        kept.files[run] = dict(_listed(listed) if is_list else _contents(path.parent))
+    return kept
 
 
 def _listed(path: Path) -> Iterator[tuple[str, bytes]]:
@@ -126,7 +141,9 @@ def compare_runs(
             found += faults
             continue
         covering = (
-            i for i, e in enumerate(excuses) if left[i] != 0 and e.covers(course.salt, record)
+            i
+            for i, e in enumerate(excuses)
+            if left[i] != 0 and e.covers(course.salt, record, kept.stored[run])
         )
         index = next(covering, None)
         if index is None:

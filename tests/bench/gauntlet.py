@@ -29,7 +29,7 @@ sys.path[:0] = [str(TESTS / part) for part in (".", "testbed")]
 
 from cluster_lab import SYSTEM, Lab, copy_credentials, install  # noqa: E402
 from gauntlet_entrants import Deed, Entrant  # noqa: E402
-from gauntlet_faults import Arena  # noqa: E402
+from gauntlet_faults import FAULTS, Arena  # noqa: E402
 from gauntlet_jury import executions, judge  # noqa: E402
 from gauntlet_play import Gauntlet  # noqa: E402
 from gauntlet_verdict import Fault, Violation  # noqa: E402
@@ -40,6 +40,9 @@ from robovast_testbed.kubernetes import Cluster  # noqa: E402
 
 NAMESPACES = ("north", "south")
 NODE_DISK = "/var/lib/kubelet"
+LOGS = "/var/log/pods"
+KEPT = "pods"
+"""The testbed's folder for logs of pods that are gone."""
 
 
 def add_disk(own: bed.Bed, folder: str | Path, size: str) -> None:
@@ -104,9 +107,9 @@ def report(
     twins = len(entrants) - len({entrant.name for entrant in entrants})
     print(f"\ncampaigns {len(entrants)} ({twins} with a twin of one name and second)")
     print(f"runs {runs}, {ended} of them of campaigns that ended; executions {executed}")
-    print(f"faults {sum(faults.values())}")
-    for name, count in sorted(faults.items(), key=lambda item: (-item[1], item[0])):
-        print(f"  {count:4} {name}")
+    print(f"faults {faults.total()} of {len(faults)} kinds")
+    for name in FAULTS:
+        print(f"  {faults[name]:4} {name}")
     print("deeds " + ", ".join(f"{deeds[deed]} {deed}" for deed in Deed))
     for violation in violations:
         print(violation)
@@ -119,12 +122,13 @@ def keep_evidence(where: Arena, home: Path, trace: Path, evidence: Path) -> None
     evidence.mkdir(parents=True, exist_ok=True)
     own = where.cluster.bed.folder
     shutil.copytree(own / "logs", evidence / "logs", dirs_exist_ok=True)
-    shutil.copytree(where.files / "var/log/pods", evidence / "pods", dirs_exist_ok=True)
+    shutil.copytree(own / KEPT, evidence / "pods", dirs_exist_ok=True)
     shutil.copytree(where.storage / "buckets", evidence / "buckets", dirs_exist_ok=True)
     shutil.copytree(home, evidence / "home", symlinks=True, dirs_exist_ok=True)
     shutil.copy(trace, evidence / "trace")
-    text = json.dumps(list(where.campaigns.values()), indent=1)
-    (evidence / "campaigns.json").write_text(text)
+    kinds = ",".join(("campaigns", "configurations", "jobs", "pods", "configmaps", "events"))
+    text = where.cluster.kubectl("get", kinds, "--all-namespaces", "--output=json")
+    (evidence / "objects.json").write_text(text)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -137,7 +141,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     with TemporaryDirectory() as folder, arena(Path(folder)) as (where, labs, trace):
         gauntlet = Gauntlet(where, labs, Random(options.seed), options.alive)  # noqa: S311
-        with Watch(where.storage / "buckets") as watch:
+        own = where.cluster.bed
+        with Watch(where.storage / "buckets", own.private(LOGS), own.folder / KEPT) as watch:
             faults = gauntlet.run(options.minutes, options.pause)
         home = Path(folder) / "home"
         executed, violations = executions(gauntlet.entrants, watch, trace)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,7 @@ def kept(course: Course = COURSE) -> Kept:
             name.decode(): f"salt {run} {index} e{id_}\n".encode() * LINES
             for index, name in enumerate(course.names(run))
         }
-    return Kept(records, files)
+    return Kept(records, files, dict.fromkeys(records, MIDDLE + 7))
 
 
 def faults(found: Kept, *excuses: Excuse, attempts: int = 1) -> list[Fault]:
@@ -92,6 +93,20 @@ def test_what_was_done_to_a_run_excuses_that_run_alone(excuse: Excuse, left: int
     for record in found.records.values():
         record["verdict"] = "errored"
     assert len(faults(found, excuse)) == left
+
+
+@pytest.mark.parametrize(
+    ("hours", "left"), [(1, 0), (-1, 0), (0.1, 2)], ids=["ahead", "behind", "by no jump"]
+)
+def test_an_excuse_holds_where_the_clock_was_wrong_by_a_jump(hours: float, left: int) -> None:
+    found = kept()
+    for record in found.records.values():
+        moments = {
+            key: datetime.fromisoformat(record[key]) for key in ("started_at", "finished_at")
+        }
+        wrong = {key: (at + timedelta(hours=hours)).isoformat() for key, at in moments.items()}
+        record.update(wrong, verdict="errored")
+    assert len(faults(found, Excuse(MIDDLE, MIDDLE))) == left
 
 
 def test_nothing_excuses_a_mixture() -> None:

@@ -61,6 +61,10 @@ class Bed:
         # Not `ip netns exec`: it mounts a fresh /sys, which hides the cgroups.
         return ["nsenter", f"--net={self.netns}", f"--mount={_mount_handle(self)}"]
 
+    def private(self, name: str) -> Path:
+        """Return where one of the private folders is."""
+        return self.folder / "private" / name.lstrip("/").replace("/", "-")
+
     def run(self, *command: str | Path) -> str:
         """Run a command to its end in the namespaces; return its standard output."""
         return run([*self.inside, *command])
@@ -211,7 +215,7 @@ def _add_mount_namespace(bed: Bed) -> None:
     # As a slave it sees what the machine mounts later, and lets go what the machine unmounts.
     run(["unshare", f"--mount={handle}", "--propagation=slave", "true"])
     for name in PRIVATE_FOLDERS:
-        own = bed.folder / "private" / name.lstrip("/").replace("/", "-")
+        own = bed.private(name)
         own.mkdir(parents=True)
         Path(name).mkdir(parents=True, exist_ok=True)
         bed.run("mount", "--bind", own, name)
