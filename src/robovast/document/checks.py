@@ -16,7 +16,7 @@ from robovast.common.scenario import Scenario, read_scenario
 from robovast.common.variation import Variation
 from robovast.common.variation.loader import load_variation
 from robovast.document.files import host_path, match_run_files
-from robovast.document.model import ConfigurationEntry, Execution, PluginCall, Search
+from robovast.document.model import ConfigurationEntry, Execution, Notebooks, PluginCall, Search
 from robovast.document.problems import problems_of, suggest
 from robovast.document.source import KeyPath, Source
 from robovast.errors import InputError, Problem
@@ -77,11 +77,27 @@ def warnings_of(parts: Parts) -> Iterator[Problem]:
                 f"`{pattern}` matches no file in {parts.folder}",
                 "Patterns are relative to the .vast file and stay in its folder.",
             )
+    yield from _missing_notebooks(parts)
     for base, variation, parameters in _variations(parts):
         if variation.CONFIG_CLASS is not None:
             for key in unknown_parameters(parameters, variation.CONFIG_CLASS):
                 message = f"`{base[-1]}` does not know the parameter `{key}`; it has no effect"
                 yield parts.source.problem((*base, key), message, at_key=True)
+
+
+def _missing_notebooks(parts: Parts) -> Iterator[Problem]:
+    for section in ("evaluation", "analysis"):
+        workloads = (parts.source.data.get(section) or {}).get("visualization") or []
+        for position, item in enumerate(workloads):
+            for name, notebooks in (item or {}).items():
+                known = {s: n for s, n in (notebooks or {}).items() if s in Notebooks.model_fields}
+                for scope, notebook in known.items():
+                    if notebook is not None and not (parts.folder / notebook).is_file():
+                        yield parts.source.problem(
+                            (section, "visualization", position, name, scope),
+                            f"there is no notebook `{notebook}` in {parts.folder}",
+                            "The page cannot execute it; paths are relative to the .vast file.",
+                        )
 
 
 def _check_scenario(parts: Parts) -> Iterator[Problem]:

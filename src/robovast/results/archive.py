@@ -218,9 +218,15 @@ def _members(archive: Path) -> Iterator[Iterator[Member]]:
         raise InputError(f"{archive}: cannot be read: {error.strerror}.") from None
     except _DAMAGED as error:
         raise InputError(
-            f"{archive}: is no archive of a campaign, or is damaged or incomplete ({error}). "
-            "Fetch it again."
+            f"{archive}: is no archive of a campaign, or is damaged or incomplete "
+            f"({_cause(error)}). Fetch it again."
         ) from error
+
+
+def _cause(error: BaseException) -> str:
+    """What is wrong in one line; `tarfile` tells one for each compression that it is not."""
+    lines = str(error).splitlines() or [type(error).__name__]
+    return lines[0] if len(lines) == 1 else "it begins as no tar or zip file does"
 
 
 def _read_to_the_end(tar: tarfile.TarFile) -> None:

@@ -16,10 +16,11 @@ from typing import Any
 from robovast import safe_paths
 from robovast.atomic import appearing_folder
 from robovast.errors import InputError
-from robovast.plain import dump_yaml
+from robovast.plain import dump_yaml, fingerprint
 from robovast.results.layout import RUN_RECORD, Layout
 from robovast.results.mappings import read_mapping
 from robovast.results.run_record import copy_run_record, read_run_record
+from robovast.results.verdict import read_test_result
 
 JOB = "job"
 """Link in a run's folder to its job's own output."""
@@ -96,6 +97,7 @@ def _check(campaigns: Sequence[Path]) -> None:
     if not (campaigns[-1] / "_config").is_dir():
         raise InputError(f"{campaigns[-1]} has no `_config` folder, so it cannot be merged.")
     _check_origins(campaigns)
+    _check_runs(campaigns)
 
 
 def _check_origins(campaigns: Sequence[Path]) -> None:
@@ -109,6 +111,34 @@ def _check_origins(campaigns: Sequence[Path]) -> None:
                     "come twice; name the campaigns to merge with `--campaign`."
                 )
             found[origin] = path.name
+
+
+def _check_runs(campaigns: Sequence[Path]) -> None:
+    """Refuse two campaigns with one run: copies, of which one was renamed."""
+    found: dict[tuple[object, ...], tuple[str, Path]] = {}
+    for path in campaigns:
+        for run in Layout(path).run_folders():
+            mark = _mark(run)
+            other, place = found.setdefault(mark, (path.name, run)) if mark else (path.name, run)
+            if other != path.name:
+                raise InputError(
+                    f"{other} and {path.name} both hold the run {place.parent.name}/{place.name}: "
+                    "it was executed once, and would come twice. Is one a copy of the other? Name "
+                    "the campaigns to merge with `--campaign`."
+                )
+
+
+def _mark(run: Path) -> tuple[object, ...] | None:
+    """What tells an execution from all others, wherever it is: when, where, of what, how long.
+
+    None when nobody knows when it was.
+    """
+    record = read_run_record(run)
+    if record is None:
+        result = read_test_result(run)
+        return (result.started_at, result.duration) if result.started_at else None
+    known = (record.started_at, record.host, record.duration, fingerprint(record.parameters))
+    return known if record.started_at else None
 
 
 def _origins(campaign: Layout) -> list[str]:

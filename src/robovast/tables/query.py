@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +25,9 @@ from robovast.tables.staging import Types, literal, quoted, tables_of
 
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection
+
+_OURS = "FROM duckdb_columns() WHERE database_name = 'memory' AND NOT internal"
+_NO_TABLE = re.compile(r"Table with name (?P<name>.+) does not exist")
 
 
 @dataclass(frozen=True)
@@ -59,7 +64,18 @@ def ask(campaigns: Sequence[Path], sql: str, most: int | None = None) -> Answer:
                 return Answer([], [])
             return Answer(columns, found.fetchall() if most is None else found.fetchmany(most))
         except duckdb.Error as error:
-            raise InputError(f"the query is wrong: {str(error).strip()}") from None
+            names = connection.execute(f"SELECT DISTINCT table_name {_OURS}").fetchall()
+            raise InputError(_explained(str(error), [name for (name,) in names])) from None
+
+
+def _explained(cause: str, names: Sequence[str]) -> str:
+    """What is wrong with a query; of DuckDB's own tables, which it suggests, nobody asks."""
+    missing = _NO_TABLE.search(cause)
+    if missing is None:
+        return f"the query is wrong: {cause.strip()}"
+    near = get_close_matches(missing["name"], names, 1)
+    hint = f"Did you mean `{near[0]}`?" if near else f"There are {', '.join(sorted(names))}."
+    return f"the query is wrong: there is no table `{missing['name']}`. {hint}"
 
 
 def tables(campaigns: Sequence[Path]) -> dict[str, Types]:
@@ -67,8 +83,7 @@ def tables(campaigns: Sequence[Path]) -> dict[str, Types]:
     with _attached(campaigns) as connection:
         found: dict[str, Types] = {}
         for table, column, type_ in connection.execute(
-            "SELECT table_name, column_name, data_type FROM duckdb_columns() "
-            "WHERE database_name = 'memory' AND NOT internal ORDER BY table_name, column_index"
+            f"SELECT table_name, column_name, data_type {_OURS} ORDER BY table_name, column_index"
         ).fetchall():
             found.setdefault(table, {})[column] = type_
         return found

@@ -115,6 +115,10 @@ def test_limits_of_a_secondary_container_may_stand_beside_its_name(folder: Path,
         (execution("  env: [{OUTPUT_DIR: x}]\n"), "`OUTPUT_DIR` is set by RoboVAST itself"),
         (execution("") + "---\nversion: 2\n", "only the first YAML document counts"),
         (execution("  run_files: ['*.none']\n"), "`*.none` matches no file in"),
+        (
+            execution("") + "evaluation: {visualization: [null, {a: {run: nb/a.ipynb}}]}\n",
+            "evaluation.visualization[1].a.run: there is no notebook `nb/a.ipynb` in",
+        ),
     ],
 )
 def test_what_has_no_effect_is_told_with_its_place(folder: Path, text: str, warning: str) -> None:

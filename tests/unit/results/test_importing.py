@@ -139,6 +139,14 @@ def test_an_incomplete_archive_is_refused(tmp_path: Path, keep: int) -> None:
     assert list((tmp_path / "results").iterdir()) == []
 
 
+def test_a_file_of_another_kind_is_refused_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("no archive\n" * 100)
+    with pytest.raises(InputError) as caught:
+        import_archive(tmp_path / "notes.txt", tmp_path / "results")
+    assert "(it begins as no tar or zip file does). Fetch it again." in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
 def test_what_holds_no_campaign_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no campaign, but a, b"):
         import_archive(archive_of(tmp_path, member("a"), member("b")), tmp_path / "results")

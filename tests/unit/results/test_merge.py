@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -171,6 +173,28 @@ def test_no_run_comes_twice(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=r"both hold the runs of camp.*--campaign"):
             merge_campaigns(both, tmp_path / "twice")
     assert not (tmp_path / "twice").exists()
+
+
+@pytest.mark.parametrize("records", [True, False])
+def test_copies_under_other_names_are_refused(tmp_path: Path, *, records: bool) -> None:
+    first = make_campaign(tmp_path, FIRST, {"one": "A"}, 2, records=records)
+    for number in range(2):
+        run = first / "one" / str(number)
+        started = f"2026-03-05T12:00:0{number}.123+00:00"
+        if records:
+            record = replace(run_record(FIRST, "one", number, Verdict.PASSED), started_at=started)
+            record.write(run)
+        else:
+            start = f'<property name="start_time" value="177000000{number}.123"/>'
+            (run / "test.xml").write_text(f"<testsuite><testcase>{start}</testcase></testsuite>")
+    shutil.copytree(first, tmp_path / "copy", symlinks=True)
+    merged = merge_campaigns([first], tmp_path / "merged").target
+    for other in (tmp_path / "copy", merged):
+        with pytest.raises(InputError, match="both hold the run"):
+            merge_campaigns([first, other], tmp_path / "twice")
+    merged = merged.rename(tmp_path / "other name")
+    with pytest.raises(InputError, match=r"both hold the run one/0: .* would come twice"):
+        merge_campaigns([tmp_path / "copy", merged], tmp_path / "twice")
 
 
 def test_a_failure_in_the_middle_leaves_nothing(tmp_path: Path) -> None:

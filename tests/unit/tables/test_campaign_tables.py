@@ -153,6 +153,8 @@ def test_all_campaigns_are_asked_at_once(tmp_path: Path) -> None:
     ("sql", "message"),
     [
         ("SELECT verdct FROM runs", "verdict"),
+        ("SELECT * FROM indexes", r"no table `indexes`. There are .*out, runs.*\.$"),
+        ("SELECT * FROM rns", r"no table `rns`. Did you mean `runs`\?$"),
         ("SELEC 1", "syntax error"),
         ("  -- nothing", "empty"),
         ("DELETE FROM runs", "delete"),
