@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import typer
 
+from robovast.document.commands import GROUP
 from robovast.errors import ExitCode
-from robovast.postprocessing.child import GROUP
+from robovast.postprocessing.child import GIVEN
 from robovast.postprocessing.events import CampaignSummary, Failure, Options
 from robovast.postprocessing.session import postprocess
 from robovast_cli.output import say
@@ -18,7 +20,7 @@ from robovast_cli.plugin_list import described_plugins
 
 MOST_LISTED = 20
 """Failures that the summary names at most."""
-_GIVEN = ("results_dir", "config_dir", "provenance_file")
+_GIVEN = ("results_dir", "config_dir", *GIVEN)
 """Parameters that no .vast file sets."""
 
 
@@ -96,14 +98,25 @@ def run(results: Path, options: Options) -> ExitCode:
     finally:
         view.close()
     failures = [failure for summary in summaries for failure in summary.failures]
-    for failure in failures[:MOST_LISTED]:
-        typer.echo(f"failed: {failure}", err=True)
-    if len(failures) > MOST_LISTED:
-        typer.echo(f"… and {len(failures) - MOST_LISTED} more failures.", err=True)
+    told = _told_once(failures)
+    for text in told[:MOST_LISTED]:
+        typer.echo(f"failed: {text}", err=True)
+    if len(told) > MOST_LISTED:
+        typer.echo(f"… and {len(told) - MOST_LISTED} more failures.", err=True)
     if any(summary.interrupted for summary in summaries):
         typer.echo("interrupted; what was finished is kept, the rest is done next time", err=True)
         return ExitCode.INTERRUPTED
     return min((failure.code for failure in failures), default=ExitCode.OK)
+
+
+def _told_once(failures: Iterable[Failure]) -> list[str]:
+    """Failures as lines; of one command for one reason there is one, however many runs it hit."""
+    alike: dict[tuple[str, str, str], list[Failure]] = {}
+    for failure in failures:
+        key = (failure.campaign, failure.command, failure.message)
+        alike.setdefault(key, []).append(failure)
+    more = ((found[0], len(found) - 1) for found in alike.values())
+    return [f"{first}" + (f" (and in {n} more runs)" if n else "") for first, n in more]
 
 
 def _outcome(summary: CampaignSummary) -> str:

@@ -125,11 +125,11 @@ def deserialize_rosbags(run: Path) -> None:
 
 def convert(run: Path) -> None:
     from robovast.bags.convert import convert_run
-    from robovast.bags.jobs import job_of
+    from robovast.document.commands import bag_command
 
     jobs = [
-        job_of("rosbags_tf_to_csv", {"frames": ["base_link"]}),
-        job_of("rosbags_to_csv", {"topics": ["/odom", "/scan"]}),
+        bag_command("rosbags_tf_to_csv", {"frames": ["base_link"]}),
+        bag_command("rosbags_to_csv", {"topics": ["/odom", "/scan"]}),
     ]
     convert_run(run, jobs)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -284,6 +285,29 @@ def test_unknown_plugins_are_named_with_a_suggestion(tmp_path: Path) -> None:
     assert (campaign / "c-1/0/each.csv").exists()
 
 
+KEYWORDS = """
+import json
+from pathlib import Path
+from robovast.results_processing.postprocessing_plugins import BasePostprocessingPlugin
+
+class Keywords(BasePostprocessingPlugin):
+    def __call__(self, results_dir, config_dir, **kwargs):
+        del kwargs["provenance_file"]
+        (Path(results_dir) / "given.json").write_text(json.dumps(kwargs))
+        return True, ""
+"""
+
+
+def test_a_plugin_is_given_what_is_known_and_was_asked_for(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 1, "  - tools/plugins.py:Keywords: {a: 1}\n", KEYWORDS)
+    assert failures(campaign) == []
+    assert json.loads((campaign / "given.json").read_text()) == {"a": 1}
+    (campaign / "_execution/execution.yaml").write_text("image: robots/hall:1\n")
+    assert failures(campaign, force=True, debug=True) == []
+    given = {"a": 1, "execution_image": "robots/hall:1", "debug": True, "force": True}
+    assert json.loads((campaign / "given.json").read_text()) == given
+
+
 FAILS_FOR_ONE = """
 from pathlib import Path
 
@@ -342,10 +366,10 @@ def test_a_campaign_without_a_document_has_no_commands(tmp_path: Path) -> None:
 
 SCRIPT = """\
 #!/bin/bash
-echo "$2" > "$1/c-1/0/script.txt"
-printf '{"entries": [{"output": "c-1/0/script.txt", "sources": ["c-1/0/out.csv"]}]}' \\
-  > "$PROVENANCE_FILE"
-test "$2" = good || { echo "cannot do $2"; exit 7; }
+test "$1" = --provenance-file && test "$#" = 4 && test "$4" = "$PWD" || exit 9
+echo "$3" > "c-1/0/script.txt"
+printf '{"entries": [{"output": "c-1/0/script.txt", "sources": ["c-1/0/out.csv"]}]}' > "$2"
+test "$3" = good || { echo "cannot do $3 for $CONFIG_DIR with $ROBOVAST_IMAGE"; exit 7; }
 """
 
 
@@ -361,7 +385,9 @@ def test_the_command_plugin_executes_a_script(tmp_path: Path) -> None:
     assert (entry["plugin"], entry["sources"]) == ("command", ["c-1/0/out.csv"])
     document = campaign / "_config/c.vast"
     document.write_text(document.read_text().replace("good", "bad"))
-    assert "`tools/s.sh` ended with exit code 7: cannot do bad" in failures(campaign)[0]
+    (campaign / "_execution/execution.yaml").write_text("image: robots/hall:1\n")
+    said = f"cannot do bad for {campaign / '_config'} with robots/hall:1"
+    assert f"`tools/s.sh` ended with exit code 7: {said}" in failures(campaign)[0]
 
 
 GUIDE = """
@@ -496,7 +522,7 @@ def test_an_executed_campaign_holds_all_that_its_postprocessing_needs(tmp_path: 
     path = make_campaign(tmp_path / "project", 'printf "v\\n$1\\n" > "$3/out.csv"\n', section)
     (path.parent / "tools").mkdir()
     (path.parent / "tools/plugins.py").write_text(PLUGINS)
-    (path.parent / "tools/s.sh").write_text('#!/bin/sh\ncat "$1"/*/*/out.csv > "$1/all.csv"\n')
+    (path.parent / "tools/s.sh").write_text('#!/bin/sh\ncat "$3"/*/*/out.csv > "$3/all.csv"\n')
     campaign = run(path, tmp_path / "results", select="one-1").campaign
     shutil.rmtree(path.parent)
     summaries = postprocess(tmp_path / "results", Options(), Watcher())

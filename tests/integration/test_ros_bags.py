@@ -22,7 +22,7 @@ from rosbags.rosbag2 import StoragePlugin
 
 import rosbags_common
 from robovast.bags.convert import convert_run
-from robovast.bags.jobs import job_of
+from robovast.document.commands import bag_command, flat
 
 VERSION = "7.1.6"
 """Of rclpy, for ROS 2 Jazzy."""
@@ -120,10 +120,10 @@ def test_every_cell_is_what_rclpy_reads(
 ) -> None:
     write(tmp_path / "rosbag2", recording)
     topics = [line["topic"] for line in recording if "definition" in line]
-    done = convert_run(tmp_path, [job_of("rosbags_to_csv", {"topics": topics})])
+    done = convert_run(tmp_path, [bag_command("rosbags_to_csv", {"topics": topics})])
     assert [warning for warning in done.warnings if "metadata.yaml" not in warning] == []
     for topic in topics:
-        rows = table(tmp_path / f"rosbag2_{topic.replace('/', '_')}.csv")
+        rows = table(tmp_path / f"rosbag2_{flat(topic)}.csv")
         expected = [
             line["values"] for line in recording if "data" in line and line["topic"] == topic
         ]
@@ -139,7 +139,7 @@ def test_what_a_node_logged_is_in_the_log_table(
     tmp_path: Path, recording: list[dict[str, Any]]
 ) -> None:
     write_mcap(tmp_path / "rosbag2", recording)
-    convert_run(tmp_path, [job_of("rosbags_rosout_to_csv", {"min_level": 30})])
+    convert_run(tmp_path, [bag_command("rosbags_rosout_to_csv", {"min_level": 30})])
     rows = table(tmp_path / "rosout.csv")
     assert [row["msg"] for row in rows] == [f'step {step}, "so far"' for step in range(20)]
     assert {(row["level"], row["level_name"], row["name"]) for row in rows} == {

@@ -7,44 +7,40 @@ from typing import Any
 from uuid import UUID
 
 from robovast.bags.flatten import seconds_cell, text_cell
-from robovast.bags.job import Context, Job, nothing_on
+from robovast.bags.job import Context, nothing_on
 from robovast.bags.source import Consumer, Topic
+from robovast.bags.table import written
+from robovast.document.commands import BehaviorsToCsv
 
 TREE_TYPE = "py_trees_ros_interfaces/msg/BehaviourTree"
 _COLUMNS = ("timestamp", "behavior_name", "behavior_id", "status", "status_name", "class_name")
 _STATUS = {1: b"INVALID", 2: b"RUNNING", 3: b"SUCCESS", 4: b"FAILURE"}
 
 
-class BehaviorsToCsv(Job):
-    """A row whenever a behaviour's status has changed; the time [s] is that of receipt."""
+class BehaviorsWorker:
+    """A row whenever a behaviour's status has changed."""
 
-    command = "rosbags_bt_to_csv"
-
-    def start(self, context: Context) -> _BehaviorsWorker:
-        """Begin to work on a bag."""
-        return _BehaviorsWorker(context)
-
-
-class _BehaviorsWorker:
-    def __init__(self, context: Context) -> None:
+    def __init__(self, context: Context, job: BehaviorsToCsv) -> None:
         self._context = context
-        self._table = context.table("behaviors.csv", _COLUMNS)
+        self._table = context.table(job.csv_filename, _COLUMNS)
         self._last: dict[UUID, int] = {}
         self._seen = False
 
     def subscribe(self, topic: Topic) -> Consumer | None:
+        """What writes the changes in a topic of trees."""
         if topic.type != TREE_TYPE:
             return None
         read = self._context.reader(topic)
         return lambda time, data: self._tree(time, read(data))
 
     def finish(self) -> list[Path]:
+        """The table; none when no behaviour was recorded."""
         if not self._seen:
             self._context.warn(nothing_on(self._context, f"a topic of type {TREE_TYPE}"))
-        self._table.close()
-        return [self._table.path]
+        return written(self._table)
 
     def discard(self) -> None:
+        """Leave nothing behind."""
         self._table.discard()
 
     def _tree(self, time: int, tree: Any) -> None:

@@ -11,13 +11,14 @@ import multiprocessing
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import AbstractContextManager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from robovast.document.commands import JOB_LOGS, BagCommand, bag_command, expanded
+from robovast.document.model import PluginCall
 from robovast.errors import RobovastError
-from robovast.extras import needing
+from robovast.extras import ROS
 from robovast.results.layout import Layout
 from rosbags_common import find_rosbags
 
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 Result = tuple[bool, str, list[dict[str, Any]]]
 """Success, message, provenance entries with paths relative to the results folder."""
 
-_PACKAGES = {"lz4", "mcap", "numpy", "orjson", "rosbags", "zstandard"}
 _WORTH_PROCESSES = 32 << 20
 """Bytes of bags from which more than one process is worth its start."""
 
@@ -35,7 +35,8 @@ _WORTH_PROCESSES = 32 << 20
 def rosbags_to_csv(
     results_dir: str,
     config_dir: str,
-    topics: Sequence[str],
+    topics: Sequence[str] = (),
+    bag_dir: str = "rosbag2",
     provenance_file: str | None = None,  # noqa: ARG001
 ) -> Result:
     """Write the messages of topics to CSV files `<bag>_<topic>.csv`, a column for each field.
@@ -43,10 +44,12 @@ def rosbags_to_csv(
     Args:
         results_dir: folder of a campaign, a configuration or a run.
         config_dir: folder of the .vast file, searched for definitions that a bag lacks.
-        topics: the topics.
+        topics: the topics; without any nothing is done.
+        bag_dir: how the path of a bag's folder ends.
         provenance_file: not used.
     """
-    return _convert("rosbags_to_csv", results_dir, config_dir, {"topics": topics})
+    parameters = {"topics": topics, "bag_dir": bag_dir}
+    return _convert(_call("rosbags_to_csv", parameters), results_dir, config_dir)
 
 
 def rosbags_tf_to_csv(
@@ -54,6 +57,7 @@ def rosbags_tf_to_csv(
     config_dir: str,
     frames: Sequence[str] = ("base_link",),
     csv_filename: str = "poses.csv",
+    bag_dir: str = "rosbag2",
     provenance_file: str | None = None,  # noqa: ARG001
 ) -> Result:
     """Write the poses of frames in `map` [s, m, rad] to one CSV file.
@@ -63,25 +67,31 @@ def rosbags_tf_to_csv(
         config_dir: folder of the .vast file.
         frames: the frames.
         csv_filename: name of the file.
+        bag_dir: how the path of a bag's folder ends.
         provenance_file: not used.
     """
-    parameters = {"frames": frames, "csv_filename": csv_filename}
-    return _convert("rosbags_tf_to_csv", results_dir, config_dir, parameters)
+    parameters = {"frames": frames, "csv_filename": csv_filename, "bag_dir": bag_dir}
+    return _convert(_call("rosbags_tf_to_csv", parameters), results_dir, config_dir)
 
 
 def rosbags_bt_to_csv(
     results_dir: str,
     config_dir: str,
+    csv_filename: str = "behaviors.csv",
+    bag_dir: str = "rosbag2",
     provenance_file: str | None = None,  # noqa: ARG001
 ) -> Result:
-    """Write every change of a behaviour's status to `behaviors.csv`.
+    """Write every change of a behaviour's status to one CSV file.
 
     Args:
         results_dir: folder of a campaign, a configuration or a run.
         config_dir: folder of the .vast file.
+        csv_filename: name of the file.
+        bag_dir: how the path of a bag's folder ends.
         provenance_file: not used.
     """
-    return _convert("rosbags_bt_to_csv", results_dir, config_dir, {})
+    parameters = {"csv_filename": csv_filename, "bag_dir": bag_dir}
+    return _convert(_call("rosbags_bt_to_csv", parameters), results_dir, config_dir)
 
 
 def rosbags_action_to_csv(
@@ -89,6 +99,7 @@ def rosbags_action_to_csv(
     config_dir: str,
     action: str,
     filename_prefix: str | None = None,
+    bag_dir: str = "rosbag2",
     provenance_file: str | None = None,  # noqa: ARG001
 ) -> Result:
     """Write feedback and status of an action to `<prefix>_feedback.csv` and `<prefix>_status.csv`.
@@ -98,30 +109,41 @@ def rosbags_action_to_csv(
         config_dir: folder of the .vast file, searched for the action's definition.
         action: name of the action, as `navigate_to_pose`.
         filename_prefix: how the names of the files begin; `action_<action>` when left out.
+        bag_dir: how the path of a bag's folder ends.
         provenance_file: not used.
     """
-    parameters = {"action": action, "filename_prefix": filename_prefix}
-    return _convert("rosbags_action_to_csv", results_dir, config_dir, parameters)
+    parameters = {"action": action, "filename_prefix": filename_prefix, "bag_dir": bag_dir}
+    return _convert(_call("rosbags_action_to_csv", parameters), results_dir, config_dir)
 
 
 def rosbags_rosout_to_csv(
     results_dir: str,
     config_dir: str,
-    min_level: int = 10,
+    min_level: str | int = "DEBUG",
     skip_levels: Sequence[str] = (),
+    csv_filename: str = "rosout.csv",
+    bag_dir: str = JOB_LOGS,
     provenance_file: str | None = None,  # noqa: ARG001
 ) -> Result:
-    """Write what nodes logged to `rosout.csv`.
+    """Write what nodes logged to one CSV file.
 
     Args:
         results_dir: folder of a campaign, a configuration or a run.
         config_dir: folder of the .vast file.
-        min_level: lowest level: 10 DEBUG, 20 INFO, 30 WARN, 40 ERROR, 50 FATAL.
+        min_level: lowest level: DEBUG, INFO, WARN, ERROR or FATAL, or its number (10 to 50).
         skip_levels: names of levels to leave out.
+        csv_filename: name of the file.
+        bag_dir: how the path of a bag's folder ends; by default it is the run's bag that has logs,
+            or else its job's recording.
         provenance_file: not used.
     """
-    parameters = {"min_level": min_level, "skip_levels": skip_levels}
-    return _convert("rosbags_rosout_to_csv", results_dir, config_dir, parameters)
+    parameters = {
+        "min_level": min_level,
+        "skip_levels": skip_levels,
+        "csv_filename": csv_filename,
+        "bag_dir": bag_dir,
+    }
+    return _convert(_call("rosbags_rosout_to_csv", parameters), results_dir, config_dir)
 
 
 def rosbags_to_webm(
@@ -129,6 +151,7 @@ def rosbags_to_webm(
     config_dir: str,
     topic: str = "/camera/image_raw/compressed",
     fps: float = 30,
+    bag_dir: str = "rosbag2",
     provenance_file: str | None = None,  # noqa: ARG001
 ) -> Result:
     """Write the images of a topic to a video `<bag>_<topic>.webm`.
@@ -138,33 +161,52 @@ def rosbags_to_webm(
         config_dir: folder of the .vast file.
         topic: a topic of compressed or raw images.
         fps: frame rate where the stamps of images do not advance.
+        bag_dir: how the path of a bag's folder ends.
         provenance_file: not used.
     """
-    return _convert("rosbags_to_webm", results_dir, config_dir, {"topic": topic, "fps": fps})
+    parameters = {"topic": topic, "fps": fps, "bag_dir": bag_dir}
+    return _convert(_call("rosbags_to_webm", parameters), results_dir, config_dir)
 
 
-def ros_extra() -> AbstractContextManager[None]:
-    """Where packages of the extra `ros` are imported."""
-    return needing("ros", _PACKAGES, "reading ROS bags")
-
-
-def _convert(
-    command: str, results_dir: str, config_dir: str, parameters: Mapping[str, Any]
+def rosbags_process(
+    results_dir: str,
+    config_dir: str,
+    plugins: Sequence[Mapping[str, Any]] = (),
+    workers: int | None = None,  # noqa: ARG001
+    bag_dir: str | None = None,
+    provenance_file: str | None = None,  # noqa: ARG001
 ) -> Result:
-    """Do one job on all runs below a folder."""
+    """Do several of the commands for bags in one pass over each bag.
+
+    Args:
+        results_dir: folder of a campaign, a configuration or a run.
+        config_dir: folder of the .vast file, searched for definitions that a bag lacks.
+        plugins: `type`, a command's name without `rosbags_`, and the command's parameters.
+        workers: not used: runs are worked on side by side anyhow.
+        bag_dir: how the path of a bag's folder ends, where a command does not say it.
+        provenance_file: not used.
+    """
+    parameters = {"plugins": list(plugins), "bag_dir": bag_dir}
+    return _convert(_call("rosbags_process", parameters), results_dir, config_dir)
+
+
+def _call(name: str, parameters: Mapping[str, Any]) -> PluginCall:
+    return PluginCall(name=name, parameters=dict(parameters))
+
+
+def _convert(call: PluginCall, results_dir: str, config_dir: str) -> Result:
+    """Do what a call asks for on all runs below a folder."""
     base = Path(results_dir)
     try:
-        with ros_extra():
-            from robovast.bags.convert import convert_run
-            from robovast.bags.jobs import job_of
-        job = job_of(command, parameters)
+        ROS.require("reading ROS bags")
+        jobs = [bag_command(part.name, part.parameters) for part in expanded([call])]
         runs = _runs(base)
-        work = partial(convert_run, jobs=[job], definitions=Path(config_dir))
-        conversions = list(_mapped(work, runs))
+        conversions = list(_mapped(jobs, Path(config_dir), runs))
     except RobovastError as error:
         return False, str(error), []
     entries = [entry for done in conversions for entry in done.provenance(base)]
-    return True, _message(base, runs, conversions), entries
+    failed = any(done.failures for done in conversions)
+    return not failed, _message(base, runs, conversions), entries
 
 
 def _runs(base: Path) -> list[Path]:
@@ -177,8 +219,11 @@ def _runs(base: Path) -> list[Path]:
     return list(Layout(base).run_folders()) or [base]
 
 
-def _mapped(work: partial[Conversion], runs: list[Path]) -> Iterator[Conversion]:
+def _mapped(jobs: list[BagCommand], folder: Path, runs: list[Path]) -> Iterator[Conversion]:
     """What comes out of each run, in order; large bags are shared among processes."""
+    from robovast.bags.convert import convert_run
+
+    work = partial(convert_run, jobs=jobs, definitions=folder)
     count = min(len(os.sched_getaffinity(0)), len(runs))
     if count < 2 or sum(map(_size, runs)) < _WORTH_PROCESSES:
         yield from map(work, runs)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import struct
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+import traceback
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
@@ -14,19 +16,19 @@ from rosbags.serde import SerdeError
 
 from robovast.bags.definitions import DefinitionError
 from robovast.bags.files import read_bag, read_info
-from robovast.bags.job import Context, Job, Worker
-from robovast.bags.rosout import ROSOUT, RosoutToCsv
+from robovast.bags.job import Context, Worker
+from robovast.bags.jobs import start
+from robovast.bags.rosout import ROSOUT
 from robovast.bags.source import Consumer, Topic
-from robovast.errors import StorageError
+from robovast.document.commands import JOB_LOGS, BagCommand, RosoutToCsv
+from robovast.errors import RobovastError, StorageError
 from robovast.results.layout import JOB_LINK, job_folder
 from robovast.results.run_record import read_run_record
 from robovast.safe_paths import is_folder
 from rosbags_common import find_rosbags
 
 BAG = "rosbag2"
-"""What the folder of a bag is called."""
-JOB_LOGS = Path("logs/rosout_bag")
-"""Where the entrypoint records what all runs of a job logged, in the job's folder."""
+"""What the folder of a run's bag is called."""
 
 _UNDECODABLE = (
     struct.error,
@@ -46,7 +48,7 @@ class Output:
     path: Path
     bag: Path
     """What it was made from."""
-    job: Job
+    job: BagCommand
 
 
 @dataclass
@@ -54,13 +56,15 @@ class Conversion:
     """What came out of some bags."""
 
     outputs: list[Output] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
-    """What is missing or could not be read."""
+    remarks: dict[tuple[BagCommand | None, str], None] = field(default_factory=dict)
+    """What is missing or could not be read, each with the job that it is about, or none."""
+    failures: dict[BagCommand, str] = field(default_factory=dict)
+    """Why jobs failed; the others were done."""
 
-    def add(self, other: Conversion) -> None:
-        """Append what came out of another bag."""
-        self.outputs += other.outputs
-        self.warnings += other.warnings
+    @property
+    def warnings(self) -> list[str]:
+        """All remarks and failures, each once."""
+        return list(dict.fromkeys([*(text for _, text in self.remarks), *self.failures.values()]))
 
     def provenance(self, results_dir: Path) -> list[dict[str, Any]]:
         """An entry `{output, sources, plugin, params}` per file, its paths relative to a folder."""
@@ -75,98 +79,212 @@ class Conversion:
         ]
 
 
+@dataclass(frozen=True)
+class _Task:
+    """A job on one bag."""
+
+    job: BagCommand
+    folder: Path
+    """Where files are written."""
+    window: tuple[int, int] | None = None
+    """From when to when the run took place [ns], for bags of several runs."""
+    shared: bool = False
+    """The files are of all runs of a job, so none of the run's."""
+
+
 def convert_bag(
-    bag_dir: Path,
-    run_dir: Path,
-    jobs: Sequence[Job],
-    *,
-    definitions: Path | None = None,
-    window: tuple[int, int] | None = None,
+    bag_dir: Path, run_dir: Path, jobs: Sequence[BagCommand], *, definitions: Path | None = None
 ) -> Conversion:
     """Do every job in one pass over a bag.
 
-    Files take their names when they are complete; of an interrupted conversion none remain.
+    Files take their names when they are complete; of an interrupted conversion none remain. A job
+    that fails does not stop the others.
 
     Args:
         bag_dir: the bag.
         run_dir: where files are written.
         jobs: what is wanted.
         definitions: folder searched for message definitions that the bag lacks.
-        window: from when to when the run took place [ns], for bags of several runs.
 
     Raises:
         StorageError: a file cannot be written.
     """
-    found: dict[str, None] = {}
-    workers: list[Worker] = []
-    try:
-        info = read_info(bag_dir, found.setdefault)
-        context = Context(
-            bag=bag_dir,
-            folder=run_dir,
-            warn=found.setdefault,
-            definitions=definitions,
-            distribution=info.distribution,
-            topics=dict(info.topics),
-            window=window,
-        )
-        feeds = _Feeds(context, workers)
-        for number, job in enumerate(jobs):
-            workers.append(job.start(replace(context, number=number)))
-        read_bag(bag_dir, info, feeds.subscribe, context.warn)
-        feeds.report()
-        outputs = [
-            Output(path, bag_dir, job)
-            for job, worker in zip(jobs, workers, strict=True)
-            for path in worker.finish()
-        ]
-    except BaseException as error:
-        for worker in workers:
-            with suppress(OSError):
-                worker.discard()
-        if isinstance(error, OSError):
-            raise StorageError(f"the bag {bag_dir} cannot be converted: {error}") from error
-        raise
-    return Conversion(outputs, list(found))
+    conversion = Conversion()
+    _convert(bag_dir, [_Task(job, run_dir) for job in jobs], definitions, conversion)
+    return conversion
 
 
-def convert_run(run_dir: Path, jobs: Sequence[Job], definitions: Path | None = None) -> Conversion:
+def convert_run(
+    run_dir: Path, jobs: Sequence[BagCommand], definitions: Path | None = None
+) -> Conversion:
     """Do every job in one pass over each bag of a run.
 
-    A bag is a folder `rosbag2` at any depth. Log messages are taken from the recording of the
-    run's job where the run has none itself.
+    Files are written beside each bag. Log messages are taken from the recording of the run's job,
+    cut to the run, where the run has none itself; the whole recording's table is beside it.
 
     Args:
         run_dir: the run's folder.
-        jobs: what is wanted; files are written beside each bag, of the job's recording into the
-            run's folder.
+        jobs: what is wanted; each says how the path of its bag ends, at any depth of the run's
+            folder or in its job's.
         definitions: folder searched for message definitions that a bag lacks.
 
     Raises:
         StorageError: a file cannot be written.
     """
-    bags = [Path(path) for path in find_rosbags(run_dir)]
-    logs = _job_logs(run_dir)
-    apart = [job for job in jobs if isinstance(job, RosoutToCsv)] if logs else []
-    if any(_has_rosout(bag) for bag in bags):
-        apart = []
-    of_bags = [job for job in jobs if job not in apart]
     conversion = Conversion()
-    if logs and apart:
-        window = _window(run_dir)
-        conversion.add(convert_bag(logs, run_dir, apart, definitions=definitions, window=window))
-    if of_bags and not bags:
-        conversion.warnings.append(f"there is no bag: no folder `{BAG}` in it")
-    for bag in bags if of_bags else []:
-        conversion.add(convert_bag(bag, bag.parent, of_bags, definitions=definitions))
+    tasks: dict[Path, list[_Task]] = {}
+    for job in jobs:
+        found = list(_tasks(run_dir, job))
+        for bag, task in found:
+            tasks.setdefault(bag, []).append(task)
+        if not found:
+            name = BAG if job.bag_dir == JOB_LOGS else job.bag_dir
+            conversion.remarks[None, f"there is no bag: no folder `{name}` in it"] = None
+    for bag, of_bag in tasks.items():
+        with _unmoved([task.folder for task in of_bag if task.shared]):
+            _convert(bag, of_bag, definitions, conversion)
     return conversion
 
 
-def _job_logs(run_dir: Path) -> Path | None:
+def _tasks(run_dir: Path, job: BagCommand) -> Iterator[tuple[Path, _Task]]:
+    """A job on each bag that it is about."""
+    own = _bags(run_dir, job.bag_dir)
+    recording = _recording(run_dir, job.bag_dir)
+    if isinstance(job, RosoutToCsv):
+        if job.bag_dir == JOB_LOGS:
+            bags = _bags(run_dir, BAG)
+            own += [bag for bag in bags if _has_rosout(bag)] if recording else bags
+        if recording and not own:
+            yield recording, _Task(job, run_dir, _window(run_dir))
+    yield from ((bag, _Task(job, bag.parent)) for bag in own)
+    if recording:
+        yield recording, _Task(job, recording.parent, shared=True)
+
+
+def _bags(run_dir: Path, bag_dir: str) -> list[Path]:
+    """Bags of a run whose path ends so."""
+    end = Path(bag_dir).parts
+    found = (Path(path) for path in find_rosbags(run_dir, end[-1]))
+    return [bag for bag in found if bag.relative_to(run_dir).parts[-len(end) :] == end]
+
+
+def _recording(run_dir: Path, bag_dir: str) -> Path | None:
     """The recording of a run's job, by way of the run's link to it."""
-    job = job_folder(run_dir)
-    there = job is not None and is_folder(job / JOB_LOGS, job)
-    return run_dir / JOB_LINK / JOB_LOGS if there else None
+    job = job_folder(run_dir) if bag_dir.startswith("logs/") else None
+    there = job is not None and is_folder(job / bag_dir, job)
+    return run_dir / JOB_LINK / bag_dir if there else None
+
+
+@contextmanager
+def _unmoved(folders: Iterable[Path]) -> Iterator[None]:
+    """Folders keep their time: a job that got tables of its own recording has not changed."""
+    times = {folder: folder.stat().st_mtime_ns for folder in folders}
+    try:
+        yield
+    finally:
+        for folder, time in times.items():
+            os.utime(folder, ns=(time, time))
+
+
+def _convert(
+    bag: Path, tasks: Sequence[_Task], definitions: Path | None, conversion: Conversion
+) -> None:
+    """Do tasks in one pass over a bag, and add what comes out."""
+    works: list[_Work] = []
+    warn = conversion.remarks.setdefault
+    try:
+        info = read_info(bag, lambda text: warn((None, text)))
+        context = Context(
+            bag=bag,
+            folder=bag.parent,
+            warn=lambda text: warn((None, text)),
+            definitions=definitions,
+            distribution=info.distribution,
+            topics=dict(info.topics),
+        )
+        for number, task in enumerate(tasks):
+            works.append(_Work(task, context, number, conversion))
+        feeds = _Feeds(context, works)
+        read_bag(bag, info, feeds.subscribe, context.warn)
+        feeds.report()
+        for work in works:
+            conversion.outputs += work.finish(bag)
+    except BaseException as error:
+        for work in works:
+            with suppress(OSError):
+                work.discard()
+        if isinstance(error, OSError):
+            raise StorageError(f"the bag {bag} cannot be converted: {error}") from error
+        raise
+
+
+class _Work:
+    """A task at work on a bag; when it fails, the others go on."""
+
+    def __init__(self, task: _Task, context: Context, number: int, conversion: Conversion) -> None:
+        self._task = task
+        self._failures = conversion.failures
+        self.context = replace(
+            context,
+            folder=task.folder,
+            window=task.window,
+            number=number,
+            warn=lambda text: conversion.remarks.setdefault((task.job, text)),
+        )
+        self._worker: Worker | None = None
+        try:
+            self._worker = start(task.job, self.context)
+        except RobovastError as error:
+            self._failures[task.job] = str(error)
+
+    def subscribe(self, topic: Topic) -> Consumer | None:
+        """Who takes the messages of a topic."""
+        try:
+            consumer = self._worker.subscribe(topic) if self._worker else None
+        except DefinitionError as error:
+            self.context.warn(f"{topic.name} is left out: {error}")
+            return None
+        if consumer and topic.serialization != "cdr":
+            self.context.warn(
+                f"{topic.name} is left out: its messages are {topic.serialization}, not cdr"
+            )
+            return None
+        return self._watched(consumer) if consumer else None
+
+    def _watched(self, consumer: Consumer) -> Consumer:
+        def consume(time: int, data: bytes) -> None:
+            if self._worker is None:
+                return
+            try:
+                consumer(time, data)
+            except (OSError, *_UNDECODABLE):
+                raise
+            except Exception as error:
+                self._fail(error)
+
+        return consume
+
+    def finish(self, bag: Path) -> list[Output]:
+        """The files, complete."""
+        try:
+            paths = self._worker.finish() if self._worker else []
+        except OSError:
+            raise
+        except Exception as error:
+            self._fail(error)
+            return []
+        return [] if self._task.shared else [Output(path, bag, self._task.job) for path in paths]
+
+    def discard(self) -> None:
+        """Leave nothing behind."""
+        if self._worker is not None:
+            self._worker.discard()
+
+    def _fail(self, error: Exception) -> None:
+        traceback.print_exc()
+        self._failures[self._task.job] = f"raised {type(error).__name__}: {error}"
+        self.discard()
+        self._worker = None
 
 
 def _has_rosout(bag: Path) -> bool:
@@ -188,54 +306,46 @@ def _moment(text: str) -> int:
 
 
 class _Feeds:
-    """Connects topics with the workers that want them."""
+    """Connects topics with those that want them."""
 
-    def __init__(self, context: Context, workers: list[Worker]) -> None:
+    def __init__(self, context: Context, works: Sequence[_Work]) -> None:
         self._context = context
-        self._workers = workers
+        self._works = works
         self._feeds: dict[Topic, _Feed] = {}
 
     def subscribe(self, topic: Topic) -> Consumer | None:
         if topic not in self._feeds:
             self._context.topics.setdefault(topic.name, topic.type)
-            self._feeds[topic] = _Feed(topic, list(self._consumers(topic)))
+            consumers = [(work, work.subscribe(topic)) for work in self._works]
+            self._feeds[topic] = _Feed(topic, [(work, c) for work, c in consumers if c])
         return self._feeds[topic].consumer()
-
-    def _consumers(self, topic: Topic) -> Iterable[Consumer]:
-        for worker in self._workers:
-            try:
-                consumer = worker.subscribe(topic)
-            except DefinitionError as error:
-                self._context.warn(f"{topic.name} is left out: {error}")
-                continue
-            if consumer and topic.serialization == "cdr":
-                yield consumer
-            elif consumer:
-                self._context.warn(
-                    f"{topic.name} is left out: its messages are {topic.serialization}, not cdr"
-                )
 
     def report(self) -> None:
         """Say how many messages could not be decoded."""
         for feed in self._feeds.values():
-            if feed.damaged:
-                self._context.warn(
-                    f"{feed.damaged} messages on {feed.topic.name} are left out: they are no "
-                    f"{feed.topic.type} ({feed.reason})"
-                )
+            feed.report()
 
 
 class _Feed:
     """Hands the messages of a topic out, and counts those that cannot be decoded."""
 
-    def __init__(self, topic: Topic, consumers: list[Consumer]) -> None:
-        self.topic = topic
-        self.damaged = 0
-        self.reason = ""
-        self._consumers = consumers
+    def __init__(self, topic: Topic, consumers: list[tuple[_Work, Consumer]]) -> None:
+        self._topic = topic
+        self._damaged = 0
+        self._reason = ""
+        self._works = [work for work, _ in consumers]
+        self._consumers = [consumer for _, consumer in consumers]
 
     def consumer(self) -> Consumer | None:
         return self._take if self._consumers else None
+
+    def report(self) -> None:
+        """Say it to the first that wanted them."""
+        if self._damaged:
+            self._works[0].context.warn(
+                f"{self._damaged} messages on {self._topic.name} are left out: they are no "
+                f"{self._topic.type} ({self._reason})"
+            )
 
     def _take(self, time: int, data: bytes) -> None:
         reason = ""
@@ -245,5 +355,5 @@ class _Feed:
             except _UNDECODABLE as error:
                 reason = str(error) or type(error).__name__
         if reason:
-            self.damaged += 1
-            self.reason = self.reason or reason
+            self._damaged += 1
+            self._reason = self._reason or reason

@@ -1,14 +1,13 @@
-"""What one command makes of a bag: its parameters, and what works on the messages."""
+"""What works on the messages of a bag for one command, and what it is given."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Protocol
-
-from pydantic import AfterValidator, BaseModel, ConfigDict
+from typing import TYPE_CHECKING, Protocol
 
 from robovast.bags.definitions import Definition, types_of, typestore_of
 from robovast.bags.flatten import Flatten, Shape, columns_of, compile_flatten
@@ -36,16 +35,16 @@ class Context:
     topics: dict[str, str]
     """Type of each topic that the bag's metadata name."""
     window: tuple[int, int] | None = None
+    """From when to when the run took place [ns], where the bag is of several runs."""
     number: int = 0
     """Of the job: several may write a file of one name."""
-    """From when to when the run took place [ns], where the bag is of several runs."""
 
     def table(
         self,
         name: str,
         leading: Sequence[str],
         columns: Columns = no_columns,
-        title: Callable[[str], str] = str,
+        title: Callable[[str], str] | None = None,
     ) -> Table:
         """A CSV file; see `Table`."""
         path = self.folder / name
@@ -53,7 +52,7 @@ class Context:
 
     def part(self, path: Path) -> Path:
         """What a file is called before it is complete."""
-        return path.with_name(f".{path.name}.{self.number}.part")
+        return path.with_name(f".{path.name}.{self.number}.{os.getpid()}.part")
 
     def types(self, definition: Definition) -> Typesdict:
         """Fields of a message type and of all in it."""
@@ -89,26 +88,6 @@ class Worker(Protocol):
 
     def discard(self) -> None:
         """Leave nothing behind."""
-
-
-class Job(BaseModel):
-    """A command with its parameters."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    command: ClassVar[str]
-
-    def start(self, context: Context) -> Worker:
-        """Begin to work on a bag."""
-        raise NotImplementedError
-
-
-def _plain_name(name: str) -> str:
-    if not name or "/" in name or name in {".", ".."}:
-        raise ValueError("a file name without a folder is wanted: files go into the run's folder")
-    return name
-
-
-FileName = Annotated[str, AfterValidator(_plain_name)]
 
 
 def nothing_on(context: Context, what: str) -> str:

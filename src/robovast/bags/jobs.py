@@ -1,40 +1,41 @@
-"""Jobs by the name of their command."""
+"""What executes each of the commands for bags."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from typing import Any
 
-from pydantic import ValidationError
+from robovast.bags.actions import ActionWorker
+from robovast.bags.behaviors import BehaviorsWorker
+from robovast.bags.job import Context, Worker
+from robovast.bags.rosout import RosoutWorker
+from robovast.bags.tf import TfWorker
+from robovast.bags.topics import TopicsWorker
+from robovast.bags.video import VideoWorker
+from robovast.document.commands import (
+    ActionToCsv,
+    BagCommand,
+    BehaviorsToCsv,
+    ImagesToWebm,
+    RosoutToCsv,
+    TfToCsv,
+    TopicsToCsv,
+)
 
-from robovast.bags.actions import ActionToCsv
-from robovast.bags.behaviors import BehaviorsToCsv
-from robovast.bags.job import Job
-from robovast.bags.rosout import RosoutToCsv
-from robovast.bags.tf import TfToCsv
-from robovast.bags.topics import TopicsToCsv
-from robovast.bags.video import ImagesToWebm
-from robovast.errors import InputError
-
-JOBS: dict[str, type[Job]] = {
-    job.command: job
-    for job in (TopicsToCsv, TfToCsv, BehaviorsToCsv, ActionToCsv, RosoutToCsv, ImagesToWebm)
+WORKERS: dict[type[BagCommand], Callable[[Context, Any], Worker]] = {
+    TopicsToCsv: TopicsWorker,
+    TfToCsv: TfWorker,
+    BehaviorsToCsv: BehaviorsWorker,
+    ActionToCsv: ActionWorker,
+    RosoutToCsv: RosoutWorker,
+    ImagesToWebm: VideoWorker,
 }
 
 
-def job_of(command: str, parameters: Mapping[str, Any]) -> Job:
-    """The job of a command of a .vast file.
+def start(job: BagCommand, context: Context) -> Worker:
+    """Begin to work on a bag.
 
     Raises:
-        InputError: a parameter is missing, unknown or wrong.
+        CannotRunError: what the command needs is not installed.
     """
-    kind = JOBS[command]
-    try:
-        return kind.model_validate(dict(parameters))
-    except ValidationError as error:
-        problems = (
-            f"{'.'.join(map(str, problem['loc'])) or 'parameters'}: {problem['msg']}"
-            for problem in error.errors()
-        )
-        known = ", ".join(kind.model_fields) or "none"
-        raise InputError(f"{command}: {'; '.join(problems)}. Its parameters: {known}.") from None
+    return WORKERS[type(job)](context, job)

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from pathlib import Path
-from typing import Annotated, Any, Literal
-
-from pydantic import BeforeValidator, Field
+from typing import Any
 
 from robovast.bags.flatten import seconds_cell, text_cell
-from robovast.bags.job import Context, Job, nothing_on
+from robovast.bags.job import Context, nothing_on
 from robovast.bags.source import Consumer, Topic
+from robovast.document.commands import LEVELS, RosoutToCsv
 
 ROSOUT = "/rosout"
-LEVELS = {"DEBUG": 10, "INFO": 20, "WARN": 30, "ERROR": 40, "FATAL": 50}
 _NAMES = {level: name.encode() for name, level in LEVELS.items()}
 _COLUMNS = (
     "timestamp",
@@ -27,45 +24,33 @@ _COLUMNS = (
     "line",
 )
 
-LevelName = Annotated[
-    Literal["DEBUG", "INFO", "WARN", "ERROR", "FATAL"],
-    BeforeValidator(lambda name: name.upper() if isinstance(name, str) else name),
-]
 
+class RosoutWorker:
+    """Every log message of a level."""
 
-class RosoutToCsv(Job):
-    """Every log message of a level, with the times [s] of receipt and of its own stamp."""
-
-    command = "rosbags_rosout_to_csv"
-    min_level: int = Field(default=10, ge=0)
-    skip_levels: tuple[LevelName, ...] = ()
-
-    def start(self, context: Context) -> _RosoutWorker:
-        """Begin to work on a bag."""
-        return _RosoutWorker(context, self.min_level, {LEVELS[name] for name in self.skip_levels})
-
-
-class _RosoutWorker:
-    def __init__(self, context: Context, least: int, skipped: Collection[int]) -> None:
+    def __init__(self, context: Context, job: RosoutToCsv) -> None:
         self._context = context
-        self._least = least
-        self._skipped = skipped
-        self._table = context.table("rosout.csv", _COLUMNS)
+        self._least = job.min_level
+        self._skipped = {LEVELS[name] for name in job.skip_levels}
+        self._table = context.table(job.csv_filename, _COLUMNS)
         self._seen = False
 
     def subscribe(self, topic: Topic) -> Consumer | None:
+        """What writes the messages of the topic of logs."""
         if topic.name != ROSOUT:
             return None
         read = self._context.reader(topic)
         return lambda time, data: self._log(time, read(data))
 
     def finish(self) -> list[Path]:
+        """The table, also one without rows: nothing was logged."""
         if not self._seen:
             self._context.warn(nothing_on(self._context, ROSOUT))
         self._table.close()
         return [self._table.path]
 
     def discard(self) -> None:
+        """Leave nothing behind."""
         self._table.discard()
 
     def _log(self, time: int, log: Any) -> None:

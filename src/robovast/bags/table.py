@@ -43,7 +43,7 @@ class Table:
         part: Path,
         leading: Sequence[str],
         columns: Columns = no_columns,
-        title: Callable[[str], str] = str,
+        title: Callable[[str], str] | None = None,
     ) -> None:
         """Open a file that takes its name when it is closed.
 
@@ -52,7 +52,8 @@ class Table:
             part: what it is called before it is complete.
             leading: names of the cells that every row begins with.
             columns: names of the columns of each further cell, by the row's key.
-            title: what the file calls a column, by its name.
+            title: what the file calls a column, by its name; then all columns are sorted by it,
+                the leading ones, too.
         """
         self.path = path
         self._leading = list(leading)
@@ -79,12 +80,17 @@ class Table:
             self._switch(())
         self._file.writelines(line + b"\n" for line in lines)
 
+    @property
+    def is_empty(self) -> bool:
+        """True when it has no rows."""
+        return self._key is None
+
     def close(self) -> None:
         """Finish the file and give it its name."""
         self._end_run()
         keys = list(dict.fromkeys(key for key, _ in self._runs))
         self._file.close()
-        if len(keys) == 1:
+        if len(keys) == 1 and self._title is None:
             os.replace(self._part, self.path)
         else:
             self._rewrite(keys)
@@ -97,7 +103,7 @@ class Table:
     def _switch(self, key: Key) -> None:
         self._end_run()
         if not self._runs:
-            self._file.write((",".join(self._header(self._sorted(key))) + "\n").encode())
+            self._file.write((",".join([*self._leading, *self._sorted(key)]) + "\n").encode())
         self._order = self._orders(key)
         self._key, self._count = key, 0
 
@@ -115,11 +121,12 @@ class Table:
     def _sorted(self, key: Key) -> list[str]:
         return sorted(chain.from_iterable(self._columns(key)))
 
-    def _header(self, columns: list[str]) -> list[str]:
-        return [*self._leading, *map(self._title, columns)]
-
     def _rewrite(self, keys: list[Key]) -> None:
-        columns = sorted({name for key in keys for name in self._sorted(key)})
+        names = sorted({name for key in keys for name in self._sorted(key)})
+        columns = [*((True, name) for name in self._leading), *((False, name) for name in names)]
+        title = self._title or str
+        if self._title is not None:
+            columns.sort(key=lambda column: title(column[1]))
         final = self._part.with_suffix(".all")
         csv.field_size_limit(sys.maxsize)  # a cell holds a whole string, however long
         with (
@@ -129,7 +136,7 @@ class Table:
             rows = csv.reader(source)
             next(rows, None)
             writer = csv.writer(target, lineterminator="\n")
-            writer.writerow(self._header(columns))
+            writer.writerow(title(name) for _, name in columns)
             spread = {key: self._spread(key, columns) for key in keys}
             for key, count in self._runs:
                 order = spread[key]
@@ -137,11 +144,26 @@ class Table:
         self._part.unlink()
         os.replace(final, self.path)
 
-    def _spread(self, key: Key, columns: list[str]) -> Any:
-        """What takes a row of a key, with an empty cell at its end, to the columns of all."""
-        lead = len(self._leading)
-        place = {name: lead + index for index, name in enumerate(self._sorted(key))}
-        return _getter([*range(lead), *(place.get(name, -1) for name in columns)])
+    def _spread(self, key: Key, columns: list[tuple[bool, str]]) -> Any:
+        """What takes a row of a key, with an empty cell at its end, to the columns of all.
+
+        Args:
+            key: of the row.
+            columns: whether each is a leading one, and its name.
+        """
+        every = [*((True, name) for name in self._leading)]
+        every += ((False, name) for name in self._sorted(key))
+        place = {column: index for index, column in enumerate(every)}
+        return _getter([place.get(column, -1) for column in columns])
+
+
+def written(table: Table) -> list[Path]:
+    """The file of a table that is complete; one without rows is not written."""
+    if table.is_empty:
+        table.discard()
+        return []
+    table.close()
+    return [table.path]
 
 
 def _getter(places: list[int]) -> Any:

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from pydantic import Field
 
 from robovast.bags.flatten import number_text, seconds_cell, text_cell
-from robovast.bags.job import Context, FileName, Job, nothing_on
+from robovast.bags.job import Context, nothing_on
 from robovast.bags.source import Consumer, Topic
+from robovast.bags.table import written
 from robovast.bags.transforms import TransformTree, euler
+from robovast.document.commands import TfToCsv
 
 REFERENCE = "map"
 _TYPE = "tf2_msgs/msg/TFMessage"
@@ -28,33 +29,25 @@ _COLUMNS = (
 )
 
 
-class TfToCsv(Job):
-    """Pose [m, rad] of each frame in `map` at each of its stamps [s]."""
+class TfWorker:
+    """Pose [m, rad] of each frame in `map` at each of its stamps, with the time of receipt [s]."""
 
-    command = "rosbags_tf_to_csv"
-    frames: tuple[str, ...] = Field(default=("base_link",), min_length=1)
-    csv_filename: FileName = "poses.csv"
-
-    def start(self, context: Context) -> _TfWorker:
-        """Begin to work on a bag."""
-        return _TfWorker(context, self.frames, self.csv_filename)
-
-
-class _TfWorker:
-    def __init__(self, context: Context, frames: tuple[str, ...], file: str) -> None:
+    def __init__(self, context: Context, job: TfToCsv) -> None:
         self._context = context
-        self._frames = tuple(dict.fromkeys(frame.lstrip("/") for frame in frames))
-        self._table = context.table(file, _COLUMNS)
+        self._frames = tuple(dict.fromkeys(frame.lstrip("/") for frame in job.frames))
+        self._table = context.table(job.csv_filename, _COLUMNS)
         self._tree = TransformTree()
 
     def subscribe(self, topic: Topic) -> Consumer | None:
+        """What collects the transforms of a topic."""
         static = _STATIC.get(topic.name)
         if static is None or topic.type != _TYPE:
             return None
         add = self._tree.add
-        return lambda _time, data: add(data, static)
+        return lambda time, data: add(data, static, time)
 
     def finish(self) -> list[Path]:
+        """The table; none when no pose is known."""
         if self._tree.frames:
             self._write()
         else:
@@ -64,26 +57,27 @@ class _TfWorker:
                 f"{self._tree.rejected} transforms are left out: not finite, not normalized, "
                 "without a frame, or of a frame in itself"
             )
-        self._table.close()
-        return [self._table.path]
+        return written(self._table)
 
     def discard(self) -> None:
+        """Leave nothing behind."""
         self._table.discard()
 
     def _write(self) -> None:
         rows: list[tuple[int, int, bytes]] = []
         for number, frame in enumerate(self._frames):
             rows += ((time, number, line) for time, line in self._lines(frame))
-        rows.sort()
-        self._table.add_lines(line for _, _, line in rows)
+        rows.sort(key=lambda row: row[:2])
+        if rows:
+            self._table.add_lines(line for _, _, line in rows)
 
     def _lines(self, frame: str) -> Iterator[tuple[int, bytes]]:
-        times = self._tree.stamps(frame)
+        times, received = self._tree.stamps(frame)
         poses = self._tree.poses(frame, REFERENCE, times)
         self._say_what_is_missing(frame, len(times), int(poses.valid.sum()))
         values = np.column_stack((poses.position, euler(poses.orientation)))[poses.valid]
         name = text_cell(frame.encode())
-        for time, row in zip(times[poses.valid].tolist(), values.tolist(), strict=True):
+        for time, row in zip(received[poses.valid].tolist(), values.tolist(), strict=True):
             yield time, b"%b,%b,%b" % (name, seconds_cell(time), number_text(row))
 
     def _say_what_is_missing(self, frame: str, stamps: int, known: int) -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from pydantic import Field, field_validator
-
 from robovast.bags.flatten import Shape, seconds_cell, text_cell
-from robovast.bags.job import Context, Job, nothing_on
+from robovast.bags.job import Context, nothing_on
 from robovast.bags.source import Consumer, Topic
+from robovast.bags.table import written
+from robovast.document.commands import TopicsToCsv, flat
 
 
 class MessageTable:
@@ -20,9 +20,8 @@ class MessageTable:
         context: Context,
         name: str,
         leading: list[str],
-        title: Callable[[str], str] = str,
+        title: Callable[[str], str] | None = None,
     ) -> None:
-        self.empty = True
         self._context = context
         self._topics: list[Topic] = []
         self._table = context.table(name, leading, self._columns, title)
@@ -38,10 +37,14 @@ class MessageTable:
         add = self._adder(topic)
         return lambda time, data: add(data, [seconds_cell(time)])
 
-    def close(self) -> Path:
-        """Complete the file."""
-        self._table.close()
-        return self._table.path
+    @property
+    def is_empty(self) -> bool:
+        """True when there was no message."""
+        return self._table.is_empty
+
+    def written(self) -> list[Path]:
+        """The file, complete; none when there was no message."""
+        return written(self._table)
 
     def discard(self) -> None:
         """Leave nothing behind."""
@@ -56,7 +59,6 @@ class MessageTable:
         def add(data: bytes, cells: list[bytes]) -> None:
             shape = flatten(data, cells)
             self._table.add((variant, shape), cells)
-            self.empty = False
 
         return add
 
@@ -73,11 +75,11 @@ class TableWorker:
         self._tables = tables
 
     def finish(self) -> list[Path]:
-        """The tables; of a topic without messages that is said."""
+        """The tables; of a topic without messages there is none, which is said."""
         for topic, table in self._tables.items():
-            if table.empty:
+            if table.is_empty:
                 self._context.warn(nothing_on(self._context, topic))
-        return [table.close() for table in self._tables.values()]
+        return [path for table in self._tables.values() for path in table.written()]
 
     def discard(self) -> None:
         """Leave nothing behind."""
@@ -85,44 +87,22 @@ class TableWorker:
             table.discard()
 
 
-class TopicsToCsv(Job):
+class TopicsWorker(TableWorker):
     """Each topic as `<bag>_<topic>.csv`, its slashes as underscores."""
 
-    command = "rosbags_to_csv"
-    topics: tuple[str, ...] = Field(min_length=1)
-
-    @field_validator("topics")
-    @classmethod
-    def _one_file_each(cls, topics: tuple[str, ...]) -> tuple[str, ...]:
-        files: dict[str, str] = {}
-        for topic in topics:
-            other = files.setdefault(_flat(topic), topic)
-            if other != topic:
-                raise ValueError(f"{other} and {topic} would be written to one file")
-        return topics
-
-    def start(self, context: Context) -> _TopicsWorker:
-        """Begin to work on a bag."""
-        return _TopicsWorker(context, self.topics)
-
-
-class _TopicsWorker(TableWorker):
-    def __init__(self, context: Context, topics: tuple[str, ...]) -> None:
+    def __init__(self, context: Context, job: TopicsToCsv) -> None:
         columns = ["timestamp", "type"]
-        names = {topic: f"{topic_file(context, topic)}.csv" for topic in dict.fromkeys(topics)}
+        names = {topic: f"{topic_file(context, topic)}.csv" for topic in dict.fromkeys(job.topics)}
         super().__init__(
             context, {topic: MessageTable(context, name, columns) for topic, name in names.items()}
         )
 
     def subscribe(self, topic: Topic) -> Consumer | None:
+        """What writes the messages of a topic that is wanted."""
         table = self._tables.get(topic.name)
         return table.consumer(topic) if table else None
 
 
 def topic_file(context: Context, topic: str) -> str:
     """Name of the file of a topic, without its ending."""
-    return f"{context.bag.name}_{_flat(topic)}"
-
-
-def _flat(topic: str) -> str:
-    return topic.replace("/", "_")
+    return f"{context.bag.name}_{flat(topic)}"

@@ -6,6 +6,7 @@ orientation. Nothing is extrapolated.
 
 from __future__ import annotations
 
+from array import array
 from functools import cached_property
 from struct import Struct
 from typing import NamedTuple
@@ -26,8 +27,16 @@ _SIZE = 56
 _ORDERS = {b"\x00\x01": "<", b"\x00\x00": ">"}
 _LENGTHS = {order: Struct(f"{order}I").unpack_from for order in "<>"}
 
-_Found = dict[str, dict[bytes, bytearray]]
-"""Transforms as they are on the wire, by byte order and the part that holds the frames' names."""
+
+class _Recorded(NamedTuple):
+    """Transforms as they are on the wire, and when each was received [ns]."""
+
+    transforms: bytearray
+    received: array[int]
+
+
+_Found = dict[str, dict[bytes, _Recorded]]
+"""By byte order and the part that holds the frames' names."""
 
 
 class Poses(NamedTuple):
@@ -47,6 +56,8 @@ class _Samples(NamedTuple):
     parents: list[str]
     times: Times
     """(n,) [ns]"""
+    received: Times
+    """(n,) when the bag received each [ns]"""
     values: Floats
     """(n, 7) position [m] and orientation."""
 
@@ -67,6 +78,7 @@ class _Link:
         self.static = static
         keep = _order(times, np.flatnonzero(sound), static)
         self.times = times[keep]
+        self.received = samples.received[keep]
         self.parents: Indices = parents[keep]
         self.position: Floats = values[keep, :3]
         self.orientation: Floats = values[keep, 3:]
@@ -111,8 +123,13 @@ class TransformTree:
         self._moving: _Found = {"<": {}, ">": {}}
         self._fixed: _Found = {"<": {}, ">": {}}
 
-    def add(self, data: bytes, static: bool) -> None:
-        """Take a tf2_msgs/msg/TFMessage as it is in a bag; a static transform holds at all times.
+    def add(self, data: bytes, static: bool, received: int) -> None:
+        """Take a tf2_msgs/msg/TFMessage as it is in a bag.
+
+        Args:
+            data: the message.
+            static: its transforms hold at all times.
+            received: when [ns].
 
         Raises:
             ValueError: it is no such message (also struct.error).
@@ -135,9 +152,11 @@ class TransformTree:
             names = message[offset + 8 : values]
             transform = message[offset : values + _SIZE]
             try:
-                found[names].extend(transform)
+                recorded = found[names]
             except KeyError:
-                found[names] = bytearray(transform)
+                recorded = found[names] = _Recorded(bytearray(), array("q"))
+            recorded.transforms.extend(transform)
+            recorded.received.append(received)
             offset = values + _SIZE
 
     @cached_property
@@ -164,17 +183,19 @@ class TransformTree:
         parents = {name for link in self._sound.values() for name in link.names}
         return sorted(parents | set(self._sound))
 
-    def stamps(self, frame: str) -> Times:
-        """When something was said of a frame [ns]: of itself, or of what it is fixed to."""
+    def stamps(self, frame: str) -> tuple[Times, Times]:
+        """When something was said of a frame, of itself or of what it is fixed to: stamps, and when
+        the bag received them [ns]."""
         seen: set[str] = set()
         while frame in self._sound and frame not in seen:
             seen.add(frame)
             link = self._sound[frame]
             parent = link.names[link.parents[-1]]
             if not link.static or parent not in self._sound:
-                return link.times
+                return link.times, link.received
             frame = parent
-        return np.zeros(0, dtype=np.int64)
+        nothing = np.zeros(0, dtype=np.int64)
+        return nothing, nothing
 
     def poses(self, frame: str, reference: str, times: Times) -> Poses:
         """Pose of a frame in another at each of n times [ns].
@@ -225,13 +246,14 @@ def _samples(found: _Found) -> dict[str, _Samples]:
     """Transforms by child frame."""
     samples: dict[str, _Samples] = {}
     groups = ((order, *item) for order, group in found.items() for item in group.items())
-    for order, names, transforms in groups:
+    for order, names, (transforms, received) in groups:
         parent, child = _names(order, names)
         raw = np.frombuffer(transforms, np.uint8).reshape(-1, 8 + len(names) + _SIZE)
         stamps = np.ascontiguousarray(raw[:, :8]).view(f"{order}i4").astype(np.int64)
         stamps[:, 1] &= 0xFFFFFFFF  # nanoseconds have no sign
         values = np.ascontiguousarray(raw[:, -_SIZE:]).view(f"{order}f8").astype(np.float64)
-        new = _Samples([parent] * len(values), stamps @ np.array([1_000_000_000, 1]), values)
+        times = stamps @ np.array([1_000_000_000, 1])
+        new = _Samples([parent] * len(values), times, np.array(received, dtype=np.int64), values)
         old = samples.get(child)
         samples[child] = _joined(old, new) if old else new
     return samples
@@ -250,6 +272,7 @@ def _joined(one: _Samples, other: _Samples) -> _Samples:
     return _Samples(
         one.parents + other.parents,
         np.concatenate((one.times, other.times)),
+        np.concatenate((one.received, other.received)),
         np.concatenate((one.values, other.values)),
     )
 

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from pydantic import Field
 
-from robovast.bags.job import Context, Job, nothing_on
+from robovast.bags.job import Context, nothing_on
 from robovast.bags.source import Consumer, Topic
 from robovast.bags.topics import topic_file
-from robovast.errors import CannotRunError
+from robovast.document.commands import ImagesToWebm
+from robovast.extras import VIDEO
 from robovast.safe_paths import create_file
 
 if TYPE_CHECKING:
@@ -39,36 +39,18 @@ _OPTIONS = {"deadline": "realtime", "cpu-used": "8", "crf": "32", "b": "0", "lag
 _MILLISECONDS = Fraction(1, 1000)
 
 
-class ImagesToWebm(Job):
+class VideoWorker:
     """A topic of compressed or raw images as VP9 video, each frame at the time of its stamp."""
 
-    command = "rosbags_to_webm"
-    topic: str = Field(default="/camera/image_raw/compressed", min_length=1)
-    fps: float = Field(default=30, gt=0)
-
-    def start(self, context: Context) -> _VideoWorker:
-        """Begin to work on a bag.
-
-        Raises:
-            CannotRunError: what encodes videos is not installed.
-        """
-        try:
-            import av  # noqa: F401
-        except ImportError:
-            raise CannotRunError(
-                f"{self.command} needs the extra `video`: pip install 'robovast[video]'"
-            ) from None
-        return _VideoWorker(context, self.topic, self.fps)
-
-
-class _VideoWorker:
-    def __init__(self, context: Context, topic: str, fps: float) -> None:
+    def __init__(self, context: Context, job: ImagesToWebm) -> None:
+        VIDEO.require(job.command)
         self._context = context
-        self._topic = topic
-        path = context.folder / f"{topic_file(context, topic)}.webm"
-        self._video = _Video(path, context.part(path), fps)
+        self._topic = job.topic
+        path = context.folder / f"{topic_file(context, job.topic)}.webm"
+        self._video = _Video(path, context.part(path), job.fps)
 
     def subscribe(self, topic: Topic) -> Consumer | None:
+        """What appends the images of the topic."""
         if topic.name != self._topic:
             return None
         frames: dict[str, Callable[[Any], VideoFrame]] = {COMPRESSED: _decoded, RAW: _raw}
@@ -85,12 +67,14 @@ class _VideoWorker:
         return consume
 
     def finish(self) -> list[Path]:
+        """The video; none without images."""
         if self._video.close():
             return [self._video.path]
         self._context.warn(nothing_on(self._context, self._topic))
         return []
 
     def discard(self) -> None:
+        """Leave nothing behind."""
         self._video.discard()
 
 

@@ -59,6 +59,8 @@ def _names(name: str, field: FieldInfo) -> list[str]:
 
 
 def _explain(details: Any, config_class: type[BaseModel]) -> str:
+    from robovast.document.problems import sentence
+
     key = ".".join(str(part) for part in details["loc"])
     known = sorted(config_class.model_fields)
     if details["type"] == "missing":
@@ -67,7 +69,7 @@ def _explain(details: Any, config_class: type[BaseModel]) -> str:
         near = difflib.get_close_matches(key, known, n=1)
         hint = f"did you mean `{near[0]}`?" if near else f"known: {', '.join(known)}"
         return f"unknown parameter `{key}` ({hint})"
-    return f"`{key}`: {details['msg']}, not {details['input']!r}"
+    return f"`{key}` {sentence(details)}"
 
 
 _MARKER = re.compile(r"^\$(?:\{(?P<braced>[A-Za-z_]\w*)\}|(?P<plain>[A-Za-z_]\w*))$")

@@ -4,22 +4,34 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from robovast.common.config import unknown_parameters
 from robovast.common.scenario import Scenario, read_scenario
 from robovast.common.variation import Variation
 from robovast.common.variation.loader import load_variation
+from robovast.document.commands import BUILT_IN, GROUP, TopicsToCsv
 from robovast.document.files import host_path, match_run_files
-from robovast.document.model import ConfigurationEntry, Execution, Notebooks, PluginCall, Search
-from robovast.document.problems import problems_of, suggest
+from robovast.document.model import (
+    ConfigurationEntry,
+    Execution,
+    Notebooks,
+    Plugin,
+    PluginCall,
+    Search,
+)
+from robovast.document.problems import nearest, problems_of, suggest
 from robovast.document.source import KeyPath, Source
 from robovast.errors import InputError, Problem
+from robovast.plugins import plugins_of, split_file_reference
+
+_PLUGIN: TypeAdapter[PluginCall] = TypeAdapter(Plugin)
 
 
 @dataclass(frozen=True)
@@ -64,6 +76,7 @@ def check_parts(parts: Parts) -> list[Problem]:
         *_check_parameters(parts),
         *_check_variations(parts),
         *_check_commands(parts),
+        *_check_postprocessing(parts),
     ]
 
 
@@ -83,6 +96,7 @@ def warnings_of(parts: Parts) -> Iterator[Problem]:
             for key in unknown_parameters(parameters, variation.CONFIG_CLASS):
                 message = f"`{base[-1]}` does not know the parameter `{key}`; it has no effect"
                 yield parts.source.problem((*base, key), message, at_key=True)
+    yield from _doubtful_postprocessing(parts)
 
 
 def _missing_notebooks(parts: Parts) -> Iterator[Problem]:
@@ -207,15 +221,10 @@ def _check_variation_parameters(
 ) -> Iterator[Problem]:
     model: type[BaseModel] | None = variation.CONFIG_CLASS
     if model is not None:
-        for key, near in unknown_parameters(parameters, model).items():
-            path = (*base, key)
-            if near is not None:
-                remedy = f"Did you mean `{near}`?"
-                yield parts.source.problem(path, f"unknown key `{key}`", remedy, at_key=True)
-        try:
-            model.model_validate(parameters)
-        except ValidationError as error:
-            yield from problems_of(error, parts.source, model, base)
+        yield from _misspelt(parts, base, model, parameters)
+        wrong = _wrong(parts, base, model, parameters)
+        yield from wrong
+        if wrong:
             return
     # A plugin's `name` may mean anything; of the built-in ones it is a scenario parameter.
     if not variation.__module__.startswith("robovast.common.variation."):
@@ -225,6 +234,73 @@ def _check_variation_parameters(
         problem = _unknown_parameter(parts, (*base, "name"), name, at_key=False)
         if problem is not None:
             yield problem
+
+
+def _misspelt(
+    parts: Parts, base: KeyPath, model: type[BaseModel], parameters: dict[str, Any]
+) -> Iterator[Problem]:
+    for key, near in unknown_parameters(parameters, model).items():
+        if near is not None:
+            remedy = f"Did you mean `{near}`?"
+            yield parts.source.problem((*base, key), f"unknown key `{key}`", remedy, at_key=True)
+
+
+def _wrong(
+    parts: Parts, base: KeyPath, model: type[BaseModel], parameters: dict[str, Any]
+) -> list[Problem]:
+    try:
+        model.model_validate(parameters)
+    except ValidationError as error:
+        return problems_of(error, parts.source, model, base)
+    return []
+
+
+def _check_postprocessing(parts: Parts) -> Iterator[Problem]:
+    """Commands that are misspelt, and built-in ones that could not be called."""
+    for path, call in _postprocessing(parts):
+        model = BUILT_IN.get(call.name)
+        if model is not None:
+            base = _place_of_parameters(parts, path, call)
+            yield from _misspelt(parts, base, model, call.parameters)
+            yield from _wrong(parts, base, model, call.parameters)
+            continue
+        near = None if _is_installed(call) else nearest(call.name, plugins_of(GROUP))
+        if near is not None:
+            message = f"there is no command `{call.name}`"
+            yield parts.source.problem(path, message, f"Did you mean `{near}`?", at_key=True)
+
+
+def _doubtful_postprocessing(parts: Parts) -> Iterator[Problem]:
+    """Commands that are not here, which they need not be before there are results."""
+    for path, call in _postprocessing(parts):
+        model = BUILT_IN.get(call.name)
+        file = split_file_reference(call.name)
+        if model is not None:
+            base = _place_of_parameters(parts, path, call)
+            for key in unknown_parameters(call.parameters, model):
+                message = f"`{call.name}` does not know the parameter `{key}`; it has no effect"
+                yield parts.source.problem((*base, key), message, at_key=True)
+            if call.name == TopicsToCsv.command and not call.parameters.get("topics"):
+                message = f"`{call.name}` without `topics` does nothing"
+                yield parts.source.problem(path, message)
+        elif file is not None and not (parts.folder / file[0]).is_file():
+            yield parts.source.problem(path, f"there is no file {file[0]} in {parts.folder}")
+        elif not _is_installed(call):
+            yield parts.source.problem(path, f"no plugin `{call.name}` is installed here")
+
+
+def _is_installed(call: PluginCall) -> bool:
+    return split_file_reference(call.name) is not None or call.name in plugins_of(GROUP)
+
+
+def _postprocessing(parts: Parts) -> Iterator[tuple[KeyPath, PluginCall]]:
+    """Every postprocessing command of proper form, with its place."""
+    for section in ("results_processing", "analysis", "search"):
+        inner = parts.source.data.get(section)
+        listed = inner.get("postprocessing") if isinstance(inner, dict) else None
+        for position, item in enumerate(listed if isinstance(listed, list) else ()):
+            with suppress(ValidationError):  # told where the document's form is checked
+                yield (section, "postprocessing", position), _PLUGIN.validate_python(item)
 
 
 def _value_at(data: Any, path: KeyPath) -> Any:

@@ -83,11 +83,16 @@ def _key_problem(
 def _value_problem(
     path: KeyPath, group: list[ErrorDetails], source: Source, model: type[BaseModel]
 ) -> Problem:
+    return source.problem(path, sentence(*group), _describe(model, group[0]["loc"]))
+
+
+def sentence(*group: ErrorDetails) -> str:
+    """What is wrong with a value, which may be one of several things: as it must be, and is not."""
     sentences = list(dict.fromkeys(map(_sentence, group)))
     message = " or ".join([sentences[0], *(s.removeprefix("must be ") for s in sentences[1:])])
     if message.startswith("must ") and ", not " not in message:
         message += f", not {_shown(group[0]['input'])}"
-    return source.problem(path, message, _describe(model, group[0]["loc"]))
+    return message
 
 
 def nearest(given: str, allowed: Iterable[str]) -> str | None:
@@ -112,6 +117,7 @@ _EXPECTED = {
     "list": "a list",
     "model": "a mapping",
     "string": "text",
+    "tuple": "a list",
 }
 """What a kind of pydantic's errors expects, by the first word of its name."""
 

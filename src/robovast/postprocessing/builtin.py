@@ -21,23 +21,26 @@ def command(
     script: str,
     args: Sequence[str] = (),
     provenance_file: str | None = None,
+    execution_image: str | None = None,
 ) -> tuple[bool, str]:
-    """Execute a program: `SCRIPT RESULTS_DIR ARGS…`, in the folder of the .vast file.
+    """Execute a program: `SCRIPT --provenance-file FILE ARGS… RESULTS_DIR`, in the results' folder.
 
     Args:
         results_dir: the campaign's folder.
-        config_dir: folder of the .vast file.
+        config_dir: folder of the .vast file, also in $CONFIG_DIR.
         script: path relative to it, or the name of a program.
-        args: further arguments.
-        provenance_file: given on as $PROVENANCE_FILE.
+        args: its arguments.
+        provenance_file: where it may say what it made.
+        execution_image: of the campaign; in $ROBOVAST_IMAGE, where that is not set.
     """
-    program = _program(config_dir, script)
-    environment = {**os.environ, "PROVENANCE_FILE": provenance_file or ""}
+    folder, results = os.path.abspath(config_dir), os.path.abspath(results_dir)
+    program = _program(folder, script)
+    given = ["--provenance-file", provenance_file] if provenance_file else []
     try:
         done = subprocess.run(
-            [*program, results_dir, *map(str, args)],
-            cwd=config_dir,
-            env=environment,
+            [*program, *given, *map(str, args), results],
+            cwd=results,
+            env={"ROBOVAST_IMAGE": execution_image or "", **os.environ, "CONFIG_DIR": folder},
             capture_output=True,
             check=False,
         )

@@ -14,15 +14,21 @@ import os
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
+from robovast.document.commands import GROUP, BagCommand, bag_command
 from robovast.errors import InputError, RobovastError
 from robovast.plugins import load_plugin
 from robovast.postprocessing.guard import Guard
 from robovast.postprocessing.outcome import NonsenseError, Outcome, read_entries, read_returned
 
-GROUP = "robovast.postprocessing_commands"
+if TYPE_CHECKING:
+    from robovast.bags.convert import Conversion
+
+GIVEN = ("provenance_file", "execution_image", "debug", "force")
+"""What a plugin is given beside its parameters, when it takes it."""
 
 Plugin = Callable[..., Any]
 
@@ -105,26 +111,21 @@ def convert_bags(calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
 
 
 def _convert_bags(calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
-    from robovast.bags.commands import ros_extra
+    from robovast.bags.convert import convert_run
 
-    with ros_extra():
-        from robovast.bags.convert import convert_run
-        from robovast.bags.jobs import job_of
     run, campaign = Path(calls[0]["results_dir"]), Path(calls[0]["campaign"])
-    outcomes, jobs = [], []
-    for request in calls:
-        try:
-            jobs.append(job_of(request["name"], request["parameters"]))
-            outcomes.append(Outcome(True, ""))
-        except InputError as error:
-            outcomes.append(Outcome(False, str(error)))
-    done = convert_run(run, jobs, Path(calls[0]["folder"])) if jobs else None
-    if done is None:
-        return outcomes
+    jobs = [bag_command(call["name"], call["parameters"]) for call in calls]
+    done = convert_run(run, jobs, Path(calls[0]["folder"]))
     entries = read_entries(done.provenance(run), "", run, campaign)
-    first = next(index for index, outcome in enumerate(outcomes) if outcome.success)
-    outcomes[first] = Outcome(True, "\n".join(done.warnings), entries)
-    return outcomes
+    # What is said of a bag as a whole, and where files come from, is told once.
+    outcomes = [_outcome(done, job, [None, job] if n == 0 else [job]) for n, job in enumerate(jobs)]
+    return [replace(outcomes[0], entries=entries), *outcomes[1:]]
+
+
+def _outcome(done: Conversion, job: BagCommand, about: list[BagCommand | None]) -> Outcome:
+    if job in done.failures:
+        return Outcome(False, done.failures[job])
+    return Outcome(True, "\n".join(text for of, text in done.remarks if of in about))
 
 
 _OUTSIDE = "it is outside of the campaign; results belong below `results_dir`"
@@ -175,8 +176,9 @@ def prepare(plugin: Any, request: Mapping[str, Any], provenance: Path) -> Callab
     if not callable(plugin):
         raise InputError(f"is a {type(plugin).__name__}, which cannot be called")
     signature = _signature(plugin)
-    if _takes(signature, "provenance_file"):
-        parameters.setdefault("provenance_file", str(provenance))
+    for name, value in {"provenance_file": str(provenance), **request["given"]}.items():
+        if _takes(signature, name):
+            parameters.setdefault(name, value)
     return _bound(plugin, signature, (request["results_dir"], request["folder"]), parameters)
 
 
@@ -198,7 +200,7 @@ def _bound(
     try:
         signature.bind(*folders, **parameters)
     except TypeError as error:
-        names = [name for name in signature.parameters if name != "provenance_file"]
+        names = [name for name in signature.parameters if name not in GIVEN]
         own = ", ".join(f"`{name}`" for name in names[len(folders) :]) or "none"
         raise InputError(f"{error}; its parameters are: {own}") from error
     return lambda: plugin(*folders, **parameters)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib.metadata import EntryPoint
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,27 +11,23 @@ from typing import Any
 
 from pydantic import BaseModel, Field, ValidationError
 
+from robovast.document.commands import (
+    BAG_COMMANDS,
+    GROUP,
+    PROCESS,
+    ImagesToWebm,
+    bag_command,
+    expanded,
+)
 from robovast.document.files import named_files
 from robovast.document.model import Plugin, PluginCall
 from robovast.document.problems import problems_of
 from robovast.document.source import Source
-from robovast.errors import DocumentError, InputError
+from robovast.errors import DocumentError, InputError, RobovastError
+from robovast.extras import ROS, VIDEO
 from robovast.plain import fingerprint
 from robovast.plugins import plugins_of, split_file_reference
-from robovast.postprocessing.child import GROUP
 from robovast.postprocessing.content import digests, file_digest, scan
-
-BAG_COMMANDS = frozenset(
-    {
-        "rosbags_to_csv",
-        "rosbags_tf_to_csv",
-        "rosbags_bt_to_csv",
-        "rosbags_action_to_csv",
-        "rosbags_rosout_to_csv",
-        "rosbags_to_webm",
-    }
-)
-"""Built-in commands that read nothing but what a run recorded; one pass over a bag does all."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +40,8 @@ class Command:
     """Of the .vast file: paths are relative to it."""
     key: str
     """Equal for equal names, parameters, code and, where they matter, commands before."""
+    given: Mapping[str, Any] = field(default_factory=dict)
+    """What it gets beside its parameters, when it takes it."""
 
     @property
     def reads_bags(self) -> bool:
@@ -58,7 +56,7 @@ class Command:
 
 
 class _Section(BaseModel):
-    postprocessing: list[Plugin] = Field(default_factory=list)
+    postprocessing: list[Plugin] | None = None
 
 
 class _Processing(BaseModel):
@@ -83,43 +81,85 @@ def read_calls(path: Path) -> list[PluginCall]:
         model = _Processing.model_validate(data)
     except ValidationError as error:
         raise DocumentError(problems_of(error, source, _Processing)) from error
-    return [*model.results_processing.postprocessing, *model.analysis.postprocessing]
+    sections_read = (model.results_processing, model.analysis)
+    return [call for section in sections_read for call in section.postprocessing or []]
 
 
-def resolve(calls: Iterable[PluginCall], folder: Path) -> list[Command]:
+def resolve(
+    calls: Iterable[PluginCall], folder: Path, given: Mapping[str, Any] | None = None
+) -> list[Command]:
     """Commands in the order in which they are worked off.
 
-    Those that read bags come first, since they need nothing of others. Every other command may
-    read what those before it made, so its key covers theirs.
+    Those that read bags stand together where the first of them stands, and need nothing of each
+    other. Any other command may read what those before it made, so its key covers theirs.
 
     Args:
-        calls: as the document has them.
+        calls: as the document has them, each of which can be called.
         folder: of the document.
+        given: what commands get beside their parameters.
     """
-    ordered = sorted(calls, key=lambda call: call.name not in BAG_COMMANDS)
     commands: list[Command] = []
-    for call in ordered:
-        alone = call.name in BAG_COMMANDS
-        key = _key(call, folder, [] if alone else [command.key for command in commands])
+    for call in _ordered(calls):
+        reads_bags = call.name in BAG_COMMANDS
+        before = [c.key for c in commands if not (reads_bags and c.reads_bags)]
+        key = _key(call, folder, before)
         if key not in {command.key for command in commands}:
-            commands.append(Command(call.name, dict(call.parameters), folder, key))
+            commands.append(Command(call.name, dict(call.parameters), folder, key, given or {}))
     return commands
 
 
+def _ordered(calls: Iterable[PluginCall]) -> list[PluginCall]:
+    listed = list(calls)
+    of_bags = [call for call in listed if call.name in BAG_COMMANDS]
+    first = listed.index(of_bags[0]) if of_bags else 0
+    rest = [call for call in listed[first:] if call.name not in BAG_COMMANDS]
+    return [*listed[:first], *of_bags, *rest]
+
+
+def why_not(call: PluginCall) -> str | None:
+    """Why a command cannot be called, whatever it is called for; None for all that is known now."""
+    try:
+        if call.name in BAG_COMMANDS:
+            job = bag_command(call.name, call.parameters)
+            ROS.require(call.name)
+            if isinstance(job, ImagesToWebm):
+                VIDEO.require(call.name)
+        elif call.name == PROCESS:
+            expanded([call])
+    except RobovastError as error:
+        return str(error)
+    return None
+
+
 def skipped(calls: Iterable[PluginCall], names: Sequence[str]) -> list[PluginCall]:
-    """The calls without those that are skipped by name, or by the name in a file reference.
+    """The calls without those that are skipped by name, or by the name in a file reference; also
+    those that `rosbags_process` holds.
 
     Raises:
         InputError: a name is none of the document's.
     """
     kept = list(calls)
     for name in names:
-        rest = [call for call in kept if name not in (call.name, _short(call.name))]
+        if not any(_is_called(call, name) for call in kept):
+            kept = unfolded(kept)
+        rest = [call for call in kept if not _is_called(call, name)]
         if len(rest) == len(kept):
             known = ", ".join(f"`{call.name}`" for call in kept) or "none"
             raise InputError(f"--skip {name}: there is no such command; there are {known}.")
         kept = rest
     return kept
+
+
+def unfolded(calls: Iterable[PluginCall]) -> list[PluginCall]:
+    """The calls with those that `rosbags_process` holds in its place; a wrong one stays as it is,
+    to be told of when it is its turn."""
+    return [
+        part for call in calls for part in (expanded([call]) if why_not(call) is None else [call])
+    ]
+
+
+def _is_called(call: PluginCall, name: str) -> bool:
+    return name in (call.name, _short(call.name))
 
 
 def _short(name: str) -> str:

@@ -8,8 +8,6 @@ from typing import Protocol
 
 from robovast.errors import ExitCode
 
-ROSOUT = "rosbags_rosout_to_csv"
-
 
 @dataclass(frozen=True)
 class Options:
@@ -22,7 +20,7 @@ class Options:
     skip: tuple[str, ...] = ()
     """Commands to leave out, by name."""
     skip_rosout: bool = False
-    """Leave out the conversion of ROS logs, where the document has it."""
+    """Leave out the conversion of ROS logs, which the document need not ask for."""
     skip_tables: bool = False
     """Write no tables: neither `data.db`, `tables.duckdb` nor `campaign.db`."""
     skip_metadata: bool = False

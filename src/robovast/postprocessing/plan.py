@@ -32,7 +32,7 @@ def plan(commands: Sequence[Command], per_run: Set[str], units: Mapping[str, Uni
 
     A command may read what those before it made: when one is called, so are all after it, of the
     same run or, where either takes the campaign as a whole, of all runs. Those that read bags need
-    nothing of others.
+    nothing of each other.
 
     Args:
         commands: in the order in which they are worked off.
@@ -63,7 +63,8 @@ def _on_runs(commands: tuple[Command, ...], units: Mapping[str, Unit], renewed: 
 def _stale(commands: Iterable[Command], done: Set[str], renewed: bool) -> tuple[Command, ...]:
     calls: list[Command] = []
     for command in commands:
-        follows = (renewed or bool(calls)) and not command.reads_bags
+        before = (call for call in calls if not (call.reads_bags and command.reads_bags))
+        follows = renewed or any(before)
         if follows or command.key not in done:
             calls.append(command)
     return tuple(calls)

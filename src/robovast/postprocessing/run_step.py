@@ -31,6 +31,7 @@ def request(command: Command, campaign: Path, results: Path) -> dict[str, Any]:
     return {
         "name": command.name,
         "parameters": command.parameters,
+        "given": dict(command.given),
         "folder": str(command.folder),
         "campaign": str(campaign),
         "results_dir": str(results),

@@ -5,18 +5,27 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
+from robovast.document.commands import ROSOUT
 from robovast.document.model import PluginCall
 from robovast.errors import InputError, RobovastError
 from robovast.execution.resources import machine_cpus
 from robovast.postprocessing import records
 from robovast.postprocessing.campaign import CampaignWork, look
-from robovast.postprocessing.commands import Command, read_calls, resolve, skipped
+from robovast.postprocessing.commands import (
+    Command,
+    read_calls,
+    resolve,
+    skipped,
+    unfolded,
+    why_not,
+)
 from robovast.postprocessing.content import RECORD
-from robovast.postprocessing.events import ROSOUT, CampaignSummary, Failure, Observer, Options
+from robovast.postprocessing.events import CampaignSummary, Failure, Observer, Options
 from robovast.postprocessing.finish import finish
 from robovast.postprocessing.plan import all_done
 from robovast.postprocessing.state import opened
@@ -68,10 +77,11 @@ def _postprocess(
 ) -> None:
     layout = Layout(campaign)
     document = options.override or _document(layout, observer)
-    calls = chosen(read_calls(document), options) if document else []
-    commands = resolve(calls, document.absolute().parent if document else layout.config)
     survey = Survey(campaign, document)
     runs = survey.runs()
+    calls = _calls(document, options, survey, runs, _Tell(observer, summary))
+    folder = document.absolute().parent if document else layout.config
+    commands = resolve(calls, folder, _given(layout, options))
     summary.runs, summary.commands = len(runs), len(commands)
     observer.campaign_started(campaign, len(runs))
     with opened(campaign) as state:
@@ -105,14 +115,53 @@ def _document(layout: Layout, observer: Observer) -> Path | None:
     )
 
 
-def chosen(calls: Sequence[PluginCall], options: Options) -> list[PluginCall]:
-    """The calls without those that the user skips.
+def _calls(
+    document: Path | None, options: Options, survey: Survey, runs: Sequence[str], tell: _Tell
+) -> list[PluginCall]:
+    """What is to be called: what the document asks for, and the conversion of logs.
 
     Raises:
-        InputError: a name is none of the document's.
+        InputError: a name that the user skips is none of the document's.
     """
-    kept = [call for call in calls if not (options.skip_rosout and call.name == ROSOUT)]
-    return skipped(kept, options.skip)
+    asked = read_calls(document) if document else []
+    logs = PluginCall(name=ROSOUT)
+    implied = all(call.name != ROSOUT for call in unfolded(asked))
+    names = [name for name in options.skip if not (implied and name == ROSOUT)]
+    if options.skip_rosout:
+        asked = [call for call in unfolded(asked) if call.name != ROSOUT]
+    calls = [call for call in unfolded(skipped(asked, names)) if tell.can_be_called(call)]
+    wanted = implied and not options.skip_rosout and ROSOUT not in options.skip
+    if wanted and survey.has_recording(runs):
+        reason = why_not(logs)
+        if reason is None:
+            return [*calls, logs]
+        tell.observer.message(f"Logs are not converted: {reason}")
+    return calls
+
+
+def _given(layout: Layout, options: Options) -> dict[str, Any]:
+    """What commands get beside their parameters."""
+    image = records.read_record(layout.execution / "execution.yaml").get("image")
+    asked = {"debug": options.debug, "force": options.force}
+    known = {"execution_image": image} if image else {}
+    return known | {name: True for name, wanted in asked.items() if wanted}
+
+
+@dataclass(frozen=True)
+class _Tell:
+    """Says of a command once why it cannot be called."""
+
+    observer: Observer
+    summary: CampaignSummary
+
+    def can_be_called(self, call: PluginCall) -> bool:
+        """False when it cannot, whatever it is called for."""
+        reason = why_not(call)
+        if reason is not None:
+            failure = Failure(self.summary.campaign.name, call.name, "", reason)
+            self.summary.failures.append(failure)
+            self.observer.failed(failure)
+        return reason is None
 
 
 @contextmanager

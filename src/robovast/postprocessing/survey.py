@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
+from robovast.document.commands import JOB_LOGS
 from robovast.postprocessing.content import (
     RECORD,
     Files,
@@ -20,7 +22,7 @@ from robovast.postprocessing.content import (
     stamp_of,
 )
 from robovast.postprocessing.state import Unit
-from robovast.results.layout import Layout, job_folder
+from robovast.results.layout import JOB_LINK, Layout, job_folder
 
 OWN = "."
 """The unit of the campaign's own files, beside those of its runs."""
@@ -30,6 +32,8 @@ WHOLE = ""
 _GENERATED = ("metadata.yaml", "metadata.prov.json", "metadata.dot", "metadata.pdf", "campaign.db")
 """Files of a campaign's folder that are made of all others."""
 _OWN_FOLDERS = ("_config", "_transient")
+_MADE_OF_LOGS = re.compile(r"logs/[^/]*\.(csv|webm|part)$")
+_RECORDINGS = ("rosbag2", f"{JOB_LINK}/{JOB_LOGS}")
 
 
 class Survey:
@@ -41,12 +45,19 @@ class Survey:
         self._job_stamps = lru_cache(maxsize=None)(_job_stamps)
         self._variant_stamp = lru_cache(maxsize=None)(stamp_of)
         self._tree_digest = lru_cache(maxsize=None)(_tree_digest)
+        self._job_digest = lru_cache(maxsize=None)(_job_digest)
 
     def runs(self) -> list[str]:
         """Every stored run as `<variant>/<number>`."""
         return [
             f"{folder.parent.name}/{folder.name}" for folder in Layout(self.campaign).run_folders()
         ]
+
+    def has_recording(self, runs: Iterable[str]) -> bool:
+        """Whether any run has a bag in its folder, or a recording of its job's logs."""
+        return any(
+            os.path.isdir(f"{self.campaign}/{run}/{below}") for run in runs for below in _RECORDINGS
+        )
 
     def folder(self, unit: str) -> Path:
         """Where the files of a unit are."""
@@ -111,7 +122,7 @@ class Survey:
             folder = self.folder(unit)
             job = job_folder(folder)
             parts["/config"] = self._tree_digest(folder.parent / "_config")
-            parts["/job"] = self._tree_digest(job) if job else combined({})
+            parts["/job"] = self._job_digest(job) if job else combined({})
         return combined(parts)
 
     def _same(self, unit: str, known: Unit | None) -> bool:
@@ -139,6 +150,12 @@ class Survey:
 def _job_stamps(folder: str) -> list[int]:
     """When the files of a job were last added to: no one changes them after that."""
     return [stamp_of(f"{folder}{below}") for below in ("", "/logs", "/logs/rosout_bag")]
+
+
+def _job_digest(folder: Path) -> str:
+    """Of a job's files, without the tables that are made of its recordings."""
+    names = (name for name in scan(folder) if not _MADE_OF_LOGS.match(name))
+    return combined(digests(folder, names))
 
 
 def _tree_digest(folder: Path) -> str:

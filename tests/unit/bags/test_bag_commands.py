@@ -13,9 +13,11 @@ import pytest
 from ros_bags import START, Bag, rows
 
 from robovast.bags import commands, files
+from robovast.bags.behaviors import BehaviorsWorker
 from robovast.bags.convert import convert_bag, convert_run
-from robovast.bags.jobs import JOBS, job_of
-from robovast.errors import CannotRunError, StorageError
+from robovast.bags.jobs import WORKERS
+from robovast.document.commands import BAG_COMMANDS, BehaviorsToCsv, bag_command
+from robovast.errors import StorageError
 from robovast.results.run_record import RunRecord
 from robovast.results.verdict import Verdict
 
@@ -49,9 +51,9 @@ def campaign(tmp_path: Path) -> Path:
 
 def test_every_command_is_a_plugin_with_the_parameters_of_its_job() -> None:
     found = {point.name: point.load() for point in entry_points(group=GROUP)}
-    for name, job in JOBS.items():
-        names = list(inspect.signature(found[name]).parameters)
-        assert names == ["results_dir", "config_dir", *job.model_fields, "provenance_file"]
+    for name, job in BAG_COMMANDS.items():
+        names = set(inspect.signature(found[name]).parameters)
+        assert names == {"results_dir", "config_dir", *job.model_fields, "provenance_file"}
 
 
 def test_all_runs_of_a_campaign_are_worked_on(campaign: Path) -> None:
@@ -65,14 +67,14 @@ def test_all_runs_of_a_campaign_are_worked_on(campaign: Path) -> None:
     ]
     assert entries == [
         {
-            "output": f"one/{run}/rosbag2__text.csv",
+            "output": f"one/{run}/rosbag2_text.csv",
             "sources": [f"one/{run}/rosbag2"],
             "plugin": "rosbags_to_csv",
             "params": {"topics": ["/text"]},
         }
         for run in (0, 10)
     ]
-    assert [row["data"] for row in rows(campaign / "one/10/rosbag2__text.csv")] == ["b", "c"]
+    assert [row["data"] for row in rows(campaign / "one/10/rosbag2_text.csv")] == ["b", "c"]
 
 
 @pytest.mark.parametrize(
@@ -88,9 +90,9 @@ def test_a_configuration_or_a_run_can_be_worked_on(
 
 
 def test_a_wrong_parameter_is_a_failure_that_says_so(campaign: Path) -> None:
-    success, message, entries = commands.rosbags_to_csv(str(campaign), str(campaign), topics=[])
+    success, message, entries = commands.rosbags_tf_to_csv(str(campaign), str(campaign), frames=[])
     assert (success, entries) == (False, [])
-    assert "topics" in message
+    assert "frames" in message
 
 
 def test_large_campaigns_are_shared_among_processes(
@@ -116,46 +118,44 @@ def test_all_jobs_share_one_pass_over_a_bag(
 
     monkeypatch.setattr(files, "open_file", counting)
     jobs = [
-        job_of("rosbags_to_csv", {"topics": ["/text"]}),
-        job_of("rosbags_to_csv", {"topics": ["/tf", "/text"]}),
-        job_of("rosbags_tf_to_csv", {}),
-        job_of("rosbags_bt_to_csv", {}),
+        bag_command("rosbags_to_csv", {"topics": ["/text"]}),
+        bag_command("rosbags_to_csv", {"topics": ["/tf", "/text"]}),
+        bag_command("rosbags_tf_to_csv", {}),
+        bag_command("rosbags_bt_to_csv", {}),
     ]
     done = convert_run(campaign / "one" / "0", jobs)
     assert opened == ["rosbag2.mcap"]
     assert {output.path.name for output in done.outputs} == {
-        "rosbag2__text.csv",
-        "rosbag2__tf.csv",
+        "rosbag2_text.csv",
+        "rosbag2_tf.csv",
         "poses.csv",
-        "behaviors.csv",
     }
 
 
 def test_a_damaged_message_counts_once_however_many_jobs_want_it(tmp_path: Path) -> None:
     with Bag(tmp_path / "rosbag2") as bag:
         bag.write_raw("/a", "std_msgs/msg/String", b"junk")
-    job = job_of("rosbags_to_csv", {"topics": ["/a"]})
+    job = bag_command("rosbags_to_csv", {"topics": ["/a"]})
     done = convert_run(tmp_path, [job, job])
     assert [text for text in done.warnings if text.startswith("1 messages on /a")]
 
 
-def test_nothing_but_complete_files_is_left(campaign: Path) -> None:
+def test_nothing_but_complete_files_is_left(
+    campaign: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     run = campaign / "one" / "0"
     before = {path.name for path in run.iterdir()}
+    monkeypatch.setitem(WORKERS, BehaviorsToCsv, Interrupting)
+    jobs = [bag_command(name, {}) for name in ("rosbags_tf_to_csv", "rosbags_bt_to_csv")]
     with pytest.raises(KeyboardInterrupt):
-        convert_bag(run / "rosbag2", run, [job_of("rosbags_tf_to_csv", {}), Interrupting()])
+        convert_bag(run / "rosbag2", run, jobs)
     assert {path.name for path in run.iterdir()} == before
 
 
-class Interrupting(JOBS["rosbags_bt_to_csv"]):
-    """A job during which the user presses Ctrl-C."""
+class Interrupting(BehaviorsWorker):
+    """A worker during which the user presses Ctrl-C."""
 
-    def start(self, context: object) -> object:
-        worker = super().start(context)
-        worker.subscribe = self.interrupt
-        return worker
-
-    def interrupt(self, topic: object) -> None:
+    def subscribe(self, topic: object) -> None:
         raise KeyboardInterrupt
 
 
@@ -165,7 +165,7 @@ def test_a_disk_without_space_is_an_error_about_storage(tmp_path: Path) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, limits[1]))
     try:
         with pytest.raises(StorageError, match="rosbag2 cannot be converted"):
-            convert_run(tmp_path, [job_of("rosbags_to_csv", {"topics": ["/text"]})])
+            convert_run(tmp_path, [bag_command("rosbags_to_csv", {"topics": ["/text"]})])
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["rosbag2"]
@@ -208,15 +208,17 @@ def test_a_runs_own_logs_come_first(tmp_path: Path) -> None:
     assert [row["msg"] for row in rows(tmp_path / "0" / "rosout.csv")] == ["own"]
 
 
-def test_without_the_extra_the_command_says_how_to_get_it(
+def test_without_its_extra_a_command_fails_alone(
     campaign: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with pytest.raises(CannotRunError, match=r"robovast\[ros\]"), commands.ros_extra():
-        raise ModuleNotFoundError("No module named 'rosbags'", name="rosbags.typesys")
     monkeypatch.setitem(sys.modules, "av", None)
     success, message, _ = commands.rosbags_to_webm(str(campaign), str(campaign))
     assert not success
     assert "robovast[video]" in message
+    jobs = [bag_command(name, {}) for name in ("rosbags_to_webm", "rosbags_tf_to_csv")]
+    done = convert_run(campaign / "one" / "0", jobs)
+    assert [job.command for job in done.failures] == ["rosbags_to_webm"]
+    assert [output.path.name for output in done.outputs] == ["poses.csv"]
 
 
 def test_loading_the_plugins_needs_no_extra() -> None:
@@ -233,7 +235,7 @@ def test_loading_the_plugins_needs_no_extra() -> None:
 
 
 def test_parameters_are_plain_in_provenance() -> None:
-    job = job_of("rosbags_rosout_to_csv", {"skip_levels": ["warn"], "min_level": 10})
+    job = bag_command("rosbags_rosout_to_csv", {"skip_levels": ["warn"], "min_level": 10})
     assert json.dumps(job.model_dump(mode="json", exclude_defaults=True)) == (
         '{"skip_levels": ["WARN"]}'
     )

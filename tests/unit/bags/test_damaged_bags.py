@@ -14,7 +14,7 @@ from ros_bags import START, Bag, rows
 from rosbags.rosbag2 import StoragePlugin
 
 from robovast.bags.convert import Conversion, convert_bag
-from robovast.bags.topics import TopicsToCsv
+from robovast.document.commands import TopicsToCsv
 
 COUNT = 200
 TEXT = "std_msgs/msg/String"
@@ -51,7 +51,7 @@ def convert(folder: Path) -> Conversion:
 
 
 def numbers(folder: Path) -> list[int]:
-    table = rows(folder.parent / f"{folder.name}__a.csv")
+    table = rows(folder.parent / f"{folder.name}_a.csv")
     return [int(row["data"].split()[1]) for row in table]
 
 
@@ -65,7 +65,7 @@ def test_a_file_without_content_is_stated(
     done = convert(tmp_path / "rosbag2")
     assert any(file.name in warning for warning in done.warnings)
     assert "rosbag2 has no message on /a" in done.warnings
-    assert numbers(tmp_path / "rosbag2") == []
+    assert done.outputs == []
 
 
 def test_a_bag_without_messages_is_stated(tmp_path: Path) -> None:
@@ -212,4 +212,4 @@ def test_no_damage_is_a_traceback(tmp_path: Path, storage: StoragePlugin, seed: 
         content[chance.randrange(len(content))] = chance.randrange(256)
     file.write_bytes(content)
     done = convert(tmp_path / "rosbag2")
-    assert [output.path.name for output in done.outputs] == ["rosbag2__a.csv"]
+    assert {output.path.name for output in done.outputs} <= {"rosbag2_a.csv"}

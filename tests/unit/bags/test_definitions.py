@@ -9,7 +9,7 @@ from ros_bags import START, Bag, rows
 from rosbags.rosbag2 import StoragePlugin
 
 from robovast.bags.convert import convert_bag
-from robovast.bags.topics import TopicsToCsv
+from robovast.document.commands import TopicsToCsv
 
 PAYLOAD = b"\x00\x01\x00\x00" + (7).to_bytes(4, "little")
 """A message that is one int32."""
@@ -34,7 +34,7 @@ def convert(bag: Path, definitions: Path | None = None) -> list[str]:
 
 
 def data(bag: Path, column: str) -> list[str]:
-    return [row[column] for row in rows(bag.parent / "rosbag2__a.csv")]
+    return [row[column] for row in rows(bag.parent / "rosbag2_a.csv")]
 
 
 @pytest.mark.parametrize("first", [f"{'=' * 80}\nIDL: my_msgs/msg/Outer\n", ""])

@@ -54,10 +54,20 @@ def test_a_key_covers_the_commands_before_but_those_of_bags_need_none(tmp_path: 
     tf = PluginCall(name="rosbags_tf_to_csv", parameters={"frames": ["a"]})
     other_tf = PluginCall(name="rosbags_tf_to_csv", parameters={"frames": ["b"]})
     tree, command = PluginCall(name="rosbags_bt_to_csv"), PluginCall(name="command")
-    one = keys(tmp_path, command, tf, tree)
-    two = keys(tmp_path, command, other_tf, tree)
+    one = keys(tmp_path, tf, command, tree)
+    two = keys(tmp_path, other_tf, command, tree)
     assert one[1] == two[1], "of the behaviour tree"
     assert one[2] != two[2], "of the command, which comes after all bags"
+
+
+def test_commands_for_bags_stand_where_the_first_stands(tmp_path: Path) -> None:
+    names = ["command", "rosbags_bt_to_csv", "compress", "rosbags_tf_to_csv"]
+    commands = resolve([PluginCall(name=name) for name in names], tmp_path)
+    order = ["command", "rosbags_bt_to_csv", "rosbags_tf_to_csv", "compress"]
+    assert [command.name for command in commands] == order
+    other = PluginCall(name="command", parameters={"script": "other"})
+    changed = keys(tmp_path, other, *(PluginCall(name=name) for name in names[1:]))
+    assert changed[1] != commands[1].key, "it may read what the command before has made"
 
 
 def test_a_command_that_stands_twice_is_called_once(tmp_path: Path) -> None:

@@ -5,20 +5,22 @@ here=$(cd "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")" && pwd)
 package=$(dirname "$(dirname "$here")")
 
 image=${ROBOVAST_IMAGE:-}
-provenance=${PROVENANCE_FILE:-}
-input=
+compat_version=$(sed -n 's/^COMPAT_VERSION = //p' "$package/common/execution.py")
+provenance=
 script=
 
 usage() {
   cat <<END
-usage: docker_exec.sh [--image IMAGE] [--provenance-file HOST_PATH] INPUT_DIR SCRIPT [ARG…]
+usage: docker_exec.sh [--image IMAGE] [--compat-version N] [--provenance-file HOST_PATH] SCRIPT [ARG…] FOLDER
 
   --image IMAGE                 run image; \$ROBOVAST_IMAGE when omitted
-  --provenance-file HOST_PATH   where the script's provenance goes; \$PROVENANCE_FILE when omitted
+  --compat-version N            contract version that the image must have; RoboVAST's own when omitted
+  --provenance-file HOST_PATH   where the script's provenance goes
 
-INPUT_DIR is /input in the container, SCRIPT's folder is /scripts, and the folder of HOST_PATH is
-/provenance. Executed is \`SCRIPT [--provenance-file /provenance/NAME] /input ARG…\`, by python3 when
-its name ends with .py; \`import rosbags_common\` works.
+SCRIPT is looked for in the working directory, in \$CONFIG_DIR (the folder of the .vast file) and beside this
+program. FOLDER is /input in the container, SCRIPT's folder is /scripts, and the folder of HOST_PATH is
+/provenance. Executed is \`SCRIPT [--provenance-file /provenance/NAME] ARG… /input\`, by python3 when its name
+ends with .py; \`import rosbags_common\` works.
 END
 }
 
@@ -30,15 +32,22 @@ fail() { # exit code, message
 while [ $# -gt 0 ] && [ -z "$script" ]; do
   case $1 in
     --image) image=${2:?--image needs the name of an image}; shift ;;
+    --compat-version) compat_version=${2:?--compat-version needs a number}; shift ;;
     --provenance-file) provenance=${2:?--provenance-file needs a path}; shift ;;
     -h | --help) usage; exit 0 ;;
     -*) usage >&2; fail 2 "unknown option $1" ;;
-    *) if [ -z "$input" ]; then input=$1; else script=$1; fi ;;
+    *) script=$1 ;;
   esac
   shift
 done
-[ -n "$script" ] || { usage >&2; fail 2 "INPUT_DIR and SCRIPT are needed."; }
+[ -n "$script" ] && [ $# -gt 0 ] || { usage >&2; fail 2 "SCRIPT and FOLDER are needed."; }
+input=${*: -1}
+set -- "${@:1:$#-1}"
 [ -d "$input" ] || fail 2 "$input: there is no such folder."
+for folder in . "${CONFIG_DIR:-.}" "$here"; do
+  case $script in /*) break ;; esac
+  if [ -f "$folder/$script" ]; then script=$folder/$script; break; fi
+done
 [ -f "$script" ] || fail 2 "$script: there is no such script."
 [ -n "$image" ] || fail 3 "no container image is named: give --image, or set ROBOVAST_IMAGE."
 
@@ -48,7 +57,6 @@ command -v $engine >/dev/null || fail 3 "neither docker nor podman is here."
 $engine info >/dev/null 2>&1 || fail 3 "$engine does not answer. Is its daemon running, and may you use it?"
 
 # The image must speak our version of the run contract, before the script starts.
-compat_version=$(sed -n 's/^COMPAT_VERSION = //p' "$package/common/execution.py")
 $engine image inspect "$image" >/dev/null 2>&1 || $engine pull --quiet "$image" >/dev/null ||
   fail 3 "the image $image is not on this machine and cannot be pulled."
 found=$($engine run --rm --network none --entrypoint cat "$image" /etc/robovast_compat_version 2>/dev/null || true)
@@ -74,4 +82,4 @@ sourcing='for setup in "/opt/ros/${ROS_DISTRO:-none}/setup.bash" /ws/install/set
   if [ -f "$setup" ]; then . "$setup"; fi
 done
 exec "$@"'
-exec $engine run "${options[@]}" "$image" -c "$sourcing" bash "${command[@]}" /input "$@"
+exec $engine run "${options[@]}" "$image" -c "$sourcing" bash "${command[@]}" "$@" /input
