@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -26,6 +27,9 @@ from robovast.document import load_document
 ROOT = Path(__file__).parents[1]
 VAST = Path(sys.executable).with_name("vast")
 SYSTEM = "robovast-system"
+
+BOOKKEEPING = re.compile(r"_execution/|_transient/(owner\.json|variants|bad-runs-)")
+"""What a campaign's bucket says of itself: whose it is, what is to be run, what to repeat."""
 
 QUICK = """\
 version: 1
@@ -140,11 +144,11 @@ class Lab:
         """All that a person would look at."""
         texts = [json.dumps(self.campaign(name).get("status"), indent=1)]
         texts.append(self.kubectl("get", "jobs,pods,events", "--output=wide"))
-        texts.append(
-            self.cluster.kubectl(
-                *("--namespace", SYSTEM, "logs", "deployment/robovast-operator", "--tail=30")
-            )
-        )
+        log = ("logs", "deployment/robovast-operator", "--tail=30")
+        try:
+            texts.append(self.cluster.kubectl("--namespace", SYSTEM, *log))
+        except StartFailed as error:  # the kubelet, which gives logs, may be what a test stops
+            texts.append(str(error))
         return "\n".join(texts)
 
     def apply(self, vast: Path, name: str, **spec: Any) -> dict[str, Any]:
@@ -191,9 +195,9 @@ def lab(installed: Cluster, tmp_path: Path) -> Iterator[Lab]:
 
 
 def files(campaign: Path) -> set[str]:
-    """Every file and link of a campaign that does not depend on when or how it was run."""
+    """Every file and link of a campaign that does not depend on when, where or how it was run."""
     found = (path.relative_to(campaign).as_posix() for path in campaign.rglob("*"))
-    return {name for name in found if not name.startswith("_execution/")}
+    return {name for name in found if not BOOKKEEPING.match(name)}
 
 
 def buckets(lab: Lab) -> list[str]:
