@@ -11,6 +11,7 @@ import ssl
 import tempfile
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from typing import Any
 
 import aiohttp
@@ -269,13 +270,23 @@ def connection_info() -> kopf.ConnectionInfo:
     """
     settings = kopf.OperatorSettings()
     info = kopf.login_with_service_account(settings=settings)
-    if info is None:
-        info = kopf.login_with_kubeconfig(settings=settings)
+    if info is not None:
+        return replace(info, server=_address_in_pods() or info.server)
+    info = kopf.login_with_kubeconfig(settings=settings)
     if info is None:
         raise CannotRunError(
             "There is no way to the Kubernetes API: neither a service account nor a kubeconfig."
         )
     return info
+
+
+def _address_in_pods() -> str:
+    """The API server's address as kubelets give it to pods: it needs no DNS, which may be away."""
+    host = os.environ.get("KUBERNETES_SERVICE_HOST")
+    port = os.environ.get("KUBERNETES_SERVICE_PORT", "443")
+    if not host:
+        return ""
+    return f"https://{f'[{host}]' if ':' in host else host}:{port}"
 
 
 def _tls(info: kopf.ConnectionInfo) -> ssl.SSLContext | bool:
