@@ -20,23 +20,16 @@ from uuid import uuid4
 from patience import eventually
 from robovast_testbed.s3 import Server
 
-from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.names import bucket_name
-from robovast.cluster.plan import (
-    CampaignPlan,
-    Entry,
-    Owner,
-    PlanSpec,
-    first_blocks,
-    format_breaks,
-)
-from robovast.cluster.storage import ObjectStore
-from robovast.document import load_document
 from robovast.execution.local.process_environment import process_environment
-from robovast.expansion import compose, select_any
-from robovast.plan import breaks
-from robovast.results.bucket_runs import open_run
-from robovast.results.download import plan_download
+from robovast.kubeapi.names import bucket_name
+from robovast.model.document import load_document
+from robovast.model.expansion import compose, select_any
+from robovast.model.packs import CampaignPlan, Entry, Owner, PlanSpec, first_blocks, format_breaks
+from robovast.model.plan import breaks
+from robovast.storage.bucket_runs import open_run
+from robovast.storage.download import plan_download
+from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.s3 import ObjectStore
 
 MARKER = "ROBOVAST_TEST_POD"
 

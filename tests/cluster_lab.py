@@ -21,8 +21,8 @@ from robovast_testbed.helm import helm
 from robovast_testbed.kubernetes import Cluster
 from robovast_testbed.pytest_plugin import skipped_when_unavailable
 
-from robovast.cluster.submission import SubmitOptions, prepare_submission
-from robovast.document import load_document
+from robovast.kubeapi.submission import SubmitOptions, prepare_submission
+from robovast.model.document import load_document
 
 ROOT = Path(__file__).parents[1]
 VAST = Path(sys.executable).with_name("vast")

@@ -20,8 +20,8 @@ from robovast_testbed.errors import StartFailed
 from robovast_testbed.kubernetes import Cluster
 from robovast_testbed.outages import Process
 
-from robovast.cluster.names import child_name
-from robovast.cluster.resources import (
+from robovast.kubeapi.names import child_name
+from robovast.kubeapi.resources import (
     API_VERSION,
     CAMPAIGN_LABEL,
     ROLE_LABEL,

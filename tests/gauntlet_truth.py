@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
-from robovast.results.verdict import Verdict
+from robovast.campaign.verdict import Verdict
 
 
 class Kind(StrEnum):

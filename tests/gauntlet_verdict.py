@@ -14,8 +14,8 @@ from typing import Any
 
 from gauntlet_truth import RECORD, Course, look_at_files
 
-from robovast.cluster.ranges import parse_ranges
-from robovast.results.verdict import Verdict
+from robovast.base.ranges import parse_ranges
+from robovast.campaign.verdict import Verdict
 
 
 class Fault(StrEnum):

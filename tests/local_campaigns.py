@@ -7,10 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from robovast.document import load_document
+from robovast.campaign.run_record import RunRecord
 from robovast.execution.local import LocalOptions, Summary, resume_campaign, run_campaign
-from robovast.plan import Run
-from robovast.results.run_record import RunRecord
+from robovast.model.document import load_document
+from robovast.model.plan import Run
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "configs" / "examples"

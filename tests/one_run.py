@@ -18,12 +18,12 @@ from robovast.agent.bucket import Bucket
 from robovast.agent.pack import Pack
 from robovast.agent.results import Results
 from robovast.agent.watch import EndedRun
-from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.storage import ObjectStore
-from robovast.expansion.variant import Variant
-from robovast.plan import Run
-from robovast.results.download import Silent, download_campaign
-from robovast.results.verdict import TestResult, Verdict
+from robovast.campaign.verdict import TestResult, Verdict
+from robovast.model.expansion.variant import Variant
+from robovast.model.plan import Run
+from robovast.storage.download import Silent, download_campaign
+from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.s3 import ObjectStore
 
 Files = Mapping[str, bytes]
 

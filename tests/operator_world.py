@@ -7,17 +7,9 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from robovast.cluster.ranges import count, format_ranges, merge, parse_ranges, spans, truncate
-from robovast.cluster.repetition import (
-    GroupSizes,
-    list_name,
-    list_text,
-    parse_list,
-    retry_groups,
-)
-from robovast.cluster.status import CampaignStatus, Runs
-from robovast_operator.accept import accept
-from robovast_operator.campaign import Accepted, Revision
+from robovast.base.ranges import count, format_ranges, merge, parse_ranges, spans, truncate
+from robovast.kubeapi.status import CampaignStatus, Runs
+from robovast.model.repetition import GroupSizes, list_name, list_text, parse_list, retry_groups
 from robovast_operator.decide import (
     CreateShard,
     CreateTask,
@@ -27,12 +19,14 @@ from robovast_operator.decide import (
     SuspendJob,
     decide,
 )
-from robovast_operator.picture import Final, Observed
-from robovast_operator.revisions import next_revision
+from robovast_operator.kube.store import JobState
+from robovast_operator.planning.accept import accept
+from robovast_operator.planning.campaign import Accepted, Revision
+from robovast_operator.planning.revisions import next_revision
+from robovast_operator.planning.shards import ShardPlan
+from robovast_operator.pods.verdicts import Report
 from robovast_operator.settings import Settings
-from robovast_operator.shards import ShardPlan
-from robovast_operator.store import JobState
-from robovast_operator.verdicts import Report
+from robovast_operator.snapshot import Final, Observed
 
 SETTINGS = Settings(agent_image="agent:1", endpoint="http://s3:9000")
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from robovast.plain import dump_yaml
-from robovast.results.run_record import RunRecord
-from robovast.results.verdict import Verdict
+from robovast.base.serialization import dump_yaml
+from robovast.campaign.run_record import RunRecord
+from robovast.campaign.verdict import Verdict
 
 NAME = "hall_tests-2026-03-04-152130"
 RECORD = RunRecord(

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from robovast.plain import dump_yaml
+from robovast.base.serialization import dump_yaml
 
 START = datetime(2026, 3, 4, 13, 24, 44, tzinfo=UTC).timestamp()
 NAME = "hall-2026-03-04-132444"

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
+from robovast_cli.commands.results.options import ResultsDir
 from robovast_cli.lazy import new_app
-from robovast_cli.results_options import ResultsDir
 
 app = new_app("Make the campaigns' `campaign.db`.")
 
@@ -24,10 +24,10 @@ def index(
 
     `vast results postprocess` makes it, too. What a search wrote itself is left as it is.
     """
-    from robovast.results.campaigns import find_campaigns
-    from robovast.results.layout import Layout
-    from robovast.tables.campaign_store import FILE, index_campaign
-    from robovast_cli.output import say
+    from robovast.analysis.tables.campaign_store import FILE, index_campaign
+    from robovast.campaign.finding import find_campaigns
+    from robovast.campaign.layout import Layout
+    from robovast_cli.ui.output import say
     from robovast_cli.workspace import shown
 
     for campaign in find_campaigns(results_dir or ctx.obj.results):

@@ -11,27 +11,31 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from robovast_cli.lazy import Lazy, add_lazy, new_app
-from robovast_cli.report import errors_reported
+from robovast_cli.ui.report import errors_reported
 from robovast_cli.workspace import Workspace, set_log_level
 
 COMMANDS: Mapping[str, Lazy] = {
-    "init": Lazy("robovast_cli.init:app", "Make a folder a project: name its .vast file."),
+    "init": Lazy("robovast_cli.commands.init:app", "Make a folder a project: name its .vast file."),
     "config": Lazy(
-        "robovast_cli.config:app",
+        "robovast_cli.commands.config.app:app",
         "List, generate and check configurations.",
         aliases=("configuration",),
     ),
-    "exec": Lazy("robovast_cli.exec:app", "Run campaigns.", aliases=("execution",)),
+    "exec": Lazy("robovast_cli.commands.exec.app:app", "Run campaigns.", aliases=("execution",)),
     "results": Lazy(
-        "robovast_cli.results:app", "Bring results home, work them up, ask and publish them."
+        "robovast_cli.commands.results.app:app",
+        "Bring results home, work them up, ask and publish them.",
     ),
-    "evaluation": Lazy("robovast_cli.evaluation:app", "Look at results.", aliases=("eval",)),
-    "mcp": Lazy("robovast_cli.mcp:app", "Let an assistant look at results (MCP)."),
+    "evaluation": Lazy(
+        "robovast_cli.commands.evaluation.app:app", "Look at results.", aliases=("eval",)
+    ),
+    "mcp": Lazy("robovast_cli.commands.mcp:app", "Let an assistant look at results (MCP)."),
     "import-results": Lazy(
-        "robovast_cli.import_results:app", "Take over a campaign that comes as an archive."
+        "robovast_cli.commands.results.import_results:app",
+        "Take over a campaign that comes as an archive.",
     ),
     "install-completion": Lazy(
-        "robovast_cli.completion:app", "Complete commands and options in your shell."
+        "robovast_cli.commands.completion:app", "Complete commands and options in your shell."
     ),
 }
 """Commands and groups of `vast`; a further group needs one line here and a module."""

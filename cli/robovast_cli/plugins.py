@@ -16,7 +16,7 @@ import typer
 from typer.core import TyperCommand
 from typer.main import get_command
 
-from robovast.errors import CannotRunError
+from robovast.base.errors import CannotRunError
 
 GROUPS = ("robovast.cli_plugins", "vast.plugins")
 

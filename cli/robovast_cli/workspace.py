@@ -9,11 +9,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 
 if TYPE_CHECKING:
-    from robovast.document import Document
-    from robovast.project import Project
+    from robovast.model.document import Document
+    from robovast.model.project import Project
 
 DEFAULT_RESULTS = Path("results")
 
@@ -30,7 +30,7 @@ class Workspace:
     @cached_property
     def project(self) -> Project | None:
         """The project that the working directory is in."""
-        from robovast.project import find_project
+        from robovast.model.project import find_project
 
         project = find_project(Path.cwd())
         if project is not None and project.log_level and not self.log_level:
@@ -60,7 +60,7 @@ class Workspace:
 
     def document(self) -> Document:
         """The .vast file, read and checked; what has no effect in it is told on stderr."""
-        from robovast.document import load_document
+        from robovast.model.document import load_document
 
         project = self.project  # its log level holds for what follows
         del project

@@ -11,10 +11,10 @@ from typing import Any
 
 import kopf
 
-from robovast.cluster.resources import GROUP, MANAGED_BY, MANAGED_LABEL, VERSION
-from robovast.errors import RobovastError
-from robovast_operator import heap
-from robovast_operator.api import connection_info
+from robovast.base.errors import RobovastError
+from robovast.kubeapi.resources import GROUP, MANAGED_BY, MANAGED_LABEL, VERSION
+from robovast_operator.kube import malloc as heap
+from robovast_operator.kube.api import connection_info
 from robovast_operator.operator import Operator
 from robovast_operator.settings import Settings, read_settings
 

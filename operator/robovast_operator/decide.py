@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-from robovast.cluster.status import CampaignStatus
-from robovast_operator.picture import Observed, Picture
-from robovast_operator.shards import WINDOW, ShardPlan, next_shards
-from robovast_operator.store import JobState
-from robovast_operator.tell import tell
-from robovast_operator.times import parse_time
+from robovast.kubeapi.status import CampaignStatus
+from robovast_operator.kube.store import JobState
+from robovast_operator.kube.times import parse_time
+from robovast_operator.planning.shards import WINDOW, ShardPlan, next_shards
+from robovast_operator.snapshot import Observed, Picture
+from robovast_operator.status.status import tell
 
 
 @dataclass(frozen=True)

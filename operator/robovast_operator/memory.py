@@ -7,13 +7,13 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from robovast.cluster.plan import CampaignPlan
-from robovast_operator.additions import Additions
-from robovast_operator.campaign import Accepted, Rejected, Revision
-from robovast_operator.picture import Final, Trouble
-from robovast_operator.store import JobState
-from robovast_operator.verdicts import Report
-from robovast_operator.waiting import Waiting
+from robovast.model.packs import CampaignPlan
+from robovast_operator.kube.store import JobState
+from robovast_operator.planning.additions import Additions
+from robovast_operator.planning.campaign import Accepted, Rejected, Revision
+from robovast_operator.pods.verdicts import Report
+from robovast_operator.queueing.waiting import Waiting
+from robovast_operator.snapshot import Final, Trouble
 
 
 @dataclass

@@ -10,19 +10,19 @@ from contextvars import ContextVar
 from functools import partial
 from typing import Any
 
-from robovast.cluster.resources import MANAGED_BY, MANAGED_LABEL
-from robovast_operator import paths
-from robovast_operator.api import Api, ApiError, connection_info
-from robovast_operator.campaign import Key, Object
-from robovast_operator.lease import Leadership
-from robovast_operator.lenient import mapping, text
-from robovast_operator.metrics import Metrics
+from robovast.kubeapi.resources import MANAGED_BY, MANAGED_LABEL
+from robovast_operator.kube import paths
+from robovast_operator.kube.api import Api, ApiError, connection_info
+from robovast_operator.kube.lease import Leadership
+from robovast_operator.kube.lenient import mapping, text
+from robovast_operator.kube.metrics import Metrics
+from robovast_operator.kube.resync import Kind, Resync
+from robovast_operator.kube.serve import serve
+from robovast_operator.kube.store import Id, JobState, Store, id_of
+from robovast_operator.kube.work_queue import WorkQueue, work
+from robovast_operator.planning.campaign import Key, Object
 from robovast_operator.reconcile import Reconciler
-from robovast_operator.resync import Kind, Resync
-from robovast_operator.serve import serve
 from robovast_operator.settings import Settings
-from robovast_operator.store import Id, JobState, Store, id_of
-from robovast_operator.work_queue import WorkQueue, work
 
 LOGGER = logging.getLogger(__name__)
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 
-from robovast_operator import paths
-from robovast_operator.api import Api
-from robovast_operator.campaign import Identity, Object, Rejected
-from robovast_operator.events import Message, event
-from robovast_operator.inputs import Begun
-from robovast_operator.jobs import plan_config_map, task_job
+from robovast_operator.kube import paths
+from robovast_operator.kube.api import Api
+from robovast_operator.kube.events import Message, event
+from robovast_operator.kube.store import JobState
+from robovast_operator.kube.times import format_time, now
+from robovast_operator.planning.campaign import Identity, Object, Rejected
+from robovast_operator.planning.inputs import Begun
+from robovast_operator.pods.jobs import plan_config_map, task_job
 from robovast_operator.settings import Settings
-from robovast_operator.store import JobState
-from robovast_operator.times import format_time, now
 
 LOGGER = logging.getLogger(__name__)
 

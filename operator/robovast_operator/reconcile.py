@@ -5,17 +5,8 @@ from __future__ import annotations
 import logging
 import time
 
-from robovast.cluster.status import CampaignStatus, read_status
-from robovast.errors import RobovastError
-from robovast_operator import paths
-from robovast_operator.accept import (
-    DOCUMENT_CHANGED,
-    same_document,
-    with_composition,
-)
-from robovast_operator.api import PAUSE, Api, ApiError
-from robovast_operator.campaign import Accepted, Identity, Key, Object, Rejected, Revision
-from robovast_operator.conditions import is_settled, is_true
+from robovast.base.errors import RobovastError
+from robovast.kubeapi.status import CampaignStatus, read_status
 from robovast_operator.decide import (
     Action,
     CreateShard,
@@ -26,23 +17,28 @@ from robovast_operator.decide import (
     SuspendJob,
     decide,
 )
-from robovast_operator.diagnose import PATIENCE, Diagnosis
-from robovast_operator.failures import trouble_of_error
-from robovast_operator.inputs import Inputs
-from robovast_operator.jobs import shard_job, task_job
+from robovast_operator.kube import paths
+from robovast_operator.kube.api import PAUSE, Api, ApiError
+from robovast_operator.kube.metrics import Metrics
+from robovast_operator.kube.store import JobState, Store
+from robovast_operator.kube.times import now
+from robovast_operator.kube.work_queue import REFUSED_DELAY, WorkQueue
 from robovast_operator.memory import Memory
-from robovast_operator.metrics import Metrics
-from robovast_operator.notifier import Notifier
-from robovast_operator.picture import Observed, Trouble
-from robovast_operator.pod_facts import trouble_of
+from robovast_operator.planning.accept import DOCUMENT_CHANGED, same_document, with_composition
+from robovast_operator.planning.campaign import Accepted, Identity, Key, Object, Rejected, Revision
+from robovast_operator.planning.inputs import Inputs
+from robovast_operator.pods.diagnose import PATIENCE, Diagnosis
+from robovast_operator.pods.jobs import shard_job, task_job
+from robovast_operator.pods.pod_status import trouble_of
+from robovast_operator.pods.reports import composed_of
 from robovast_operator.purge import Purge
-from robovast_operator.queues import Queues
-from robovast_operator.reports import composed_of
+from robovast_operator.queueing.queues import Queues
 from robovast_operator.settings import Settings
-from robovast_operator.statuses import Statuses
-from robovast_operator.store import JobState, Store
-from robovast_operator.times import now
-from robovast_operator.work_queue import REFUSED_DELAY, WorkQueue
+from robovast_operator.snapshot import Observed, Trouble
+from robovast_operator.status.conditions import is_settled, is_true
+from robovast_operator.status.failures import trouble_of_error
+from robovast_operator.status.notifier import Notifier
+from robovast_operator.status.writer import Statuses
 
 LOGGER = logging.getLogger(__name__)
 

@@ -6,8 +6,8 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from robovast.errors import InputError
-from robovast.expansion.limit import DEFAULT, variant_limit
+from robovast.base.errors import InputError
+from robovast.model.expansion.limit import DEFAULT, variant_limit
 
 
 @dataclass(frozen=True)

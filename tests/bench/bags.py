@@ -31,7 +31,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from ros_bags import Bag
 
-from robovast.bags import commands
+from robovast.analysis.bags import commands
 
 BYTES_PER_SECOND = 128_000
 """Of the recording, roughly."""
@@ -124,8 +124,8 @@ def deserialize_rosbags(run: Path) -> None:
 
 
 def convert(run: Path) -> None:
-    from robovast.bags.convert import convert_run
-    from robovast.document.commands import bag_command
+    from robovast.analysis.bags.convert import convert_run
+    from robovast.model.document.commands import bag_command
 
     jobs = [
         bag_command("rosbags_tf_to_csv", {"frames": ["base_link"]}),

@@ -34,8 +34,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from gauntlet_truth import Course, Kind, look_at_files, read_trace
 from power_cut import CAN_CUT_POWER, PowerCutDisk, power_cut_disk
 
-from robovast.results.run_record import read_run_record
-from robovast.results.verdict import Verdict
+from robovast.campaign.run_record import read_run_record
+from robovast.campaign.verdict import Verdict
 
 VAST = Path(sys.executable).with_name("vast")
 DISK = "96M"

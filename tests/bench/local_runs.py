@@ -27,7 +27,7 @@ from tempfile import TemporaryDirectory, mkdtemp
 import yaml
 
 from robovast.execution.local.process_environment import process_environment
-from robovast.execution.resources import machine_cpus
+from robovast.model.quantities import machine_cpus
 
 EXAMPLE = Path(__file__).parents[2] / "configs" / "examples" / "growth_sim"
 RUNS = 26

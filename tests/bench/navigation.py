@@ -27,13 +27,13 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from robovast.document import load_document
-from robovast.expansion import expand
+from robovast.base.serialization import dump_yaml
+from robovast.model.document import load_document
+from robovast.model.expansion import expand
 from robovast.navigation.costmap import Costmap
 from robovast.navigation.floorplan.artefacts import make_artefacts
 from robovast.navigation.floorplan.language import read_floorplan
 from robovast.navigation.occupancy import OccupancyMap, write_map
-from robovast.plain import dump_yaml
 
 EXAMPLE = Path(__file__).parents[2] / "configs" / "examples" / "floor_plans"
 VAST = Path(sys.executable).with_name("vast")

@@ -45,14 +45,14 @@ def timed(work: Callable[[], Any]) -> tuple[list[float], Any]:
 
 
 def describe(folder: Path) -> Figures:
-    from robovast.provenance import describe
+    from robovast.analysis.provenance import describe
 
     spent, _ = timed(lambda: describe(folder))
     return {"build": spent, "build memory": memory()}
 
 
 def query(folder: Path) -> Figures:
-    from robovast.provenance.query import Graphs, query_names, read_query
+    from robovast.analysis.provenance.query import Graphs, query_names, read_query
 
     load, graphs = timed(lambda: Graphs([folder]))
     figures: Figures = {"triples": len(graphs), "load": load}
@@ -67,7 +67,7 @@ def query(folder: Path) -> Figures:
 def rdflib(folder: Path) -> Figures:
     import rdflib
 
-    from robovast.provenance.query import query_names, read_query
+    from robovast.analysis.provenance.query import query_names, read_query
 
     graph = rdflib.Graph()
     figures: Figures = {}

@@ -26,8 +26,8 @@ from uuid import uuid4
 
 from minio import Minio
 
-from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.storage import ObjectStore
+from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.s3 import ObjectStore
 
 SMALL, SIZE, LARGE = 1000, 4096, 256 * 2**20
 THREADS = 8
@@ -114,7 +114,7 @@ def memory(bucket: str, folder: Path) -> None:
 
 def store_as_agent(store: ObjectStore, bucket: str, folder: Path) -> None:
     import robovast.agent.__main__  # noqa: F401 - what the agent has in memory anyway
-    from robovast.agent.trees import store_files
+    from robovast.agent.upload import store_files
 
     def put(path: str, _: int, file: BinaryIO) -> None:
         store.put_new(bucket, f"many/{path}", file)

@@ -20,7 +20,7 @@ from share_servers import PASSWORD, USER
 WEBDAV_PORT, SFTP_PORT = 8480, 8422
 FAR = """
 import os
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.execution.cluster_execution.share_providers.base import BaseShareProvider
 
 class Far(BaseShareProvider):

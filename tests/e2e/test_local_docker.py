@@ -14,10 +14,10 @@ import pytest
 from hostile_runs import KEY, assert_untouched, links, make_host
 from local_campaigns import EXAMPLES, Recorder, make_campaign, run, verdicts
 
-from robovast.document import load_document
-from robovast.errors import CannotRunError
+from robovast.base.errors import CannotRunError
+from robovast.campaign.finding import find_campaigns
 from robovast.execution.local import LocalOptions, prepare_run
-from robovast.results.campaigns import find_campaigns
+from robovast.model.document import load_document
 
 PASS = 'echo "$1,$2" > "$3/out.csv"\n'
 

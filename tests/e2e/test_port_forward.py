@@ -12,9 +12,9 @@ import pytest
 from robovast_testbed import images
 from robovast_testbed.kubernetes import Cluster
 
-from robovast.errors import CannotRunError
-from robovast_cli.cluster_store import reachable
-from robovast_cli.kubernetes import connect
+from robovast.base.errors import CannotRunError
+from robovast_cli.kube.api import connect
+from robovast_cli.kube.store import reachable
 
 SERVE = "cd /tmp && seq 3000000 > big && exec python3 -m http.server 9000"
 ENDPOINT = "http://storage.port-forward.svc:80"

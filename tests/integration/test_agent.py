@@ -21,11 +21,11 @@ from refusing_s3 import refusing
 from robovast_testbed.s3 import Server
 
 from robovast.agent.claims import MOST_STARTS
-from robovast.cluster.repetition import list_key, list_name
-from robovast.document import load_document
-from robovast.expansion import compose
-from robovast.results.configurations import variants_digest
-from robovast.results.download import Silent, download_campaign
+from robovast.campaign.configurations import variants_digest
+from robovast.model.document import load_document
+from robovast.model.expansion import compose
+from robovast.model.repetition import list_key, list_name
+from robovast.storage.download import Silent, download_campaign
 
 PASS = 'echo "$1,$2" > "$3/out.csv"\n'
 FAIL_SECOND = PASS + '[ "$1" != 2 ]\n'

@@ -20,13 +20,13 @@ from stored_campaigns import write
 from robovast.agent.__main__ import main
 from robovast.agent.bucket import Bucket
 from robovast.agent.process import CACHE, add_to_run, describe
-from robovast.agent.trees import store_own_tree
-from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.plan import CampaignPlan
-from robovast.cluster.storage import ObjectStore
-from robovast.postprocessing.events import CampaignSummary, Failure, Options
-from robovast.postprocessing.session import postprocess
-from robovast.results.download import Silent, download_campaign
+from robovast.agent.upload import store_own_tree
+from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Options
+from robovast.analysis.postprocessing.session import postprocess
+from robovast.model.packs import CampaignPlan
+from robovast.storage.download import Silent, download_campaign
+from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.s3 import ObjectStore
 
 one_server = pytest.mark.parametrize("s3_server", ["minio"], indirect=True)
 

@@ -19,14 +19,14 @@ from small_disk import small_disk
 from stored_campaigns import NAME, write, write_campaign
 
 from robovast.agent.bucket import Bucket
-from robovast.agent.trees import store_own_tree
-from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.storage import ObjectStore
-from robovast.errors import StorageError
-from robovast.results.download import Silent, download_campaign
-from robovast.results.importing import import_archive
-from robovast.results.packing import pack_bucket
-from robovast.results.share import download_from_share, open_share
+from robovast.agent.upload import store_own_tree
+from robovast.base.errors import StorageError
+from robovast.campaign.importing import import_archive
+from robovast.storage.compressing import pack_bucket
+from robovast.storage.download import Silent, download_campaign
+from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.s3 import ObjectStore
+from robovast.storage.shares.campaigns import download_from_share, open_share
 
 pytestmark = pytest.mark.parametrize("s3_server", ["minio"], indirect=True)
 

@@ -17,12 +17,12 @@ from uuid import uuid4
 import pytest
 from robovast_testbed.s3 import Server
 
-from robovast.agent.folders import Folders
+from robovast.agent.mounts import Folders
 from robovast.agent.sources import copy_inputs
-from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.plan import Bundle, CampaignPlan, GitSource
-from robovast.cluster.storage import ObjectStore
-from robovast.errors import InputError, RobovastError, StorageError
+from robovast.base.errors import InputError, RobovastError, StorageError
+from robovast.model.packs import Bundle, CampaignPlan, GitSource
+from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.s3 import ObjectStore
 
 pytestmark = pytest.mark.parametrize("s3_server", ["minio"], indirect=True)
 

@@ -13,13 +13,13 @@ from local_campaigns import make_campaign
 from one_run import open_store
 from robovast_testbed.s3 import Server
 
-from robovast.cluster.mirror import mirror
-from robovast.cluster.names import bucket_name
-from robovast.cluster.ownership import OtherOwnerError, find_bucket, owner_of
-from robovast.cluster.plan import Owner
-from robovast.errors import InputError
-from robovast.results.belonging import folder_for
-from robovast.results.download import Silent, download_campaign
+from robovast.base.errors import InputError
+from robovast.evaluation.mirror import mirror
+from robovast.kubeapi.names import bucket_name
+from robovast.model.packs import Owner
+from robovast.storage.belonging import folder_for
+from robovast.storage.download import Silent, download_campaign
+from robovast.storage.ownership import OtherOwnerError, find_bucket, owner_of
 
 NAME = "nav-2026-03-01-100000"
 PLACES = [("team-a", "nav"), ("team-a", "nav-again"), ("team-b", "nav")]

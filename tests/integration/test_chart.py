@@ -18,18 +18,18 @@ from patience import eventually
 from robovast_testbed.errors import StartFailed
 from robovast_testbed.kubernetes import Cluster
 
-from robovast.cluster.notice import Named, Notice, Order
-from robovast.cluster.resources import Scheduling
-from robovast.cluster.share_job import Upload, share_job
-from robovast_operator.accept import accept
-from robovast_operator.campaign import Accepted
-from robovast_operator.jobs import shard_job, task_job
-from robovast_operator.metrics import Metrics
-from robovast_operator.pods import notify_pod
-from robovast_operator.revisions import next_revision
-from robovast_operator.shards import first_attempts
-from robovast_operator.store import Store
-from robovast_operator.work_queue import WorkQueue
+from robovast.kubeapi.notice import Named, Notice, Order
+from robovast.kubeapi.resources import Scheduling
+from robovast.kubeapi.share_job import Upload, share_job
+from robovast_operator.kube.metrics import Metrics
+from robovast_operator.kube.store import Store
+from robovast_operator.kube.work_queue import WorkQueue
+from robovast_operator.planning.accept import accept
+from robovast_operator.planning.campaign import Accepted
+from robovast_operator.planning.revisions import next_revision
+from robovast_operator.planning.shards import first_attempts
+from robovast_operator.pods.jobs import shard_job, task_job
+from robovast_operator.pods.templates import notify_pod
 
 
 @pytest.mark.parametrize(

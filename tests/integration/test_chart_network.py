@@ -9,10 +9,10 @@ from chart_rendering import Object, of_kind, rendered
 from network_rules import Peer, lets_through
 from operator_world import SETTINGS, accepted
 
-from robovast.cluster.share_job import Upload, share_job
-from robovast_operator.jobs import shard_job, task_job
-from robovast_operator.revisions import next_revision
-from robovast_operator.shards import first_attempts
+from robovast.kubeapi.share_job import Upload, share_job
+from robovast_operator.planning.revisions import next_revision
+from robovast_operator.planning.shards import first_attempts
+from robovast_operator.pods.jobs import shard_job, task_job
 
 OPERATOR = Peer("system", {"app": "robovast-operator"}, {"http": 8080})
 S3 = Peer("system", {"app": "robovast-s3"}, {"s3": 9000})

@@ -25,11 +25,12 @@ from robovast_testbed.kubernetes import Cluster
 from robovast_testbed.s3 import Server
 from share_servers import PASSWORD, USER, webdav_server
 
-from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.storage import ObjectStore
-from robovast.errors import InputError
-from robovast_cli import cluster_run, share_jobs
-from robovast_cli.kubernetes import connect
+from robovast.base.errors import InputError
+from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.s3 import ObjectStore
+from robovast_cli.commands.exec.cluster import run as cluster_run
+from robovast_cli.commands.exec.cluster import share_jobs
+from robovast_cli.kube.api import connect
 from robovast_cli.main import command
 
 ROOT = Path(__file__).parents[2]
@@ -372,7 +373,7 @@ def test_an_api_server_that_is_not_there_is_named(
 def test_a_cluster_without_robovast_says_how_to_install_it(
     vast: Vast, known_cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from robovast_cli import kubernetes
+    from robovast_cli.kube import api as kubernetes
 
     monkeypatch.setattr(kubernetes, "API_VERSION", "elsewhere.robovast.io/v1alpha1")
     outcome = vast("monitor", "--once")
@@ -573,7 +574,7 @@ def test_many_files_go_into_an_archive_in_the_store(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from robovast.cluster import submission
+    from robovast.kubeapi import submission
 
     monkeypatch.setattr(submission, "INLINE_LIMIT", 1000)
     endpoint = f"http://{s3_server.endpoint}"

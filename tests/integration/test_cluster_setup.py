@@ -13,8 +13,8 @@ import pytest
 from robovast_testbed import gobuild, programs
 from robovast_testbed.kubernetes import Cluster
 
-from robovast.errors import CannotRunError, InputError
-from robovast_cli import cluster_setup
+from robovast.base.errors import CannotRunError, InputError
+from robovast_cli.commands.exec.cluster import setup as cluster_setup
 
 ENDPOINT = "https://s3.example.org"
 IDLE = ["operator.replicas=0", f"s3_endpoint={ENDPOINT}"]

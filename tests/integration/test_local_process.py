@@ -18,9 +18,9 @@ import yaml
 from local_campaigns import EXAMPLES, ROOT, Recorder, make_campaign, resume, run, verdicts
 from patience import eventually
 
+from robovast.base.errors import CannotRunError, InputError, StorageError
+from robovast.campaign.merge import merge_campaigns
 from robovast.common.execution import campaign_folder_name, is_campaign_dir
-from robovast.errors import CannotRunError, InputError, StorageError
-from robovast.results.merge import merge_campaigns
 
 PASS = 'echo "$1,$2" > "$3/out.csv"\n'
 FAIL_SECOND = 'echo "$1" > "$3/out.csv"; [ "$1" != 2 ]\n'

@@ -19,7 +19,7 @@ from finished_campaigns import finished_campaign
 from mcp_clients import VAST, Assistant, Refusal, over_http, over_stdio, session
 from stored_campaigns import NAME, write, write_campaign
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.mcp import question
 
 SECRET = "not for everyone"

@@ -16,11 +16,11 @@ import pytest
 from notice_receiver import Receiver, receiving
 
 from robovast.agent import notify as command
-from robovast.agent.folders import Folders
-from robovast.cluster.notice import NOTICE_VARIABLE, Named, Notice, Order
-from robovast.cluster.resources import Notification
-from robovast.cluster.status import Runs
-from robovast.errors import StorageError
+from robovast.agent.mounts import Folders
+from robovast.base.errors import StorageError
+from robovast.kubeapi.notice import NOTICE_VARIABLE, Named, Notice, Order
+from robovast.kubeapi.resources import Notification
+from robovast.kubeapi.status import Runs
 
 SECRET = "tk_neverseenanywhere"
 TOPIC = "alice-9f4e1c"

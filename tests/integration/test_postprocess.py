@@ -17,9 +17,9 @@ import yaml
 from finished_campaigns import NAME, add_run, as_of_another_tool, finished_campaign
 from local_campaigns import make_campaign, run
 
-from robovast.postprocessing.events import CampaignSummary, Failure, Options
-from robovast.postprocessing.session import postprocess
-from robovast.tables.query import ask
+from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Options
+from robovast.analysis.postprocessing.session import postprocess
+from robovast.analysis.tables.query import ask
 
 PLUGINS = '''
 from pathlib import Path
@@ -499,7 +499,7 @@ def test_a_full_disk_is_one_message_and_claims_nothing(tmp_path: Path) -> None:
 
 
 def test_two_at_once_on_one_campaign_are_refused(tmp_path: Path) -> None:
-    from robovast.postprocessing.state import opened
+    from robovast.analysis.postprocessing.state import opened
 
     campaign = finished_campaign(tmp_path, 1, BOTH, PLUGINS)
     with opened(campaign):

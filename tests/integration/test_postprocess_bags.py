@@ -14,9 +14,9 @@ import yaml
 from finished_campaigns import NAME, finished_campaign
 from ros_bags import Bag
 
-from robovast.postprocessing.events import Options
-from robovast.postprocessing.session import postprocess
-from robovast_cli.postprocessing import View
+from robovast.analysis.postprocessing.events import Options
+from robovast.analysis.postprocessing.session import postprocess
+from robovast_cli.commands.results.postprocessing import View
 
 VAST = Path(sys.executable).with_name("vast")
 BAGS = """\

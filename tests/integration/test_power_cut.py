@@ -13,9 +13,9 @@ import pytest
 from local_campaigns import ROOT, Recorder, make_campaign, resume, run, verdicts
 from power_cut import CAN_CUT_POWER, WHY_NOT, PowerCutDisk, power_cut_disk
 
-from robovast.atomic import write_atomically
-from robovast.results.importing import import_archive
-from robovast.results.merge import merge_campaigns
+from robovast.base.atomic import write_atomically
+from robovast.campaign.importing import import_archive
+from robovast.campaign.merge import merge_campaigns
 
 pytestmark = pytest.mark.skipif(not CAN_CUT_POWER, reason=WHY_NOT)
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import yaml
 from local_campaigns import make_campaign, run
 
-from robovast.provenance import describe
-from robovast.provenance.query import Graphs, read_query
+from robovast.analysis.provenance import describe
+from robovast.analysis.provenance.query import Graphs, read_query
 
 SCRIPT = 'echo "$1" > "$3/value.csv"\n[ "$1" != 2 ]\n'
 

@@ -9,11 +9,11 @@ from uuid import uuid4
 import pytest
 from robovast_testbed.s3 import Server
 
-from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.storage import ObjectStore
-from robovast.errors import InputError, StorageError
-from robovast.publication.context import Campaign, PublicationContext
-from robovast.publication.s3 import S3Upload
+from robovast.analysis.publication.context import Campaign, PublicationContext
+from robovast.analysis.publication.s3 import S3Upload
+from robovast.base.errors import InputError, StorageError
+from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.s3 import ObjectStore
 
 NAME = "a b-2026-01-01-000000"
 

@@ -12,12 +12,12 @@ from uuid import uuid4
 import pytest
 from robovast_testbed.s3 import Server
 
-from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.names import bucket_name
-from robovast.cluster.storage import ObjectStore
-from robovast.errors import StorageError
+from robovast.base.errors import StorageError
 from robovast.execution.cluster_config.base import BaseConfig
-from robovast.results.download import DownloadResult, download_campaign
+from robovast.kubeapi.names import bucket_name
+from robovast.storage.download import DownloadResult, download_campaign
+from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.s3 import ObjectStore
 
 RUN = {"_jobs/job-0/logs/system.log": b"log", "_config/a.vast": b"version: 1\n"}
 

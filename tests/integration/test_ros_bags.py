@@ -21,8 +21,8 @@ from ros_bags import Bag, typestore
 from rosbags.rosbag2 import StoragePlugin
 
 import rosbags_common
-from robovast.bags.convert import convert_run
-from robovast.document.commands import bag_command, flat
+from robovast.analysis.bags.convert import convert_run
+from robovast.model.document.commands import bag_command, flat
 
 VERSION = "7.1.6"
 """Of rclpy, for ROS 2 Jazzy."""

@@ -16,13 +16,13 @@ from robovast_testbed.s3 import Server
 
 from robovast.agent.bucket import Bucket
 from robovast.agent.check import check_runs
-from robovast.cluster import upload
-from robovast.cluster.storage import ObjectStore
-from robovast.errors import StorageError
-from robovast.results.bucket_runs import listed_files
-from robovast.results.download import Silent, download_campaign
-from robovast.results.run_files import Writer
-from robovast.results.verdict import Verdict
+from robovast.base.errors import StorageError
+from robovast.campaign.run_files import Writer
+from robovast.campaign.verdict import Verdict
+from robovast.storage import upload
+from robovast.storage.bucket_runs import listed_files
+from robovast.storage.download import Silent, download_campaign
+from robovast.storage.s3 import ObjectStore
 
 MIB = 2**20
 

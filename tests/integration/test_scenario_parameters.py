@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from robovast.common.scenario import get_scenario_parameters, read_scenario, scenario_defaults
-from robovast.errors import InputError
+from robovast.base.errors import InputError
+from robovast.common.scenario import get_scenario_parameters
 from robovast.execution.local.process_environment import process_environment
+from robovast.model.scenario import read_scenario, scenario_defaults
 
 HEADER = "import osc.helpers\nimport osc.robotics\n\n"
 BODY = '    do serial:\n        log("hi")\n'

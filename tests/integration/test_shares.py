@@ -15,10 +15,10 @@ import pytest
 from share_places import Place, gcs, sftp, webdav
 from share_servers import PASSWORD, USER, Gcs, webdav_process
 
-from robovast.errors import InputError, RobovastError, StorageError
-from robovast.execution.cluster_execution.share_providers import gcs as gcs_module
-from robovast.execution.cluster_execution.share_providers import sftp as sftp_module
-from robovast.results.share import Share, download_from_share, open_share
+from robovast.base.errors import InputError, RobovastError, StorageError
+from robovast.storage.shares import gcs as gcs_module
+from robovast.storage.shares import sftp as sftp_module
+from robovast.storage.shares.campaigns import Share, download_from_share, open_share
 
 MIB = 2**20
 NAME = "my camp-2026-03-05-121530"
@@ -205,7 +205,7 @@ def test_a_pod_needs_only_what_the_provider_gives_it(
 def test_a_server_that_is_not_there_is_told_soon(
     share: Share, place: Place, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from robovast import http_client
+    from robovast.storage import http_client
 
     monkeypatch.setattr(http_client, "FIRST_CONTACT", 0.1)
     place.proxy.close()

@@ -13,7 +13,7 @@ from robovast_testbed.pytest_plugin import skipped_when_unavailable
 ROOT = Path(__file__).parents[2]
 SCRIPTS = [
     *sorted(ROOT.glob("src/robovast/execution/contract/*.sh")),
-    *sorted(ROOT.glob("src/robovast/postprocessing/tools/*.sh")),
+    *sorted(ROOT.glob("src/robovast/analysis/postprocessing/tools/*.sh")),
     *sorted(ROOT.glob("configs/examples/*/files/*.sh")),
     *(ROOT / "scripts" / name for name in ("example", "lock", "ros-environment", "setup", "test")),
     ROOT / "src/robovast/agent/start.sh",

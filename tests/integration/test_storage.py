@@ -20,12 +20,13 @@ from minio import Minio
 from robovast_testbed import clocks, outages
 from robovast_testbed.s3 import Server
 
-from robovast.cluster import storage, upload
-from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.faults import ObjectError
-from robovast.cluster.storage import ObjectStore, StoredObject
-from robovast.cluster.upload import PART, Content
-from robovast.errors import StorageError
+from robovast.base.errors import StorageError
+from robovast.storage import s3 as storage
+from robovast.storage import upload
+from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.faults import ObjectError
+from robovast.storage.s3 import ObjectStore, StoredObject
+from robovast.storage.upload import PART, Content
 
 MIB = 2**20
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from gauntlet_truth import Course, Kind, look_at_files, read_trace
 
-from robovast.document import load_document
-from robovast.results.verdict import Verdict
+from robovast.campaign.verdict import Verdict
+from robovast.model.document import load_document
 
 RUNS = {Kind.PASS: "one-1/0", Kind.FAIL: "one-1/1", Kind.CRASH: "one-2/0", Kind.ODD: "one-2/1"}
 

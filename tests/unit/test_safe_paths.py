@@ -12,7 +12,7 @@ from threading import Event, Thread
 
 import pytest
 
-from robovast import safe_paths
+from robovast.base import safe_paths
 
 GIB = 1 << 30
 

@@ -10,11 +10,11 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
-from robovast.agent.exit_codes import AgentExit, exit_code_of_error
-from robovast.agent.folders import Folders
-from robovast.agent.messages import write_error
-from robovast.cluster.endpoint import Endpoint
-from robovast.errors import RobovastError
+from robovast.agent.mounts import Folders
+from robovast.base.errors import RobovastError
+from robovast.kubeapi.exit_codes import AgentExit, exit_code_of_error
+from robovast.kubeapi.messages import write_error
+from robovast.storage.endpoint import Endpoint
 
 INDEX = "JOB_COMPLETION_INDEX"
 """Variable that Kubernetes sets in the pods of an Indexed Job."""

@@ -9,22 +9,22 @@ from threading import Event
 
 from robovast.agent.background import Background
 from robovast.agent.bucket import Bucket
-from robovast.agent.exit_codes import AgentExit, exit_code_of
-from robovast.agent.folders import Folders
+from robovast.agent.container_control import RunContainer
 from robovast.agent.job_files import prepare_later_job
-from robovast.agent.messages import verdict_ranges, write_message
-from robovast.agent.orders import RunContainer
+from robovast.agent.mounts import Folders
 from robovast.agent.pack import Pack, PodJob, read_pack
 from robovast.agent.results import Results
 from robovast.agent.silence import SILENT, Silence
-from robovast.agent.trees import SIDE_BY_SIDE
+from robovast.agent.upload import SIDE_BY_SIDE
 from robovast.agent.watch import EndedRun, JobWatch
-from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.storage import ObjectStore
-from robovast.execution.signals import call_on_signals
-from robovast.plan import Run
-from robovast.results.verdict import Verdict
-from robovast.safe_paths import pinned
+from robovast.base.safe_paths import pinned
+from robovast.base.signals import call_on_signals
+from robovast.campaign.verdict import Verdict
+from robovast.kubeapi.exit_codes import AgentExit, exit_code_of
+from robovast.kubeapi.messages import verdict_ranges, write_message
+from robovast.model.plan import Run
+from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.s3 import ObjectStore
 
 
 def agent(folders: Folders, silence: float = 0.0) -> AgentExit:

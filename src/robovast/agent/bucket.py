@@ -1,7 +1,7 @@
 """A campaign's bucket as pods see it: which runs are stored, which jobs there were.
 
 Keys are the paths of the local results layout, but for a run's files: each of its writers has a
-place of its own (robovast.results.run_files). A run is stored when its `run.json` is, which is
+place of its own (robovast.campaign.run_files). A run is stored when its `run.json` is, which is
 written last and names its files. Nobody removes what another record may name, but `finish`.
 """
 
@@ -13,15 +13,15 @@ from itertools import count
 from typing import BinaryIO
 
 from robovast.agent.pack import job_name
-from robovast.cluster.ownership import claim, is_owned
-from robovast.cluster.plan import Owner
-from robovast.cluster.storage import ObjectStore
-from robovast.plan import Run
-from robovast.results.layout import RUN_RECORD
-from robovast.results.places import Keys
-from robovast.results.run_files import FileList, StoredFile, Writer, write_list
-from robovast.results.run_record import RunRecord, parse_run_record
-from robovast.results.verdict import Verdict
+from robovast.campaign.layout import RUN_RECORD
+from robovast.campaign.places import Keys
+from robovast.campaign.run_files import FileList, StoredFile, Writer, write_list
+from robovast.campaign.run_record import RunRecord, parse_run_record
+from robovast.campaign.verdict import Verdict
+from robovast.model.packs import Owner
+from robovast.model.plan import Run
+from robovast.storage.ownership import claim, is_owned
+from robovast.storage.s3 import ObjectStore
 
 
 class Bucket:

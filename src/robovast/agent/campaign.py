@@ -13,18 +13,18 @@ from pydantic import ValidationError
 from robovast.agent.bucket import Bucket
 from robovast.agent.composed import Composed
 from robovast.agent.digests import check_files
-from robovast.agent.exit_codes import PlanError
-from robovast.agent.folders import Folders
+from robovast.agent.mounts import Folders
 from robovast.agent.sources import copy_inputs
-from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.plan import CampaignPlan, PlanSpec
-from robovast.cluster.storage import ObjectStore
-from robovast.document import Document, load_document
-from robovast.errors import InputError
-from robovast.expansion import Composition, Variant, compose, select_any
-from robovast.expansion.containers import refuse_containers
-from robovast.results.configurations import read_variants, variants_digest
-from robovast.results.layout import Layout
+from robovast.base.errors import InputError
+from robovast.campaign.configurations import read_variants, variants_digest
+from robovast.campaign.layout import Layout
+from robovast.kubeapi.exit_codes import PlanError
+from robovast.model.document import Document, load_document
+from robovast.model.expansion import Composition, Variant, compose, select_any
+from robovast.model.expansion.containers import refuse_containers
+from robovast.model.packs import CampaignPlan, PlanSpec
+from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.s3 import ObjectStore
 
 PATIENCE = 60.0
 """How long a server that does not answer is asked again [s]: a pod that holds no results may end

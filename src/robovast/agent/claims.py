@@ -15,9 +15,9 @@ from uuid import uuid4
 from robovast.agent.bucket import Bucket
 from robovast.agent.pack import Pack, PodJob
 from robovast.agent.watch import EndedRun
-from robovast.cluster.ranges import format_ranges, spans
+from robovast.base.ranges import format_ranges, spans
+from robovast.campaign.verdict import TestResult, Verdict
 from robovast.execution.job_config import parameter_documents
-from robovast.results.verdict import TestResult, Verdict
 
 MOST_STARTS = 20
 """Pods that may begin with a run, and end without having stored it."""

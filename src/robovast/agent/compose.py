@@ -9,18 +9,18 @@ from collections import Counter
 from robovast.agent.campaign import Campaign, expand, load_inputs, open_campaign
 from robovast.agent.composed import store_composed
 from robovast.agent.digests import file_digest
-from robovast.agent.exit_codes import AgentExit
-from robovast.agent.folders import Folders
-from robovast.agent.messages import LIMIT, write_message
-from robovast.agent.trees import SIDE_BY_SIDE, store_own_tree
-from robovast.cluster.plan import format_breaks
-from robovast.document import Document
-from robovast.errors import InputError
+from robovast.agent.mounts import Folders
+from robovast.agent.upload import SIDE_BY_SIDE, store_own_tree
+from robovast.base.errors import InputError
+from robovast.campaign.layout import Layout
 from robovast.execution.generate import write_configurations
-from robovast.expansion import Composition
-from robovast.expansion.expand import DEFAULT_ENTRY
-from robovast.plan import breaks
-from robovast.results.layout import Layout
+from robovast.kubeapi.exit_codes import AgentExit
+from robovast.kubeapi.messages import LIMIT, write_message
+from robovast.model.document import Document
+from robovast.model.expansion import Composition
+from robovast.model.expansion.expand import DEFAULT_ENTRY
+from robovast.model.packs import format_breaks
+from robovast.model.plan import breaks
 
 CONFIGURATIONS = "_transient/configurations.yaml"
 DIGEST_LIMIT = 100

@@ -19,10 +19,10 @@ import yaml
 
 from robovast.agent.bucket import Bucket
 from robovast.agent.digests import check, digest, file_digest
-from robovast.expansion import Variant
-from robovast.plain import dump_yaml
-from robovast.results.configurations import configuration_record, variant_of
-from robovast.results.layout import Layout
+from robovast.base.serialization import dump_yaml
+from robovast.campaign.configurations import configuration_record, variant_of
+from robovast.campaign.layout import Layout
+from robovast.model.expansion import Variant
 
 FOLDER = "_transient/variants/"
 LIST = f"{FOLDER}list.json"

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 
 
 def digest(content: bytes) -> str:

@@ -15,24 +15,24 @@ from robovast.agent.campaign import (
     open_composed,
 )
 from robovast.agent.claims import claim_job, hopeless
-from robovast.agent.exit_codes import AgentExit, PlanError
-from robovast.agent.folders import Folders
+from robovast.agent.container_control import RunContainer
 from robovast.agent.job_files import prepare_output, write_environment
-from robovast.agent.orders import RunContainer
+from robovast.agent.mounts import Folders
 from robovast.agent.pack import Pack
 from robovast.agent.results import Results
-from robovast.cluster.ranges import Span
-from robovast.cluster.repetition import list_key, parse_list, retry_groups
-from robovast.common.scenario import read_scenario
-from robovast.document import Document
-from robovast.document.model import merge_pairs
+from robovast.base.ranges import Span
 from robovast.execution.contract import contract_files
 from robovast.execution.generate import copy_file
-from robovast.execution.inputs import container_files
 from robovast.execution.job_config import build_config_folder, job_environment
-from robovast.execution.resources import machine_cpus, machine_memory
-from robovast.expansion import Variant
-from robovast.plan import Job, Run
+from robovast.kubeapi.exit_codes import AgentExit, PlanError
+from robovast.model.document import Document
+from robovast.model.document.model import merge_pairs
+from robovast.model.expansion import Variant
+from robovast.model.inputs import container_files
+from robovast.model.plan import Job, Run
+from robovast.model.quantities import machine_cpus, machine_memory
+from robovast.model.repetition import list_key, parse_list, retry_groups
+from robovast.model.scenario import read_scenario
 
 START = Path(__file__).with_name("start.sh")
 

@@ -13,22 +13,22 @@ from robovast.agent.campaign import Campaign, expand, load_inputs, open_campaign
 from robovast.agent.check import check_runs
 from robovast.agent.compose import store_inputs
 from robovast.agent.composed import Composed
-from robovast.agent.exit_codes import AgentExit
-from robovast.agent.folders import Folders
-from robovast.agent.messages import LIMIT, write_message
-from robovast.agent.trees import SIDE_BY_SIDE, store_own_tree
-from robovast.cluster.ranges import format_ranges, spans, truncate
-from robovast.cluster.repetition import GroupSizes, list_key, list_name, list_text, retry_groups
-from robovast.cluster.status import FAILING_LIMIT
+from robovast.agent.mounts import Folders
+from robovast.agent.upload import SIDE_BY_SIDE, store_own_tree
+from robovast.base.ranges import format_ranges, spans, truncate
+from robovast.base.serialization import dump_yaml
+from robovast.campaign.layout import Layout
+from robovast.campaign.run_record import RunRecord
+from robovast.campaign.verdict import Verdict
 from robovast.common.execution import campaign_time
-from robovast.document import Document
 from robovast.execution.generate import write_execution
-from robovast.expansion import Variant
-from robovast.plain import dump_yaml
-from robovast.plan import Run
-from robovast.results.layout import Layout
-from robovast.results.run_record import RunRecord
-from robovast.results.verdict import Verdict
+from robovast.kubeapi.exit_codes import AgentExit
+from robovast.kubeapi.messages import LIMIT, write_message
+from robovast.kubeapi.status import FAILING_LIMIT
+from robovast.model.document import Document
+from robovast.model.expansion import Variant
+from robovast.model.plan import Run
+from robovast.model.repetition import GroupSizes, list_key, list_name, list_text, retry_groups
 
 RANGES_LIMIT = 1500
 """Longest text of failed runs, and of errored ones, in the termination message."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping
 
-from robovast import safe_paths
-from robovast.agent.folders import Folders
+from robovast.agent.mounts import Folders
 from robovast.agent.pack import Pack, PodJob
+from robovast.base import safe_paths
 from robovast.execution.job_config import (
     PARAMETER_FILE,
     is_pack,

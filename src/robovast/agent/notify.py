@@ -12,14 +12,14 @@ from urllib.parse import unquote, urlsplit
 
 from pydantic import ValidationError
 
-from robovast.agent.exit_codes import AgentExit, PlanError
-from robovast.agent.folders import Folders
-from robovast.cluster.notice import NOTICE_VARIABLE, Event, Notice, Order
-from robovast.cluster.resources import Notification, SecretKey
-from robovast.cluster.secret_names import SECRET_PREFIX
-from robovast.errors import InputError
-from robovast.http_client import HttpClient, HttpError
-from robovast.pauses import BUSY
+from robovast.agent.mounts import Folders
+from robovast.base.backoff import BUSY
+from robovast.base.errors import InputError
+from robovast.kubeapi.exit_codes import AgentExit, PlanError
+from robovast.kubeapi.notice import NOTICE_VARIABLE, Event, Notice, Order
+from robovast.kubeapi.resources import Notification, SecretKey
+from robovast.kubeapi.secret_names import SECRET_PREFIX
+from robovast.storage.http_client import HttpClient, HttpError
 
 PATIENCE = 60.0
 """For how long a server may be busy [s]; then the pod ends, and the Job makes another one."""

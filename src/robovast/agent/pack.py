@@ -8,10 +8,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from robovast.cluster.plan import Owner
-from robovast.expansion.variant import Variant
-from robovast.plan import Job, Run
-from robovast.results.verdict import Verdict
+from robovast.campaign.verdict import Verdict
+from robovast.model.expansion.variant import Variant
+from robovast.model.packs import Owner
+from robovast.model.plan import Job, Run
 
 
 @dataclass(frozen=True, slots=True)

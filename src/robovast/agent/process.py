@@ -9,24 +9,24 @@ from pathlib import Path
 
 from robovast.agent.bucket import Bucket
 from robovast.agent.campaign import read_plan
-from robovast.agent.exit_codes import AgentExit
-from robovast.agent.folders import Folders
-from robovast.agent.messages import write_message
-from robovast.agent.trees import SIDE_BY_SIDE
-from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.ownership import is_owned
-from robovast.cluster.storage import ObjectStore
-from robovast.errors import ExitCode, InputError, StorageError
-from robovast.postprocessing import state
-from robovast.postprocessing.content import changed, scan
-from robovast.postprocessing.events import CampaignSummary, Failure, Options
-from robovast.postprocessing.session import postprocess
-from robovast.results.bucket_runs import listed_files
-from robovast.results.download import Silent, download_campaign
-from robovast.results.layout import RUN_RECORD
-from robovast.results.places import Keys, run_of
-from robovast.results.run_files import StoredFile, Writer, escaped, is_writers
-from robovast.results.run_record import RunRecord, read_run_record
+from robovast.agent.mounts import Folders
+from robovast.agent.upload import SIDE_BY_SIDE
+from robovast.analysis.postprocessing import state
+from robovast.analysis.postprocessing.content import changed, scan
+from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Options
+from robovast.analysis.postprocessing.session import postprocess
+from robovast.base.errors import ExitCode, InputError, StorageError
+from robovast.campaign.layout import RUN_RECORD
+from robovast.campaign.places import Keys, run_of
+from robovast.campaign.run_files import StoredFile, Writer, escaped, is_writers
+from robovast.campaign.run_record import RunRecord, read_run_record
+from robovast.kubeapi.exit_codes import AgentExit
+from robovast.kubeapi.messages import write_message
+from robovast.storage.bucket_runs import listed_files
+from robovast.storage.download import Silent, download_campaign
+from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.ownership import is_owned
+from robovast.storage.s3 import ObjectStore
 
 CACHE = f"{state.FOLDER}/{state.FILE}"
 """What postprocessing has finished."""

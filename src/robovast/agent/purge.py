@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from robovast.agent.campaign import open_campaign
-from robovast.agent.exit_codes import AgentExit
-from robovast.agent.folders import Folders
-from robovast.cluster.ownership import OtherOwnerError
+from robovast.agent.mounts import Folders
+from robovast.kubeapi.exit_codes import AgentExit
+from robovast.storage.ownership import OtherOwnerError
 
 
 def purge(folders: Folders) -> AgentExit:

@@ -11,19 +11,19 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import BinaryIO
 
-from robovast import safe_paths
 from robovast.agent.bucket import Bucket
 from robovast.agent.claims import claim_job
 from robovast.agent.pack import Pack, PodJob
-from robovast.agent.trees import open_files, store_files
+from robovast.agent.upload import open_files, store_files
 from robovast.agent.watch import EndedRun
-from robovast.containers import named_digest
-from robovast.execution.own_names import set_own_names_aside
-from robovast.execution.record import Circumstances, make_record
-from robovast.results.places import Keys
-from robovast.results.run_files import StoredFile, Writer, escaped, shortened
-from robovast.results.run_record import RunRecord
-from robovast.results.verdict import Verdict
+from robovast.base import safe_paths
+from robovast.base.containers import named_digest
+from robovast.campaign.own_names import set_own_names_aside
+from robovast.campaign.places import Keys
+from robovast.campaign.records import Circumstances, make_record
+from robovast.campaign.run_files import StoredFile, Writer, escaped, shortened
+from robovast.campaign.run_record import RunRecord
+from robovast.campaign.verdict import Verdict
 
 RUNTIME = "kubernetes"
 """As run.json names it."""

@@ -10,18 +10,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robovast.agent.campaign import PATIENCE
-from robovast.agent.exit_codes import AgentExit
-from robovast.agent.folders import Folders
-from robovast.agent.messages import write_message
-from robovast.cluster.endpoint import Credentials, Endpoint
-from robovast.cluster.ownership import is_owned
-from robovast.cluster.storage import ObjectStore
-from robovast.common.progress import fmt_size
-from robovast.errors import InputError
-from robovast.http_client import HttpError
-from robovast.pauses import BUSY
-from robovast.results.packing import pack_bucket
-from robovast.results.share import SHARE_TYPE, SUFFIX, Share, load_provider
+from robovast.agent.mounts import Folders
+from robovast.base.backoff import BUSY
+from robovast.base.errors import InputError
+from robovast.base.progress_bar import fmt_size
+from robovast.kubeapi.exit_codes import AgentExit
+from robovast.kubeapi.messages import write_message
+from robovast.storage.compressing import pack_bucket
+from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.http_client import HttpError
+from robovast.storage.ownership import is_owned
+from robovast.storage.s3 import ObjectStore
+from robovast.storage.shares.campaigns import SHARE_TYPE, SUFFIX, Share, load_provider
 
 PAUSE = 5.0
 """Least time between two lines on progress [s]."""

@@ -13,10 +13,10 @@ from io import BytesIO
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from robovast.agent.folders import Folders
-from robovast.cluster.plan import Bundle, CampaignPlan, GitSource
-from robovast.cluster.storage import EXECUTABLE, ObjectStore
-from robovast.errors import InputError, StorageError
+from robovast.agent.mounts import Folders
+from robovast.base.errors import InputError, StorageError
+from robovast.model.packs import Bundle, CampaignPlan, GitSource
+from robovast.storage.s3 import EXECUTABLE, ObjectStore
 
 
 def copy_inputs(plan: CampaignPlan, folders: Folders, store: ObjectStore, target: Path) -> None:

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from robovast import safe_paths
-from robovast.agent.folders import Folders
-from robovast.agent.orders import RunContainer
+from robovast.agent.container_control import RunContainer
+from robovast.agent.mounts import Folders
 from robovast.agent.pack import PodJob
 from robovast.agent.silence import Silence
-from robovast.execution.judge import Ending, judge
+from robovast.base import safe_paths
+from robovast.base.stopwatch import Stopwatch
+from robovast.campaign.judge import Ending, judge
+from robovast.campaign.verdict import TestResult, Verdict, read_test_result
 from robovast.execution.progress import LOG, JobOutput, keep_the_rest
-from robovast.execution.stopwatch import Stopwatch
-from robovast.plan import Run
-from robovast.results.verdict import TestResult, Verdict, read_test_result
+from robovast.model.plan import Run
 
 POLL = 0.1
 """How often a job is looked at [s]."""

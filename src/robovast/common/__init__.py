@@ -6,7 +6,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from robovast.common.config import (
+    from robovast.base.file_cache import FileCache
+    from robovast.base.progress_bar import ProgressBar, fmt_size
+    from robovast.common.execution import (
+        COMPAT_VERSION,
+        get_campaign,
+        get_campaign_timestamp,
+        is_campaign_dir,
+    )
+    from robovast.common.generation import generate_scenario_variations
+    from robovast.model.scenario import get_scenario_parameters, is_scenario_parameter
+    from robovast.model.variation_config import (
         VariationConfig,
         convert_dataclasses_to_dict,
         filter_configs,
@@ -14,16 +24,6 @@ if TYPE_CHECKING:
         load_config,
         normalize_secondary_containers,
     )
-    from robovast.common.execution import (
-        COMPAT_VERSION,
-        get_campaign,
-        get_campaign_timestamp,
-        is_campaign_dir,
-    )
-    from robovast.common.file_cache import FileCache
-    from robovast.common.generation import generate_scenario_variations
-    from robovast.common.progress import ProgressBar, fmt_size
-    from robovast.common.scenario import get_scenario_parameters, is_scenario_parameter
 
 _MODULES = {
     "COMPAT_VERSION": "execution",

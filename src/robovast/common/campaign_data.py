@@ -11,9 +11,9 @@ from typing import Any
 
 import yaml
 
-from robovast.results import verdict
-from robovast.results.layout import JOB_LINK, RUN_RECORD, TEST_RESULT, Layout, job_folder
-from robovast.safe_paths import MOST_OF_ALL, is_file, read_file
+from robovast.base.safe_paths import MOST_OF_ALL, is_file, read_file
+from robovast.campaign import verdict
+from robovast.campaign.layout import JOB_LINK, RUN_RECORD, TEST_RESULT, Layout, job_folder
 
 
 def list_config_dirs(campaign_dir: str | Path) -> list[Path]:

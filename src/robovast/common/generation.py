@@ -39,9 +39,9 @@ def generate_scenario_variations(
             "variation types are found by the names in the .vast file: an entry point of the "
             "group robovast.variation_types, or `<path>.py:<Class>`"
         )
-    from robovast.common.variation.loader import load_variation
-    from robovast.document import load_document
-    from robovast.expansion import Variant, expand
+    from robovast.model.document import load_document
+    from robovast.model.expansion import Variant, expand
+    from robovast.model.variations.loader import load_variation
 
     document = load_document(Path(variation_file))
     folder = Path(output_dir or mkdtemp(prefix="robovast-"))

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.patches import Circle, Rectangle
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.navigation.occupancy import OccupancyMap, read_map
 from robovast.navigation.sizes import sizes_of
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from struct import Struct
 from typing import BinaryIO
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.evaluation.database import opened
 from robovast.evaluation.inside import MissingError, open_inside, resolved
 

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
+from robovast.campaign.verdict import Verdict
 from robovast.evaluation.campaigns import active_jobs, is_own_folder
 from robovast.evaluation.inside import resolved
 from robovast.evaluation.stored_runs import read_variant, seconds
 from robovast.evaluation.summaries import ActiveJob, CampaignSummary, RunSummary, VariantRuns
 from robovast.evaluation.untrusted import read_yaml
-from robovast.results.verdict import Verdict
 
 SETTLED = 2.0
 """A folder that changed less than this ago may change again unseen, within its time stamp [s]."""

@@ -7,7 +7,7 @@ import os
 import re
 from pathlib import Path
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.evaluation.summaries import ActiveJob
 
 _JOB = re.compile(r"job-([0-9]{1,9})")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from robovast.campaign.verdict import Verdict
 from robovast.evaluation.summaries import VariantRuns
-from robovast.results.verdict import Verdict
 
 VERDICTS = list(Verdict)
 """Verdicts in the order of their codes."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from math import exp, lgamma, sqrt
 from statistics import median
 
+from robovast.campaign.verdict import Verdict
 from robovast.evaluation.summaries import VariantRuns
-from robovast.results.verdict import Verdict
 
 LEVEL = 0.05
 """Significance level of every statement."""

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.evaluation.inside import MissingError, resolved
 
 PATIENCE = 30.0

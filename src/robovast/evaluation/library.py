@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.evaluation.campaign_index import CampaignIndex
 from robovast.evaluation.campaigns import find_campaigns, is_campaign
 from robovast.evaluation.inside import MissingError, resolved

@@ -9,10 +9,10 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
+from robovast.base.serialization import dump_yaml
 from robovast.evaluation.inside import MissingError, open_inside, read_small
 from robovast.evaluation.untrusted import LONGEST, MOST_VALUES, mapping, parse_yaml
-from robovast.plain import dump_yaml
 
 _RECORD = "_navigation"
 _LARGEST_FILE = 64 << 20

@@ -10,7 +10,7 @@ import sqlite3
 from math import isfinite
 from pathlib import Path
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.evaluation.database import opened
 from robovast.evaluation.inside import MissingError
 

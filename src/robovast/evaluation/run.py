@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
+from robovast.campaign.layout import RUN_RECORD, TEST_RESULT
 from robovast.evaluation.files import FileEntry, list_files
 from robovast.evaluation.inside import read_small, resolved
 from robovast.evaluation.launch.commands import as_shell, repeat_words
 from robovast.evaluation.map_picture import has_map
 from robovast.evaluation.untrusted import LONGEST, mapping, parse_json, read_yaml
-from robovast.results.layout import RUN_RECORD, TEST_RESULT
 
 
 @dataclass(frozen=True)

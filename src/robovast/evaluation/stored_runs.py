@@ -11,10 +11,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from robovast.campaign.layout import RUN_RECORD
+from robovast.campaign.run_record import RunRecord, parse_run_record, result_without_record
 from robovast.evaluation.summaries import RunSummary, VariantRuns
 from robovast.evaluation.untrusted import mapping, plain, read_yaml
-from robovast.results.layout import RUN_RECORD
-from robovast.results.run_record import RunRecord, parse_run_record, result_without_record
 
 LARGEST = 1 << 20
 """Of a record that is read [bytes]."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from robovast.results.verdict import Verdict
+from robovast.campaign.verdict import Verdict
 
 
 @dataclass(frozen=True, slots=True)

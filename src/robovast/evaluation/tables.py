@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, TypeVar
 
-from robovast.errors import InputError
+from robovast.analysis.tables.csv_files import lines
+from robovast.base.errors import InputError
 from robovast.evaluation.inside import open_inside
-from robovast.tables.csv_files import lines
 
 MOST_ROWS = 2000
 MOST_COLUMNS = 16

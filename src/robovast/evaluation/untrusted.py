@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.evaluation.inside import read_small
 
 try:

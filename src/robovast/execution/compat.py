@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from robovast.base.errors import CannotRunError
 from robovast.common.execution import COMPAT_VERSION
-from robovast.errors import CannotRunError
 
 VERSION_PATH = "/etc/robovast_compat_version"
 """Where an image says its version."""

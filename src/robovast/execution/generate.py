@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from robovast import __version__
-from robovast.common.scenario import read_scenario
-from robovast.document import Document
+from robovast.base.serialization import dump_yaml, to_plain
+from robovast.campaign.configurations import configuration_record
+from robovast.campaign.layout import Layout
 from robovast.execution.contract import contract_files
-from robovast.execution.identity import Identities
-from robovast.execution.inputs import campaign_files, container_files
-from robovast.expansion import Composition, Variant
-from robovast.plain import dump_yaml, to_plain
-from robovast.results.configurations import configuration_record
-from robovast.results.layout import Layout
+from robovast.model.document import Document
+from robovast.model.expansion import Composition, Variant
+from robovast.model.identity import Identities
+from robovast.model.inputs import campaign_files, container_files
+from robovast.model.scenario import read_scenario
 
 
 def write_configurations(

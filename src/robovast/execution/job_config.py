@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from robovast.plain import dump_yaml_documents
-from robovast.plan import Job
+from robovast.base.serialization import dump_yaml_documents
+from robovast.model.plan import Job
 
 PARAMETER_FILE = "scenario.params.yaml"
 

@@ -6,8 +6,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from robovast import safe_paths
-from robovast.plan import Run
+from robovast.base import safe_paths
+from robovast.model.plan import Run
 
 FINISHED_RUNS = "finished_runs"
 """File in a job's folder where the contract's scripts list the runs that are over."""

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from fastmcp import FastMCP
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.evaluation.files import MOST_FILES, list_files
 from robovast.evaluation.inside import open_inside
 from robovast.evaluation.logs import LogLine, LogQuestion, read_log

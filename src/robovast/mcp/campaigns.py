@@ -9,6 +9,7 @@ from typing import Any
 
 from fastmcp import FastMCP
 
+from robovast.campaign.verdict import Verdict
 from robovast.evaluation.compare import compare, sample
 from robovast.evaluation.inside import MissingError
 from robovast.evaluation.library import Library
@@ -16,7 +17,6 @@ from robovast.evaluation.run import read_run
 from robovast.evaluation.summaries import RunSummary, VariantRuns
 from robovast.mcp.bounds import fitted, page
 from robovast.mcp.tools import add_tools
-from robovast.results.verdict import Verdict
 
 _MOST_VALUES = 20
 """A parameter with more values than these is not looked at value by value."""

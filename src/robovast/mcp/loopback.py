@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 
 _FAMILIES = {"127.0.0.1": socket.AF_INET, "localhost": socket.AF_INET, "::1": socket.AF_INET6}
 

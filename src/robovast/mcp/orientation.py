@@ -7,11 +7,11 @@ from typing import Any
 from fastmcp import FastMCP
 
 from robovast import __version__
+from robovast.base.plugins import plugins_of
 from robovast.evaluation.library import Library
 from robovast.mcp.bounds import MOST_BYTES, page
 from robovast.mcp.question import MOST_ROWS, PATIENCE
 from robovast.mcp.tools import add_tools
-from robovast.plugins import plugins_of
 
 _TAXONOMY = {
     "names": "<verb>_<resource>[_<detail>]",

@@ -7,14 +7,14 @@ from typing import Any
 
 from fastmcp import FastMCP
 
-from robovast.errors import InputError
+from robovast.analysis.provenance.query import query_names, read_query
+from robovast.analysis.provenance.writing import GRAPH
+from robovast.analysis.tables.columnar import FILE
+from robovast.base.errors import InputError
 from robovast.evaluation.inside import MissingError, resolved
 from robovast.evaluation.library import Library
 from robovast.mcp.question import answer
 from robovast.mcp.tools import add_tools
-from robovast.provenance.query import query_names, read_query
-from robovast.provenance.writing import GRAPH
-from robovast.tables.columnar import FILE
 
 _TABLES = f"_execution/{FILE}"
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from threading import BoundedSemaphore
 from typing import Any, Literal
 
-from robovast.errors import CannotRunError, InputError, RobovastError
+from robovast.base.errors import CannotRunError, InputError, RobovastError
 from robovast.mcp.bounds import MOST_BYTES, fitted, page
 
 PATIENCE = 60.0
@@ -85,21 +85,21 @@ def _unescaped(text: str) -> str:
 
 
 def _sql(campaigns: Sequence[Path], text: str) -> dict[str, Any]:
-    from robovast.tables.query import ask
+    from robovast.analysis.tables.query import ask
 
     found = ask(campaigns, text, MOST_ROWS + 1)
     return _table(found.columns, found.rows)
 
 
 def _sparql(campaigns: Sequence[Path], text: str) -> dict[str, Any]:
-    from robovast.provenance.query import Graphs
+    from robovast.analysis.provenance.query import Graphs
 
     found = Graphs(campaigns).ask(text)
     return _table(found.columns, list(islice(found, MOST_ROWS + 1)))
 
 
 def _tables(campaigns: Sequence[Path], _: str) -> dict[str, Any]:
-    from robovast.tables.query import tables
+    from robovast.analysis.tables.query import tables
 
     found = tables(campaigns)
     return page([{"table": name, "columns": types} for name, types in found.items()], name="tables")

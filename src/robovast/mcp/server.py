@@ -10,13 +10,13 @@ from fastmcp.server.auth import AuthProvider
 from fastmcp.server.middleware.response_limiting import ResponseLimitingMiddleware
 
 from robovast import __version__
+from robovast.base.plugins import load_plugin, plugins_of
 from robovast.evaluation.library import Library
 from robovast.mcp.artifacts import ArtifactTools
 from robovast.mcp.campaigns import CampaignTools
 from robovast.mcp.orientation import OrientationTools
 from robovast.mcp.queries import QueryTools
 from robovast.mcp.tools import McpPlugin
-from robovast.plugins import load_plugin, plugins_of
 
 GROUP = "robovast.mcp_plugins"
 """Entry-point group of plugins."""

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 from fastmcp import FastMCP
 from fastmcp.exceptions import ToolError
 
-from robovast.errors import RobovastError
+from robovast.base.errors import RobovastError
 
 
 class McpPlugin(Protocol):

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import ConfigDict, Field
 
-from robovast.common.config import VariationConfig
-from robovast.common.scenario import read_scenario, scenario_defaults
-from robovast.common.variation import ProvContribution, Variation
-from robovast.errors import InputError
+from robovast.base.errors import InputError
+from robovast.model.scenario import read_scenario, scenario_defaults
+from robovast.model.variation_config import VariationConfig
+from robovast.model.variations import ProvContribution, Variation
 from robovast.navigation.poses import Pose, read_pose
 from robovast.navigation.provenance import METADATA_KEY, counts
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager
 
-from robovast.extras import needing
+from robovast.base.optional_deps import needing
 
 _PACKAGES = {"PIL", "manifold3d", "numpy", "scipy", "shapely", "textx"}
 

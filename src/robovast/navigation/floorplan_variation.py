@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from robovast.common.config import get_validated_config
-from robovast.common.variation import ProvContribution
-from robovast.errors import DocumentError, InputError
+from robovast.base.errors import DocumentError, InputError
+from robovast.model.variation_config import get_validated_config
+from robovast.model.variations import ProvContribution
 from robovast.navigation.base import Config, NavigationConfig, NavigationVariation, with_record
 from robovast.navigation.extra import nav_extra
 

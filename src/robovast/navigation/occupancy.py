@@ -12,9 +12,9 @@ import numpy.typing as npt
 import yaml
 from PIL import Image, UnidentifiedImageError
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
+from robovast.base.serialization import dump_yaml
 from robovast.navigation.poses import Point
-from robovast.plain import dump_yaml
 
 Mask = np.ndarray[tuple[int, int], np.dtype[np.bool_]]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, model_validator
 
-from robovast.common.config import get_validated_config
+from robovast.model.variation_config import get_validated_config
 from robovast.navigation.base import (
     Config,
     NavigationConfig,

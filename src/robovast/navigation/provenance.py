@@ -7,7 +7,7 @@ from typing import Any
 from urllib.parse import quote
 
 from robovast import __version__
-from robovast.common.variation import ProvContribution
+from robovast.model.variations import ProvContribution
 
 Node = dict[Any, Any]
 

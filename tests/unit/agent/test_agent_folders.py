@@ -12,18 +12,18 @@ from threading import Thread
 import pytest
 from patience import eventually
 
-from robovast.agent.exit_codes import AgentExit, exit_code_of
+from robovast.agent.container_control import RunContainer
 from robovast.agent.fetch import START
-from robovast.agent.folders import Folders
 from robovast.agent.job_files import prepare_output, write_environment
-from robovast.agent.orders import RunContainer
+from robovast.agent.mounts import Folders
 from robovast.agent.pack import Pack, PodJob, read_pack
 from robovast.agent.silence import Silence
 from robovast.agent.watch import EndedRun, JobWatch
-from robovast.cluster.plan import Owner
-from robovast.expansion import Variant
-from robovast.plan import Run
-from robovast.results.verdict import Verdict
+from robovast.campaign.verdict import Verdict
+from robovast.kubeapi.exit_codes import AgentExit, exit_code_of
+from robovast.model.expansion import Variant
+from robovast.model.packs import Owner
+from robovast.model.plan import Run
 
 RUNS = tuple(Run(id_, Variant(f"v-{id_}", "v", {"x": id_ / 2}), 0) for id_ in range(3))
 

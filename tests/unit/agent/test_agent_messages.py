@@ -4,9 +4,9 @@ import json
 from pathlib import Path
 
 from robovast.agent.finish import summary
-from robovast.agent.messages import LIMIT, verdict_ranges, write_error, write_message
-from robovast.errors import StorageError
-from robovast.results.verdict import Verdict
+from robovast.base.errors import StorageError
+from robovast.campaign.verdict import Verdict
+from robovast.kubeapi.messages import LIMIT, verdict_ranges, write_error, write_message
 
 
 def test_verdicts_are_told_as_ranges() -> None:

@@ -15,10 +15,10 @@ from typing import BinaryIO
 
 import pytest
 
-from robovast import safe_paths
-from robovast.agent.trees import open_files, store_files
-from robovast.execution.own_names import set_own_names_aside
-from robovast.results.run_files import MissingFile
+from robovast.agent.upload import open_files, store_files
+from robovast.base import safe_paths
+from robovast.campaign.own_names import set_own_names_aside
+from robovast.campaign.run_files import MissingFile
 
 NOBODY = 65534
 

@@ -12,14 +12,14 @@ from pathlib import Path
 import pytest
 from ros_bags import START, Bag, rows
 
-from robovast.bags import commands, files
-from robovast.bags.behaviors import BehaviorsWorker
-from robovast.bags.convert import convert_bag, convert_run
-from robovast.bags.jobs import WORKERS
-from robovast.document.commands import BAG_COMMANDS, BehaviorsToCsv, bag_command
-from robovast.errors import StorageError
-from robovast.results.run_record import RunRecord
-from robovast.results.verdict import Verdict
+from robovast.analysis.bags import commands, files
+from robovast.analysis.bags.behaviors import BehaviorsWorker
+from robovast.analysis.bags.convert import convert_bag, convert_run
+from robovast.analysis.bags.jobs import WORKERS
+from robovast.base.errors import StorageError
+from robovast.campaign.run_record import RunRecord
+from robovast.campaign.verdict import Verdict
+from robovast.model.document.commands import BAG_COMMANDS, BehaviorsToCsv, bag_command
 
 GROUP = "robovast.postprocessing_commands"
 
@@ -225,7 +225,7 @@ def test_loading_the_plugins_needs_no_extra() -> None:
     script = (
         "import sys\n"
         "for name in ('rosbags', 'mcap', 'numpy', 'orjson', 'av'): sys.modules[name] = None\n"
-        "import robovast.bags.commands as c\n"
+        "import robovast.analysis.bags.commands as c\n"
         "print(c.rosbags_bt_to_csv('.', '.')[:2])\n"
     )
     result = subprocess.run(

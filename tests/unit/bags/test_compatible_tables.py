@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from ros_bags import START, TREE, TREE_TYPE, Bag, rows, typestore
 
-from robovast.bags import commands
-from robovast.bags.convert import convert_run
-from robovast.document.commands import bag_command, expanded
-from robovast.document.model import PluginCall
-from robovast.errors import InputError
+from robovast.analysis.bags import commands
+from robovast.analysis.bags.convert import convert_run
+from robovast.base.errors import InputError
+from robovast.model.document.commands import bag_command, expanded
+from robovast.model.document.model import PluginCall
 
 
 def convert(run: Path, command: str, **parameters: Any) -> set[str]:

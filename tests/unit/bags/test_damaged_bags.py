@@ -13,8 +13,8 @@ from mcap.writer import Writer as McapWriter
 from ros_bags import START, Bag, rows
 from rosbags.rosbag2 import StoragePlugin
 
-from robovast.bags.convert import Conversion, convert_bag
-from robovast.document.commands import TopicsToCsv
+from robovast.analysis.bags.convert import Conversion, convert_bag
+from robovast.model.document.commands import TopicsToCsv
 
 COUNT = 200
 TEXT = "std_msgs/msg/String"

@@ -8,8 +8,8 @@ from mcap.writer import Writer
 from ros_bags import START, Bag, rows
 from rosbags.rosbag2 import StoragePlugin
 
-from robovast.bags.convert import convert_bag
-from robovast.document.commands import TopicsToCsv
+from robovast.analysis.bags.convert import convert_bag
+from robovast.model.document.commands import TopicsToCsv
 
 PAYLOAD = b"\x00\x01\x00\x00" + (7).to_bytes(4, "little")
 """A message that is one int32."""

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from ros_bags import FEEDBACK, FEEDBACK_TYPE, START, TREE, TREE_TYPE, Bag, rows, typestore
 
-from robovast.bags.convert import convert_bag
-from robovast.document.commands import bag_command
-from robovast.errors import InputError
+from robovast.analysis.bags.convert import convert_bag
+from robovast.base.errors import InputError
+from robovast.model.document.commands import bag_command
 
 
 def convert(bag: Path, command: str, **parameters: Any) -> list[str]:

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from ros_bags import START, Bag, rows
 
-from robovast.bags.convert import convert_bag
-from robovast.document.commands import TfToCsv
+from robovast.analysis.bags.convert import convert_bag
+from robovast.model.document.commands import TfToCsv
 
 QUARTER = math.pi / 2
 
@@ -195,7 +195,7 @@ def test_big_endian_recordings_give_the_same_poses(tmp_path: Path) -> None:
 def test_roll_pitch_and_yaw_turn_about_fixed_axes(angles: tuple[float, float, float]) -> None:
     import numpy as np
 
-    from robovast.bags.transforms import _multiply, euler
+    from robovast.analysis.bags.transforms import _multiply, euler
 
     axes = np.eye(3)
     turns = [np.array([[*axes[i] * np.sin(a / 2), np.cos(a / 2)]]) for i, a in enumerate(angles)]

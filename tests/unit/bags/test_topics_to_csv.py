@@ -9,8 +9,8 @@ import pytest
 from ros_bags import START, Bag, rows, typestore
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
-from robovast.bags.convert import convert_bag
-from robovast.document.commands import TopicsToCsv
+from robovast.analysis.bags.convert import convert_bag
+from robovast.model.document.commands import TopicsToCsv
 from rosbags_common import gen_msg_values
 
 CUSTOM = """\

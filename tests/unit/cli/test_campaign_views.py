@@ -8,16 +8,16 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from robovast.errors import ExitCode
+from robovast.base.errors import ExitCode
+from robovast.campaign.run_record import RunRecord
+from robovast.campaign.verdict import Verdict
 from robovast.execution.local.events import Summary
-from robovast.expansion.variant import Variant
-from robovast.plan import Run, plan_runs
-from robovast.results.run_record import RunRecord
-from robovast.results.verdict import Verdict
-from robovast_cli.campaign import MOST_LISTED, exit_code, summary_lines
-from robovast_cli.live_view import LiveView
-from robovast_cli.plain_view import PlainView
-from robovast_cli.progress import Progress, clock_time
+from robovast.model.expansion.variant import Variant
+from robovast.model.plan import Run, plan_runs
+from robovast_cli.ui.campaign import MOST_LISTED, exit_code, summary_lines
+from robovast_cli.ui.live_view import LiveView
+from robovast_cli.ui.plain_view import PlainView
+from robovast_cli.ui.progress import Progress, clock_time
 
 
 def runs_of(count: int) -> list[Run]:

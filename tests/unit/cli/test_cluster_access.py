@@ -9,17 +9,17 @@ from typing import Any
 
 import pytest
 
-from robovast.errors import CannotRunError, InputError
-from robovast_cli.cluster_store import cluster_service
-from robovast_cli.kubeconfig import choose as choose_context
-from robovast_cli.port_forward import choose
-from robovast_cli.refusals import (
+from robovast.base.errors import CannotRunError, InputError
+from robovast_cli.kube.api_errors import (
     ConflictError,
     NotFoundError,
     NotInstalledError,
     UnreachableError,
     refusal,
 )
+from robovast_cli.kube.kubeconfig import choose as choose_context
+from robovast_cli.kube.port_forward import choose
+from robovast_cli.kube.store import cluster_service
 
 WHERE = "the API server"
 

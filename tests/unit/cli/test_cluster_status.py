@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from robovast.errors import ExitCode, InputError
-from robovast_cli.cluster_status import CampaignState, find_campaign
-from robovast_cli.cluster_view import CampaignLines, LiveCampaigns, line, table
+from robovast.base.errors import ExitCode, InputError
+from robovast_cli.kube.status import CampaignState, find_campaign
+from robovast_cli.ui.cluster_view import CampaignLines, LiveCampaigns, line, table
 
 
 def campaign(name: str = "drive-x", generation: int = 2, **status: Any) -> CampaignState:

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from robovast import __version__
-from robovast.errors import StorageError
-from robovast_cli import listing
+from robovast.base.errors import StorageError
 from robovast_cli.main import COMMANDS
+from robovast_cli.ui import listing
 
 
 def test_help_names_every_command_once_and_no_alias(vast) -> None:
@@ -43,7 +43,8 @@ def test_help_imports_no_command_and_nothing_heavy() -> None:
     loaded = set(result.stdout.partition("LOADED ")[2].split())
     assert "typer.core" in loaded
     assert not loaded & {
-        "robovast.document", "robovast_cli.config", "pydantic.main", "yaml", "rich", "numpy",
+        "robovast.model.document", "robovast_cli.commands.config.app", "pydantic.main",
+        "yaml", "rich", "numpy",
     }  # fmt: skip
 
 

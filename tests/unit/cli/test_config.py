@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from robovast.errors import InputError
-from robovast_cli.entries import append_entries
+from robovast.base.errors import InputError
+from robovast_cli.commands.config.entries import append_entries
 
 TABLE = """\
 NAME       speed  goal

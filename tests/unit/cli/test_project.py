@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from robovast.project import PROJECT_FILE, find_project
+from robovast.model.project import PROJECT_FILE, find_project
 
 
 def test_init_names_the_file_for_the_folder_and_those_below(vast, sweep, monkeypatch) -> None:

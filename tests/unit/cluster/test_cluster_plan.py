@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robovast.cluster.plan import Block, PlanSpec, format_breaks
-from robovast.cluster.ranges import (
+from robovast.base.ranges import (
     count,
     format_ranges,
     ids,
@@ -17,9 +16,10 @@ from robovast.cluster.ranges import (
     subtract,
     truncate,
 )
-from robovast.cluster.repetition import GroupSizes, retry_groups
-from robovast.expansion.variant import ConfigFile, Variant
-from robovast.plan import breaks, pack_runs, plan_runs
+from robovast.model.expansion.variant import ConfigFile, Variant
+from robovast.model.packs import Block, PlanSpec, format_breaks
+from robovast.model.plan import breaks, pack_runs, plan_runs
+from robovast.model.repetition import GroupSizes, retry_groups
 
 
 @st.composite

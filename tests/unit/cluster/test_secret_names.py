@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 from operator_world import SCENARIO, SETTINGS, campaign
 
-from robovast.cluster.crd import campaign_crd
-from robovast.cluster.notice import Named, Notice, Order
-from robovast.cluster.resources import Scheduling
-from robovast.cluster.secret_names import SECRET_PREFIX
-from robovast_operator.accept import accept
-from robovast_operator.campaign import Accepted, Object, Rejected
-from robovast_operator.pods import notify_pod
+from robovast.kubeapi.crd import campaign_crd
+from robovast.kubeapi.notice import Named, Notice, Order
+from robovast.kubeapi.resources import Scheduling
+from robovast.kubeapi.secret_names import SECRET_PREFIX
+from robovast_operator.planning.accept import accept
+from robovast_operator.planning.campaign import Accepted, Object, Rejected
+from robovast_operator.pods.templates import notify_pod
 from robovast_operator.settings import Settings
 
 FILES = {"scenario.osc": SCENARIO.encode()}

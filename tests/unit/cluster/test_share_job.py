@@ -9,16 +9,10 @@ from typing import Any
 import pytest
 
 from robovast.agent.share import Progress
-from robovast.cluster.resources import MANAGED_LABEL, ROLE_LABEL, Scheduling
-from robovast.cluster.share_job import (
-    Upload,
-    agent_image,
-    share_job,
-    share_secret,
-    share_variables,
-)
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.execution.cluster_execution.share_providers.base import BaseShareProvider
+from robovast.kubeapi.resources import MANAGED_LABEL, ROLE_LABEL, Scheduling
+from robovast.kubeapi.share_job import Upload, agent_image, share_job, share_secret, share_variables
 
 OWNER = {"metadata": {"name": "hall", "uid": "uid-1"}}
 UPLOAD = Upload(

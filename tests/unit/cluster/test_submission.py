@@ -13,16 +13,16 @@ from typing import Any
 
 import pytest
 
-from robovast.cluster import submission
-from robovast.cluster.resources import DNS_LABEL, CampaignSpec
-from robovast.cluster.submission import (
+from robovast.base.errors import InputError
+from robovast.kubeapi import submission
+from robovast.kubeapi.resources import DNS_LABEL, CampaignSpec
+from robovast.kubeapi.submission import (
     SubmitOptions,
     campaign_name,
     needs_context,
     prepare_submission,
 )
-from robovast.document import Document, load_document
-from robovast.errors import InputError
+from robovast.model.document import Document, load_document
 
 SCENARIO = """\
 import osc.helpers

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 import robovast.common
+from robovast.base.errors import InputError
 from robovast.common import config, execution, file_cache, progress
-from robovast.errors import InputError
 
 NAMES = [
     "VariationConfig",

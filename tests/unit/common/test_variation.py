@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robovast.base.errors import InputError
 from robovast.common.variation import (
     OneOfVariation,
     ParameterVariationDistributionGaussian,
@@ -19,9 +20,8 @@ from robovast.common.variation import (
     ProvContribution,
     Variation,
 )
-from robovast.common.variation.legacy_random import LegacyRandom
 from robovast.common.variation.loader import load_variation
-from robovast.errors import InputError
+from robovast.model.variations.legacy_random import LegacyRandom
 
 START = [{"name": "two", "config": {}, "_config_files": []}]
 

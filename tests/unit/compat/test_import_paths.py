@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from robovast.analysis.postprocessing.child import prepare
+from robovast.base.plugins import load_plugin
 from robovast.common.variation import Variation
-from robovast.plugins import load_plugin
-from robovast.postprocessing.child import prepare
 from robovast_nav.variation.floorplan_variation import FloorplanVariation
 from robovast_nav.variation.obstacle_variation_with_distance_trigger import (
     ObstacleVariationWithDistanceTrigger,

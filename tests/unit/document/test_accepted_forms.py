@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from robovast.document import load_document
-from robovast.document.files import match_run_files
-from robovast.document.loader import Document
-from robovast.errors import DocumentError
-from robovast.expansion import expand
+from robovast.base.errors import DocumentError
+from robovast.model.document import load_document
+from robovast.model.document.files import match_run_files
+from robovast.model.document.loader import Document
+from robovast.model.expansion import expand
 
 SCENARIO = """\
 scenario drive:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from robovast.document import load_document
-from robovast.document.loader import Document
-from robovast.errors import DocumentError
+from robovast.base.errors import DocumentError
+from robovast.model.document import load_document
+from robovast.model.document.loader import Document
 
 
 def load(folder: Path, commands: str, section: str = "results_processing") -> Document:

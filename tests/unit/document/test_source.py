@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from robovast.document.source import Source, render_path
-from robovast.errors import DocumentError, InputError
+from robovast.base.errors import DocumentError, InputError
+from robovast.model.document.source import Source, render_path
 
 FILE = Path("a.vast")
 

@@ -8,7 +8,7 @@ import pytest
 from ros_bags import START, Bag
 from rosbags.rosbag2 import StoragePlugin
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.evaluation.bag_timeline import BINS, Timeline, read_timeline
 
 STRING = "std_msgs/msg/String"

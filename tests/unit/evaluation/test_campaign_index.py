@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 from stored_campaigns import NAME, write, write_campaign, write_run
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
+from robovast.campaign.verdict import Verdict
 from robovast.evaluation import stored_runs
 from robovast.evaluation.campaign_index import CampaignIndex
 from robovast.evaluation.campaigns import find_campaigns
 from robovast.evaluation.columns import columns
 from robovast.evaluation.library import Library
-from robovast.results.verdict import Verdict
 
 
 def judge(parameters, number) -> str:

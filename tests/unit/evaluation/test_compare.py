@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robovast.campaign.verdict import Verdict
 from robovast.evaluation.compare import Sample, compare, fisher_exact, holm, newcombe
 from robovast.evaluation.summaries import RunSummary, VariantRuns
-from robovast.results.verdict import Verdict
 
 COUNT = st.integers(0, 60)
 

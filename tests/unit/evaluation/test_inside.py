@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.evaluation.inside import MissingError, OutsideError, open_inside, read_small
 from robovast.evaluation.untrusted import parse_json, parse_yaml
 

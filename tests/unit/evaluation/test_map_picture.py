@@ -10,11 +10,11 @@ from xml.etree import ElementTree
 import pytest
 from stored_campaigns import MOVES, NAME, add_map, record_moves, write, write_campaign
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
+from robovast.base.serialization import dump_yaml
 from robovast.evaluation.inside import OutsideError
 from robovast.evaluation.map_picture import draw_map, has_map
 from robovast.evaluation.run import read_run
-from robovast.plain import dump_yaml
 
 Draw = Callable[[Any], str]
 

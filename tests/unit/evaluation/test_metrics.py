@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from robovast.errors import InputError
+from robovast.analysis.tables.sqlite_tables import update_sqlite
+from robovast.base.errors import InputError
+from robovast.campaign.layout import Layout
 from robovast.evaluation import database
 from robovast.evaluation.metrics import metric, metric_columns
-from robovast.results.layout import Layout
-from robovast.tables.sqlite_tables import update_sqlite
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 from notebooks import add_notebooks, notebook_of
 from stored_campaigns import NAME, write, write_campaign
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.evaluation.notebooks.data_dir import read_notebook, replace_line
 from robovast.evaluation.notebooks.workloads import (
     Target,

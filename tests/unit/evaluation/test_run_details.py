@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from stored_campaigns import NAME, write, write_campaign
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.evaluation.files import list_files
 from robovast.evaluation.launch.commands import as_shell, repeat_words
 from robovast.evaluation.run import read_run

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.evaluation.tables import MOST_ROWS, read_table, read_usage
 
 

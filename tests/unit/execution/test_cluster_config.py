@@ -7,13 +7,14 @@ from typing import Any
 
 import pytest
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
+from robovast.base.plugins import load_plugin, plugins_of
 from robovast.execution.cluster_config import base_config
 from robovast.execution.cluster_config.base import BaseConfig
-from robovast.execution.cluster_config.builtin import AzureConfig, GcpConfig, GenericConfig
-from robovast.execution.cluster_config.capacity import capacity_beside
-from robovast.plugins import load_plugin, plugins_of
-from robovast_cli import chart, cluster_setup
+from robovast.kubeapi.cluster_config.builtin import AzureConfig, GcpConfig, GenericConfig
+from robovast.kubeapi.cluster_config.capacity import capacity_beside
+from robovast_cli.commands.exec.cluster import chart
+from robovast_cli.commands.exec.cluster import setup as cluster_setup
 
 
 def values(kind: type[BaseConfig], **options: str) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from robovast.containers import named_digest
+from robovast.base.containers import named_digest
 
 DIGEST = f"sha256:{'0123456789abcdef' * 4}"
 

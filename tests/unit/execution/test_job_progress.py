@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from robovast.execution.progress import JobOutput, keep_the_rest
-from robovast.expansion import Variant
-from robovast.plan import Run
+from robovast.model.expansion import Variant
+from robovast.model.plan import Run
 
 
 @pytest.mark.parametrize("wrote", ["", "something"])

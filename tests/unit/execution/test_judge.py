@@ -2,8 +2,8 @@
 
 import signal
 
-from robovast.execution.judge import Ending, judge
-from robovast.results.verdict import TestResult, Verdict
+from robovast.campaign.judge import Ending, judge
+from robovast.campaign.verdict import TestResult, Verdict
 
 PASSED = TestResult(Verdict.PASSED, "", 1.0, 2.0)
 FAILED = TestResult(Verdict.FAILED, "no", 1.0, 2.0)

@@ -2,8 +2,8 @@
 
 import pytest
 
-from robovast.errors import InputError
-from robovast.execution.resources import cpus, memory, resolve_per_context
+from robovast.base.errors import InputError
+from robovast.model.quantities import cpus, memory, resolve_per_context
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from local_campaigns import make_campaign
 
-from robovast.document import load_document
-from robovast.errors import CannotRunError, InputError
-from robovast.expansion import compose
-from robovast.expansion.containers import refuse_containers
+from robovast.base.errors import CannotRunError, InputError
+from robovast.model.document import load_document
+from robovast.model.expansion import compose
+from robovast.model.expansion.containers import refuse_containers
 
 DOCUMENT = """\
 version: 1

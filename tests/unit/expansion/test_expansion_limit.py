@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from operator_world import SCENARIO, SETTINGS, campaign
 
-from robovast.document import load_document
-from robovast.errors import InputError
-from robovast.expansion import expand
-from robovast.expansion.limit import count_entry, variant_limit
-from robovast.plain import dump_yaml
-from robovast_operator.accept import accept
-from robovast_operator.campaign import Rejected
+from robovast.base.errors import InputError
+from robovast.base.serialization import dump_yaml
+from robovast.model.document import load_document
+from robovast.model.expansion import expand
+from robovast.model.expansion.limit import count_entry, variant_limit
+from robovast_operator.planning.accept import accept
+from robovast_operator.planning.campaign import Rejected
 
 LIST = {"ParameterVariationList": {"name": "speed", "values": [1.0] * 1000}}
 

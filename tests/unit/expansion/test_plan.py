@@ -5,8 +5,8 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robovast.expansion.variant import ConfigFile, Variant
-from robovast.plan import pack_runs, plan_runs
+from robovast.model.expansion.variant import ConfigFile, Variant
+from robovast.model.plan import pack_runs, plan_runs
 
 
 def variants(count: int) -> list[Variant]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.mcp.loopback import listen
-from robovast_cli.mcp import TOKEN, choose_token
+from robovast_cli.commands.mcp import TOKEN, choose_token
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "", "192.0.2.1", "example.org"])  # noqa: S104

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robovast.document import load_document
-from robovast.expansion import Composition, compose
+from robovast.base.serialization import dump_yaml
+from robovast.model.document import load_document
+from robovast.model.expansion import Composition, compose
 from robovast.navigation.occupancy import OccupancyMap, write_map
-from robovast.plain import dump_yaml
 
 SCENARIO = """\
 import osc.robotics

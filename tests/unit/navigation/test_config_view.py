@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from robovast.document import load_document
-from robovast.expansion import expand
+from robovast.model.document import load_document
+from robovast.model.expansion import expand
 from robovast_cli.main import command
 
 EXAMPLE = Path(__file__).parents[3] / "configs" / "examples" / "floor_plans" / "floor_plans.vast"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from shapely import Point
 
-from robovast.errors import DocumentError
+from robovast.base.errors import DocumentError
 from robovast.navigation.floorplan.language import read_floorplan
 from robovast.navigation.floorplan.layout import lay_out
 from robovast.navigation.floorplan.model import Circle, FrameRef, Polygon, Rectangle

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from robovast.errors import InputError, RobovastError
+from robovast.base.errors import InputError, RobovastError
 from robovast.navigation.occupancy import read_map
 
 ROOM = """\

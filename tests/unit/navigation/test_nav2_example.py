@@ -13,8 +13,8 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from robovast.common.scenario import read_scenario
 from robovast.evaluation.notebooks.data_dir import read_notebook
+from robovast.model.scenario import read_scenario
 from robovast_cli.main import command
 
 FOLDER = Path(__file__).parents[3] / "configs" / "examples" / "nav2_gazebo"

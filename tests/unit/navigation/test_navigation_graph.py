@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from rdflib import DCTERMS, Namespace
 
-from robovast.document import load_document
+from robovast.campaign.layout import Layout
 from robovast.execution.generate import write_configurations, write_execution
-from robovast.expansion import compose
+from robovast.model.document import load_document
+from robovast.model.expansion import compose
 from robovast.navigation.floorplan_variation import FloorplanGeneration
-from robovast.results.layout import Layout
 from robovast_cli.main import command
 
 EXAMPLE = Path(__file__).parents[3] / "configs" / "examples" / "floor_plans" / "floor_plans.vast"

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.navigation.costmap import Costmap
 from robovast.navigation.occupancy import read_map
 from robovast.navigation.placing import nearest_on

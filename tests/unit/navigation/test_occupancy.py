@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.navigation.occupancy import OccupancyMap, read_map, write_map
 
 GREYS = np.array([[0, 100, 205], [254, 255, 220]], np.uint8)

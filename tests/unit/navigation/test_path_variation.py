@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.navigation.occupancy import OccupancyMap, read_map, write_map
 from robovast.navigation.poses import read_pose
 from robovast_cli.main import command

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.navigation import raster
 from robovast.navigation.occupancy import OccupancyMap, write_map
 from robovast.navigation.poses import read_pose

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from operator_world import SCENARIO, SETTINGS, accepted, campaign
 
-from robovast_operator.accept import accept, with_composition
-from robovast_operator.campaign import Accepted, Rejected
-from robovast_operator.reports import Composition
+from robovast_operator.planning.accept import accept, with_composition
+from robovast_operator.planning.campaign import Accepted, Rejected
+from robovast_operator.pods.reports import Composition
 
 anything = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=12),

@@ -8,22 +8,22 @@ import pytest
 import yaml
 from operator_world import SCENARIO, SETTINGS, accepted, campaign
 
-from robovast.cluster.plan import Block, Entry, PlanSpec
-from robovast.cluster.status import (
+from robovast.kubeapi.status import (
     CampaignStatus,
     Condition,
     ConfigurationStatus,
     compact,
     read_status,
 )
-from robovast_operator.accept import Files
-from robovast_operator.additions import Additions, with_additions
-from robovast_operator.campaign import Object, Rejected, Revision
-from robovast_operator.configurations import ConfigurationStatuses
-from robovast_operator.jobs import shard_job
-from robovast_operator.lenient import shaped
-from robovast_operator.revisions import next_revision
-from robovast_operator.shards import first_attempts
+from robovast.model.packs import Block, Entry, PlanSpec
+from robovast_operator.kube.lenient import shaped
+from robovast_operator.planning.accept import Files
+from robovast_operator.planning.additions import Additions, with_additions
+from robovast_operator.planning.campaign import Object, Rejected, Revision
+from robovast_operator.planning.configurations import ConfigurationStatuses
+from robovast_operator.planning.revisions import next_revision
+from robovast_operator.planning.shards import first_attempts
+from robovast_operator.pods.jobs import shard_job
 
 FILES = {"scenario.osc": SCENARIO.encode()}
 

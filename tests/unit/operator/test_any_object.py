@@ -16,14 +16,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from operator_world import SETTINGS, accepted, campaign
 
-from robovast.cluster.plan import Block, PlanSpec
-from robovast_operator import inputs as inputs_module
+from robovast.model.packs import Block, PlanSpec
 from robovast_operator import operator as operator_module
-from robovast_operator.api import Api, ApiError
-from robovast_operator.campaign import Object, Revision
-from robovast_operator.jobs import campaign_plan, plan_config_map, shard_job, task_job
+from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.operator import Operator
-from robovast_operator.shards import first_attempts
+from robovast_operator.planning import inputs as inputs_module
+from robovast_operator.planning.campaign import Object, Revision
+from robovast_operator.planning.shards import first_attempts
+from robovast_operator.pods.jobs import campaign_plan, plan_config_map, shard_job, task_job
 
 anything = st.recursive(
     st.none()

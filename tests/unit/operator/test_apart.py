@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from operator_world import SCENARIO, SETTINGS, campaign
 
-from robovast.errors import InputError
-from robovast_operator.accept import accept
-from robovast_operator.apart import Apart
-from robovast_operator.campaign import Accepted
+from robovast.base.errors import InputError
+from robovast_operator.planning.accept import accept
+from robovast_operator.planning.apart import Apart
+from robovast_operator.planning.campaign import Accepted
 
 FILES = {"scenario.osc": SCENARIO.encode()}
 

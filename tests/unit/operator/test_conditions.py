@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from robovast.cluster.status import CampaignStatus, Runs
-from robovast_operator.conditions import is_news, rejected_conditions
+from robovast.kubeapi.status import CampaignStatus, Runs
+from robovast_operator.status.conditions import is_news, rejected_conditions
 
 
 def after(passed: int, failed: int = 0, errored: int = 0) -> CampaignStatus:

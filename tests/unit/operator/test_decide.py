@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from operator_world import World, accepted, bad
 
-from robovast.cluster.resources import Acceptance, FailFast
-from robovast_operator import picture as picture_module
-from robovast_operator import shards as shards_module
-from robovast_operator import tell as tell_module
+from robovast.kubeapi.resources import Acceptance, FailFast
+from robovast_operator import snapshot as picture_module
 from robovast_operator.decide import CreateShard, CreateTask, DeleteJob, decide
+from robovast_operator.planning import shards as shards_module
+from robovast_operator.status import status as tell_module
 
 
 @pytest.fixture(autouse=True)

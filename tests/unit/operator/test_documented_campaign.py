@@ -7,8 +7,8 @@ from pathlib import Path
 import yaml
 from operator_world import SETTINGS
 
-from robovast_operator.accept import accept, inline_files
-from robovast_operator.campaign import Accepted
+from robovast_operator.planning.accept import accept, inline_files
+from robovast_operator.planning.campaign import Accepted
 
 PAGE = Path(__file__).parents[3] / "docs" / "kubernetes.md"
 

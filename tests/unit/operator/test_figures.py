@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from robovast_operator.metrics import Metrics
-from robovast_operator.store import Store
-from robovast_operator.work_queue import WorkQueue
+from robovast_operator.kube.metrics import Metrics
+from robovast_operator.kube.store import Store
+from robovast_operator.kube.work_queue import WorkQueue
 
 
 def figures(*statuses: dict[str, Any]) -> str:

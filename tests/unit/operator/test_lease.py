@@ -8,8 +8,8 @@ from typing import Any
 
 from operator_world import SETTINGS
 
-from robovast_operator.api import ApiError
-from robovast_operator.lease import Leadership
+from robovast_operator.kube.api import ApiError
+from robovast_operator.kube.lease import Leadership
 
 
 class Server:

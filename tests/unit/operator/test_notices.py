@@ -14,15 +14,15 @@ from hypothesis import strategies as st
 from operator_world import SETTINGS, World, accepted, campaign
 from pydantic import ValidationError
 
-from robovast.cluster.notice import Notice, Order
-from robovast.cluster.resources import FailFast, Notification, Scheduling
-from robovast.cluster.status import CampaignStatus
-from robovast_operator.campaign import Identity
+from robovast.kubeapi.notice import Notice, Order
+from robovast.kubeapi.resources import FailFast, Notification, Scheduling
+from robovast.kubeapi.status import CampaignStatus
 from robovast_operator.decide import decide
-from robovast_operator.jobs import notify_job
-from robovast_operator.notices import due, interested, job_suffix, marked, notice
-from robovast_operator.picture import Observed, Trouble
-from robovast_operator.pod_facts import last_words
+from robovast_operator.planning.campaign import Identity
+from robovast_operator.pods.jobs import notify_job
+from robovast_operator.pods.pod_status import last_words
+from robovast_operator.snapshot import Observed, Trouble
+from robovast_operator.status.notices import due, interested, job_suffix, marked, notice
 
 LASTING = timedelta(seconds=300)
 PHONE = Notification(kind="ntfy", url="https://ntfy.example/topic")

@@ -10,20 +10,20 @@ from typing import Any
 import pytest
 from operator_world import SCENARIO, SETTINGS, accepted, campaign
 
-from robovast.cluster.plan import CampaignPlan, Owner
-from robovast_operator.accept import accept, inline_files, same_document
-from robovast_operator.campaign import Accepted, Rejected
-from robovast_operator.configurations import own_configurations
-from robovast_operator.jobs import (
+from robovast.model.packs import CampaignPlan, Owner
+from robovast_operator.planning.accept import accept, inline_files, same_document
+from robovast_operator.planning.campaign import Accepted, Rejected
+from robovast_operator.planning.configurations import own_configurations
+from robovast_operator.planning.revisions import next_revision
+from robovast_operator.planning.shards import evenly, first_attempts
+from robovast_operator.pods.jobs import (
     campaign_plan,
     files_config_map,
     plan_config_map,
     shard_job,
     task_job,
 )
-from robovast_operator.pods import inline_items
-from robovast_operator.revisions import next_revision
-from robovast_operator.shards import evenly, first_attempts
+from robovast_operator.pods.templates import inline_items
 
 FILES = {"scenario.osc": SCENARIO.encode()}
 

@@ -9,15 +9,15 @@ from typing import Any
 
 import pytest
 
-from robovast.agent.messages import verdict_ranges
-from robovast.results.verdict import Verdict
-from robovast_operator.conditions import dated
-from robovast_operator.events import messages
-from robovast_operator.lenient import shaped
-from robovast_operator.pod_facts import is_stuck, trouble_of, trouble_of_events
-from robovast_operator.reports import Composition, composed_of, final_of, reports_of
-from robovast_operator.verdicts import Report
-from robovast_operator.work_queue import WorkQueue, work
+from robovast.campaign.verdict import Verdict
+from robovast.kubeapi.messages import verdict_ranges
+from robovast_operator.kube.events import messages
+from robovast_operator.kube.lenient import shaped
+from robovast_operator.kube.work_queue import WorkQueue, work
+from robovast_operator.pods.pod_status import is_stuck, trouble_of, trouble_of_events
+from robovast_operator.pods.reports import Composition, composed_of, final_of, reports_of
+from robovast_operator.pods.verdicts import Report
+from robovast_operator.status.conditions import dated
 
 
 def pod(index: int, *statuses: dict[str, Any], created: str = "2026-01-01T00:00:00Z") -> Any:

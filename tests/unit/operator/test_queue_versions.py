@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 from operator_world import SETTINGS, FakeJob
 
-from robovast_operator.api import ApiError
-from robovast_operator.lenient import shaped
+from robovast_operator.kube.api import ApiError
+from robovast_operator.kube.lenient import shaped
+from robovast_operator.kube.store import Store
 from robovast_operator.memory import Memory
-from robovast_operator.queues import Queues
-from robovast_operator.store import Store
+from robovast_operator.queueing.queues import Queues
 
 
 class Kueue:

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 from operator_world import SETTINGS
 
-from robovast_operator import paths
-from robovast_operator.campaign import Object
-from robovast_operator.resync import Kind, Resync
-from robovast_operator.store import JobState, Store
+from robovast_operator.kube import paths
+from robovast_operator.kube.resync import Kind, Resync
+from robovast_operator.kube.store import JobState, Store
+from robovast_operator.planning.campaign import Object
 
 
 def job(name: str) -> Object:

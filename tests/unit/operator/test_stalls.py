@@ -13,14 +13,14 @@ from typing import Any
 import pytest
 from operator_world import SETTINGS, FakeJob, accepted
 
-from robovast_operator.diagnose import Diagnosis
-from robovast_operator.lenient import shaped
+from robovast_operator.kube.lenient import shaped
+from robovast_operator.kube.store import JobState
+from robovast_operator.kube.times import format_time, now
 from robovast_operator.memory import Memory
-from robovast_operator.picture import Trouble
-from robovast_operator.pod_facts import trouble_of_events
-from robovast_operator.stalls import cause_of
-from robovast_operator.store import JobState
-from robovast_operator.times import format_time, now
+from robovast_operator.pods.diagnose import Diagnosis
+from robovast_operator.pods.pod_status import trouble_of_events
+from robovast_operator.pods.stalls import cause_of
+from robovast_operator.snapshot import Trouble
 
 DOCS = Path(__file__).parents[3] / "docs/kubernetes.md"
 NOW = datetime(2026, 11, 21, 8, tzinfo=UTC)

@@ -9,12 +9,11 @@ from typing import Any
 import pytest
 from operator_world import FakeJob, World, accepted
 
-from robovast_operator import shards as shards_module
 from robovast_operator.decide import Action, CreateShard, DeleteJob, ResizeJob, SuspendJob, decide
-from robovast_operator.picture import Observed
-from robovast_operator.store import JobState
-from robovast_operator.times import format_time
-from robovast_operator.waiting import (
+from robovast_operator.kube.store import JobState
+from robovast_operator.kube.times import format_time
+from robovast_operator.planning import shards as shards_module
+from robovast_operator.queueing.waiting import (
     PARKED,
     Waiting,
     about,
@@ -23,6 +22,7 @@ from robovast_operator.waiting import (
     wait_seconds,
     waiting_of,
 )
+from robovast_operator.snapshot import Observed
 
 NOW = datetime(2026, 11, 21, 12, tzinfo=UTC)
 TOO_MANY = (

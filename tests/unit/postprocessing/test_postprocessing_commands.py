@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from robovast.document.model import PluginCall
-from robovast.errors import DocumentError, InputError
-from robovast.postprocessing.commands import read_calls, resolve, skipped
+from robovast.analysis.postprocessing.commands import read_calls, resolve, skipped
+from robovast.base.errors import DocumentError, InputError
+from robovast.model.document.model import PluginCall
 
 
 def keys(folder: Path, *calls: PluginCall) -> list[str]:

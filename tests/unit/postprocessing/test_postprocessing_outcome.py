@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from robovast.postprocessing.outcome import NonsenseError, read_returned
-from robovast.postprocessing.records import merge, read_record
+from robovast.analysis.postprocessing.outcome import NonsenseError, read_returned
+from robovast.analysis.postprocessing.records import merge, read_record
 
 CAMPAIGN = Path("/results/camp")
 

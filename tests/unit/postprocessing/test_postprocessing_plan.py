@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robovast.postprocessing.commands import Command
-from robovast.postprocessing.plan import all_done, plan, taken_back
-from robovast.postprocessing.state import Unit
-from robovast.postprocessing.survey import OWN, WHOLE
+from robovast.analysis.postprocessing.commands import Command
+from robovast.analysis.postprocessing.plan import all_done, plan, taken_back
+from robovast.analysis.postprocessing.state import Unit
+from robovast.analysis.postprocessing.survey import OWN, WHOLE
 
 BAG = Command("rosbags_tf_to_csv", {}, Path(), "bag")
 EACH = Command("t.py:each", {}, Path(), "each")

@@ -13,9 +13,9 @@ from provenance_campaigns import DATASET, NAME, RECORD, make_old_campaign, nodes
 from rdflib import PROV, RDF, Literal, URIRef
 from rdflib.compare import isomorphic
 
-from robovast.provenance import PluginFaultsError, describe, write_graph, write_metadata
-from robovast.provenance.vocabulary import PREFIXES, ROBOVAST
-from robovast.results.verdict import Verdict
+from robovast.analysis.provenance import PluginFaultsError, describe, write_graph, write_metadata
+from robovast.analysis.provenance.vocabulary import PREFIXES, ROBOVAST
+from robovast.campaign.verdict import Verdict
 
 SHAPES = Path(__file__).with_name("prov-constraints.ttl")
 BASE = f"{DATASET}{NAME}/"

@@ -11,8 +11,8 @@ import pytest
 import yaml
 from provenance_campaigns import DOCUMENT, NAME, RECORD, SYSINFO, make_old_campaign
 
-from robovast.provenance import PluginFaultsError, describe, write_metadata
-from robovast.results.verdict import Verdict
+from robovast.analysis.provenance import PluginFaultsError, describe, write_metadata
+from robovast.campaign.verdict import Verdict
 
 
 def read(root: Path) -> dict:

@@ -9,10 +9,10 @@ import pytest
 import rdflib
 from provenance_campaigns import make_old_campaign
 
-from robovast.errors import CannotRunError, InputError
-from robovast.provenance import describe
-from robovast.provenance.query import Graphs, query_names, read_query
-from robovast.results.campaigns import find_campaigns
+from robovast.analysis.provenance import describe
+from robovast.analysis.provenance.query import Graphs, query_names, read_query
+from robovast.base.errors import CannotRunError, InputError
+from robovast.campaign.finding import find_campaigns
 
 
 @pytest.fixture(scope="module")

@@ -7,14 +7,20 @@ from typing import Any
 
 import pytest
 
-from robovast.errors import CannotRunError, DocumentError, InputError, RobovastError, StorageError
-from robovast.publication.context import PublicationContext
-from robovast.publication.publish import PublishOptions, plan_publication, publish
+from robovast.analysis.publication.context import PublicationContext
+from robovast.analysis.publication.publish import PublishOptions, plan_publication, publish
+from robovast.base.errors import (
+    CannotRunError,
+    DocumentError,
+    InputError,
+    RobovastError,
+    StorageError,
+)
 
 CALLS = "results_processing: {publication: [%s]}\n"
 
 PLUGINS = """
-from robovast.errors import CannotRunError
+from robovast.base.errors import CannotRunError
 
 CALLED = []
 
@@ -71,7 +77,7 @@ def run(campaigns: list[Path], known: int = 0, **options: Any) -> list[str]:
 
 
 def called(campaign: Path) -> list[Any]:
-    from robovast.plugins import load_plugin
+    from robovast.base.plugins import load_plugin
 
     found = load_plugin("p.py:CALLED", "", campaign / "_config")
     calls = list(found)

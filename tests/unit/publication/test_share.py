@@ -9,18 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from robovast.environment import dotenv_loaded, environment
-from robovast.errors import CannotRunError, InputError, RobovastError, StorageError
+from robovast.base.environment import dotenv_loaded, environment
+from robovast.base.errors import CannotRunError, InputError, RobovastError, StorageError
 from robovast.execution.cluster_execution.share_providers.base import (
     BaseShareProvider,
     UploadProgressReader,
 )
-from robovast.execution.cluster_execution.share_providers.nextcloud import NextcloudShareProvider
-from robovast.execution.cluster_execution.share_providers.webdav import (
-    WebDavShareProvider,
-    _files,
-)
-from robovast.results.share import Share, download_from_share, open_share
+from robovast.storage.shares.campaigns import Share, download_from_share, open_share
+from robovast.storage.shares.nextcloud import NextcloudShareProvider
+from robovast.storage.shares.webdav import WebDavShareProvider, _files
 
 GUIDE = """
 import os

@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 from zenodo_stand_in import TOKEN, Zenodo, zenodo_server
 
-from robovast.errors import InputError, RobovastError, StorageError
-from robovast.publication import zenodo_api
-from robovast.publication.context import Campaign, PublicationContext
-from robovast.publication.zenodo import ZenodoUpload
-from robovast.publication.zenodo_api import ZenodoApi
+from robovast.analysis.publication import zenodo_api
+from robovast.analysis.publication.context import Campaign, PublicationContext
+from robovast.analysis.publication.zenodo import ZenodoUpload
+from robovast.analysis.publication.zenodo_api import ZenodoApi
+from robovast.base.errors import InputError, RobovastError, StorageError
 
 DESCRIBED = {"title": "T", "description": "D", "creators": ["Lovelace, Ada"], "robot_id": 7}
 

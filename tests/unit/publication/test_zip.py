@@ -15,10 +15,10 @@ import pytest
 import yaml
 from small_disk import small_disk
 
-from robovast.errors import InputError, StorageError
-from robovast.publication.context import Campaign, PublicationContext
-from robovast.publication.zip_archive import zip_results
-from robovast.results.importing import import_archive
+from robovast.analysis.publication.context import Campaign, PublicationContext
+from robovast.analysis.publication.zip_archive import zip_results
+from robovast.base.errors import InputError, StorageError
+from robovast.campaign.importing import import_archive
 
 NAME = "my camp-2026-03-05-121530"
 

@@ -12,10 +12,10 @@ import pytest
 from dying import begin_dying, deaths
 from small_disk import small_disk
 
-from robovast import atomic
-from robovast.atomic import appearing_file, appearing_folder, put_in_place, write_atomically
-from robovast.errors import StorageError
-from robovast.locks import exclusive_folder
+from robovast.base import atomic
+from robovast.base.atomic import appearing_file, appearing_folder, put_in_place, write_atomically
+from robovast.base.errors import StorageError
+from robovast.base.locks import exclusive_folder
 
 
 def fill(folder: Path, word: str) -> None:
@@ -77,7 +77,7 @@ def test_a_killed_program_leaves_the_old_file_or_the_new(tmp_path: Path) -> None
 
 def test_what_a_living_program_writes_is_left_alone(tmp_path: Path) -> None:
     program = (
-        "import sys; from pathlib import Path; from robovast.atomic import appearing_folder\n"
+        "import sys; from pathlib import Path; from robovast.base.atomic import appearing_folder\n"
         "with appearing_folder(Path(sys.argv[1])) as part:\n"
         "    (part / 'a').write_text('mine'); print(flush=True); sys.stdin.read()"
     )
@@ -130,8 +130,8 @@ def test_links_and_pipes_in_a_folder_hinder_nobody(tmp_path: Path) -> None:
 WORKER = """
 import sys, time
 from pathlib import Path
-from robovast.errors import StorageError
-from robovast.locks import exclusive_folder
+from robovast.base.errors import StorageError
+from robovast.base.locks import exclusive_folder
 work, done = Path(sys.argv[1]), 0
 until = time.monotonic() + 1
 while time.monotonic() < until:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from robovast.cluster.storage import StoredObject
-from robovast.results.download import plan_download
+from robovast.storage.download import plan_download
+from robovast.storage.s3 import StoredObject
 
 TIME = 1_700_000_000.5
 

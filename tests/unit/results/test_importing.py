@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 from dying import begin_dying, deaths
 
-from robovast.errors import InputError, StorageError
-from robovast.results.archive import LEAST_ROOM
-from robovast.results.campaigns import find_campaigns
-from robovast.results.executables import executables_of, warn_of_executables
-from robovast.results.importing import import_archive
+from robovast.base.errors import InputError, StorageError
+from robovast.campaign.archive import LEAST_ROOM
+from robovast.campaign.executables import executables_of, warn_of_executables
+from robovast.campaign.finding import find_campaigns
+from robovast.campaign.importing import import_archive
 
 NAME = "my-campaign-2026-03-05-121530"
 

@@ -12,11 +12,11 @@ import yaml
 from dying import begin_dying, deaths
 from small_disk import small_disk
 
-from robovast.errors import InputError, StorageError
-from robovast.results.campaigns import find_campaigns
-from robovast.results.merge import merge_campaigns
-from robovast.results.run_record import RunRecord, read_run_record
-from robovast.results.verdict import Verdict
+from robovast.base.errors import InputError, StorageError
+from robovast.campaign.finding import find_campaigns
+from robovast.campaign.merge import merge_campaigns
+from robovast.campaign.run_record import RunRecord, read_run_record
+from robovast.campaign.verdict import Verdict
 
 FIRST = "camp-2026-03-05-120000"
 SECOND = "camp with spaces-2026-03-06-120000"

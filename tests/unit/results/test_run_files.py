@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from robovast.postprocessing.content import digests
-from robovast.results.run_files import (
+from robovast.analysis.postprocessing.content import digests
+from robovast.campaign.run_files import (
     LONGEST_KEY,
     MissingFile,
     StoredFile,
@@ -21,7 +21,7 @@ from robovast.results.run_files import (
     shortened,
     write_list,
 )
-from robovast.results.run_record import record_text
+from robovast.campaign.run_record import record_text
 
 NAMES = [
     *(

@@ -10,12 +10,12 @@ import pytest
 import yaml
 from finished_campaigns import finished_campaign
 
+from robovast.analysis.provenance import write_metadata
+from robovast.analysis.tables.runs import run_rows
+from robovast.campaign.layout import Layout
+from robovast.campaign.run_files import FileList, read_list, write_list
+from robovast.campaign.run_record import parse_run_record
 from robovast.evaluation.stored_runs import read_variant
-from robovast.provenance import write_metadata
-from robovast.results.layout import Layout
-from robovast.results.run_files import FileList, read_list, write_list
-from robovast.results.run_record import parse_run_record
-from robovast.tables.runs import run_rows
 
 
 def change(campaign: Path, **keys: object) -> str:

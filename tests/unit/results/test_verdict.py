@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from robovast.execution.record import Circumstances, make_record
-from robovast.expansion import Variant
-from robovast.plan import Run
-from robovast.results.verdict import Verdict, read_test_result
+from robovast.campaign.records import Circumstances, make_record
+from robovast.campaign.verdict import Verdict, read_test_result
+from robovast.model.expansion import Variant
+from robovast.model.plan import Run
 
 SUITE = '<testsuite errors="{e}" failures="{f}" tests="1" time="1.5">{case}</testsuite>'
 START = '<property name="start_time" value="1772634122.5"/>'

@@ -10,13 +10,13 @@ import duckdb
 import pytest
 from finished_campaigns import NAME, as_of_another_tool, finished_campaign
 
-from robovast.errors import InputError, StorageError
-from robovast.results.layout import Layout
-from robovast.tables.campaign_store import write_campaign_store
-from robovast.tables.columnar import update_columnar
-from robovast.tables.query import ask, tables
-from robovast.tables.sqlite_tables import update_sqlite
-from robovast.tables.staging import wider
+from robovast.analysis.tables.campaign_store import write_campaign_store
+from robovast.analysis.tables.columnar import update_columnar
+from robovast.analysis.tables.query import ask, tables
+from robovast.analysis.tables.sqlite_tables import update_sqlite
+from robovast.analysis.tables.staging import wider
+from robovast.base.errors import InputError, StorageError
+from robovast.campaign.layout import Layout
 
 
 def update(campaign: Path, **versions: str) -> None:

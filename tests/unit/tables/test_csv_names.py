@@ -4,7 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from robovast.tables.csv_files import column_names, csv_files, read_header, read_rows, table_name
+from robovast.analysis.tables.csv_files import (
+    column_names,
+    csv_files,
+    read_header,
+    read_rows,
+    table_name,
+)
 
 
 @pytest.mark.parametrize(

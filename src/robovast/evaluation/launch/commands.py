@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.evaluation.inside import resolved
 
 RUNTIMES = ("auto", "docker", "podman", "process")

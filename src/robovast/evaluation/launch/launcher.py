@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from threading import Event, RLock, Thread, Timer
 from typing import IO, Any
 
-from robovast.errors import CannotRunError, ExitCode
+from robovast.base.errors import CannotRunError, ExitCode
+from robovast.base.stopwatch import Stopwatch
 from robovast.evaluation.launch.commands import as_shell
-from robovast.execution.stopwatch import Stopwatch
 
 MOST_LINES = 1000
 """Lines of output that are kept, the last ones."""

@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode

@@ -17,13 +17,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Lock
 
-from robovast.errors import CannotRunError, InputError, StorageError
+from robovast.analysis.postprocessing.content import RECORD, scan, signature
+from robovast.base.errors import CannotRunError, InputError, StorageError
+from robovast.base.safe_paths import read_file
 from robovast.evaluation.inside import open_inside, read_small
 from robovast.evaluation.notebooks.workloads import Notebook, Target
 from robovast.evaluation.untrusted import mapping, parse_json
 from robovast.execution.local.process_environment import cache_folder
-from robovast.postprocessing.content import RECORD, scan, signature
-from robovast.safe_paths import read_file
 
 AT_ONCE = 2
 """Notebooks that are executed at the same time."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.evaluation.campaigns import is_campaign
 from robovast.evaluation.inside import MissingError, OutsideError, read_small, resolved
 from robovast.evaluation.untrusted import mapping, parse_yaml

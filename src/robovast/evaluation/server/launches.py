@@ -13,7 +13,7 @@ from typing import Any
 from starlette.requests import Request
 from starlette.responses import Response
 
-from robovast.errors import CannotRunError, InputError
+from robovast.base.errors import CannotRunError, InputError
 from robovast.evaluation.columns import columns
 from robovast.evaluation.launch.commands import (
     expansion_words,

@@ -8,7 +8,7 @@ import json
 from collections.abc import AsyncIterator, Mapping
 from typing import Any
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.evaluation.library import Library
 from robovast.evaluation.server.launches import LaunchPages, News
 

@@ -11,7 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.evaluation.notebooks.runner import Result, Runner, data_key, make_task
 from robovast.evaluation.notebooks.workloads import (
     Notebook,

@@ -14,7 +14,7 @@ from types import FrameType
 
 import uvicorn
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 from robovast.evaluation.library import Library
 from robovast.evaluation.notebooks.runner import TIMEOUT, Runner
 from robovast.evaluation.server.app import make_app

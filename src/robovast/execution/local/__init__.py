@@ -13,10 +13,11 @@ from tempfile import TemporaryDirectory
 
 import yaml
 
-from robovast.atomic import make_folder, sync_folder, sync_tree
+from robovast.base.atomic import make_folder, sync_folder, sync_tree
+from robovast.base.errors import InputError, StorageError
+from robovast.campaign.configurations import read_variants
+from robovast.campaign.layout import Layout
 from robovast.common.execution import campaign_folder_name
-from robovast.document import Document, load_document
-from robovast.errors import InputError, StorageError
 from robovast.execution.generate import write_configurations, write_execution
 from robovast.execution.local.campaign import execute_campaign
 from robovast.execution.local.choose import choose_runtime
@@ -25,10 +26,9 @@ from robovast.execution.local.prepare import open_shell, prepare_run
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained
 from robovast.execution.local.variants import choose_variants
-from robovast.expansion import Variant, select_variants
-from robovast.plan import plan_runs
-from robovast.results.configurations import read_variants
-from robovast.results.layout import Layout
+from robovast.model.document import Document, load_document
+from robovast.model.expansion import Variant, select_variants
+from robovast.model.plan import plan_runs
 
 __all__ = [
     "LocalOptions",

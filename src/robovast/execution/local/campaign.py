@@ -9,22 +9,22 @@ from collections.abc import Callable, Sequence
 from threading import Event, Lock, Thread
 from typing import Any
 
-from robovast.atomic import write_atomically
+from robovast.base.atomic import write_atomically
+from robovast.base.locks import exclusive_folder
+from robovast.base.serialization import dump_yaml
+from robovast.base.signals import call_on_signals
+from robovast.campaign.layout import Layout
+from robovast.campaign.run_record import RunRecord
+from robovast.campaign.verdict import Verdict
 from robovast.execution.contract import contract_files
 from robovast.execution.generate import copy_file
-from robovast.execution.inputs import container_files
 from robovast.execution.local.controller_log import logged
 from robovast.execution.local.events import Observer, Summary
 from robovast.execution.local.job_execution import JobExecution
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, finished_runs
-from robovast.execution.signals import call_on_signals
-from robovast.locks import exclusive_folder
-from robovast.plain import dump_yaml
-from robovast.plan import Job, Run, pack_runs
-from robovast.results.layout import Layout
-from robovast.results.run_record import RunRecord
-from robovast.results.verdict import Verdict
+from robovast.model.inputs import container_files
+from robovast.model.plan import Job, Run, pack_runs
 
 
 def execute_campaign(session: Session, runs: Sequence[Run], observer: Observer) -> Summary:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 
-from robovast.containers import ENGINES, engine_answers
-from robovast.document import Document
-from robovast.errors import CannotRunError, InputError
+from robovast.base.containers import ENGINES, engine_answers
+from robovast.base.errors import CannotRunError, InputError
 from robovast.execution.local.container_runtime import ContainerRuntime
 from robovast.execution.local.events import LocalOptions
 from robovast.execution.local.process_runtime import ProcessRuntime
 from robovast.execution.local.runtime import Runtime
+from robovast.model.document import Document
 
 RUNTIMES = (*ENGINES, "process", "auto")
 

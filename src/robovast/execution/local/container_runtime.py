@@ -10,14 +10,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import ClassVar
 
-from robovast.containers import call, check_engine, fetch_image, image_digest
-from robovast.errors import CannotRunError
+from robovast.base.containers import call, check_engine, fetch_image, image_digest
+from robovast.base.errors import CannotRunError
+from robovast.base.serialization import dump_yaml
 from robovast.execution.compat import VERSION_PATH, check_compat
 from robovast.execution.local import process_tree
 from robovast.execution.local.compose import compose_model
 from robovast.execution.local.events import LocalOptions
 from robovast.execution.local.runtime import Identity, JobSpec
-from robovast.plain import dump_yaml
 
 X11_SOCKETS = Path("/tmp/.X11-unix")  # noqa: S108  # where X servers listen
 LABEL = "robovast.job"

@@ -8,11 +8,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from robovast.campaign.layout import Layout
+from robovast.campaign.run_record import RunRecord
 from robovast.execution.local.events import Observer
 from robovast.execution.local.store import explained
-from robovast.plan import Run
-from robovast.results.layout import Layout
-from robovast.results.run_record import RunRecord
+from robovast.model.plan import Run
 
 FILE = "controller.log"
 

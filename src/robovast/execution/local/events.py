@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-from robovast.plan import Run
-from robovast.results.run_record import RunRecord
+from robovast.campaign.run_record import RunRecord
+from robovast.model.plan import Run
 
 
 class Observer(Protocol):

@@ -9,17 +9,17 @@ from pathlib import Path
 from subprocess import Popen
 from threading import Event
 
-from robovast import safe_paths
+from robovast.base import safe_paths
+from robovast.base.stopwatch import Stopwatch
+from robovast.campaign.judge import Ending, judge
+from robovast.campaign.run_record import RunRecord
+from robovast.campaign.verdict import read_test_result
 from robovast.execution.job_config import build_config_folder, is_pack, parameter_documents
-from robovast.execution.judge import Ending, judge
 from robovast.execution.local.process_tree import wait
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, store_run
 from robovast.execution.progress import LOG, JobOutput, end_of, keep_the_rest
-from robovast.execution.stopwatch import Stopwatch
-from robovast.plan import Job, Run
-from robovast.results.run_record import RunRecord
-from robovast.results.verdict import read_test_result
+from robovast.model.plan import Job, Run
 
 POLL = 0.1
 """How often a job is looked at while it runs [s]; its end is noticed at once."""

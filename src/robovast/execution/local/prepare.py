@@ -10,13 +10,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from robovast.base.errors import CannotRunError, StorageError
+from robovast.base.serialization import dump_yaml
+from robovast.campaign.layout import Layout
 from robovast.common.execution import COMPAT_VERSION, campaign_prefix
-from robovast.common.scenario import read_scenario
-from robovast.document import Document
-from robovast.errors import CannotRunError, StorageError
 from robovast.execution.contract import contract_files
 from robovast.execution.generate import copy_file, write_configurations
-from robovast.execution.inputs import container_files
 from robovast.execution.job_config import build_config_folder
 from robovast.execution.local.choose import resolve_image
 from robovast.execution.local.compose import MAIN, compose_model
@@ -25,9 +24,10 @@ from robovast.execution.local.events import LocalOptions
 from robovast.execution.local.runtime import Identity
 from robovast.execution.local.session import Session
 from robovast.execution.local.variants import choose_variants
-from robovast.plain import dump_yaml
-from robovast.plan import Job, pack_runs, plan_runs
-from robovast.results.layout import Layout
+from robovast.model.document import Document
+from robovast.model.inputs import container_files
+from robovast.model.plan import Job, pack_runs, plan_runs
+from robovast.model.scenario import read_scenario
 
 _TEMPLATE = Path(__file__).with_name("run.sh.in")
 

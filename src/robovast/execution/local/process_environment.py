@@ -16,8 +16,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from robovast.base.errors import CannotRunError
 from robovast.common.execution import COMPAT_VERSION
-from robovast.errors import CannotRunError
 
 REQUIREMENTS = Path(__file__).with_name("process_requirements.txt")
 VARIABLE = "ROBOVAST_PROCESS_ENV"

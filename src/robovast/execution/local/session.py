@@ -10,21 +10,21 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from robovast.common.scenario import read_scenario
-from robovast.document import Document
-from robovast.document.model import Resources, merge_pairs
+from robovast.campaign.layout import Layout
 from robovast.execution.job_config import job_environment
 from robovast.execution.local.events import LocalOptions
 from robovast.execution.local.runtime import Identity, JobSpec, Limits, Runtime
-from robovast.execution.resources import (
+from robovast.model.document import Document
+from robovast.model.document.model import Resources, merge_pairs
+from robovast.model.plan import Job
+from robovast.model.quantities import (
     cpus,
     machine_cpus,
     machine_memory,
     memory,
     resolve_per_context,
 )
-from robovast.plan import Job
-from robovast.results.layout import Layout
+from robovast.model.scenario import read_scenario
 
 DEFAULT_USER = 1000
 

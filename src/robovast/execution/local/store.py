@@ -9,15 +9,15 @@ from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
 
-from robovast.atomic import make_folder, put_in_place
-from robovast.errors import StorageError
+from robovast.base.atomic import make_folder, put_in_place
+from robovast.base.errors import StorageError
+from robovast.campaign.layout import JOB_LINK, Layout
+from robovast.campaign.own_names import set_own_names_aside
+from robovast.campaign.records import Circumstances, make_record
+from robovast.campaign.run_record import RunRecord, read_run_record
+from robovast.campaign.verdict import TestResult
 from robovast.execution.local.session import Session
-from robovast.execution.own_names import set_own_names_aside
-from robovast.execution.record import Circumstances, make_record
-from robovast.plan import Job, Run
-from robovast.results.layout import JOB_LINK, Layout
-from robovast.results.run_record import RunRecord, read_run_record
-from robovast.results.verdict import TestResult
+from robovast.model.plan import Job, Run
 
 _NAMED = 3
 """How many runs are named in a message."""

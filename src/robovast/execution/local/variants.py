@@ -6,10 +6,10 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from robovast.document import Document
-from robovast.document.model import merge_pairs
 from robovast.execution.local.events import LocalOptions
-from robovast.expansion import Composition, Variant, compose, select_variants
+from robovast.model.document import Document
+from robovast.model.document.model import merge_pairs
+from robovast.model.expansion import Composition, Variant, compose, select_variants
 
 
 def choose_variants(

@@ -13,9 +13,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from robovast.common.file_cache import ContentCache
-from robovast.errors import InputError
-from robovast.expansion.containers import ContainerRunner
+from robovast.base.errors import InputError
+from robovast.base.file_cache import ContentCache
+from robovast.model.expansion.containers import ContainerRunner
 from robovast.navigation.floorplan.artefacts import Artefacts
 from robovast.navigation.occupancy import map_image, read_resolution
 

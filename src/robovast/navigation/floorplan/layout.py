@@ -10,7 +10,7 @@ import shapely
 from shapely import affinity
 from shapely.geometry import Polygon as Area
 
-from robovast.errors import DocumentError, Place, Problem
+from robovast.base.errors import DocumentError, Place, Problem
 from robovast.navigation.floorplan.model import (
     Circle,
     Feature,

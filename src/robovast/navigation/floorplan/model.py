@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from robovast.errors import Place
+from robovast.base.errors import Place
 from robovast.navigation.poses import Point
 
 

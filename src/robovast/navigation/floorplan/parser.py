@@ -9,7 +9,7 @@ from typing import Any
 from textx import metamodel_from_file
 from textx.exceptions import TextXError
 
-from robovast.errors import DocumentError, Place, Problem
+from robovast.base.errors import DocumentError, Place, Problem
 from robovast.navigation.floorplan.source import read_text
 
 UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "deg": 0.017453292519943295, "rad": 1.0}

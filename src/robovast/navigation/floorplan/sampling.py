@@ -10,7 +10,7 @@ from typing import Any
 
 from numpy.random import RandomState
 
-from robovast.errors import DocumentError
+from robovast.base.errors import DocumentError
 from robovast.navigation.floorplan.language import Model
 from robovast.navigation.floorplan.layout import lay_out
 from robovast.navigation.floorplan.model import FloorPlan

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from robovast.errors import InputError
+from robovast.base.errors import InputError
 
 
 def read_text(path: Path) -> str:

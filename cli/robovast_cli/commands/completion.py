@@ -1,0 +1,72 @@
+"""`vast install-completion`."""
+
+import os
+import shlex
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+from typer.completion import (  # type: ignore[attr-defined]  # documented, not exported
+    get_completion_script,
+)
+
+from robovast.base.atomic import write_atomically
+from robovast.base.errors import InputError, StorageError
+from robovast_cli.lazy import new_app
+
+app = new_app("Complete commands and options in your shell.")
+
+Shell = Literal["bash", "zsh", "fish"]
+
+
+@app.command()
+def install_completion(
+    shell: Annotated[
+        Shell | None,
+        typer.Argument(help="The shell; the one of $SHELL when omitted.", show_default=False),
+    ] = None,
+) -> None:
+    """Complete commands and options in your shell: writes a script, and a line that loads it."""
+    script = _install(shell or _own_shell(), Path.home())
+    typer.echo(f"Completion is in {script}. Start a new shell, or: source {script}")
+
+
+def _own_shell() -> Shell:
+    name = Path(os.environ.get("SHELL", "")).name
+    for shell in ("bash", "zsh", "fish"):
+        if name == shell:
+            return shell
+    raise InputError(
+        f"the shell of $SHELL, {name or 'unset'}, is not bash, zsh or fish: name one of them, as "
+        "`vast install-completion bash`."
+    )
+
+
+def _install(shell: Shell, home: Path) -> Path:
+    text = get_completion_script(prog_name="vast", complete_var="_VAST_COMPLETE", shell=shell)
+    data = Path(os.environ.get("XDG_DATA_HOME") or home / ".local/share")
+    config = Path(os.environ.get("XDG_CONFIG_HOME") or home / ".config")
+    script = {
+        "bash": data / "robovast/completion.bash",
+        "zsh": data / "robovast/completion.zsh",
+        "fish": config / "fish/completions/vast.fish",
+    }[shell]
+    try:
+        script.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(script, text + "\n")
+        if shell == "bash":
+            _add_line(home / ".bashrc", f"source {shlex.quote(str(script))}")
+        elif shell == "zsh":
+            load = f"autoload -Uz compinit && compinit && source {shlex.quote(str(script))}"
+            _add_line(Path(os.environ.get("ZDOTDIR") or home) / ".zshrc", load)
+    except OSError as error:
+        raise StorageError(f"{error.filename}: cannot be written: {error.strerror}.") from error
+    return script
+
+
+def _add_line(path: Path, line: str) -> None:
+    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    if line not in text.splitlines():
+        separator = "" if not text or text.endswith("\n") else "\n"
+        with path.open("a", encoding="utf-8") as file:
+            file.write(f"{separator}{line}\n")

@@ -1,0 +1,196 @@
+"""Configurations as entries with fixed parameters: written to a file, added to a .vast file."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import typer
+import yaml
+
+from robovast.base.atomic import write_atomically
+from robovast.base.errors import DocumentError, InputError, RobovastError, StorageError
+from robovast.base.serialization import dump_yaml
+from robovast.campaign.configurations import read_variants
+from robovast.campaign.layout import Layout
+from robovast.model.document import load_document
+from robovast.model.document.loader import Document, check_source
+from robovast.model.document.source import Source
+from robovast.model.expansion import Variant, expand, select_variants
+from robovast_cli.ui.output import asked
+from robovast_cli.workspace import shown
+
+
+def export_entries(document: Document, patterns: Sequence[str], output: Path | None) -> None:
+    """Write the configurations that match any of the patterns, in the document's order.
+
+    Raises:
+        InputError: a pattern matches nothing, or a configuration needs files of its own.
+        StorageError: the file exists or cannot be written.
+    """
+    with TemporaryDirectory(prefix="robovast-") as folder:
+        variants = expand(document, Path(folder), logging.getLogger(__name__).info)
+    chosen = {v.name for pattern in patterns for v in select_variants(variants, pattern)}
+    entries = [_entry(variant) for variant in variants if variant.name in chosen]
+    text = dump_yaml({"version": 1, "configuration": entries})
+    if output is None:
+        sys.stdout.write(text)
+        return
+    if output.exists() and sys.stdin.isatty():
+        if not asked(f"{output} exists. Replace it?", default=True):
+            return
+        output.unlink()
+    try:
+        with output.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise StorageError(f"{output}: cannot be written: {error.strerror}.") from error
+    typer.echo(f"Wrote {_counted(entries)} to {output}.")
+
+
+def import_entries(target: Path, source: Path) -> None:
+    """Append the entries of a source to the `configuration` list of a .vast file.
+
+    Each is expanded by itself before; what cannot be is named and left out.
+
+    Raises:
+        InputError: nothing to import, a name that is there already, or a target whose text cannot
+            be extended.
+        DocumentError: the target is wrong, or would be with all of them.
+        StorageError: the target cannot be written.
+    """
+    document = load_document(target)
+    given = _read_entries(source)
+    _refuse_known(document, given)
+    entries = [entry for entry in given if _is_usable(document, entry, source)]
+    if not entries:
+        raise InputError(f"{source}: none of its configurations can be used in {target}.")
+    text = append_entries(target.read_bytes().decode(), entries, target)
+    check_source(Source(target, text))
+    try:
+        mode = target.stat().st_mode
+        write_atomically(target.resolve(), text)
+        target.chmod(mode)
+    except OSError as error:
+        raise StorageError(f"{target}: cannot be written: {error.strerror}.") from error
+    typer.echo(f"Added {_counted(entries)} to {shown(target)}.")
+
+
+def _refuse_known(document: Document, entries: Sequence[Any]) -> None:
+    known = {entry.name for entry in document.vast.configuration or ()}
+    names = [entry.get("name") for entry in entries if isinstance(entry, dict)]
+    there = [name for name in names if name in known]
+    if there:
+        raise InputError(
+            f"{document.path}: has configurations of these names already: "
+            f"{', '.join(there)}. Rename them, there or in what is imported."
+        )
+
+
+def _is_usable(document: Document, entry: Any, source: Path) -> bool:
+    """Whether a document can be expanded with nothing but this entry; says why not."""
+    data = {**document.source.data, "configuration": [entry]}
+    try:
+        alone = check_source(Source(document.path, dump_yaml(data)))
+        with TemporaryDirectory(prefix="robovast-") as folder:
+            expand(alone, Path(folder), logging.getLogger(__name__).info)
+    except DocumentError as error:
+        cause = "; ".join(f"{problem.key}: {problem.message}" for problem in error.problems)
+    except RobovastError as error:
+        cause = str(error)
+    else:
+        return True
+    name = entry.get("name") if isinstance(entry, dict) else entry
+    typer.echo(f"{source}: `{name}` is left out: {cause}", err=True)
+    return False
+
+
+def append_entries(text: str, entries: Sequence[Any], file: Path) -> str:
+    """The text of a .vast file with further entries; what is there stays as it is.
+
+    Raises:
+        InputError: the file, or its `configuration`, is written in brackets.
+    """
+    root = yaml.compose(text, Loader=yaml.SafeLoader)
+    pairs = root.value if isinstance(root, yaml.MappingNode) else []
+    found = next((value for key, value in pairs if key.value == "configuration"), None)
+    _refuse_brackets(root, file)
+    _refuse_brackets(found, file)
+    if not isinstance(found, yaml.SequenceNode):
+        return _with_section(text, entries, found)
+    position = _end_of_line(text, _last_mark(found).index)
+    return _inserted(text, position, _indented(dump_yaml(entries), found.start_mark.column))
+
+
+def _refuse_brackets(node: yaml.Node | None, file: Path) -> None:
+    if isinstance(node, yaml.CollectionNode) and node.flow_style:
+        mark = node.start_mark
+        raise InputError(
+            f"{file}:{mark.line + 1}:{mark.column + 1}: what is written in brackets cannot be "
+            "extended without rewriting it. Write `configuration:` with one `- name: …` a line."
+        )
+
+
+def _with_section(text: str, entries: Sequence[Any], empty: yaml.Node | None) -> str:
+    """The text with a `configuration` list where it had none, or an empty one."""
+    if empty is None:
+        return _inserted(text, len(text), dump_yaml({"configuration": entries}))
+    return _inserted(text, _end_of_line(text, empty.end_mark.index), dump_yaml(entries))
+
+
+def _last_mark(node: yaml.Node) -> yaml.Mark:
+    """Where the last value in a node ends; a collection's own mark is behind the comments."""
+    if isinstance(node, yaml.ScalarNode) or not node.value:
+        return node.end_mark
+    children = node.value if isinstance(node, yaml.SequenceNode) else sum(node.value, ())
+    return max((_last_mark(child) for child in children), key=lambda mark: mark.index)
+
+
+def _end_of_line(text: str, position: int) -> int:
+    if position and text[position - 1] == "\n":
+        return position
+    end = text.find("\n", position)
+    return len(text) if end < 0 else end + 1
+
+
+def _inserted(text: str, position: int, addition: str) -> str:
+    before, after = text[:position], text[position:]
+    newline = "\r\n" if "\r\n" in text else "\n"
+    separator = "" if not before or before.endswith("\n") else newline
+    return before + separator + addition.replace("\n", newline) + after
+
+
+def _indented(text: str, column: int) -> str:
+    return "".join(" " * column + line for line in text.splitlines(keepends=True))
+
+
+def _read_entries(source: Path) -> list[Any]:
+    if source.is_dir():
+        _, variants = read_variants(Layout(source))
+        return [_entry(variant) for variant in variants]
+    data = Source.read(source).data
+    entries = data.get("configuration") if isinstance(data, dict) else None
+    if not isinstance(entries, list) or not entries:
+        raise InputError(f"{source}: holds no `configuration` list, so there is nothing to import.")
+    return entries
+
+
+def _entry(variant: Variant) -> dict[str, Any]:
+    if variant.files:
+        names = ", ".join(file.name for file in variant.files)
+        raise InputError(
+            f"configuration `{variant.name}` needs files that its variations make ({names}), so "
+            "fixed parameters alone would not run it. Leave it out, or keep its variations."
+        )
+    parameters = [
+        {name: value} for name, value in variant.parameters.items() if not name.startswith("_")
+    ]
+    return {"name": variant.name, **({"parameters": parameters} if parameters else {})}
+
+
+def _counted(entries: Sequence[Any]) -> str:
+    return "1 configuration" if len(entries) == 1 else f"{len(entries)} configurations"

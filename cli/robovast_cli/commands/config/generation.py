@@ -1,0 +1,74 @@
+"""What `vast config generate` writes: a campaign as it is before its first run."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import typer
+
+from robovast.base.errors import StorageError
+from robovast.campaign.layout import Layout
+from robovast.execution.generate import write_configurations
+from robovast.model.document import Document
+from robovast.model.expansion import compose
+from robovast_cli.workspace import shown
+
+
+def generate(document: Document, out: Path, *, keep_work: bool, use_cache: bool) -> None:
+    """Write `_config`, `_transient` and a folder for each configuration.
+
+    Args:
+        document: a checked document.
+        out: new or empty folder; equal documents give equal files.
+        keep_work: keep the folder that variation types work in.
+        use_cache: False hides from variation types what they stored earlier.
+
+    Raises:
+        StorageError: the folder holds something, or cannot be written.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        if any(out.iterdir()):
+            raise StorageError(f"{out} is not empty. Choose a new folder, or empty this one.")
+        with _work_folder(out, keep_work) as work, _cache(use_cache):
+            composition = compose(document, work, logging.getLogger(__name__).info)
+            write_configurations(document, composition, out, timings=False)
+    except OSError as error:
+        raise StorageError(
+            f"{error.filename or out}: cannot be written: {error.strerror}."
+        ) from error
+    count = len(composition.variants)
+    typer.echo(f"Wrote {count} configuration{'s' if count != 1 else ''} to {shown(out)}.")
+
+
+@contextlib.contextmanager
+def _work_folder(out: Path, keep: bool) -> Iterator[Path]:
+    if keep:
+        work = Layout(out).transient / "work"
+        work.mkdir(parents=True)
+        yield work.absolute()
+    else:
+        with TemporaryDirectory(prefix="robovast-") as folder:
+            yield Path(folder)
+
+
+@contextlib.contextmanager
+def _cache(use: bool) -> Iterator[None]:
+    """Without the cache, an empty one that is gone afterwards stands in its place."""
+    if use:
+        yield
+        return
+    before = os.environ.get("XDG_CACHE_HOME")
+    with TemporaryDirectory(prefix="robovast-cache-") as folder:
+        os.environ["XDG_CACHE_HOME"] = folder
+        try:
+            yield
+        finally:
+            os.environ.pop("XDG_CACHE_HOME")
+            if before is not None:
+                os.environ["XDG_CACHE_HOME"] = before

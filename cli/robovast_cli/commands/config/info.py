@@ -1,0 +1,119 @@
+"""What `vast config info`, `variation-types` and `variation-points` print."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import typer
+from pydantic import BaseModel
+
+from robovast.model.document import Document
+from robovast.model.document.model import ConfigurationEntry
+from robovast.model.expansion import Variant, expand
+from robovast.model.scenario import read_scenario
+from robovast_cli.plugins import origin
+from robovast_cli.ui.listing import format_table
+
+
+def print_summary(document: Document) -> None:
+    """Print what a document runs, and how."""
+    with TemporaryDirectory(prefix="robovast-") as folder:
+        variants = expand(document, Path(folder), logging.getLogger(__name__).info)
+    pairs = [[name, value] for name, value in _facts(document) if value]
+    typer.echo(format_table(["file", str(document.path)], pairs))
+    typer.echo(_entries(document, variants), nl=False)
+
+
+def print_check(document: Document) -> None:
+    """Expand a document that was read, and say that it is sound."""
+    with TemporaryDirectory(prefix="robovast-") as folder:
+        variants = expand(document, Path(folder), logging.getLogger(__name__).info)
+    warnings = len(document.warnings)
+    told = "" if not warnings else f", {warnings} warning{'s' if warnings > 1 else ''}"
+    file, count = document.source.file, len(variants)
+    many = "1 configuration" if count == 1 else f"{count} configurations"
+    typer.echo(f"{file}: valid, {many}{told}")
+
+
+def print_variation_points(document: Document) -> None:
+    """Print the parameters of the scenario."""
+    scenario = read_scenario(document.scenario)
+    rows = [[p.name, p.type, _text(p.default_text)] for p in scenario.parameters]
+    typer.echo(format_table(["PARAMETER", "TYPE", "DEFAULT"], rows), nl=False)
+
+
+def print_variation_types() -> None:
+    """Print every installed variation type; one that cannot be loaded says why."""
+    blocks = (_variation_type(point) for point in sorted(_variation_points(), key=_name))
+    typer.echo("\n\n".join("\n".join(lines) for lines in blocks))
+
+
+def _facts(document: Document) -> Iterator[tuple[str, str]]:
+    vast, execution = document.vast, document.vast.execution
+    yield "title", str(vast.metadata.get("title") or "")
+    yield "campaign", vast.campaign_name
+    yield "scenario", f"{read_scenario(document.scenario).name} ({vast.scenario_file})"
+    yield "image", execution.image or "none: runs as plain processes"
+    yield "runs of each", str(execution.runs)
+    yield "runs in a job", str(execution.runs_per_job)
+    yield "timeout", f"{execution.timeout} s a run" if execution.timeout else "none"
+    yield "run files", ", ".join(execution.run_files)
+    yield "beside it", ", ".join(c.name for c in execution.secondary_containers)
+    yield "notebooks", ", ".join(vast.visualization)
+    yield "post-processing", ", ".join(call.name for call in vast.postprocessing)
+
+
+def _entries(document: Document, variants: Sequence[Variant]) -> str:
+    counts = Counter(variant.entry for variant in variants)
+    runs = document.vast.execution.runs
+    entries = {entry.name: _made_of(entry) for entry in document.vast.configuration or []}
+    rows = [
+        [name, entries.get(name, "the scenario's defaults"), str(count), str(count * runs)]
+        for name, count in counts.items()
+    ]
+    rows.append(["in all", "", str(len(variants)), str(len(variants) * runs)])
+    return format_table(["ENTRY", "MADE OF", "CONFIGURATIONS", "RUNS"], rows)
+
+
+def _made_of(entry: ConfigurationEntry) -> str:
+    if entry.variations:
+        return " * ".join(call.name for call in entry.variations)
+    return "fixed parameters" if entry.parameters else "the scenario's defaults"
+
+
+def _variation_points() -> Sequence[EntryPoint]:
+    return list(entry_points(group="robovast.variation_types"))
+
+
+def _name(point: EntryPoint) -> str:
+    return point.name
+
+
+def _variation_type(point: EntryPoint) -> Iterator[str]:
+    yield f"{point.name}  ({origin(point)})"
+    try:
+        variation = point.load()
+    except Exception as error:  # a plugin's code may raise anything
+        yield f"    cannot be loaded: {type(error).__name__}: {error}"
+        return
+    summary = (variation.__doc__ or "").strip().partition("\n")[0]
+    yield from [f"    {summary}"] if summary else []
+    model: type[BaseModel] | None = variation.CONFIG_CLASS
+    if model is not None:
+        rows = [[f"    {name}", *_field(field)] for name, field in model.model_fields.items()]
+        yield format_table(["", "", ""], rows).strip("\n")
+
+
+def _field(field: Any) -> list[str]:
+    default = "required" if field.is_required() else f"default {_text(field.get_default())}"
+    return [default, field.description or ""]
+
+
+def _text(value: Any) -> str:
+    return "none" if value is None else str(value)

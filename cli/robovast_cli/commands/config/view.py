@@ -1,0 +1,76 @@
+"""What `vast config view` writes: a picture of each configuration that moves on a map."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Literal
+
+import typer
+
+from robovast.base.errors import InputError, StorageError
+from robovast.model.document import Document
+from robovast.model.expansion import Variant, expand, select_variants
+from robovast.navigation.base import RECORD
+from robovast.navigation.extra import nav_extra
+from robovast_cli.workspace import shown
+
+Format = Literal["svg", "png"]
+
+
+def write_pictures(document: Document, pattern: str | None, out: Path, kind: Format) -> None:
+    """Write `OUT/<configuration>.<kind>` for each configuration with a map.
+
+    Args:
+        document: a checked document.
+        pattern: name or glob of configurations; all when None.
+        out: folder; made when it does not exist.
+        kind: format of the pictures.
+
+    Raises:
+        InputError: no configuration has a map.
+        StorageError: the folder cannot be written.
+    """
+    with TemporaryDirectory(prefix="robovast-") as folder:
+        variants: Sequence[Variant] = expand(
+            document, Path(folder), logging.getLogger(__name__).info
+        )
+        if pattern is not None:
+            variants = select_variants(variants, pattern)
+        mapped = [variant for variant in variants if _record(variant).get("map_file")]
+        if not mapped:
+            raise InputError(
+                f"{document.path}: no configuration has a map to draw. Floor plan, path and "
+                "obstacle variations give them one."
+            )
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            for variant in mapped:
+                (out / f"{variant.name}.{kind}").write_bytes(_picture(document, variant, kind))
+        except OSError as error:
+            raise StorageError(
+                f"{error.filename or out}: cannot be written: {error.strerror}."
+            ) from error
+    noun = "picture" if len(mapped) == 1 else "pictures"
+    typer.echo(f"Wrote {len(mapped)} {noun} to {shown(out)}.")
+
+
+def _record(variant: Variant) -> dict[str, Any]:
+    record: dict[str, Any] = variant.extra.get(RECORD) or {}
+    return record
+
+
+def _picture(document: Document, variant: Variant, kind: Format) -> bytes:
+    with nav_extra("`vast config view`"):
+        from robovast.navigation.occupancy import read_map
+        from robovast.navigation.picture import marks, to_png, to_svg
+    record = _record(variant)
+    name = str(record["map_file"]).removeprefix("/config/")
+    files = {file.name: file.source for file in variant.files}
+    occupancy = read_map(files.get(name, document.folder / name))
+    found = list(marks(record))
+    if kind == "png":
+        return to_png(occupancy, found, variant.name)
+    return to_svg(occupancy, found, variant.name).encode()

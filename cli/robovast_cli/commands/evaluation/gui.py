@@ -1,0 +1,157 @@
+"""`vast evaluation gui`: results in the browser."""
+
+import os
+import sys
+import webbrowser
+from pathlib import Path
+from threading import Thread
+from typing import TYPE_CHECKING, Annotated
+from urllib.parse import quote
+
+import typer
+
+from robovast.base.errors import CannotRunError, ExitCode, InputError
+from robovast_cli.lazy import new_app
+from robovast_cli.ui.output import say
+from robovast_cli.workspace import Workspace
+
+if TYPE_CHECKING:
+    from robovast.evaluation.server.launches import Starting
+
+app = new_app("Look at results in the browser.")
+
+NO_START = (
+    "This page only shows results (`--no-start`). On your machine, `vast exec local run` runs a "
+    "campaign there and `vast exec cluster run` one in a cluster."
+)
+
+
+@app.command()
+def gui(
+    ctx: typer.Context,
+    results_dir: Annotated[
+        Path | None,
+        typer.Option(
+            "-r",
+            "--results-dir",
+            metavar="PATH",
+            help="Results folder, or one campaign's; the project's when omitted.",
+            show_default=False,
+        ),
+    ] = None,
+    force: Annotated[
+        bool,
+        typer.Option("-f", "--force", help="Postprocess everything again, changed or not."),
+    ] = False,
+    skip_postprocessing: Annotated[
+        bool,
+        typer.Option(
+            "--skip-postprocessing",
+            help="Show the results as they are; execute no command that a campaign names.",
+        ),
+    ] = False,
+    override: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--override",
+            metavar="VAST_FILE",
+            help="Use the commands and notebooks of this file for every campaign, not its own.",
+            show_default=False,
+        ),
+    ] = None,
+    port: Annotated[
+        int | None,
+        typer.Option(
+            "-p",
+            "--port",
+            min=1,
+            max=65535,
+            help="Port on this machine, to forward it over SSH; any free one when omitted.",
+            show_default=False,
+        ),
+    ] = None,
+    notebook_timeout: Annotated[
+        float,
+        typer.Option(
+            "--notebook-timeout",
+            metavar="SECONDS",
+            min=1,
+            help="Stop a notebook that takes longer.",
+        ),
+    ] = 600,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Print the address only, open no browser.")
+    ] = False,
+    no_start: Annotated[
+        bool, typer.Option("--no-start", help="Let no campaign be started from the page.")
+    ] = False,
+) -> int:
+    """Look at results in the browser, those of a campaign that is still running too.
+
+    The results are postprocessed first, as `vast results postprocess` does: that executes what
+    their .vast files name. The page answers on this machine only, at an address that holds a
+    secret. Ctrl-C ends it.
+    """
+    from robovast.evaluation.campaigns import is_campaign
+
+    try:
+        from robovast.evaluation.server.serve import serve
+    except ModuleNotFoundError as error:
+        raise CannotRunError(
+            f"The page needs {error.name}; install the extra: pip install 'robovast[gui]'."
+        ) from None
+    folder = results_dir or ctx.obj.results
+    root = folder.resolve()
+    if not skip_postprocessing and not _postprocess(folder, force, override):
+        return ExitCode.INTERRUPTED
+    campaign = root.name if is_campaign(root) else ""
+
+    def show(address: str) -> None:
+        page = f"{address}#/campaign/{quote(campaign)}" if campaign else address
+        say(f"Showing {folder}: {page}")
+        if not no_browser and (os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}):
+            Thread(target=webbrowser.open, args=(page,), daemon=True).start()  # some block
+
+    serve(
+        root.parent if campaign else root,
+        port,
+        show,
+        starting=_starting(ctx.obj, override, no_start, not skip_postprocessing),
+        override=override and override.absolute(),
+        notebook_timeout=notebook_timeout,
+    )
+    return ExitCode.OK
+
+
+def _starting(
+    workspace: Workspace, override: Path | None, no_start: bool, postprocess: bool
+) -> "Starting":
+    """What campaigns can be started from the page: those of the override, else the project's."""
+    from robovast.evaluation.server.launches import Starting
+
+    program = [sys.executable, "-P", "-m", "robovast_cli"]  # no module of this folder in its place
+    document, refusal = override, ""
+    if no_start:
+        program, document, refusal = [], None, NO_START
+    elif document is None:
+        try:
+            document = workspace.path
+        except InputError as error:
+            refusal = f"No campaign can be started here: {error}"
+    absolute = None if document is None else document.absolute()
+    return Starting(program, absolute, refusal, postprocess, say)
+
+
+def _postprocess(folder: Path, force: bool, override: Path | None) -> bool:
+    """Bring tables up to date; False when the user stops that.
+
+    What fails is said, and the page shows what there is.
+    """
+    from robovast.analysis.postprocessing.events import Options
+    from robovast.evaluation.campaigns import find_campaigns, is_campaign
+    from robovast_cli.commands.results.postprocessing import run
+
+    if not is_campaign(folder) and not find_campaigns(folder):
+        return True
+    return run(folder, Options(override=override, force=force)) is not ExitCode.INTERRUPTED

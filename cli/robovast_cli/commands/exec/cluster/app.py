@@ -1,0 +1,311 @@
+"""`vast exec cluster`: campaigns on a Kubernetes cluster."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from robovast_cli.commands.exec.local import Debug, LogTree, Runs, Select
+from robovast_cli.kube.options import CampaignName, Context, Namespace, SetupOptions, setup_config
+from robovast_cli.lazy import new_app
+
+Image = Annotated[
+    str | None,
+    typer.Option(
+        "-i",
+        "--image",
+        envvar="ROBOVAST_IMAGE",
+        show_envvar=False,
+        help="Container image; $ROBOVAST_IMAGE, then the file's, when omitted.",
+        show_default=False,
+    ),
+]
+ConfigOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "-o",
+        "--option",
+        metavar="KEY=VALUE",
+        help="Option of the cluster configuration, or value of the chart as "
+        "`operator.replicas=2`; may be repeated.",
+        show_default=False,
+    ),
+]
+
+app = new_app("Run on a Kubernetes cluster.", no_args_is_help=True)
+
+
+@app.callback()
+def cluster() -> None:
+    """Run on a Kubernetes cluster."""
+
+
+@app.command()
+def run(
+    ctx: typer.Context,
+    config: Select = None,
+    runs: Runs = None,
+    image: Image = None,
+    detach: Annotated[
+        bool, typer.Option("--detach", help="Return as soon as the cluster has the campaign.")
+    ] = False,
+    cleanup: Annotated[
+        bool, typer.Option("--cleanup", help="Remove finished campaigns before; results stay.")
+    ] = False,
+    parallelism: Annotated[
+        int | None,
+        typer.Option(
+            "--parallelism",
+            min=1,
+            help="Most pods at once; 100 when omitted.",
+            show_default=False,
+        ),
+    ] = None,
+    queue: Annotated[
+        str | None,
+        typer.Option(
+            "--queue",
+            metavar="NAME",
+            help="Kueue LocalQueue that admits the campaign; `robovast`, if there, when omitted.",
+            show_default=False,
+        ),
+    ] = None,
+    dry_run: Annotated[
+        bool,
+        typer.Option("--dry-run", help="Print the Campaign, for Git or kubectl; create nothing."),
+    ] = False,
+    output: Annotated[
+        Literal["yaml", "json"], typer.Option("-o", "--output", help="How `--dry-run` prints it.")
+    ] = "yaml",
+    log_tree: LogTree = False,
+    debug: Debug = False,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> int:
+    """Run a campaign on the cluster, follow it to its end, and say how it ended.
+
+    Ctrl-C only ends the following. Exit code 0: every run passed; 1: a test failed; 4: a run
+    ended without a verdict, none failed; 130: no longer followed. `docs/cli.md` lists all.
+    """
+    from robovast.kubeapi.submission import SubmitOptions
+    from robovast_cli.commands.exec.cluster import run as cluster_run
+
+    options = SubmitOptions(
+        select=config,
+        runs=runs,
+        image=image,
+        log_tree=log_tree,
+        debug=debug,
+        context=context,
+        queue=queue,
+        parallelism=parallelism,
+    )
+    document = ctx.obj.document()
+    if dry_run:
+        return cluster_run.print_campaign(document, options, namespace, output)
+    return cluster_run.run(
+        document, options, context, namespace, detach=detach, clean_before=cleanup
+    )
+
+
+@app.command()
+def monitor(
+    interval: Annotated[
+        float, typer.Option("-i", "--interval", min=0.2, help="Time between two looks [s].")
+    ] = 2.0,
+    once: Annotated[bool, typer.Option("--once", help="Print a table of all, and end.")] = False,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> None:
+    """Show the progress of campaigns until none runs any more; Ctrl-C ends only the showing."""
+    from robovast_cli.commands.exec.cluster import monitor as cluster_monitor
+
+    cluster_monitor.monitor(context, namespace, interval=interval, once=once)
+
+
+@app.command()
+def setup(
+    cluster_config: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="CLUSTER_CONFIG", help="Kind of cluster, as `gcp`.", show_default=False
+        ),
+    ] = None,
+    list_: Annotated[
+        bool, typer.Option("--list", help="List the cluster configurations, and end.")
+    ] = False,
+    option: ConfigOption = None,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "-f", "--force", help="Also when another cluster configuration was used before."
+        ),
+    ] = False,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> None:
+    """Install RoboVAST in the cluster, or renew it; needs Helm."""
+    from robovast_cli.commands.exec.cluster import setup as cluster_setup
+
+    if list_ or cluster_config is None:
+        return cluster_setup.list_configs()
+    return cluster_setup.setup(cluster_config, option or [], context, namespace, force=force)
+
+
+@app.command()
+def cleanup(
+    force: Annotated[bool, typer.Option("-f", "--force", help="Also while campaigns run.")] = False,
+    _config: Annotated[str | None, setup_config("c")] = None,
+    _options: SetupOptions = None,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> None:
+    """Remove RoboVAST from the cluster; needs Helm."""
+    from robovast_cli.commands.exec.cluster import setup as cluster_setup
+
+    cluster_setup.cleanup(context, namespace, force=force)
+
+
+@app.command()
+def prepare_setup(
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder.")],
+    cluster_config: Annotated[
+        str,
+        typer.Option("--cluster-config", metavar="NAME", help="Kind of cluster, as `gcp`."),
+    ],
+    option: ConfigOption = None,
+    namespace: Annotated[
+        str, typer.Option("-n", "--namespace", metavar="NAME", help="Where it will be installed.")
+    ] = "default",
+) -> None:
+    """Write the chart, its values and instructions, to set a cluster up by hand."""
+    from robovast_cli.commands.exec.cluster import setup as cluster_setup
+
+    cluster_setup.prepare_setup(cluster_config, option or [], out, namespace)
+
+
+@app.command()
+def prepare_run(
+    ctx: typer.Context,
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder.")],
+    config: Select = None,
+    runs: Runs = None,
+    image: Image = None,
+    log_tree: LogTree = False,
+    debug: Debug = False,
+    _cluster_config: Annotated[str | None, setup_config("k")] = None,
+    _options: SetupOptions = None,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> None:
+    """Write the Campaign, and instructions, to run it with kubectl."""
+    from robovast.kubeapi.submission import SubmitOptions
+    from robovast_cli.commands.exec.cluster import prepare as cluster_prepare
+
+    options = SubmitOptions(config, runs, image, log_tree, debug, context)
+    cluster_prepare.prepare_run(ctx.obj.document(), options, namespace, out)
+
+
+@app.command()
+def stop(
+    campaign: CampaignName = None, context: Context = None, namespace: Namespace = None
+) -> None:
+    """Stop a campaign: its pods end, what is stored stays, and it can be resumed.
+
+    Runs in progress are not stored; they are executed again after `resume`.
+    """
+    from robovast_cli.commands.exec.cluster import control as cluster_control
+
+    cluster_control.stop(context, namespace, campaign)
+
+
+@app.command()
+def resume(
+    campaign: CampaignName = None, context: Context = None, namespace: Namespace = None
+) -> None:
+    """Let a stopped campaign go on after its last stored run."""
+    from robovast_cli.commands.exec.cluster import control as cluster_control
+
+    cluster_control.resume(context, namespace, campaign)
+
+
+@app.command()
+def retry(
+    campaign: CampaignName = None, context: Context = None, namespace: Namespace = None
+) -> None:
+    """Execute the failed and errored runs of a finished campaign once more."""
+    from robovast_cli.commands.exec.cluster import control as cluster_control
+
+    cluster_control.retry(context, namespace, campaign)
+
+
+@app.command()
+def run_cleanup(
+    campaign: CampaignName = None,
+    data: Annotated[
+        bool, typer.Option("--data", help="Also remove its results from the cluster's storage.")
+    ] = False,
+    _options: SetupOptions = None,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> None:
+    """Remove finished campaigns, or the one that is named, from the cluster; results stay."""
+    from robovast_cli.commands.exec.cluster import control as cluster_control
+
+    cluster_control.run_cleanup(context, namespace, campaign, data=data)
+
+
+@app.command()
+def download_cleanup(
+    campaign: CampaignName = None,
+    yes: Annotated[bool, typer.Option("-f", "--yes", help="Do not ask.")] = False,
+    _options: SetupOptions = None,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> None:
+    """Remove the results of finished campaigns from the cluster's storage."""
+    from robovast_cli.commands.exec.cluster import control as cluster_control
+
+    cluster_control.download_cleanup(context, namespace, campaign, ask=not yes)
+
+
+@app.command()
+def upload_to_share(
+    campaign: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-i",
+            "--campaign",
+            metavar="NAME",
+            help="Only this campaign: its name, or that of its results folder. May be repeated; "
+            "all finished campaigns of the namespace when omitted.",
+            show_default=False,
+        ),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("-f", "--force", help="Replace what is on the share.")
+    ] = False,
+    detach: Annotated[
+        bool, typer.Option("--detach", help="Return as soon as the cluster has begun.")
+    ] = False,
+    image: Annotated[
+        str | None,
+        typer.Option(
+            "--image",
+            help="Image of RoboVAST's agent, as one with a share provider of your own; that of "
+            "the campaigns' Jobs when omitted.",
+            show_default=False,
+        ),
+    ] = None,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> int:
+    """Upload results of finished campaigns from the cluster to the share.
+
+    The cluster does it; Ctrl-C only ends the following. The share is described by
+    ROBOVAST_SHARE_TYPE and the variables of its kind, in the environment or a `.env` file in this
+    folder or above; docs/publication.md has them all. What is on the share is not uploaded again.
+    """
+    from robovast_cli.commands.exec.cluster.share import How, upload_to_share
+
+    return upload_to_share(context, namespace, campaign or [], How(force, detach, image))

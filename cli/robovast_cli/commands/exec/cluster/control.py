@@ -1,0 +1,97 @@
+"""`vast exec cluster stop`, `resume`, `retry`, `run-cleanup` and `download-cleanup`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import typer
+
+from robovast.base.errors import InputError
+from robovast_cli.commands.exec.cluster.remove import remove, remove_bucket, remove_finished
+from robovast_cli.kube.api import Kubernetes, connect
+from robovast_cli.kube.status import CampaignState, find_campaign
+from robovast_cli.ui.output import say
+
+
+def stop(context: str | None, namespace: str | None, name: str | None) -> None:
+    """Stop a campaign; without a name the only one that runs."""
+    with connect(context, namespace) as kube:
+        campaign = _one(kube, name, lambda c: not c.finished and not c.suspended, "that runs")
+        kube.patch_campaign(campaign.name, {"suspend": True})
+    say(
+        f"{campaign.name}: its pods are being stopped. Runs in progress are lost, stored ones stay."
+    )
+    say(f"Resume:   vast exec cluster resume -i {campaign.name}")
+
+
+def resume(context: str | None, namespace: str | None, name: str | None) -> None:
+    """Let a stopped campaign go on; without a name the only one that is stopped."""
+    with connect(context, namespace) as kube:
+        campaign = _one(kube, name, lambda c: c.suspended, "that is stopped")
+        kube.patch_campaign(campaign.name, {"suspend": False})
+    say(f"{campaign.name}: goes on.")
+
+
+def retry(context: str | None, namespace: str | None, name: str | None) -> None:
+    """Repeat the bad runs of a campaign; without a name of the only one that has some."""
+    with connect(context, namespace) as kube:
+        campaign = _one(kube, name, _can_be_retried, "with bad runs to repeat")
+        kube.patch_campaign(campaign.name, {"attempt": campaign.attempt + 1})
+    runs = campaign.status.runs
+    say(f"{campaign.name}: {runs.failed + runs.errored} runs are executed once more.")
+
+
+def run_cleanup(
+    context: str | None, namespace: str | None, name: str | None, *, data: bool
+) -> None:
+    """Remove campaigns; without a name all that are finished."""
+    with connect(context, namespace) as kube:
+        if name is None:
+            remove_finished(kube, data=data)
+        else:
+            remove([_one(kube, name, lambda _: True, "")], kube, data=data)
+
+
+def download_cleanup(
+    context: str | None, namespace: str | None, name: str | None, *, ask: bool
+) -> None:
+    """Remove buckets; without a name those of all finished campaigns."""
+    with connect(context, namespace) as kube:
+        known = [CampaignState(item) for item in kube.campaigns()]
+        chosen = [find_campaign(known, name, kube.namespace)] if name else known
+        doomed = [campaign for campaign in chosen if campaign.finished and campaign.status.bucket]
+        if name and not doomed:
+            raise InputError(f"{name}: is not finished, or has no results in the storage.")
+        for campaign in doomed:
+            say(f"{campaign.name}: bucket {campaign.status.bucket}")
+        if doomed and ask:
+            typer.confirm("Remove these results from the cluster's storage?", abort=True)
+        for campaign in doomed:
+            remove_bucket(kube, campaign)
+        say(f"Removed: {len(doomed)}.")
+
+
+def _can_be_retried(campaign: CampaignState) -> bool:
+    runs = campaign.status.runs
+    return campaign.finished and runs.failed + runs.errored > 0
+
+
+def _one(
+    kube: Kubernetes, name: str | None, fits: Callable[[CampaignState], bool], what: str
+) -> CampaignState:
+    """The campaign of a name, else the only one that fits."""
+    known = [CampaignState(item) for item in kube.campaigns()]
+    if name is not None:
+        campaign = find_campaign(known, name, kube.namespace)
+        if not fits(campaign):
+            raise InputError(
+                f"{name}: is no campaign {what}; its state is {campaign.status.state}."
+            )
+        return campaign
+    found = [campaign for campaign in known if fits(campaign)]
+    if len(found) == 1:
+        return found[0]
+    names = ", ".join(campaign.name for campaign in found) or "none"
+    raise InputError(
+        f"name a campaign {what} with `--campaign`; the namespace {kube.namespace} has {names}."
+    )

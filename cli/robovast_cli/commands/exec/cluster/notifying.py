@@ -1,0 +1,113 @@
+"""Who is told of a campaign that nobody watches: as the environment, or a `.env` file, says.
+
+The variables go into a Secret that belongs to the campaign: who knows a topic can read it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+from urllib.parse import urlsplit
+
+from robovast.base.errors import InputError, RobovastError
+from robovast.kubeapi.resources import API_VERSION, Notification, SecretKey
+from robovast.kubeapi.secret_names import SECRET_PREFIX
+from robovast_cli.kube.api import Json, Kubernetes
+from robovast_cli.ui.output import say
+
+TOPIC = "ROBOVAST_NTFY_TOPIC"
+SERVER = "ROBOVAST_NTFY_SERVER"
+TOKEN = "ROBOVAST_NTFY_TOKEN"  # noqa: S105 - the name of a variable
+WEBHOOK = "ROBOVAST_WEBHOOK_URL"
+
+PUBLIC_SERVER = "https://ntfy.sh"
+
+_TOPIC = re.compile(r"[-_A-Za-z0-9]{1,64}")
+_NTFY_URL, _NTFY_TOKEN, _WEBHOOK_URL = "ntfy-url", "ntfy-token", "webhook-url"
+
+
+def receivers(environment: Mapping[str, str]) -> dict[str, str]:
+    """What the variables say, as the keys of a Secret; nothing when nobody is to be told.
+
+    Raises:
+        InputError: a variable has a value that nobody can be told by.
+    """
+    found = {}
+    topic, token = environment.get(TOPIC, ""), environment.get(TOKEN, "")
+    if topic:
+        server = environment.get(SERVER, "") or PUBLIC_SERVER
+        if not _TOPIC.fullmatch(topic):
+            raise InputError(f"{TOPIC}: a topic is 1 to 64 letters, digits, `-` and `_`.")
+        _check_url(SERVER, server)
+        found[_NTFY_URL] = f"{server.rstrip('/')}/{topic}"
+        if token:
+            found[_NTFY_TOKEN] = token
+    webhook = environment.get(WEBHOOK, "")
+    if webhook:
+        _check_url(WEBHOOK, webhook)
+        found[_WEBHOOK_URL] = webhook
+    return found
+
+
+def with_notifications(campaign: Json, values: Mapping[str, str]) -> Json:
+    """A Campaign that tells them, by a Secret that is made after it."""
+    secret = _secret_name(campaign)
+
+    def key(name: str) -> SecretKey | None:
+        return SecretKey(name=secret, key=name) if name in values else None
+
+    found = []
+    if _NTFY_URL in values:
+        url, token = key(_NTFY_URL), key(_NTFY_TOKEN)
+        found.append(Notification(kind="ntfy", url_from=url, token_from=token))
+    if _WEBHOOK_URL in values:
+        found.append(Notification(kind="webhook", url_from=key(_WEBHOOK_URL)))
+    if not found:
+        return campaign
+    written = [item.model_dump(by_alias=True, exclude_defaults=True) for item in found]
+    return {**campaign, "spec": {**campaign["spec"], "notifications": written}}
+
+
+def create_secret(kube: Kubernetes, campaign: Mapping[str, Any], values: Mapping[str, str]) -> None:
+    """Make the Secret of a Campaign; a fault is told, and keeps nothing from running."""
+    if not values:
+        return
+    try:
+        kube.create_secret(_secret(campaign, values))
+    except RobovastError as error:
+        say(f"Nobody will be told of its end: {error}")
+        return
+    kinds = ("ntfy",) * (_NTFY_URL in values) + ("webhook",) * (_WEBHOOK_URL in values)
+    say(f"Told by {' and '.join(kinds)}: its end, and what needs help.")
+
+
+def _secret(campaign: Mapping[str, Any], values: Mapping[str, str]) -> Json:
+    """The Secret; it goes when the Campaign does."""
+    owner: dict[str, Any] = {
+        "apiVersion": API_VERSION,
+        "kind": "Campaign",
+        "name": campaign["metadata"]["name"],
+        "uid": campaign["metadata"]["uid"],
+    }
+    return {
+        "apiVersion": "v1",
+        "kind": "Secret",
+        "metadata": {"name": _secret_name(campaign), "ownerReferences": [owner]},
+        "immutable": True,
+        "stringData": dict(values),
+    }
+
+
+def _secret_name(campaign: Mapping[str, Any]) -> str:
+    return f"{SECRET_PREFIX}{campaign['metadata']['name']}-notify"
+
+
+def _check_url(variable: str, url: str) -> None:
+    try:
+        parts = urlsplit(url)
+        usable = parts.scheme in {"http", "https"} and bool(parts.hostname)
+    except ValueError:
+        usable = False
+    if not usable or not (url.isascii() and url.isprintable()):
+        raise InputError(f"{variable}: write a URL of http:// or https://.")

@@ -1,0 +1,60 @@
+"""`vast exec cluster prepare-run`: a campaign that kubectl alone can start."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from robovast.base.errors import StorageError
+from robovast.kubeapi.names import BUNDLES_BUCKET
+from robovast.kubeapi.submission import SubmitOptions, campaign_name, prepare_submission
+from robovast.model.document import Document
+from robovast_cli.commands.exec.cluster.run import campaign_yaml
+from robovast_cli.ui.output import say
+
+FILE = "campaign.yaml"
+
+_README = """\
+# Campaign {name}
+
+```bash
+kubectl apply --server-side --filename campaign.yaml{namespace}
+kubectl wait --for=condition=ResultsAvailable campaign/{name} --timeout=24h{namespace}
+vast results download -i {name}
+```
+"""
+
+_UPLOAD = """
+The document's files are too many for the Campaign itself. It expects `{key}` in the bucket
+`{bucket}` of the S3 server, under that name; any S3 client can put it there, for example
+
+```bash
+aws --endpoint-url URL s3 cp {key} s3://{bucket}/{key}
+```
+"""
+
+
+def prepare_run(
+    document: Document, options: SubmitOptions, namespace: str | None, output: Path
+) -> None:
+    """Write the Campaign of a document, its archive when it needs one, and instructions.
+
+    Raises:
+        StorageError: the folder cannot be written, or holds something else.
+    """
+    name = campaign_name(document, unique=False)
+    submission = prepare_submission(document, options, name, namespace)
+    where = f" --namespace {namespace}" if namespace else ""
+    text = _README.format(name=name, namespace=where)
+    try:
+        if output.is_dir() and any(output.iterdir()) and not (output / FILE).is_file():
+            raise StorageError(f"{output} holds other files; choose an empty or a new folder.")
+        output.mkdir(parents=True, exist_ok=True)
+        (output / FILE).write_text(campaign_yaml(submission.campaign), encoding="utf-8")
+        if submission.archive:
+            key = submission.archive.key
+            (output / key).write_bytes(submission.archive.content)
+            text += _UPLOAD.format(key=key, bucket=BUNDLES_BUCKET)
+        (output / "README.md").write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise StorageError(f"{output}: cannot be written: {error.strerror}.") from error
+    say(f"Go on with {output / 'README.md'}.")

@@ -1,0 +1,87 @@
+"""Removing campaigns from a cluster, with their data or without."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from robovast.base.errors import CannotRunError
+from robovast.kubeapi.resources import UID_LABEL
+from robovast.storage.ownership import is_owned
+from robovast_cli.kube.api import Kubernetes
+from robovast_cli.kube.status import CampaignState
+from robovast_cli.kube.store import open_store, place_of
+from robovast_cli.ui.output import say
+
+PATIENCE = 120.0
+"""How long the pods of a campaign may take to end [s]."""
+PAUSE = 0.5
+"""[s]"""
+
+
+def remove_finished(kube: Kubernetes, *, data: bool = False) -> None:
+    """Remove every finished campaign of the namespace; those that run are named.
+
+    Args:
+        kube: the cluster.
+        data: remove their buckets, too.
+    """
+    campaigns = [CampaignState(item) for item in kube.campaigns()]
+    remove([campaign for campaign in campaigns if campaign.finished], kube, data=data)
+    for campaign in campaigns:
+        if not campaign.finished:
+            say(
+                f"{campaign.name}: still runs; `vast exec cluster run-cleanup -i "
+                f"{campaign.name}` removes it, too."
+            )
+
+
+def remove(campaigns: Sequence[CampaignState], kube: Kubernetes, *, data: bool) -> None:
+    """Remove campaigns with all that was made for them.
+
+    Args:
+        campaigns: which.
+        kube: the cluster.
+        data: remove their buckets, too, as soon as no pod can write into them.
+    """
+    for campaign in campaigns:
+        kube.delete_campaign(campaign.name)
+    for campaign in campaigns:
+        _wait_until_gone(kube, campaign, with_pods=data)
+        if data:
+            remove_bucket(kube, campaign)
+        kept = (
+            ""
+            if data or not campaign.status.bucket
+            else f"; its results stay in the bucket {campaign.status.bucket}"
+        )
+        say(f"{campaign.name}: removed{kept}.")
+
+
+def remove_bucket(kube: Kubernetes, campaign: CampaignState) -> None:
+    """Remove the bucket of a campaign; nothing happens when there is none.
+
+    Raises:
+        OtherOwnerError: it belongs to another campaign.
+    """
+    if campaign.status.bucket:
+        with open_store(kube, place_of(campaign)) as store:
+            is_owned(store, campaign.status.bucket, campaign.uid)
+            store.delete_bucket(campaign.status.bucket)
+
+
+def _wait_until_gone(kube: Kubernetes, campaign: CampaignState, *, with_pods: bool) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while _is_there(kube, campaign) or (with_pods and kube.has_pods({UID_LABEL: campaign.uid})):
+        if time.monotonic() > deadline:
+            raise CannotRunError(
+                f"{campaign.name}: is marked for removal, but does not go. Look at `kubectl "
+                f"describe campaign {campaign.name}` and `kubectl get pods`, then repeat the "
+                "command."
+            )
+        time.sleep(PAUSE)
+
+
+def _is_there(kube: Kubernetes, campaign: CampaignState) -> bool:
+    found = kube.campaign(campaign.name)
+    return found is not None and CampaignState(found).uid == campaign.uid

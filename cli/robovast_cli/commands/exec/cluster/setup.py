@@ -1,0 +1,243 @@
+"""`vast exec cluster setup`, `cleanup` and `prepare-setup`: RoboVAST itself in a cluster."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from robovast.base.errors import CannotRunError, InputError, StorageError
+from robovast.base.plugins import load_plugin, plugins_of
+from robovast.base.serialization import dump_yaml
+from robovast.kubeapi.cluster_config.base import BaseConfig
+from robovast.kubeapi.names import CREDENTIALS_SECRET
+from robovast_cli.commands.exec.cluster.chart import RELEASE, Helm, chart_folder
+from robovast_cli.kube.api import KUEUE, Kubernetes, connect
+from robovast_cli.kube.api_errors import NotInstalledError
+from robovast_cli.kube.status import CampaignState
+from robovast_cli.ui.listing import format_table
+from robovast_cli.ui.output import say
+
+GROUP = "robovast.cluster_configs"
+_BY = "vast exec cluster setup "
+"""Begins the description of a release that `setup` installed; the cluster configuration follows."""
+
+
+def list_configs() -> None:
+    """Print every cluster configuration that is installed."""
+    rows = []
+    for name in sorted(plugins_of(GROUP)):
+        doc = (load_plugin(name, GROUP, ".").__doc__ or "").strip()
+        rows.append([name, doc.partition("\n")[0]])
+    say(format_table(["CLUSTER CONFIG", "FOR"], rows).rstrip())
+
+
+def setup(
+    name: str,
+    options: Sequence[str],
+    context: str | None,
+    namespace: str | None,
+    *,
+    force: bool,
+) -> None:
+    """Install RoboVAST in a cluster, or renew it.
+
+    Args:
+        name: the cluster configuration.
+        options: of it, as `key=value`; a key with dots is a value of the chart.
+        context: of the kubeconfig; the current one when None.
+        namespace: the context's when None.
+        force: also when another cluster configuration was used before.
+    """
+    config, given, changes = _config(name, options)
+    with connect(context, namespace) as kube:
+        helm = Helm(kube.namespace, kube.context)
+        _refuse_other(helm.installed(), name, force=force)
+        config.setup_cluster(namespace=kube.namespace, kube_context=kube.context, **given)
+        say(f"Installing RoboVAST in the namespace {kube.namespace} …")
+        helm.install(_merge(_values(config, kube), changes), _BY + name)
+        config.verify_cluster_ready(namespace=kube.namespace, kube_context=kube.context)
+    say("RoboVAST is ready. Run a campaign: vast exec cluster run")
+
+
+def cleanup(context: str | None, namespace: str | None, *, force: bool) -> None:
+    """Remove RoboVAST from a namespace.
+
+    Args:
+        context: of the kubeconfig; the current one when None.
+        namespace: the context's when None.
+        force: also while campaigns run.
+    """
+    with connect(context, namespace) as kube:
+        helm = Helm(kube.namespace, kube.context)
+        description = helm.installed()
+        if description is None:
+            raise CannotRunError(f"RoboVAST is not installed in the namespace {kube.namespace}.")
+        _refuse_running(kube, force=force)
+        helm.uninstall()
+        if description.startswith(_BY):
+            config, _, _ = _config(description.removeprefix(_BY), [])
+            config.cleanup_cluster(namespace=kube.namespace, kube_context=kube.context)
+    say(
+        "RoboVAST is removed. Campaigns and their resource definitions stay; `kubectl delete crd "
+        "campaigns.robovast.io configurations.robovast.io` removes them, too."
+    )
+
+
+def prepare_setup(name: str, options: Sequence[str], output: Path, namespace: str) -> None:
+    """Write everything with which RoboVAST is set up by hand.
+
+    Args:
+        name: the cluster configuration.
+        options: of it, as `key=value`; a key with dots is a value of the chart.
+        output: new or empty folder, or one that was written before.
+        namespace: where it will be installed.
+
+    Raises:
+        StorageError: the folder cannot be written, or holds something else.
+    """
+    config, given, changes = _config(name, options)
+    values = _external_secret(config) | _kueue(config, is_there=False, context=None)
+    try:
+        if output.is_dir() and any(output.iterdir()) and not (output / "values.yaml").is_file():
+            raise StorageError(f"{output} holds other files; choose an empty or a new folder.")
+        output.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(output / RELEASE, ignore_errors=True)
+        shutil.copytree(chart_folder(), output / RELEASE)
+        (output / "values.yaml").write_text(dump_yaml(_merge(values, changes)), encoding="utf-8")
+        config.prepare_setup_cluster(str(output), namespace=namespace, **given)
+        (output / "README.md").write_text(_readme(name, config, namespace), encoding="utf-8")
+    except OSError as error:
+        raise StorageError(f"{output}: cannot be written: {error.strerror}.") from error
+    say(f"Go on with {output / 'README.md'}.")
+
+
+def _config(
+    name: str, options: Sequence[str]
+) -> tuple[BaseConfig, dict[str, str], list[tuple[str, str]]]:
+    """The cluster configuration, its options, and values of the chart."""
+    pairs = [_pair(option) for option in options]
+    given = {key: value for key, value in pairs if "." not in key}
+    config: BaseConfig = load_plugin(name, GROUP, ".")()
+    config.restore_from_setup_kwargs(given)
+    return config, given, [(key, value) for key, value in pairs if "." in key]
+
+
+def _pair(option: str) -> tuple[str, str]:
+    key, separator, value = option.partition("=")
+    if not separator or not key:
+        raise InputError(f"`--option {option}`: write it as KEY=VALUE.")
+    return key, value
+
+
+def _merge(values: dict[str, Any], changes: Sequence[tuple[str, str]]) -> dict[str, Any]:
+    """Values of a chart, some of them changed: `("operator.replicas", "2")`."""
+    changed = deepcopy(values)
+    for key, value in changes:
+        *path, last = key.split(".")
+        section = changed
+        for name in path:
+            section = section.setdefault(name, {})
+        section[last] = yaml.safe_load(value)
+    return changed
+
+
+def _refuse_other(description: str | None, name: str, *, force: bool) -> None:
+    """Storage must not change by mistake: results in the old one would be out of sight."""
+    before = (description or "").removeprefix(_BY)
+    if description and description.startswith(_BY) and before != name and not force:
+        raise CannotRunError(
+            f"RoboVAST is set up here with the cluster configuration `{before}`. `--force` sets it "
+            f"up with `{name}`; results that are in its storage are then out of reach."
+        )
+
+
+def _refuse_running(kube: Kubernetes, *, force: bool) -> None:
+    try:
+        campaigns = [CampaignState(item) for item in kube.campaigns()]
+    except NotInstalledError:
+        return
+    running = [campaign.name for campaign in campaigns if not campaign.finished]
+    if running and not force:
+        raise CannotRunError(
+            f"campaigns are not finished: {', '.join(running)}. Wait for them, or use `--force`: "
+            "they go on when RoboVAST is installed again."
+        )
+
+
+def _values(config: BaseConfig, kube: Kubernetes) -> dict[str, Any]:
+    """Values of the chart, credentials included."""
+    values: dict[str, Any] = config.chart_values()
+    access, secret = config.get_s3_credentials()
+    storage = values.setdefault("storage", {})
+    if access and secret and "credentials" not in storage:
+        storage["credentials"] = {"accessKey": access, "secretKey": secret}
+    if not config.uses_embedded_s3() and "credentials" not in storage:
+        raise InputError(
+            f"the S3 server {config.get_s3_endpoint()} needs credentials: set "
+            "$ROBOVAST_S3_ACCESS_KEY and $ROBOVAST_S3_SECRET_KEY, or name a Secret with "
+            "`-o s3_secret=NAME`."
+        )
+    return values | _kueue(
+        config, is_there=kube.version_of(KUEUE) is not None, context=kube.context
+    )
+
+
+def _external_secret(config: BaseConfig) -> dict[str, Any]:
+    """Values of the chart that name a Secret where they would have credentials."""
+    values = config.chart_values()
+    if not config.uses_embedded_s3():
+        values["storage"].setdefault("credentials", {"existingSecret": CREDENTIALS_SECRET})
+    return values
+
+
+def _kueue(config: BaseConfig, *, is_there: bool, context: str | None) -> dict[str, Any]:
+    wanted = config.options.get("kueue", "auto")
+    if wanted not in {"auto", "true", "false"}:
+        raise InputError(f"kueue: `{wanted}` is none of auto, true, false.")
+    if wanted == "false" or (wanted == "auto" and not is_there):
+        return {"kueue": {"enabled": False}}
+    cores, memory = config.get_cluster_allocatable_resources(context)
+    resources = {"cpu": str(cores), "memory": f"{memory // 2**20}Mi"}
+    return {"kueue": {"enabled": True, "resources": resources}}
+
+
+_README = """\
+# RoboVAST on a cluster ({name})
+
+`values.yaml` is what this cluster needs of the chart in `robovast/`.
+
+{notes}{secret}
+```bash
+helm upgrade robovast ./robovast --install --namespace {namespace} --create-namespace \\
+  --values values.yaml --wait
+vast exec cluster run
+```
+
+Remove it:
+
+```bash
+helm uninstall robovast --namespace {namespace}
+```
+"""
+
+_CREDENTIALS = """
+The S3 server's credentials stand in no file here. Write each key into a file of its own, and make
+the Secret that the chart expects:
+
+```bash
+kubectl create secret generic {secret} --namespace {namespace} \\
+  --from-file=accessKey --from-file=secretKey
+```
+"""
+
+
+def _readme(name: str, config: BaseConfig, namespace: str) -> str:
+    secret = config.options.get("s3_secret") or CREDENTIALS_SECRET
+    needed = not config.uses_embedded_s3()
+    text = _CREDENTIALS.format(secret=secret, namespace=namespace) if needed else ""
+    return _README.format(name=name, notes=config.NOTES, namespace=namespace, secret=text)

@@ -1,0 +1,158 @@
+"""Jobs that upload a campaign: begun once, followed to their end, and what they say."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+
+from robovast.base.errors import CannotRunError, InputError, RobovastError, StorageError
+from robovast.kubeapi.share_job import Upload, share_job, share_secret
+from robovast_cli.kube.api import Json, Kubernetes
+from robovast_cli.kube.api_errors import ConflictError, UnreachableError
+
+INTERVAL = 1.0
+"""Time between two looks at a Job [s]."""
+PATIENCE = 60.0
+"""How long a Job that is over may take to go [s]."""
+JOB_LABEL = "batch.kubernetes.io/job-name"
+
+_REFUSED = 65
+"""Exit code of our agent: the share, or its description, is wrong."""
+
+
+def start(kube: Kubernetes, upload: Upload, variables: Mapping[str, str]) -> bool:
+    """Begin an upload; False when one of the same campaign is in progress.
+
+    The Job comes first, and waits: so the Secret has an owner from its first moment on.
+
+    Args:
+        kube: the cluster.
+        upload: what is uploaded.
+        variables: describe the share; only the Secret has them.
+
+    Raises:
+        RobovastError: the Job or its Secret could not be created; neither is left.
+    """
+    found = kube.job(upload.job)
+    if found is not None:
+        if _is_in_progress(found):
+            return False
+        _remove(kube, upload.job)
+    secret = f"{upload.job}-{secrets.token_hex(4)}"
+    try:
+        job = kube.create_job(share_job(upload, secret))
+    except ConflictError:  # somebody else was faster
+        return False
+    try:
+        kube.create_secret(share_secret(job, secret, variables))
+        kube.start_job(upload.job)
+    except BaseException:
+        kube.delete_job(upload.job)
+        raise
+    return True
+
+
+def follow(kube: Kubernetes, job: str, campaign: str, show: Callable[[str], None]) -> None:
+    """Show the last line of a Job's log whenever it is new, until the Job has succeeded.
+
+    Args:
+        kube: the cluster; it may be gone for a while.
+        job: name of the Job.
+        campaign: what it uploads, for messages.
+        show: is given each line.
+
+    Raises:
+        RobovastError: the Job has failed, with what its pod says, or was deleted.
+    """
+    shown = ""
+    while True:
+        with suppress(UnreachableError):
+            found = kube.job(job)
+            if found is None:
+                raise CannotRunError(f"{campaign}: the Job {job} was deleted meanwhile.")
+            pods = kube.pods({JOB_LABEL: job})
+            line = _news(kube, pods[-1]) if pods else ""
+            if line and line != shown:
+                show(line)
+                shown = line
+            if _has(found, "Complete"):
+                return
+            if _has(found, "Failed"):
+                raise _failure(kube, found, pods, campaign)
+        time.sleep(INTERVAL)
+
+
+def log_command(kube: Kubernetes, job: str) -> str:
+    """What prints the log of a Job's pod."""
+    return f"kubectl --namespace {kube.namespace} logs job/{job}"
+
+
+def _failure(kube: Kubernetes, job: Json, pods: list[Json], campaign: str) -> RobovastError:
+    """What the last pod has said, else why Kubernetes has given the Job up."""
+    name = job["metadata"]["name"]
+    ends = [end for pod in reversed(pods) for end in _ends(pod)]
+    told = next((end for end in ends if end.get("message")), None)
+    reasons = (item.get("message", "") for item in job["status"]["conditions"])
+    message = told["message"] if told else next(filter(None, reasons), "it does not say why.")
+    kind = InputError if told and told.get("exitCode") == _REFUSED else StorageError
+    return kind(
+        f"{campaign} was not uploaded: {str(message).strip()}\n    Its log: "
+        f"{log_command(kube, name)}"
+    )
+
+
+def _news(kube: Kubernetes, pod: Json) -> str:
+    """The last line of a pod's log; before there is one, why the pod waits."""
+    waits = next(_waits(pod), "")
+    if waits:
+        return waits
+    try:
+        lines = kube.log_end(pod["metadata"]["name"], 1).splitlines()
+    except RobovastError:  # not allowed, not begun yet, or its node does not answer
+        return ""
+    return lines[-1] if lines else ""
+
+
+def _waits(pod: Json) -> Iterator[str]:
+    """Why a pod does not begin, if that is worth telling."""
+    status = pod.get("status", {})
+    for condition in status.get("conditions") or ():
+        if condition["type"] == "PodScheduled" and condition["status"] == "False":
+            yield f"its pod waits: {condition.get('message') or condition.get('reason')}"
+    for container in status.get("containerStatuses") or ():
+        waiting = container["state"].get("waiting") or {}
+        if waiting.get("message"):
+            yield f"its pod waits: {waiting.get('reason')}: {waiting['message']}"
+
+
+def _ends(pod: Json) -> Iterator[Json]:
+    """How the containers of a pod have ended; else how the pod has."""
+    status = pod.get("status", {})
+    for container in status.get("containerStatuses") or ():
+        if "terminated" in container["state"]:
+            yield container["state"]["terminated"]
+    yield {"message": status.get("message", "")}
+
+
+def _is_in_progress(job: Json) -> bool:
+    over = _has(job, "Complete") or _has(job, "Failed")
+    return not (over or job["spec"].get("suspend") or job["metadata"].get("deletionTimestamp"))
+
+
+def _has(job: Json, condition: str) -> bool:
+    found = job.get("status", {}).get("conditions") or ()
+    return any(item["type"] == condition and item["status"] == "True" for item in found)
+
+
+def _remove(kube: Kubernetes, name: str) -> None:
+    deadline = time.monotonic() + PATIENCE
+    kube.delete_job(name)
+    while kube.job(name) is not None:
+        if time.monotonic() > deadline:
+            raise CannotRunError(
+                f"an earlier Job {name} is marked for removal, but does not go. Look at `kubectl "
+                f"--namespace {kube.namespace} describe job {name}`, then repeat the command."
+            )
+        time.sleep(INTERVAL)

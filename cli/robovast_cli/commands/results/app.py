@@ -1,0 +1,56 @@
+"""`vast results`: from result folders to answers."""
+
+from collections.abc import Mapping
+
+from robovast_cli.lazy import Lazy, new_group
+
+COMMANDS: Mapping[str, Lazy] = {
+    "postprocess": Lazy(
+        "robovast_cli.commands.results.postprocess:app",
+        "Turn raw results into tables, metadata and a provenance graph.",
+    ),
+    "postprocess-commands": Lazy(
+        "robovast_cli.commands.results.postprocess:commands_app",
+        "List the installed postprocessing commands and their parameters.",
+    ),
+    "query": Lazy(
+        "robovast_cli.commands.results.query:app", "Ask the tables of campaigns with SQL."
+    ),
+    "download": Lazy(
+        "robovast_cli.commands.results.download:app",
+        "Bring results home from the cluster's storage, or from the share.",
+    ),
+    "publish": Lazy(
+        "robovast_cli.commands.results.publish:app",
+        "Pack results and bring them to others, as the .vast file says.",
+    ),
+    "publish-commands": Lazy(
+        "robovast_cli.commands.results.publish:commands_app",
+        "List the installed publication plugins and their parameters.",
+    ),
+    "merge-campaigns": Lazy(
+        "robovast_cli.commands.results.merge:app",
+        "Merge campaigns: runs of equal configurations come together.",
+    ),
+    "list-share": Lazy(
+        "robovast_cli.commands.results.share:list_app", "List the campaigns on the share."
+    ),
+    "remove-from-share": Lazy(
+        "robovast_cli.commands.results.share:remove_app", "Remove campaigns from the share."
+    ),
+    "import-results": Lazy(
+        "robovast_cli.commands.results.import_results:app",
+        "Take over a campaign that comes as an archive.",
+    ),
+    "metadata": Lazy(
+        "robovast_cli.commands.results.metadata:app",
+        "Write metadata.yaml and the provenance graph of campaigns.",
+        aliases=("generate-metadata",),
+    ),
+    "sparql": Lazy(
+        "robovast_cli.commands.results.sparql:app",
+        "Ask the provenance graphs of campaigns with SPARQL.",
+    ),
+}
+
+app = new_group("Bring results home, work them up, ask them, publish them.", COMMANDS)

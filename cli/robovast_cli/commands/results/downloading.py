@@ -1,0 +1,204 @@
+"""Fetching campaigns in front of a user."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from robovast.base.errors import CannotRunError, InputError, StorageError
+from robovast.base.progress_bar import fmt_size
+from robovast.storage.belonging import folder_for
+from robovast.storage.download import DownloadObserver, DownloadResult, Silent, download_campaign
+from robovast.storage.ownership import find_bucket, is_owned, owner_of
+from robovast_cli.kube.api import Kubernetes, connect
+from robovast_cli.kube.status import CampaignState, find_campaign, lookup
+from robovast_cli.kube.store import StorePlace, installed_place, open_store, place_of
+from robovast_cli.ui.output import say
+from robovast_cli.workspace import shown
+
+MOST_TOLD = 20
+"""Objects of a bucket that have no place here, or another one."""
+
+
+@dataclass(frozen=True)
+class Results:
+    """Results of a campaign in a store."""
+
+    name: str
+    """Name of the results folder."""
+    bucket: str
+    place: StorePlace
+    campaign: CampaignState | None = None
+    """None when it was removed."""
+
+
+def download_campaigns(
+    context: str | None,
+    namespace: str | None,
+    names: Sequence[str],
+    output: Path,
+    *,
+    force: bool,
+) -> None:
+    """Fetch the named campaigns of a namespace, or all.
+
+    Args:
+        context: of the kubeconfig; the current one when None.
+        namespace: the context's when None.
+        names: of Campaigns or results folders; none means all Campaigns.
+        output: folder for the campaigns' folders.
+        force: fetch also what is here.
+    """
+    with connect(context, namespace) as kube:
+        known = [CampaignState(item) for item in kube.campaigns()]
+        chosen = (
+            [named_results(kube, known, name) for name in names] if names else _all(kube, known)
+        )
+        failed = [
+            results.name for results in chosen if not _try(kube, results, output, force=force)
+        ]
+    if failed:
+        raise StorageError(f"not all could be fetched of {', '.join(failed)}.")
+
+
+def _all(kube: Kubernetes, known: Sequence[CampaignState]) -> list[Results]:
+    stored = [campaign for campaign in known if campaign.status.bucket]
+    if not stored:
+        raise InputError(
+            f"no campaign in the namespace {kube.namespace} has results. `--namespace` chooses "
+            "another one, `--campaign` also finds results whose Campaign was removed."
+        )
+    return [results_of(campaign) for campaign in stored]
+
+
+def named_results(kube: Kubernetes, known: Sequence[CampaignState], name: str) -> Results:
+    """Results by name, also those whose Campaign was removed.
+
+    Raises:
+        InputError: there are none, or several.
+        CannotRunError: nothing is stored yet.
+    """
+    place = installed_place(kube, known)
+    if lookup(known, name) is None and place.endpoint:
+        with open_store(kube, place) as store:
+            found = find_bucket(store, name)
+        if found is not None:
+            bucket, owner = found
+            return Results(owner.campaign if owner is not None else name, bucket, place)
+    return results_of(find_campaign(known, name, kube.namespace))
+
+
+def results_of(campaign: CampaignState) -> Results:
+    """Results of a campaign.
+
+    Raises:
+        CannotRunError: nothing is stored yet.
+    """
+    status = campaign.status
+    if not status.bucket:
+        raise CannotRunError(
+            f"{campaign.name}: nothing is stored yet. `vast exec cluster monitor` shows how far "
+            "it is."
+        )
+    name = status.campaign or campaign.name
+    return Results(name, status.bucket, place_of(campaign), campaign)
+
+
+def _try(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> bool:
+    """Fetch a campaign; a fault in one keeps none of the others."""
+    try:
+        _download(kube, results, output, force=force)
+    except StorageError as error:
+        print(f"error: {error}", file=sys.stderr)  # noqa: T201
+        return False
+    return True
+
+
+def _download(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> None:
+    with open_store(kube, results.place) as store:
+        if results.campaign is not None:
+            if _has_not_begun(results.campaign) and not store.has_bucket(results.bucket):
+                say(f"{results.campaign.name}: nothing is stored yet; repeat the command later.")
+                return
+            is_owned(store, results.bucket, results.campaign.uid)
+        folder = folder_for(output, results.name, owner_of(store, results.bucket))
+        if folder.name != results.name:
+            say(f"{results.name} is another campaign's folder here; this one is {folder.name}.")
+        with _view(folder.name) as view:
+            result = download_campaign(store, results.bucket, folder, view, force=force)
+    for line in _summary(result):
+        say(line)
+
+
+def _has_not_begun(campaign: CampaignState) -> bool:
+    """Whether its bucket may not be there yet: the first pod makes it."""
+    return not campaign.finished and not campaign.done
+
+
+def _summary(result: DownloadResult) -> Iterator[str]:
+    total = result.fetched + result.present
+    here = f" ({result.present} were here)" if result.present else ""
+    yield f"{shown(result.campaign)}: {total} runs{here}, {fmt_size(result.size)} fetched."
+    if result.unfinished:
+        yield f"{len(result.unfinished)} runs are not stored yet; repeat the command later."
+    if result.lacking:
+        yield (
+            f"{len(result.lacking)} runs wrote files that could not be stored, {result.lacking[0]} "
+            "the first: `missing` in their run.json says which, and why."
+        )
+    yield from result.warnings[:MOST_TOLD]
+    if len(result.warnings) > MOST_TOLD:
+        yield f"… and {len(result.warnings) - MOST_TOLD} objects more."
+
+
+def _view(title: str) -> AbstractContextManager[DownloadObserver]:
+    return _bar(title) if sys.stdout.isatty() else nullcontext(Silent())
+
+
+@contextmanager
+def _bar(title: str) -> Iterator[DownloadObserver]:
+    from rich.progress import (
+        BarColumn,
+        DownloadColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+        TransferSpeedColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        DownloadColumn(),
+        TransferSpeedColumn(),
+        TextColumn("{task.fields[files]}/{task.fields[count]} files"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns) as progress:
+        yield _Bar(progress, title)
+
+
+class _Bar:
+    """A bar on the terminal."""
+
+    def __init__(self, progress: Any, title: str) -> None:
+        self._progress = progress
+        self._task = progress.add_task(title, total=None, files=0, count=0)
+        self._files = 0
+
+    def planned(self, files: int, size: int) -> None:
+        """Set its length."""
+        self._progress.update(self._task, total=size, count=files)
+
+    def received(self, size: int) -> None:
+        """Advance it."""
+        self._progress.advance(self._task, size)
+
+    def file_finished(self) -> None:
+        """Count a file."""
+        self._files += 1
+        self._progress.update(self._task, files=self._files)

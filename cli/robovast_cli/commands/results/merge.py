@@ -1,0 +1,49 @@
+"""`vast results merge-campaigns`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robovast_cli.commands.results.options import Campaigns, ResultsDir
+from robovast_cli.lazy import new_app
+
+app = new_app("Merge campaigns: runs of equal configurations come together.")
+
+
+@app.command()
+def merge_campaigns(
+    ctx: typer.Context,
+    target: Annotated[
+        Path, typer.Argument(metavar="DIR", help="New folder for the merged campaign.")
+    ],
+    results_dir: ResultsDir = None,
+    campaign: Campaigns = None,
+) -> None:
+    """Merge campaigns: runs of equal configurations come together, numbered anew.
+
+    The campaigns stay as they are. Tables, metadata and provenance are not taken over:
+    `vast results postprocess -r DIR` makes them of all runs together.
+    """
+    from robovast.campaign.merge import merge_campaigns
+    from robovast_cli.commands.results.options import chosen_campaigns
+    from robovast_cli.ui.output import say
+    from robovast_cli.workspace import shown
+
+    campaigns = chosen_campaigns(results_dir or ctx.obj.results, campaign)
+    sources = [path for path in campaigns if path.absolute() != target.absolute()]
+    result = merge_campaigns(sources, target)
+    for path in result.unidentified:
+        say(f"{path}: has no config_identifier, so it was merged with nothing.")
+    for path in result.left_out:
+        say(f"{path}: left out, because it has no `run.json` of a run that went to its end.")
+    say(
+        f"Merged {_counted(len(sources), 'campaign')} into {shown(target)}: "
+        f"{_counted(result.configurations, 'configuration')}, {_counted(result.runs, 'run')}."
+    )
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"1 {noun}" if number == 1 else f"{number} {noun}s"

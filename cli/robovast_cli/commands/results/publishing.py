@@ -1,0 +1,90 @@
+"""Publication in front of a user."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+
+from robovast.analysis.publication.context import PublicationContext
+from robovast.analysis.publication.plugin import GROUP
+from robovast.analysis.publication.publish import PublishOptions, plan_publication, publish
+from robovast.base.errors import ExitCode
+from robovast.base.progress_bar import ProgressBar
+from robovast.campaign.finding import find_campaigns
+from robovast_cli.commands.results.options import chosen_campaigns
+from robovast_cli.commands.results.plugin_list import described_plugins
+from robovast_cli.ui.output import asked, say
+from robovast_cli.workspace import shown
+
+_GIVEN = ("results_dir", "config_dir", "context")
+"""Parameters that no .vast file sets."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What the user wants."""
+
+    campaigns: list[str] | None
+    override: Path | None
+    force: bool
+    postprocess: bool
+    upload: bool
+
+
+def publish_campaigns(results: Path, choice: Choice) -> ExitCode:
+    """Postprocess and publish the campaigns of a folder, or a campaign."""
+    campaigns = [path.absolute() for path in chosen_campaigns(results, choice.campaigns)]
+    options = PublishOptions(force=choice.force, skip_upload=not choice.upload)
+    known = len(find_campaigns(campaigns[0].parent))
+    batches = plan_publication(campaigns, choice.override, known, options)
+    if choice.postprocess:
+        code = _postprocess([item.path for batch in batches for item in batch.campaigns], choice)
+        if code is not ExitCode.OK:
+            typer.echo(
+                "Nothing was published; `--skip-postprocessing` publishes it all the same.",
+                err=True,
+            )
+            return code
+    publish(batches, options, _context(), say)
+    return ExitCode.OK
+
+
+def print_plugins() -> None:
+    """Print every installed plugin; one that cannot be loaded says why."""
+    typer.echo(described_plugins(GROUP, _GIVEN))
+    typer.echo("\nA plugin in a file is written `<path>.py:<name>`; docs/publication.md.")
+
+
+def _postprocess(campaigns: list[Path], choice: Choice) -> ExitCode:
+    from robovast.analysis.postprocessing.events import Options
+    from robovast_cli.commands.results.postprocessing import run
+
+    codes = [run(shown(path), Options(override=choice.override)) for path in campaigns]
+    return next((code for code in codes if code is not ExitCode.OK), ExitCode.OK)
+
+
+def _context() -> PublicationContext:
+    progress = _Bars()
+    if not sys.stdin.isatty():
+        return PublicationContext((), progress=progress)
+    return PublicationContext((), confirm=_confirm, progress=progress)
+
+
+def _confirm(path: Path) -> bool:
+    return asked(f"{shown(path)} exists and differs. Replace it?", default=True)
+
+
+class _Bars:
+    """One bar for each file that is uploaded."""
+
+    def __init__(self) -> None:
+        self._name = ""
+        self._bar = ProgressBar(0)
+
+    def __call__(self, name: str, done: int, total: int) -> None:
+        if name != self._name:
+            self._name, self._bar = name, ProgressBar(total, name)
+        self._bar.update(done, total)

@@ -1,0 +1,40 @@
+"""`vast results query`: ask the tables of campaigns."""
+
+from typing import Annotated
+
+import typer
+
+from robovast_cli.commands.results.options import AnswerFormat, ResultsDir
+from robovast_cli.lazy import new_app
+
+app = new_app("Ask the tables of campaigns with SQL.")
+
+
+@app.command()
+def query(
+    ctx: typer.Context,
+    sql: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="SQL|-",
+            help="A query, or `-` for standard input; the tables are listed when omitted.",
+            show_default=False,
+        ),
+    ] = None,
+    results_dir: ResultsDir = None,
+    output: AnswerFormat = "table",
+) -> None:
+    """Ask the tables of campaigns with SQL.
+
+    `runs` has a row for each run: parameters (`param_…`), verdict, times, metrics. Each CSV name of
+    the runs is a table of its own. Nothing can be changed.
+
+    Example: vast results query "SELECT config, avg(duration) FROM runs GROUP BY config"
+    """
+    from robovast_cli.ui.rows import print_answer, print_tables
+
+    results = results_dir or ctx.obj.results
+    if sql is None:
+        print_tables(results)
+    else:
+        print_answer(sql, results, output)

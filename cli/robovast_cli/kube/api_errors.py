@@ -1,0 +1,82 @@
+"""What an API server refuses, in the words of RoboVAST."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from robovast.base.errors import CannotRunError, InputError, RobovastError
+
+
+class NotFoundError(CannotRunError):
+    """There is no such object."""
+
+
+class NotInstalledError(CannotRunError):
+    """The cluster does not know RoboVAST's resources."""
+
+
+class ConflictError(CannotRunError):
+    """There is such an object already, or it has changed meanwhile."""
+
+
+class UnreachableError(CannotRunError):
+    """The API server does not answer, or not yet."""
+
+
+def refusal(code: int, status: Mapping[str, Any], where: str) -> RobovastError:
+    """The error for an answer of the API server.
+
+    Args:
+        code: HTTP status.
+        status: the `Status` object of the answer; empty when it had none.
+        where: the server, as messages name it.
+    """
+    message = str(status.get("message") or f"HTTP status {code}").rstrip(".")
+    if code in (400, 413, 422):
+        return InputError(_invalid(status, message, where))
+    if code == 401:
+        return CannotRunError(
+            f"{where} does not accept your credentials. Log in again, or choose another context "
+            "with `--context`."
+        )
+    if code == 403:
+        return CannotRunError(
+            f"{where} does not allow it: {message}. Whoever administers the cluster can grant it "
+            "with a RoleBinding in this namespace; `--namespace` chooses another one."
+        )
+    if code == 404 and not status.get("details", {}).get("name"):
+        return NotInstalledError(
+            f"RoboVAST is not installed in this cluster ({where}): it knows no Campaigns. Install "
+            "it with `vast exec cluster setup CLUSTER_CONFIG`; `--list` shows the cluster "
+            "configurations."
+        )
+    if code == 429 or code >= 500:
+        return unreachable(message, where)
+    kind = {404: NotFoundError, 409: ConflictError}.get(code, CannotRunError)
+    return kind(f"{where}: {message}.")
+
+
+def unreachable(cause: str, where: str) -> RobovastError:
+    """The error when the API server does not answer."""
+    return UnreachableError(
+        f"{where} cannot be reached: {cause}. Does the cluster run, and is it the right context? "
+        "`kubectl config get-contexts` shows all; `--context` chooses one."
+    )
+
+
+def _invalid(status: Mapping[str, Any], message: str, where: str) -> str:
+    """One line for each field that is refused."""
+    details = status.get("details") or {}
+    causes = details.get("causes") or []
+    if not causes:
+        return f"{where} refuses it: {message}."
+    lines = dict.fromkeys(_cause(cause) for cause in causes)
+    name = f"the {details.get('kind', 'object')} `{details.get('name', '')}`"
+    return "\n".join([f"{where} refuses {name}:", *(f"    {line}" for line in lines)])
+
+
+def _cause(cause: Mapping[str, Any]) -> str:
+    field = str(cause.get("field") or "").removeprefix("spec.vast.")
+    message = str(cause.get("message") or "")
+    return f"{field}: {message}" if field and field != "<nil>" else message

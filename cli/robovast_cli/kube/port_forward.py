@@ -1,0 +1,132 @@
+"""A port of this machine that leads to the pods of a Service."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from typing import Any
+
+from robovast.base.errors import CannotRunError
+
+LARGEST_READ = 64 * 1024
+"""How much is passed on at once [byte]."""
+
+Pod = Mapping[str, Any]
+
+_log = logging.getLogger(__name__)
+
+
+class PortForward:
+    """Passes each connection on to a pod that is ready when it is made.
+
+    When a pod goes, its connections end; who uses the port connects again.
+    """
+
+    def __init__(
+        self, api: Any, pods: Callable[[], Awaitable[Sequence[Pod]]], target: int | str
+    ) -> None:
+        """
+        Args:
+            api: kr8s's.
+            pods: asks for the pods.
+            target: their port, by number or by name.
+        """
+        self._api = api
+        self._pods = pods
+        self._target = target
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    async def start(self) -> int:
+        """Listen on a free port of the loopback; returns it.
+
+        Raises:
+            CannotRunError: no pod is ready.
+        """
+        choose(await self._pods(), self._target)
+        self._server = await asyncio.start_server(self._serve, "127.0.0.1", 0)
+        port: int = self._server.sockets[0].getsockname()[1]
+        return port
+
+    async def stop(self) -> None:
+        """End all connections."""
+        self._server.close()
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = asyncio.create_task(self._connect(reader, writer))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _connect(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        try:
+            pod, port = choose(await self._pods(), self._target)
+            async with self._api.open_websocket(
+                version="v1",
+                namespace=pod["metadata"]["namespace"],
+                url=f"pods/{pod['metadata']['name']}/portforward",
+                params={"ports": str(port)},
+            ) as socket:
+                ways = [_send(reader, socket), _receive(socket, writer)]
+                await _until_one_ends([asyncio.create_task(way) for way in ways])
+        except Exception as error:  # the user of the port notices, and tells
+            _log.debug("a forwarded connection has ended: %r", error)
+        finally:
+            writer.close()
+
+
+def choose(pods: Sequence[Pod], target: int | str) -> tuple[Pod, int]:
+    """A pod that is ready, and the number of its port.
+
+    Raises:
+        CannotRunError: there is none.
+    """
+    for pod in pods:
+        port = _port(pod, target)
+        if port and _is_ready(pod):
+            return pod, port
+    raise CannotRunError("none of its pods is ready")
+
+
+def _is_ready(pod: Pod) -> bool:
+    conditions = pod.get("status", {}).get("conditions") or ()
+    ready = any(c["type"] == "Ready" and c["status"] == "True" for c in conditions)
+    return ready and not pod["metadata"].get("deletionTimestamp")
+
+
+def _port(pod: Pod, target: int | str) -> int | None:
+    if isinstance(target, int):
+        return target
+    ports = (port for c in pod["spec"]["containers"] for port in c.get("ports") or ())
+    return next((int(port["containerPort"]) for port in ports if port.get("name") == target), None)
+
+
+async def _until_one_ends(tasks: Sequence[asyncio.Task[None]]) -> None:
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _send(reader: asyncio.StreamReader, socket: Any) -> None:
+    while data := await reader.read(LARGEST_READ):
+        await socket.send_bytes(b"\0" + data)
+
+
+async def _receive(socket: Any, writer: asyncio.StreamWriter) -> None:
+    """Pass on what comes on channel 0; channel 1 tells of faults. Both begin with the port."""
+    begun = set()
+    while True:
+        message = await socket.receive_bytes()
+        channel, data = message[0], message[1:]
+        if channel not in begun:
+            begun.add(channel)
+        elif channel == 0:
+            writer.write(data)
+            await writer.drain()
+        else:
+            raise ConnectionError(data.decode(errors="replace"))

@@ -1,0 +1,189 @@
+"""What a Campaign's status means to whoever waits for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cached_property
+from typing import Any
+
+from robovast.base.errors import ExitCode, InputError
+from robovast.kubeapi.resources import Scheduling, Storage
+from robovast.kubeapi.status import CampaignStatus, Condition, read_status
+
+_TROUBLE = {"Accepted": "False", "Succeeded": "False", "Stalled": "True"}
+"""Conditions, and their status, whose message a person wants to read."""
+
+
+@dataclass(frozen=True)
+class CampaignState:
+    """One Campaign as the API server has it."""
+
+    resource: Mapping[str, Any]
+
+    @property
+    def name(self) -> str:
+        """Name of the Campaign."""
+        return str(self.resource["metadata"]["name"])
+
+    @property
+    def uid(self) -> str:
+        """Its uid."""
+        return str(self.resource["metadata"].get("uid", ""))
+
+    @cached_property
+    def status(self) -> CampaignStatus:
+        """Its status, empty before the operator has seen it."""
+        return read_status(CampaignStatus, self.resource.get("status"))
+
+    @cached_property
+    def storage(self) -> Storage:
+        """Where its results go."""
+        return Storage.model_validate(self.resource["spec"].get("storage") or {})
+
+    @cached_property
+    def scheduling(self) -> Scheduling:
+        """Where and how its pods are scheduled."""
+        return Scheduling.model_validate(self.resource["spec"].get("scheduling") or {})
+
+    @property
+    def attempt(self) -> int:
+        """How often bad runs are executed, at most."""
+        return int(self.resource["spec"].get("attempt") or 1)
+
+    @property
+    def suspended(self) -> bool:
+        """True when it is stopped."""
+        return bool(self.resource["spec"].get("suspend"))
+
+    @property
+    def is_current(self) -> bool:
+        """True when the status is about the spec as it is now."""
+        generation = int(self.resource["metadata"].get("generation", 0))
+        return self.status.observed_generation >= generation
+
+    @property
+    def finished(self) -> bool:
+        """True when nothing more will happen by itself."""
+        return self.is_current and (self.rejected or self.status.state in {"Finished", "Failed"})
+
+    @property
+    def rejected(self) -> bool:
+        """True when the operator cannot execute it as it is."""
+        return self._is("Accepted", "False")
+
+    @property
+    def done(self) -> int:
+        """Runs with a verdict."""
+        runs = self.status.runs
+        return runs.passed + runs.failed + runs.errored
+
+    @property
+    def messages(self) -> list[str]:
+        """What hinders it, each once."""
+        found = (c for c in self.status.conditions if _TROUBLE.get(c.type) == c.status)
+        waiting = (c for c in self.status.conditions if _waits(c))
+        shown = [*found, *(() if self.finished else waiting)]
+        return list(dict.fromkeys(c.message or c.reason for c in shown))
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """What a command that waited for the end says of it, as of a local campaign."""
+        runs = self.status.runs
+        if self.rejected:
+            return ExitCode.BAD_INPUT
+        if self._given_up_before_any_run:
+            return ExitCode.CANNOT_RUN
+        if runs.failed:
+            return ExitCode.TEST_FAILED
+        if runs.errored:
+            return ExitCode.RUN_ERRORED
+        if self.status.state == "Failed":
+            return ExitCode.RUN_ERRORED if self.done else ExitCode.CANNOT_RUN
+        return ExitCode.OK if self.done >= runs.total else ExitCode.RUN_ERRORED
+
+    @property
+    def _given_up_before_any_run(self) -> bool:
+        """True when no run could start, such as those of an incompatible image."""
+        return self._is("Succeeded", "False") and not self.status.runs.stored
+
+    def counts(self) -> str:
+        """`12 of 260 done: 11 passed, 1 failed; 4 pods' runs are active`."""
+        runs = self.status.runs
+        numbers = {"passed": runs.passed, "failed": runs.failed, "errored": runs.errored}
+        parts = [f"{count} {word}" for word, count in numbers.items() if count]
+        text = f"{self.done} of {runs.total} done" + (f": {', '.join(parts)}" if parts else "")
+        return text + (f"; {runs.active} running" if runs.active and not self.finished else "")
+
+    def elapsed(self, now: datetime) -> float | None:
+        """Time since its first Job, until its end [s]; None before."""
+        start = _time(self.status.start_time)
+        if start is None:
+            return None
+        end = _time(self.status.completion_time) if self.finished else None
+        return max(0.0, ((end or now) - start).total_seconds())
+
+    def left(self, now: datetime) -> float | None:
+        """Time until its end at the pace so far [s]; None when that cannot be told."""
+        elapsed = self.elapsed(now)
+        if elapsed is None or self.finished or self.suspended or not self.done:
+            return None
+        return elapsed / self.done * (self.status.runs.total - self.done)
+
+    def summary(self) -> Iterator[str]:
+        """How it ended: what hindered it, bad runs, counts."""
+        yield from self.messages
+        runs = self.status.runs
+        for path in self.status.failing:
+            yield f"not passed: {path}"
+        more = runs.failed + runs.errored - len(self.status.failing)
+        if self.status.failing and more > 0:
+            yield f"… and {more} more that did not pass."
+        if runs.total:
+            yield f"{self.counts()}."
+
+    def _is(self, kind: str, status: str) -> bool:
+        return any(c.type == kind and c.status == status for c in self.status.conditions)
+
+
+def lookup(known: Iterable[CampaignState], name: str) -> CampaignState | None:
+    """The campaign of a name, or of the name of its results folder; None when there is none.
+
+    Raises:
+        InputError: results folders of several have that name.
+    """
+    found = [c for c in known if name in {c.name, c.status.campaign, c.status.bucket}]
+    exact = [c for c in found if c.name == name] or found
+    if len(exact) > 1:
+        names = ", ".join(campaign.name for campaign in exact)
+        raise InputError(f"several campaigns have results called {name}; name one of {names}.")
+    return exact[0] if exact else None
+
+
+def find_campaign(known: Sequence[CampaignState], name: str, namespace: str) -> CampaignState:
+    """The campaign of a name, or of the name of its results folder.
+
+    Raises:
+        InputError: there is none.
+    """
+    found = lookup(known, name)
+    if found is None:
+        names = ", ".join(campaign.name for campaign in known) or "none"
+        raise InputError(
+            f"there is no campaign `{name}` in the namespace {namespace}; it has {names}."
+        )
+    return found
+
+
+def _waits(condition: Condition) -> bool:
+    return condition.type == "QuotaReserved" and condition.status == "False"
+
+
+def _time(text: str | None) -> datetime | None:
+    return datetime.fromisoformat(text) if text else None
+
+
+def now() -> datetime:
+    """The time."""
+    return datetime.now(UTC)

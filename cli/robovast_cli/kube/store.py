@@ -1,0 +1,156 @@
+"""The S3 server of a cluster, reached from this machine."""
+
+from __future__ import annotations
+
+import base64
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from robovast.base.errors import CannotRunError, StorageError
+from robovast.kubeapi.names import CREDENTIALS_SECRET
+from robovast_cli.kube.api import Json, Kubernetes, cluster_extra
+from robovast_cli.kube.status import CampaignState
+
+if TYPE_CHECKING:
+    from robovast.storage.s3 import ObjectStore
+
+ENDPOINT = "ROBOVAST_S3_ENDPOINT"
+ACCESS_KEY = "ROBOVAST_S3_ACCESS_KEY"
+SECRET_KEY = "ROBOVAST_S3_SECRET_KEY"  # noqa: S105 - the name of a variable
+
+PATIENCE = 60.0
+"""For how long a server may be gone [s]."""
+CONNECTIONS = 16
+
+
+@dataclass(frozen=True)
+class StorePlace:
+    """An S3 server and the Secret with the keys of an account on it."""
+
+    endpoint: str
+    """URL as pods reach it."""
+    region: str | None = None
+    secret: str = CREDENTIALS_SECRET
+
+
+def place_of(campaign: CampaignState) -> StorePlace:
+    """Where a campaign's results are."""
+    storage = campaign.storage
+    endpoint = campaign.status.endpoint or storage.endpoint or ""
+    return StorePlace(endpoint, storage.region, storage.secret_name)
+
+
+def installed_place(kube: Kubernetes, known: Sequence[CampaignState]) -> StorePlace:
+    """The store of campaigns that name none: as the Secret notes it, else as a campaign has it.
+
+    Its endpoint is empty when nobody tells.
+    """
+    try:
+        data = (kube.secret(CREDENTIALS_SECRET) or {}).get("data") or {}
+    except CannotRunError:
+        data = {}
+    told = [_decoded(data[key]) if key in data else "" for key in ("endpoint", "region")]
+    seen = (campaign.status.endpoint for campaign in reversed(known))
+    endpoint = os.environ.get(ENDPOINT) or told[0] or next(filter(None, seen), "")
+    return StorePlace(endpoint, told[1] or None)
+
+
+@contextmanager
+def open_store(kube: Kubernetes, place: StorePlace) -> Iterator[ObjectStore]:
+    """A store as long as the context lasts.
+
+    `$ROBOVAST_S3_ENDPOINT` stands for an address that only pods know; without it, a Service of
+    the cluster is reached by port forwarding. Keys come from `$ROBOVAST_S3_ACCESS_KEY` and
+    `$ROBOVAST_S3_SECRET_KEY`, else from the Secret.
+
+    Raises:
+        CannotRunError: there are no keys, or no pod serves the Service.
+        StorageError: the endpoint is unknown.
+    """
+    with cluster_extra():
+        from robovast.storage.endpoint import Credentials, Endpoint
+        from robovast.storage.s3 import ObjectStore
+    credentials = Credentials(*_keys(kube, place.secret))
+    with reachable(kube, os.environ.get(ENDPOINT) or place.endpoint) as address:
+        endpoint = Endpoint.parse(address, place.region)
+        yield ObjectStore(endpoint, credentials, patience=PATIENCE, connections=CONNECTIONS)
+
+
+def cluster_service(endpoint: str) -> tuple[str, str, int] | None:
+    """Name, namespace and port when an endpoint is a Service of the cluster, else None."""
+    parts = urlsplit(endpoint)
+    labels = (parts.hostname or "").split(".")
+    if len(labels) < 3 or labels[2] != "svc":
+        return None
+    return labels[0], labels[1], parts.port or (443 if parts.scheme == "https" else 80)
+
+
+def _keys(kube: Kubernetes, secret: str) -> tuple[str, str]:
+    given = os.environ.get(ACCESS_KEY), os.environ.get(SECRET_KEY)
+    if given[0] and given[1]:
+        return given[0], given[1]
+    remedy = f"Set {ACCESS_KEY} and {SECRET_KEY}, or ask for the right to read that Secret."
+    try:
+        found = kube.secret(secret)
+    except CannotRunError as error:
+        raise CannotRunError(f"{error} {remedy}") from error
+    data = (found or {}).get("data") or {}
+    try:
+        access, hidden = (_decoded(data[key]) for key in ("accessKey", "secretKey"))
+    except KeyError:
+        raise CannotRunError(
+            f"there is no Secret `{secret}` with the keys `accessKey` and `secretKey` in the "
+            f"namespace {kube.namespace}, so nothing opens its S3 server. {remedy}"
+        ) from None
+    return access, hidden
+
+
+def _decoded(value: str) -> str:
+    return base64.b64decode(value).decode().strip()
+
+
+@contextmanager
+def reachable(kube: Kubernetes, endpoint: str) -> Iterator[str]:
+    """The address of an endpoint for this machine: a Service's is that of a forwarded port.
+
+    Raises:
+        StorageError: the endpoint is empty.
+        CannotRunError: there is no such Service, or none of its pods is ready.
+    """
+    if not endpoint:
+        raise StorageError(
+            f"it is not known where the S3 server of this cluster is: set {ENDPOINT}, as "
+            "`https://s3.example.org`."
+        )
+    service = cluster_service(endpoint)
+    if service is None:
+        yield endpoint
+        return
+    name, namespace, port = service
+    found = kube.service(name, namespace)
+    if found is None:
+        raise CannotRunError(
+            f"there is no Service `{name}` in the namespace {namespace}: is RoboVAST's embedded "
+            "storage installed? `vast exec cluster setup` installs it."
+        )
+    targets = {item["port"]: item.get("targetPort") for item in found["spec"]["ports"]}
+    with _forward(kube, found, targets.get(port) or port) as local:
+        yield f"{urlsplit(endpoint).scheme}://127.0.0.1:{local}"
+
+
+@contextmanager
+def _forward(kube: Kubernetes, service: Json, target: int | str) -> Iterator[int]:
+    with ExitStack() as stack:
+        try:
+            port = stack.enter_context(kube.forward(service, target))
+        except CannotRunError as error:
+            name, namespace = (service["metadata"][key] for key in ("name", "namespace"))
+            raise CannotRunError(
+                f"the S3 server cannot be reached through the Service `{name}` in the namespace "
+                f"{namespace}: {error}. Look at `kubectl --namespace {namespace} get pods`."
+            ) from error
+        yield port

@@ -1,0 +1,105 @@
+"""Answers of SPARQL queries as a table, CSV or JSON."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from robovast.analysis.provenance.query import Answer, Graphs, query_names, read_query
+from robovast.analysis.provenance.vocabulary import PREFIXES
+from robovast.base.errors import InputError
+from robovast.campaign.finding import find_campaigns
+from robovast_cli.ui.listing import format_table
+
+Format = Literal["table", "csv", "json"]
+
+
+def print_query_names() -> None:
+    """Print the names of the package's queries."""
+    sys.stdout.write(format_table(["NAME", "ANSWER"], query_names().items()))
+
+
+def print_answer(query: str, results: Path, output: Format) -> None:
+    """Print the answer of a query over all campaigns of a folder.
+
+    Args:
+        query: name of a query of the package, a file, or `-`.
+        results: folder of campaigns, or one campaign.
+        output: how.
+    """
+    text = _read(query)
+    graphs = Graphs(find_campaigns(results))
+    _FORMATS[output](graphs.ask(text), graphs)
+
+
+def _read(query: str) -> str:
+    if query in query_names():
+        return read_query(query)
+    try:
+        if query == "-":
+            return sys.stdin.read()
+        path = Path(query)
+        return path.read_text(encoding="utf-8") if path.is_file() else read_query(query)
+    except UnicodeDecodeError:
+        raise InputError(f"{query}: is no text in UTF-8.") from None
+    except OSError as error:
+        raise InputError(f"{query}: cannot be read: {error.strerror}.") from error
+
+
+def _print_csv(answer: Answer, graphs: Graphs) -> None:
+    del graphs
+    sys.stdout.write(answer.csv())
+
+
+def _print_json(answer: Answer, graphs: Graphs) -> None:
+    del graphs
+    lines = (
+        json.dumps(dict(zip(answer.columns, row, strict=True)), ensure_ascii=False)
+        for row in answer
+    )
+    sys.stdout.write("[\n" + ",\n".join(lines) + "\n]\n")
+
+
+def _print_table(answer: Answer, graphs: Graphs) -> None:
+    shorten = _shortener(graphs)
+    rows = [[shorten(value) for value in row] for row in answer]
+    noun = "row" if len(rows) == 1 else "rows"
+    sys.stdout.write(f"{format_table(answer.columns, rows)}\n{len(rows)} {noun}\n")
+
+
+def _shortener(graphs: Graphs) -> Callable[[Any], str]:
+    """Writes IRIs as short as they are clear: relative to the campaign, or with a prefix."""
+    bases = list(graphs.campaigns)
+    names = {iri: f"{folder.absolute().name}/" for iri, folder in graphs.campaigns.items()}
+    short = {bases[0]: ""} if len(bases) == 1 else names
+
+    def shorten(value: Any) -> str:
+        if not isinstance(value, str):
+            return _text(value)
+        base = next((base for base in bases if value.startswith(base)), None)
+        if base is not None:
+            return short[base] + value.removeprefix(base) or "."
+        prefix = next((p for p, iri in PREFIXES.items() if value.startswith(iri)), None)
+        return f"{prefix}:{value.removeprefix(PREFIXES[prefix])}" if prefix else _one_line(value)
+
+    return shorten
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return ""
+    return f"{value:.10g}" if isinstance(value, float) else str(value).lower()
+
+
+def _one_line(text: str) -> str:
+    return text.replace("\n", "⏎")
+
+
+_FORMATS: Mapping[Format, Callable[[Answer, Graphs], None]] = {
+    "table": _print_table,
+    "csv": _print_csv,
+    "json": _print_json,
+}

@@ -1,0 +1,112 @@
+"""Running a campaign in front of a user: a view while it runs, a summary at the end."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from pathlib import Path
+
+from robovast.base.errors import ExitCode, InputError
+from robovast.campaign.layout import Layout
+from robovast.campaign.run_record import RunRecord
+from robovast.campaign.verdict import Verdict
+from robovast.execution.local import LocalOptions, Observer, Summary, resume_campaign, run_campaign
+from robovast.model.document import Document
+from robovast_cli.ui.output import asked, say
+from robovast_cli.workspace import shown
+
+MOST_LISTED = 20
+"""Runs that the summary names at most."""
+
+
+def start(document: Document, output: Path, options: LocalOptions) -> ExitCode:
+    """Run a new campaign."""
+    return _watch(lambda view: run_campaign(document, output, options, view))
+
+
+def meant(document: Document, out: Path, options: LocalOptions) -> LocalOptions:
+    """The options, with the configuration that OUT names where the user says that it is one.
+
+    Raises:
+        InputError: nobody is there to be asked.
+    """
+    names = [entry.name for entry in document.vast.configuration or ()]
+    if out.exists() or not any(re.fullmatch(rf"{re.escape(n)}(-\d+)*", str(out)) for n in names):
+        return options
+    if not sys.stdin.isatty():
+        raise InputError(
+            f"`{out}` is a configuration, and OUT is the folder for results. `--config {out}` runs "
+            f"it alone, `--output {out}` makes a folder of that name."
+        )
+    question = f"`{out}` is a configuration. Run it alone (no: results go into a folder {out})?"
+    return replace(options, select=str(out)) if asked(question, default=True) else options
+
+
+def resume(campaign: Path, options: LocalOptions) -> ExitCode:
+    """Run what is left of a campaign."""
+    return _watch(lambda view: resume_campaign(campaign, options, view))
+
+
+def _watch(execute: Callable[[Observer], Summary]) -> ExitCode:
+    with _view() as view:
+        summary = execute(view)
+    for line in summary_lines(summary):
+        say(line)
+    return exit_code(summary)
+
+
+def _view() -> AbstractContextManager[Observer]:
+    """A live view on a terminal, lines elsewhere."""
+    if sys.stdout.isatty() and os.environ.get("TERM") != "dumb":
+        from robovast_cli.ui.live_view import LiveView
+
+        return LiveView()
+    from robovast_cli.ui.plain_view import PlainView
+
+    return PlainView()
+
+
+def exit_code(summary: Summary) -> ExitCode:
+    """What the command's exit code says of a campaign."""
+    verdicts = {record.verdict for record in summary.records}
+    if summary.interrupted:
+        return ExitCode.INTERRUPTED
+    if Verdict.FAILED in verdicts:
+        return ExitCode.TEST_FAILED
+    if verdicts - {Verdict.PASSED} or len(summary.records) < summary.total:
+        return ExitCode.RUN_ERRORED
+    return ExitCode.OK
+
+
+def summary_lines(summary: Summary) -> Iterator[str]:
+    """How a campaign ended: counts, every run that did not pass, the folder of the results."""
+    yield ""
+    bad = [record for record in summary.records if record.verdict is not Verdict.PASSED]
+    for record in bad[:MOST_LISTED]:
+        yield f"{record.verdict:<11}  {record.variant}/{record.run}: {record.reason}"
+        yield f"{'':11}  {_log(summary, record)}"
+    if len(bad) > MOST_LISTED:
+        yield f"… and {len(bad) - MOST_LISTED} more that did not pass."
+    yield from [""] if bad else []
+    yield f"{_counts(summary)}."
+    yield f"Results: {shown(summary.campaign)}"
+    if len(summary.records) < summary.total or summary.interrupted:
+        yield f"Continue: vast exec local run --resume {shown(summary.campaign)}"
+
+
+def _log(summary: Summary, record: RunRecord) -> Path:
+    return shown(Layout(summary.campaign).job(record.job) / "logs" / "system.log")
+
+
+def _counts(summary: Summary) -> str:
+    counts = Counter(record.verdict for record in summary.records)
+    parts = [f"{counts[verdict]} {verdict}" for verdict in Verdict if counts[verdict]]
+    left = summary.total - len(summary.records)
+    parts += [f"{left} not started"] if left else []
+    noun = "run" if summary.total == 1 else "runs"
+    return f"{summary.total} {noun}: {', '.join(parts) or 'none'}"

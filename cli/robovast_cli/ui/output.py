@@ -1,0 +1,30 @@
+"""Printing while something runs: a reader that goes away must not stop it."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from robovast_cli.ui.report import silence_stdout
+
+
+def say(line: str) -> None:
+    """Print a line at once; nothing when the reader of stdout has gone."""
+    try:
+        sys.stdout.write(line + "\n")
+        sys.stdout.flush()
+    except BrokenPipeError:
+        silence_stdout()
+
+
+def asked(question: str, *, default: bool) -> bool:
+    """What the user answers.
+
+    Raises:
+        KeyboardInterrupt: nobody answers.
+    """
+    try:
+        return typer.confirm(question, default=default)
+    except typer.Abort:
+        raise KeyboardInterrupt from None

@@ -1,0 +1,71 @@
+"""What a user sees when something goes wrong, and the exit code."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import sys
+import traceback
+from collections.abc import Iterator
+
+import typer
+
+from robovast.base.errors import DocumentError, ExitCode, RobovastError
+
+BROKEN_PIPE = 141
+"""Exit code when the reader of the output has gone, as of every program that SIGPIPE ends."""
+
+
+@contextlib.contextmanager
+def errors_reported() -> Iterator[None]:
+    """Turn every exception into a message on stderr and an exit code.
+
+    Raises:
+        typer.Exit: with the code, after the message was printed.
+    """
+    try:
+        yield
+        sys.stdout.flush()
+    except RobovastError as error:
+        _show_traceback()
+        _print(_message(error))
+        raise typer.Exit(error.exit_code) from None
+    except KeyboardInterrupt:
+        _print("interrupted")
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
+    except BrokenPipeError:
+        silence_stdout()
+        raise typer.Exit(BROKEN_PIPE) from None
+    except (typer.Exit, typer.Abort, typer.TyperException):
+        raise
+    except Exception as error:
+        _show_traceback()
+        cause = f"{type(error).__name__}: {error}".rstrip(": ").replace("\n", " ")
+        _print(f"error: a fault of RoboVAST: {cause} (`vast -l debug …` shows where)")
+        raise typer.Exit(ExitCode.INTERNAL) from None
+
+
+def silence_stdout() -> None:
+    """Let nothing more fail because the reader of stdout has gone."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _message(error: RobovastError) -> str:
+    if not isinstance(error, DocumentError):
+        return f"error: {error}"
+    count = len(error.problems)
+    files = dict.fromkeys(str(problem.place.file) for problem in error.problems)
+    found = "1 problem" if count == 1 else f"{count} problems"
+    return f"{error}\nerror: {found} in {', '.join(files)}"
+
+
+def _show_traceback() -> None:
+    if logging.getLogger().isEnabledFor(logging.DEBUG):
+        traceback.print_exc()
+
+
+def _print(text: str) -> None:
+    with contextlib.suppress(BrokenPipeError):
+        print(text, file=sys.stderr, flush=True)  # noqa: T201

@@ -1,0 +1,84 @@
+"""Answers of SQL queries as a table, CSV or JSON."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from robovast.analysis.tables.query import Answer, ask, tables
+from robovast.campaign.finding import find_campaigns
+from robovast_cli.ui.listing import format_table
+
+Format = Literal["table", "csv", "json"]
+
+
+def print_tables(results: Path) -> None:
+    """Print the tables of all campaigns of a folder, with their columns."""
+    rows = [
+        [table, ", ".join(columns)] for table, columns in tables(find_campaigns(results)).items()
+    ]
+    sys.stdout.write(format_table(["TABLE", "COLUMNS"], rows))
+
+
+def print_answer(sql: str, results: Path, output: Format) -> None:
+    """Print the answer of a query over all campaigns of a folder.
+
+    Args:
+        sql: the query, or `-` for standard input.
+        results: folder of campaigns, or one campaign.
+        output: how.
+    """
+    text = sys.stdin.read() if sql == "-" else sql
+    _FORMATS[output](ask(find_campaigns(results), text))
+
+
+def _print_csv(answer: Answer) -> None:
+    writer = csv.writer(sys.stdout, lineterminator="\n")
+    writer.writerow(answer.columns)
+    writer.writerows([_text(value) for value in row] for row in answer.rows)
+
+
+def _print_json(answer: Answer) -> None:
+    lines = (
+        json.dumps(
+            {name: _jsonable(v) for name, v in zip(answer.columns, row, strict=True)},
+            ensure_ascii=False,
+            default=str,
+        )
+        for row in answer.rows
+    )
+    sys.stdout.write("[\n" + ",\n".join(lines) + "\n]\n")
+
+
+def _jsonable(value: Any) -> Any:
+    """A value as JSON has it: no number but finite ones."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _print_table(answer: Answer) -> None:
+    rows = [[_cell(value) for value in row] for row in answer.rows]
+    noun = "row" if len(rows) == 1 else "rows"
+    sys.stdout.write(f"{format_table(answer.columns, rows)}\n{len(rows)} {noun}\n")
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return ""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _cell(value: Any) -> str:
+    text = f"{value:.10g}" if isinstance(value, float) else _text(value)
+    return text.replace("\n", "⏎")
+
+
+_FORMATS: Mapping[Format, Callable[[Answer], None]] = {
+    "table": _print_table,
+    "csv": _print_csv,
+    "json": _print_json,
+}

@@ -1,0 +1,309 @@
+"""Requests to the Kubernetes API: few, patient with a busy server, clear when refused."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import json
+import logging
+import os
+import ssl
+import tempfile
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from typing import Any
+
+import aiohttp
+import kopf
+
+from robovast.base.errors import CannotRunError
+from robovast_operator.kube.lenient import shaped
+from robovast_operator.planning.campaign import Object
+
+LOGGER = logging.getLogger(__name__)
+
+FIELD_MANAGER = "robovast-operator"
+
+JSON_PATCH = "application/json-patch+json"
+MERGE_PATCH = "application/merge-patch+json"
+APPLY_PATCH = "application/apply-patch+yaml"
+
+TRIES = 5
+PAUSE = 2.0
+"""Between two tries of what is tried for ever [s]."""
+PAGE = 200
+"""Objects of a list in one answer: an answer is held in memory whole."""
+
+
+class ApiError(Exception):
+    """The server refused a request."""
+
+    def __init__(self, code: int, reason: str, message: str) -> None:
+        super().__init__(f"{message} ({code} {reason})")
+        self.code = code
+        self.reason = reason
+        self.terminating = code == 403 and "being terminated" in message
+        """Whether the namespace is being deleted."""
+
+
+class Api:
+    """A client of one API server."""
+
+    def __init__(
+        self,
+        info: kopf.ConnectionInfo,
+        metrics: Any = None,
+        may_write: Callable[[], bool] = lambda: True,
+    ) -> None:
+        """Make a client.
+
+        Args:
+            info: where the server is, and who we are.
+            metrics: count requests, if given.
+            may_write: asked before each request that changes anything, so that a replica that
+                slept while another took over does nothing more.
+        """
+        self._info = info
+        self._metrics = metrics
+        self._may_write = may_write
+        self._session: aiohttp.ClientSession | None = None
+
+    async def close(self) -> None:
+        """End all connections."""
+        if self._session is not None:
+            await self._session.close()
+
+    async def get(self, path: str, *, tries: int = TRIES) -> Object:
+        """Read an object; a server that is busy or away is asked `tries` times."""
+        return await self._request("GET", path, tries=tries)
+
+    async def list(self, path: str, **parameters: str) -> AsyncIterator[Object]:
+        """Read the objects of a collection, a page at a time.
+
+        Args:
+            path: of the collection.
+            parameters: of the query, `labelSelector` and the like.
+        """
+        query = {"limit": str(PAGE), **parameters}
+        while True:
+            page = await self._request("GET", path, query=query)
+            for item in page.get("items") or ():
+                yield shaped(item)
+            token = page.get("metadata", {}).get("continue")
+            if not token:
+                return
+            query = {**query, "continue": token}
+
+    async def can_stream_lists(self, path: str) -> bool:
+        """Whether a watch may begin with what is there; Kubernetes 1.33 refuses that by default.
+
+        Waits for a server that is busy or away.
+
+        Args:
+            path: of a collection.
+        """
+        while True:
+            try:
+                async with self._send("GET", path, query=_STREAMED_LIST) as response:
+                    if response.status < 500 and response.status != 429:
+                        return response.status < 400
+                    problem = f"the server answers {response.status}"
+            except (aiohttp.ClientError, TimeoutError) as error:
+                problem = str(error) or type(error).__name__
+            LOGGER.warning("GET %s: %s; again in %.0f s", path, problem, PAUSE)
+            await asyncio.sleep(PAUSE)
+
+    async def create(self, path: str, obj: Object) -> Object | None:
+        """Make an object; None when there is one of its name, which is as good."""
+        try:
+            return await self._request("POST", path, body=obj, query=_MANAGED)
+        except ApiError as error:
+            if error.code == 409 and error.reason == "AlreadyExists":
+                return None
+            raise
+
+    async def patch(self, path: str, patch: Object) -> Object | None:
+        """Change fields of an object; None when it is gone."""
+        return await self._gone_is_none("PATCH", path, body=patch, kind=MERGE_PATCH)
+
+    async def apply_status(self, path: str, obj: Object) -> Object | None:
+        """Write the whole status of an object; None when it is gone."""
+        query = {"force": "true", **_MANAGED}
+        return await self._gone_is_none(
+            "PATCH", f"{path}/status", body=obj, kind=APPLY_PATCH, query=query
+        )
+
+    async def delete(self, path: str, *, after_children: bool = True) -> None:
+        """Remove an object and what it owns; that it is gone already is as good.
+
+        Args:
+            path: of the object.
+            after_children: the object stays until what it owns is gone, a Job until its pods are.
+        """
+        how = "Foreground" if after_children else "Background"
+        await self._gone_is_none("DELETE", path, query={"propagationPolicy": how})
+
+    async def update(self, path: str, obj: Object) -> Object:
+        """Replace an object, unless it has changed since it was read."""
+        return await self._request("PUT", path, body=obj)
+
+    async def _gone_is_none(self, method: str, path: str, **arguments: Any) -> Object | None:
+        try:
+            return await self._request(method, path, **arguments)
+        except ApiError as error:
+            if error.code == 404:
+                return None
+            raise
+
+    async def _request(
+        self,
+        method: str,
+        path: str,
+        *,
+        body: Object | None = None,
+        kind: str = "application/json",
+        query: Mapping[str, str] | None = None,
+        tries: int = TRIES,
+    ) -> Object:
+        for attempt in range(tries):
+            try:
+                answer, retry = await self._once(method, path, body, kind, query or {})
+            except (aiohttp.ClientError, TimeoutError) as error:
+                if attempt == tries - 1:
+                    raise ApiError(0, "Unreachable", f"{method} {path}: {error}") from error
+                retry = 2.0**attempt / 4
+            else:
+                if retry is None:
+                    return answer
+            await asyncio.sleep(retry)
+        raise ApiError(429, "TooManyRequests", f"{method} {path}: the server stays busy")
+
+    async def _once(
+        self,
+        method: str,
+        path: str,
+        body: Object | None,
+        kind: str,
+        query: Mapping[str, str],
+    ) -> tuple[Object, float | None]:
+        """The answer, or how long the server asks to wait."""
+        if method != "GET" and not self._may_write():
+            raise ApiError(0, "NotLeading", f"{method} {path}: another replica may lead by now")
+        async with self._send(method, path, body, kind, query) as response:
+            if response.status in {429, 503}:
+                return {}, _seconds(response.headers.get("Retry-After", ""))
+            text = await response.text()
+            if response.status >= 400:
+                raise _refusal(response.status, text, f"{method} {path}")
+            return json.loads(text), None
+
+    @asynccontextmanager
+    async def _send(
+        self,
+        method: str,
+        path: str,
+        body: Object | None = None,
+        kind: str = "application/json",
+        query: Mapping[str, str] | None = None,
+    ) -> AsyncIterator[aiohttp.ClientResponse]:
+        session = await self._connected()
+        headers = {"Content-Type": kind, "Accept": "application/json", **self._authorization()}
+        async with session.request(
+            method,
+            self._info.server.rstrip("/") + path,
+            data=None if body is None else json.dumps(body),
+            params=query,
+            headers=headers,
+        ) as response:
+            if self._metrics is not None:
+                self._metrics.request(method, path, response.status)
+            yield response
+
+    def _authorization(self) -> dict[str, str]:
+        token = self._info.token
+        if os.path.exists(TOKEN_FILE):  # it is renewed every hour
+            with open(TOKEN_FILE, encoding="utf-8") as file:
+                token = file.read().strip()
+        return {"Authorization": f"Bearer {token}"} if token else {}
+
+    async def _connected(self) -> aiohttp.ClientSession:
+        if self._session is None:
+            connector = aiohttp.TCPConnector(ssl=_tls(self._info), limit=20)
+            timeout = aiohttp.ClientTimeout(total=30, connect=10)
+            self._session = aiohttp.ClientSession(connector=connector, timeout=timeout)
+        return self._session
+
+
+def _seconds(retry_after: str) -> float:
+    """How long to wait; a date, which proxies may give, is as good as nothing."""
+    return float(retry_after) if retry_after.isdecimal() else 1.0
+
+
+def _refusal(code: int, text: str, request: str) -> ApiError:
+    """What the server says against a request; of an API group that it lacks it says plain text."""
+    try:
+        data = json.loads(text)
+        return ApiError(code, data.get("reason", ""), data.get("message") or request)
+    except (ValueError, AttributeError):
+        return ApiError(code, "", f"{request}: {text.strip()[:200]}")
+
+
+_MANAGED = {"fieldManager": FIELD_MANAGER}
+
+_STREAMED_LIST = {
+    "watch": "true",
+    "sendInitialEvents": "true",
+    "resourceVersionMatch": "NotOlderThan",
+    "allowWatchBookmarks": "true",
+    "fieldSelector": "metadata.name=-",  # nothing has that name: the answer is all that counts
+}
+
+TOKEN_FILE = "/var/run/secrets/kubernetes.io/serviceaccount/token"  # noqa: S105
+
+
+def connection_info() -> kopf.ConnectionInfo:
+    """How to reach the API server: from inside a pod, else by kubeconfig.
+
+    Raises:
+        CannotRunError: there is neither.
+    """
+    settings = kopf.OperatorSettings()
+    info = kopf.login_with_service_account(settings=settings)
+    if info is not None:
+        return replace(info, server=_address_in_pods() or info.server)
+    info = kopf.login_with_kubeconfig(settings=settings)
+    if info is None:
+        raise CannotRunError(
+            "There is no way to the Kubernetes API: neither a service account nor a kubeconfig."
+        )
+    return info
+
+
+def _address_in_pods() -> str:
+    """The API server's address as kubelets give it to pods: it needs no DNS, which may be away."""
+    host = os.environ.get("KUBERNETES_SERVICE_HOST")
+    port = os.environ.get("KUBERNETES_SERVICE_PORT", "443")
+    if not host:
+        return ""
+    return f"https://{f'[{host}]' if ':' in host else host}:{port}"
+
+
+def _tls(info: kopf.ConnectionInfo) -> ssl.SSLContext | bool:
+    """The server is trusted by its authority, we by our certificate, if there are any."""
+    if info.server.startswith("http://"):
+        return False
+    authority = info.ca_data and base64.b64decode(info.ca_data).decode()
+    context = ssl.create_default_context(cafile=info.ca_path, cadata=authority or None)
+    if info.insecure:
+        context.check_hostname = False
+        context.verify_mode = ssl.CERT_NONE
+    if info.certificate_path:
+        context.load_cert_chain(str(info.certificate_path), info.private_key_path)
+    elif info.certificate_data and info.private_key_data:
+        with tempfile.NamedTemporaryFile() as file:  # the only way into a context is a file
+            file.write(base64.b64decode(info.certificate_data))
+            file.write(b"\n" + base64.b64decode(info.private_key_data))
+            file.flush()
+            context.load_cert_chain(file.name)
+    return context

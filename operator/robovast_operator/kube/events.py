@@ -1,0 +1,79 @@
+"""Kubernetes Events: what a person wants to know, once for each change of a condition. Pure."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from robovast.kubeapi.resources import API_VERSION
+from robovast.kubeapi.status import Condition
+from robovast_operator.planning.campaign import Identity, Object
+
+_TOLD = {
+    ("Accepted", "True"): "Normal",
+    ("Accepted", "False"): "Warning",
+    ("Stalled", "True"): "Warning",
+    ("Succeeded", "True"): "Normal",
+    ("Succeeded", "False"): "Warning",
+    ("Passed", "True"): "Normal",
+    ("Passed", "False"): "Warning",
+    ("ResultsAvailable", "True"): "Normal",
+}
+"""Conditions that are told when they come about, and how."""
+
+
+@dataclass(frozen=True)
+class Message:
+    """One thing to tell."""
+
+    kind: str
+    """`Normal` or `Warning`."""
+    reason: str
+    text: str
+
+
+def messages(old: Iterable[Condition], new: Iterable[Condition]) -> Iterator[Message]:
+    """What changed from one state to the next."""
+    before = {c.type: (c.status, c.reason) for c in old}
+    conditions = list(new)
+    rejected = {c.reason for c in conditions if c.type == "Accepted" and c.status == "False"}
+    for condition in conditions:
+        kind = _TOLD.get((condition.type, condition.status))
+        if kind is None or before.get(condition.type) == (condition.status, condition.reason):
+            continue
+        if condition.type == "Stalled" and condition.reason in rejected:
+            continue  # the same was told as `Accepted`
+        yield Message(kind, condition.reason, condition.message or condition.type)
+
+
+def event(identity: Identity, message: Message, now: str, about: str = "") -> Object:
+    """The Event object of a message about a Campaign.
+
+    Args:
+        identity: of the Campaign.
+        message: what is told.
+        now: the time.
+        about: what it is about, where that is told once whenever it is noticed.
+    """
+    text = f"{identity.uid}{message.reason}{about or now}"
+    mark = hashlib.sha256(text.encode()).hexdigest()[:12]
+    return {
+        "apiVersion": "v1",
+        "kind": "Event",
+        "metadata": {"name": f"{identity.name}.{mark}", "namespace": identity.namespace},
+        "involvedObject": {
+            "apiVersion": API_VERSION,
+            "kind": "Campaign",
+            "name": identity.name,
+            "namespace": identity.namespace,
+            "uid": identity.uid,
+        },
+        "type": message.kind,
+        "reason": message.reason,
+        "message": message.text[:1000],
+        "source": {"component": "robovast-operator"},
+        "firstTimestamp": now,
+        "lastTimestamp": now,
+        "count": 1,
+    }

@@ -1,0 +1,69 @@
+"""Paths of the Kubernetes API."""
+
+from __future__ import annotations
+
+from robovast.kubeapi.resources import GROUP, VERSION
+
+
+def campaigns(namespace: str | None = None) -> str:
+    """Campaigns of a namespace, or of all."""
+    return f"/apis/{GROUP}/{VERSION}{_in(namespace)}/campaigns"
+
+
+def configurations(namespace: str | None = None) -> str:
+    """Configurations of a namespace, or of all."""
+    return f"/apis/{GROUP}/{VERSION}{_in(namespace)}/configurations"
+
+
+def jobs(namespace: str | None = None) -> str:
+    """Jobs of a namespace, or of all."""
+    return f"/apis/batch/v1{_in(namespace)}/jobs"
+
+
+def pods(namespace: str) -> str:
+    """Pods of a namespace."""
+    return f"/api/v1{_in(namespace)}/pods"
+
+
+def config_maps(namespace: str) -> str:
+    """ConfigMaps of a namespace."""
+    return f"/api/v1{_in(namespace)}/configmaps"
+
+
+def events(namespace: str) -> str:
+    """Events of a namespace."""
+    return f"/api/v1{_in(namespace)}/events"
+
+
+KUEUE = "kueue.x-k8s.io"
+KUEUE_VISIBILITY = "visibility.kueue.x-k8s.io"
+
+
+def group(name: str) -> str:
+    """An API group: in which versions it is served."""
+    return f"/apis/{name}"
+
+
+def workloads(version: str, namespace: str) -> str:
+    """Kueue's Workloads of a namespace."""
+    return f"/apis/{KUEUE}/{version}{_in(namespace)}/workloads"
+
+
+def local_queue(version: str, namespace: str, name: str) -> str:
+    """A LocalQueue of Kueue."""
+    return f"/apis/{KUEUE}/{version}{_in(namespace)}/localqueues/{name}"
+
+
+def pending_workloads(version: str, namespace: str, queue: str) -> str:
+    """What waits in a LocalQueue, in order, as Kueue's visibility server answers."""
+    queues = f"/apis/{KUEUE_VISIBILITY}/{version}{_in(namespace)}/localqueues"
+    return f"{queues}/{queue}/pendingworkloads"
+
+
+def leases(namespace: str) -> str:
+    """Leases of a namespace."""
+    return f"/apis/coordination.k8s.io/v1{_in(namespace)}/leases"
+
+
+def _in(namespace: str | None) -> str:
+    return f"/namespaces/{namespace}" if namespace else ""

@@ -1,0 +1,123 @@
+"""Comparing what is known with what is there: what a watch has missed shows."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import random
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from robovast_operator.kube import malloc as heap
+from robovast_operator.kube.api import Api, ApiError
+from robovast_operator.kube.lenient import metadata
+from robovast_operator.kube.store import Id, id_of
+from robovast_operator.planning.campaign import Object
+from robovast_operator.settings import Settings
+
+LOGGER = logging.getLogger(__name__)
+
+SETTLING_SECONDS = 2.0
+"""A list has come to its end when nothing of it came for so long."""
+
+RETRY_SECONDS = 2.0
+"""Between two tries to learn at the start what is there."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of objects that is watched."""
+
+    name: str
+    path: Callable[[str | None], str]
+    """Of the collection in a namespace, or in all."""
+    known: Callable[[], Iterator[tuple[Id, str]]]
+    """What is known now, each with its resource version."""
+    knows: Callable[[Id], bool]
+    """Whether one is known now."""
+    learn: Callable[[Object], None]
+    forget: Callable[[Id], None]
+    selection: Mapping[str, str] = field(default_factory=dict)
+    """Parameters of the list."""
+
+
+class Resync:
+    """Compares all kinds now and then, and soon after a watch had to begin with a list."""
+
+    def __init__(self, api: Api, settings: Settings, kinds: tuple[Kind, ...]) -> None:
+        self._api = api
+        self._settings = settings
+        self._kinds = kinds
+        self._listed = asyncio.Event()
+        self._misses = 0
+        self.complete = asyncio.Event()
+        """Set once all that was there at the start is known."""
+        self.dead_watch = ""
+        """Which watch has told nothing twice in a row, if any."""
+
+    def listed(self) -> None:
+        """A list tells of an object: what was deleted before it, it cannot tell."""
+        self._listed.set()
+
+    async def keep(self) -> None:
+        """Learn what is there, then compare, for ever."""
+        while not await self._compared():
+            await asyncio.sleep(RETRY_SECONDS)
+        self._misses = 0  # no watch has told anything yet
+        self.complete.set()
+        while True:
+            period = self._settings.resync_seconds * random.uniform(0.9, 1.1)  # noqa: S311
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._listed.wait(), period)
+            while self._listed.is_set():
+                self._listed.clear()
+                await asyncio.sleep(SETTLING_SECONDS)
+            await self._compared()
+
+    async def _compared(self) -> bool:
+        """Whether the objects could be compared."""
+        try:
+            await self.compare()
+        except (ApiError, OSError) as error:
+            LOGGER.warning("the objects cannot be listed: %s", error)
+            return False
+        finally:
+            heap.trim()
+        return True
+
+    async def compare(self) -> None:
+        """Forget what is gone, learn what was missed."""
+        missed = [kind.name for kind in self._kinds if await self._compare(kind)]
+        self._misses = self._misses + 1 if missed else 0
+        if self._misses > 1:  # once may be chance: the list was newer than the stream
+            self.dead_watch = f"the watch of {missed[0]} is dead"
+
+    async def _compare(self, kind: Kind) -> bool:
+        """Whether the watch of a kind has missed anything."""
+        before = dict(kind.known())
+        there: set[Id] = set()
+        new = False
+        # Not from the server's cache: what is missing in the answer is taken for gone.
+        for space in self._settings.namespaces or (None,):
+            async for obj in self._api.list(kind.path(space), **kind.selection):
+                id_ = id_of(obj)
+                there.add(id_)
+                if before.get(id_) != metadata(obj).get("resourceVersion"):
+                    missed = id_ not in before and not kind.knows(id_)  # we may just have made it
+                    new = (self._learn(kind, obj) and missed) or new
+        gone = [id_ for id_ in before if id_ not in there]
+        for id_ in gone:
+            kind.forget(id_)
+        if gone:
+            LOGGER.info("%d %s went while no watch told of it", len(gone), kind.name)
+        return new
+
+    def _learn(self, kind: Kind, obj: Object) -> bool:
+        """Whether an object could be taken: one that cannot be is nobody else's trouble."""
+        try:
+            kind.learn(obj)
+        except Exception:
+            LOGGER.exception("%s: %s/%s cannot be taken", kind.name, *id_of(obj)[:2])
+            return False
+        return True

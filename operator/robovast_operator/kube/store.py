@@ -1,0 +1,258 @@
+"""What the operator knows of the cluster: small facts, kept up to date by watch events."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from robovast.base.ranges import count
+from robovast.kubeapi.names import child_name
+from robovast.kubeapi.resources import CAMPAIGN_LABEL, ROLE_LABEL, UID_LABEL
+from robovast_operator.kube.lenient import metadata, number, ranges, shaped, text, time
+from robovast_operator.planning.campaign import Key, Object
+
+NOTIFY_ROLE = "notify"
+"""Of Jobs that send a notice: nothing in a campaign depends on them."""
+
+QUEUE_LABEL = "kueue.x-k8s.io/queue-name"
+"""Of a Job: the LocalQueue that it stands in."""
+
+CONFIGURATION_LABEL = "robovast.io/configuration-uid"
+"""Of a Job: the Configuration applied by hand that asked for its runs, and that it goes with."""
+
+Id = tuple[str, str, str]
+"""Namespace, name and uid of an object."""
+
+
+@dataclass(frozen=True, slots=True)
+class JobState:
+    """What matters of a Job."""
+
+    namespace: str
+    name: str
+    uid: str
+    campaign: str
+    campaign_uid: str
+    role: str
+    resource_version: str
+    parallelism: int
+    suspended: bool
+    active: int
+    ready: int
+    failed_pods: int
+    completed: str
+    """Completed indexes as ranges."""
+    failed: str
+    """Failed indexes as ranges."""
+    finished: str
+    """`Complete`, `Failed`, or empty."""
+    reason: str
+    message: str
+    deleting: bool
+    size: int = 1
+    """Number of completion indexes."""
+    queue: str = ""
+    """Kueue's LocalQueue that it stands in; Kueue may have chosen one itself."""
+    started: str = ""
+    """When its pods were last allowed to start; empty while they are not."""
+    configuration: str = ""
+    """Uid of the Configuration applied by hand that asked for its runs, if one did."""
+
+    @property
+    def key(self) -> Key:
+        """The Campaign that it belongs to."""
+        return self.namespace, self.campaign
+
+    @property
+    def open(self) -> bool:
+        """Whether it may still change."""
+        return not self.finished
+
+    @property
+    def left(self) -> int:
+        """Completion indexes that have not come to their end."""
+        return self.size - sum(count(ranges(t, self.size)) for t in (self.completed, self.failed))
+
+    @classmethod
+    def of(cls, obj: Object) -> JobState:
+        """The facts of a Job object, whatever anybody wrote into it."""
+        obj = shaped(obj)
+        meta, spec, status = obj["metadata"], obj["spec"], obj["status"]
+        labels = meta.get("labels", {})
+        end = _end(status.get("conditions", ()))
+        return cls(
+            namespace=meta["namespace"],
+            name=meta["name"],
+            uid=meta["uid"],
+            campaign=labels.get(CAMPAIGN_LABEL, ""),
+            campaign_uid=labels.get(UID_LABEL, ""),
+            role=labels.get(ROLE_LABEL, ""),
+            resource_version=meta["resourceVersion"],
+            parallelism=number(spec.get("parallelism"), 1),
+            suspended=spec.get("suspend") is True,
+            active=number(status.get("active")),
+            ready=number(status.get("ready")),
+            failed_pods=number(status.get("failed")),
+            completed=text(status.get("completedIndexes")),
+            failed=text(status.get("failedIndexes")),
+            finished=end.get("type", ""),
+            reason=end.get("reason", ""),
+            message=end.get("message", ""),
+            deleting="deletionTimestamp" in meta,
+            size=number(spec.get("completions"), 1),
+            queue=labels.get(QUEUE_LABEL, ""),
+            started=time(status.get("startTime")) if "startTime" in status else "",
+            configuration=labels.get(CONFIGURATION_LABEL, ""),
+        )
+
+
+def _end(conditions: Iterable[Object]) -> Object:
+    """The condition that ended a Job, or nothing."""
+    ends = (c for c in conditions if c["type"] in {"Complete", "Failed"} and c["status"] == "True")
+    return next(ends, {})
+
+
+@dataclass
+class Store:
+    """Campaigns, Configurations and Jobs by namespace and name."""
+
+    campaigns: dict[Key, Object] = field(default_factory=dict)
+    configurations: dict[Key, Object] = field(default_factory=dict)
+    jobs: dict[Key, dict[str, JobState]] = field(default_factory=dict)
+    """By namespace and name of their Campaign, then by their own name."""
+
+    def put_campaign(self, obj: Object) -> bool:
+        """Know a Campaign as it is now; False when something newer is known."""
+        return _put(self.campaigns, obj)
+
+    def drop_campaign(self, id_: Id) -> Object | None:
+        """Forget a Campaign, and return it; its successor of the same name stays."""
+        return _drop(self.campaigns, id_)
+
+    def put_configuration(self, obj: Object) -> bool:
+        """Know a Configuration as it is now; False when something newer is known."""
+        return _put(self.configurations, obj)
+
+    def drop_configuration(self, id_: Id) -> Object | None:
+        """Forget a Configuration, and return it; its successor of the same name stays."""
+        return _drop(self.configurations, id_)
+
+    def campaign_versions(self) -> Iterator[tuple[Id, str]]:
+        """All Campaigns with their resource versions."""
+        return ((id_of(obj), _version(obj)) for obj in self.campaigns.values())
+
+    def configuration_versions(self) -> Iterator[tuple[Id, str]]:
+        """All Configurations with their resource versions."""
+        return ((id_of(obj), _version(obj)) for obj in self.configurations.values())
+
+    def job_versions(self) -> Iterator[tuple[Id, str]]:
+        """All Jobs with their resource versions."""
+        for jobs in self.jobs.values():
+            for job in jobs.values():
+                yield (job.namespace, job.name, job.uid), job.resource_version
+
+    def put_job(self, job: JobState) -> None:
+        """Know a Job as it is now; what is older than what is known is ignored."""
+        jobs = self.jobs.setdefault(job.key, {})
+        known = jobs.get(job.name)
+        same = known is not None and known.uid == job.uid
+        if not same or known is None or _newer(job.resource_version, known.resource_version):
+            jobs[job.name] = job
+
+    def drop_job(self, id_: Id) -> Key | None:
+        """Forget a Job, and return whose it was; its successor of the same name stays."""
+        key = self._campaign_of(id_)
+        if key is not None:
+            del self.jobs[key][id_[1]]
+            if not self.jobs[key]:
+                del self.jobs[key]
+        return key
+
+    def _campaign_of(self, job: Id) -> Key | None:
+        """Whose a Job is; None when it is not known."""
+        namespace, name, uid = job
+        return next(
+            (
+                key
+                for key, jobs in self.jobs.items()
+                if key[0] == namespace and name in jobs and jobs[name].uid == uid
+            ),
+            None,
+        )
+
+    def knows_campaign(self, id_: Id) -> bool:
+        """Whether a Campaign is known."""
+        return _knows(self.campaigns, id_)
+
+    def knows_configuration(self, id_: Id) -> bool:
+        """Whether a Configuration is known."""
+        return _knows(self.configurations, id_)
+
+    def knows_job(self, id_: Id) -> bool:
+        """Whether a Job is known."""
+        return self._campaign_of(id_) is not None
+
+    def jobs_of(self, key: Key, uid: str) -> dict[str, JobState]:
+        """The Jobs of a Campaign by name, those of a predecessor of its name left out."""
+        return {j.name: j for j in self._own_jobs(key, uid) if j.role != NOTIFY_ROLE}
+
+    def notices_of(self, key: Key, uid: str) -> list[JobState]:
+        """The Jobs that send notices of a Campaign."""
+        return [job for job in self._own_jobs(key, uid) if job.role == NOTIFY_ROLE]
+
+    def _own_jobs(self, key: Key, uid: str) -> list[JobState]:
+        """The Jobs that have a Campaign's uid and a name that is given to its own.
+
+        Anybody may make a Job with its labels: such a one is none of it.
+        """
+        begin = child_name(key[1], uid, "")
+        jobs = self.jobs.get(key, {}).values()
+        return [job for job in jobs if job.campaign_uid == uid and job.name.startswith(begin)]
+
+    def configurations_of(self, key: Key) -> list[Object]:
+        """The Configurations of a Campaign, oldest first."""
+        namespace, name = key
+        found = [
+            obj
+            for (space, _), obj in self.configurations.items()
+            if space == namespace and obj["spec"].get("campaign") == name
+        ]
+        return sorted(
+            found, key=lambda o: (o["metadata"]["creationTimestamp"], o["metadata"]["name"])
+        )
+
+
+def id_of(obj: Object) -> Id:
+    """What tells an object from all others."""
+    meta = metadata(obj)
+    return text(meta.get("namespace")), text(meta.get("name")), text(meta.get("uid"))
+
+
+def _put(objects: dict[Key, Object], given: Object) -> bool:
+    obj = shaped(given)
+    namespace, name, uid = id_of(obj)
+    known = objects.get((namespace, name))
+    same = known is not None and known["metadata"]["uid"] == uid
+    if known is not None and same and not _newer(_version(obj), _version(known)):
+        return False
+    obj["metadata"].pop("managedFields", None)  # a third of the object, and of no use here
+    objects[namespace, name] = obj
+    return True
+
+
+def _knows(objects: dict[Key, Object], id_: Id) -> bool:
+    known = objects.get(id_[:2])
+    return known is not None and id_of(known) == id_
+
+
+def _drop(objects: dict[Key, Object], id_: Id) -> Object | None:
+    return objects.pop(id_[:2]) if _knows(objects, id_) else None
+
+
+def _version(obj: Object) -> str:
+    return str(obj["metadata"]["resourceVersion"])
+
+
+def _newer(one: str, other: str) -> bool:
+    """Whether a resource version is not older; they are numbers on every server we know."""
+    return not (one.isdecimal() and other.isdecimal()) or (len(one), one) >= (len(other), other)

@@ -1,0 +1,329 @@
+"""From a Campaign object to a campaign that can be executed, or to what is wrong with it."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import hashlib
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
+
+import yaml
+from pydantic import ValidationError
+
+from robovast.base.errors import DocumentError, RobovastError
+from robovast.base.plugins import split_file_reference
+from robovast.base.serialization import dump_yaml
+from robovast.campaign.configurations import variants_digest
+from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
+from robovast.kubeapi.resources import CampaignSpec
+from robovast.kubeapi.secret_names import refusal
+from robovast.model.document.loader import Document, check_source
+from robovast.model.document.model import Vast
+from robovast.model.document.source import Source
+from robovast.model.expansion import Variant, compose, select_any
+from robovast.model.expansion.expand import DEFAULT_ENTRY
+from robovast.model.packs import RUNS_LIMIT, Entry, format_breaks, is_breaks
+from robovast.model.plan import breaks
+from robovast.model.quantities import cpus, memory
+from robovast.model.variations import Variation
+from robovast.model.variations.loader import load_variation
+from robovast_operator.planning.campaign import Accepted, Identity, Object, Rejected
+from robovast_operator.pods.reports import Composition
+from robovast_operator.settings import Settings
+
+Files = Mapping[str, bytes]
+"""Input files by path, relative to the document; None when only pods can read them."""
+
+PURE = "robovast.model.variations"
+"""Variation types of this package compute only; others may read files or start containers."""
+
+
+def accept(obj: Object, files: Files | None, settings: Settings) -> Accepted | Rejected:
+    """Check a Campaign as far as it can be done without executing anything of its user's.
+
+    Args:
+        obj: the Campaign.
+        files: its input files, None when they are in S3 or Git.
+        settings: of the installation.
+    """
+    identity = Identity.of(obj)
+    try:
+        spec = CampaignSpec.model_validate(obj["spec"])
+        mounted = spec.model_copy(update={"notifications": []})  # runs do not depend on those
+        refused = refusal(mounted, settings.secret_names)
+        if refused:
+            return Rejected("SecretNotAllowed", refused)
+        text = _document_text(spec, identity, files)
+        if files is None:
+            vast = _validate_alone(spec)
+            return _accepted(identity, spec, vast, text, settings)
+        with tempfile.TemporaryDirectory() as folder:
+            made = _checked(Path(folder), identity, spec, text, files, settings)
+        if isinstance(made, Rejected):
+            return made
+        return replace(made, inputs=_digests(files, made.document_name))
+    except ValidationError as error:
+        return Rejected("InvalidSpec", _spec_message(error))
+    except DocumentError as error:
+        return Rejected("InvalidDocument", str(error))
+    except RobovastError as error:
+        return Rejected("Invalid", str(error))
+    except RecursionError:
+        return Rejected("InvalidSpec", "spec.vast is nested too deeply to be a document")
+    except (ValueError, binascii.Error) as error:
+        return Rejected("InvalidSpec", str(error))
+
+
+def _digests(files: Files, document: str) -> dict[str, str]:
+    """SHA-256 of the files beside a document, which stands in the plan itself."""
+    others = {path: content for path, content in files.items() if path != document}
+    return {path: hashlib.sha256(content).hexdigest() for path, content in others.items()}
+
+
+def inline_files(spec: Mapping[str, object]) -> Files:
+    """The files that stand in a Campaign.
+
+    Raises:
+        ValueError: a path leaves the folder, or content is no base64.
+    """
+    source = CampaignSpec.model_validate(spec).source
+    if source.inline is None:
+        return {}
+    found = {path: text.encode() for path, text in source.inline.files.items()}
+    for path, data in source.inline.binary_files.items():
+        try:
+            found[path] = base64.b64decode(data, validate=True)
+        except binascii.Error as error:
+            raise ValueError(f"spec.source.inline.binaryFiles[{path}] is no base64") from error
+    check_paths(found)
+    return found
+
+
+NAME_BYTES = 255
+"""Longest name of a file or folder where pods and people keep them."""
+
+
+def check_paths(files: Iterable[str]) -> None:
+    """Make sure that files can be laid out in one folder.
+
+    Raises:
+        ValueError: a path leaves the folder, is too long, or a file is a folder, too.
+    """
+    paths = [PurePosixPath(path) for path in files]
+    for path in paths:
+        if not path.parts or path.is_absolute() or ".." in path.parts or "\0" in str(path):
+            raise ValueError(f"the file `{path}` leaves the document's folder; use a relative path")
+        if max(len(part.encode(errors="replace")) for part in path.parts) > NAME_BYTES:
+            raise ValueError(f"a name in the path `{path}` is longer than {NAME_BYTES} bytes")
+    folders = {folder for path in paths for folder in path.parents}
+    both = next((path for path in paths if path in folders), None)
+    if both is not None:
+        raise ValueError(f"`{both}` is a file, and a folder of other files; rename one of them")
+    if len(set(paths)) < len(paths):
+        raise ValueError("two of the files have one path, spelt in two ways")
+
+
+def _spec_message(error: ValidationError) -> str:
+    lines = []
+    for problem in error.errors():
+        where = ".".join(str(part) for part in ("spec", *problem["loc"]))
+        lines.append(f"{where}: {problem['msg']}")
+    return "\n".join(lines)
+
+
+def _document_text(spec: CampaignSpec, identity: Identity, files: Files | None) -> str:
+    """The document as its user wrote it, when that is among the files, else made from the spec.
+
+    Numbers and comments survive in the file alone: the API keeps `1.0` as `1`.
+    """
+    name = spec.document or f"{identity.name}.vast"
+    written = (files or {}).get(name)
+    if written is not None:
+        try:
+            if yaml.safe_load(written) == spec.vast:
+                return written.decode()
+        except (yaml.YAMLError, UnicodeDecodeError):
+            pass  # the spec decides; the file beside it is just a file
+    return dump_yaml(spec.vast)
+
+
+def _validate_alone(spec: CampaignSpec) -> Vast:
+    return Vast.model_validate(spec.vast)
+
+
+def _checked(
+    folder: Path,
+    identity: Identity,
+    spec: CampaignSpec,
+    text: str,
+    files: Files,
+    settings: Settings,
+) -> Accepted | Rejected:
+    """With the files at hand, a document is checked as the command line checks it."""
+    check_paths(files)
+    for path, content in files.items():
+        target = folder / path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(content)
+    name = spec.document or f"{identity.name}.vast"
+    if not _is_pure(spec):
+        return _accepted(identity, spec, Vast.model_validate(spec.vast), text, settings)
+    try:
+        document = check_source(Source(folder / name, text))
+        accepted = _accepted(identity, spec, document.vast, text, settings)
+        return accepted if isinstance(accepted, Rejected) else _expanded(document, accepted)
+    except RobovastError as error:
+        reason = "InvalidDocument" if isinstance(error, DocumentError) else "Invalid"
+        return Rejected(reason, str(error).replace(f"{folder}/", ""))
+
+
+def _is_pure(spec: CampaignSpec) -> bool:
+    """Whether all variation types of a document are built in and compute only."""
+    entries = (e for e in _items(spec.vast.get("configuration")) if isinstance(e, dict))
+    calls = (call for entry in entries for call in _items(entry.get("variations")))
+    names = (next(iter(call), "") if isinstance(call, dict) else call for call in calls)
+    return all(_is_pure_name(str(name)) for name in names)
+
+
+def _items(value: object) -> list[object]:
+    """A list as it is; anything else, which checking the document refuses, as none."""
+    return value if isinstance(value, list) else []
+
+
+def _is_pure_name(name: str) -> bool:
+    if split_file_reference(name) is not None:
+        return False
+    try:
+        variation: type[Variation] = load_variation(name, Path())
+    except RobovastError:
+        return True  # unknown: checking the document says so
+    return variation.__module__.startswith(PURE)
+
+
+def _expanded(document: Document, accepted: Accepted) -> Accepted | Rejected:
+    with tempfile.TemporaryDirectory() as output:
+        variants = list(compose(document, Path(output)).variants)
+    variants = select_any(variants, accepted.spec.select)
+    by_entry: dict[str, list[Variant]] = {}
+    for variant in variants:
+        by_entry.setdefault(variant.entry, []).append(variant)
+    entries = tuple(
+        Entry(name=name, variants=len(found), digest=variants_digest(found))
+        for name, found in by_entry.items()
+    )
+    cuts = format_breaks(breaks(variants))
+    return _planned(replace(accepted, pure=True, entries=entries, breaks=cuts))
+
+
+def _planned(accepted: Accepted) -> Accepted | Rejected:
+    """A campaign of which is known what it expands to, unless it has too many runs."""
+    total = sum(entry.variants for entry in accepted.entries) * accepted.runs
+    if total <= RUNS_LIMIT:
+        return accepted
+    message = (
+        f"the campaign would have {total:,} runs, more than {RUNS_LIMIT:,}: lower "
+        "`execution.runs`, or divide it into several"
+    )
+    return Rejected("TooManyRuns", message)
+
+
+def _accepted(
+    identity: Identity, spec: CampaignSpec, vast: Vast, text: str, settings: Settings
+) -> Accepted | Rejected:
+    """What needs no files: limits, image, resources."""
+    image = spec.image or vast.execution.image
+    if not image:
+        return Rejected("NoImage", "no image is named: set `execution.image` in the document")
+    if vast.search is not None:
+        return Rejected("InvalidDocument", "a `search` cannot be executed on a cluster yet")
+    if len(identity.name) > CAMPAIGN_NAME_LIMIT:
+        return Rejected(
+            "InvalidName", f"the Campaign's name is longer than {CAMPAIGN_NAME_LIMIT} characters"
+        )
+    containers = [("execution", vast.execution.resources)]
+    containers += [(s.name, s.resources) for s in vast.execution.secondary_containers]
+    for name, resources in containers:
+        cpus(resources.cpu, f"resources.cpu of {name}", spec.cluster or "")
+        memory(resources.memory, f"resources.memory of {name}", spec.cluster or "")
+    return Accepted(
+        identity=identity,
+        spec=spec,
+        vast=vast,
+        document_text=text,
+        image=image,
+        pure=False,
+        default_endpoint=settings.endpoint,
+        default_region=settings.region,
+    )
+
+
+DOCUMENT_CHANGED = Rejected(
+    "DocumentChanged",
+    "spec.vast has changed after its runs were planned; only `execution.runs` may. Undo the "
+    "change, or create another Campaign for it. What runs already goes on.",
+)
+
+
+def same_document(planned: str, vast: Mapping[str, object]) -> bool:
+    """Whether a document is the one that was planned, but for its number of runs."""
+    try:
+        before = yaml.safe_load(planned)
+    except yaml.YAMLError:
+        return False
+    return isinstance(before, Mapping) and _without_runs(before) == _without_runs(vast)
+
+
+def _without_runs(vast: Mapping[str, object]) -> dict[str, object]:
+    execution = vast.get("execution")
+    if not isinstance(execution, Mapping):
+        return dict(vast)
+    return {**vast, "execution": {k: v for k, v in execution.items() if k != "runs"}}
+
+
+def config_map_files(config_map: Object, paths: Mapping[str, str]) -> Files:
+    """The files in a ConfigMap.
+
+    Args:
+        config_map: the object.
+        paths: file by key; without any, each key is a file name.
+    """
+    found = {key: text.encode() for key, text in (config_map.get("data") or {}).items()}
+    for key, data in (config_map.get("binaryData") or {}).items():
+        found[key] = base64.b64decode(data)
+    return {paths[k]: v for k, v in found.items() if k in paths} if paths else found
+
+
+def with_composition(
+    accepted: Accepted, composed: Composition | str | None, limit: int, reason: str
+) -> Accepted | Rejected:
+    """A campaign with what its compose Job found out, or what that says is wrong.
+
+    Args:
+        accepted: the campaign.
+        composed: what the Job's pod said, in which plugins of users may have had a hand.
+        limit: most variants of a document.
+        reason: why the Job failed, in one word.
+    """
+    if not isinstance(composed, Composition):
+        return Rejected(reason, composed or "the compose Job left no word; see its log")
+    names = [entry.name for entry in accepted.vast.configuration or [DEFAULT_ENTRY]]
+    counts, cuts = composed.counts, composed.breaks
+    if len(counts) != len(names) or sum(counts) > limit or not is_breaks(cuts, sum(counts)):
+        told = f"{sum(counts):,} configurations of {len(counts)} entries"
+        message = (
+            f"the compose Job's last words are not those of this document: {told}, where {limit:,} "
+            f"of {len(names)} may be"
+        )
+        return Rejected("InvalidDocument", message)
+    entries = tuple(
+        Entry(name=name, variants=number)
+        for name, number in zip(names, counts, strict=True)
+        if number
+    )
+    if not entries:
+        return Rejected("NothingSelected", "no configuration is selected: see spec.select")
+    found = replace(accepted, entries=entries, breaks=cuts, composed=composed.digest)
+    return _planned(found)

@@ -1,0 +1,162 @@
+"""A Campaign that was accepted: everything that its objects are made from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from robovast.kubeapi.names import bucket_name, campaign_id, child_name
+from robovast.kubeapi.resources import (
+    API_VERSION,
+    CAMPAIGN_LABEL,
+    MANAGED_BY,
+    MANAGED_LABEL,
+    UID_LABEL,
+    CampaignSpec,
+)
+from robovast.model.document.model import Vast
+from robovast.model.packs import CampaignPlan, Entry, Owner, PlanSpec
+from robovast_operator.kube.times import parse_time
+
+Object = dict[str, Any]
+"""A Kubernetes object as JSON has it."""
+
+Key = tuple[str, str]
+"""Namespace and name of a Campaign."""
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Which Campaign it is."""
+
+    namespace: str
+    name: str
+    uid: str
+    created: str
+    """ISO 8601, UTC."""
+
+    @classmethod
+    def of(cls, obj: Object) -> Identity:
+        """The identity of a Campaign object."""
+        meta = obj["metadata"]
+        return cls(meta["namespace"], meta["name"], meta["uid"], meta["creationTimestamp"])
+
+    def child(self, suffix: str | int) -> str:
+        """Name of an object that is made for the Campaign."""
+        return child_name(self.name, self.uid, suffix)
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """Labels of every object that is made for the Campaign."""
+        return {CAMPAIGN_LABEL: self.name, UID_LABEL: self.uid, MANAGED_LABEL: MANAGED_BY}
+
+    @property
+    def owner(self) -> Object:
+        """The reference that removes an object together with the Campaign."""
+        return {
+            "apiVersion": API_VERSION,
+            "kind": "Campaign",
+            "name": self.name,
+            "uid": self.uid,
+            "controller": True,
+            "blockOwnerDeletion": False,
+        }
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """A Campaign whose spec and document are in order."""
+
+    identity: Identity
+    spec: CampaignSpec
+    vast: Vast
+    document_text: str
+    """YAML of the document."""
+    image: str
+    pure: bool
+    """Whether the operator may expand the document itself."""
+    entries: tuple[Entry, ...] = ()
+    """What the document expands to; empty when the compose Job finds it out."""
+    breaks: str = ""
+    """`PlanSpec.breaks` of it."""
+    composed: str | None = None
+    """`CampaignPlan.composed`."""
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    """`CampaignPlan.inputs`."""
+    planned: CampaignPlan | None = None
+    """What pods know of it already; where its results are does not change any more."""
+    default_endpoint: str = ""
+    default_region: str | None = None
+
+    @property
+    def runs(self) -> int:
+        """Runs of each variant."""
+        return self.spec.runs or self.vast.execution.runs
+
+    @property
+    def campaign(self) -> str:
+        """Name of the results folder."""
+        name = str(self.vast.metadata.get("name") or self.identity.name)
+        return campaign_id(name, parse_time(self.identity.created))
+
+    @property
+    def bucket(self) -> str:
+        """The bucket of the results."""
+        if self.planned is not None:
+            return self.planned.bucket
+        prefix = self.spec.storage.prefix or ""
+        return bucket_name(self.campaign, prefix, self.identity.uid)
+
+    @property
+    def owner(self) -> Owner | None:
+        """Whose the bucket says it is; None when the campaign was begun by an older version."""
+        if self.planned is not None:
+            return self.planned.owner
+        identity = self.identity
+        return Owner(
+            uid=identity.uid,
+            namespace=identity.namespace,
+            name=identity.name,
+            campaign=self.campaign,
+        )
+
+    @property
+    def endpoint(self) -> str:
+        """URL of the S3 server as pods reach it."""
+        return self.spec.storage.endpoint or self.default_endpoint
+
+    @property
+    def region(self) -> str | None:
+        """Region of the S3 server."""
+        return self.spec.storage.region or self.default_region
+
+    @property
+    def document_name(self) -> str:
+        """File name of the document."""
+        return self.spec.document or f"{self.identity.name}.vast"
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """A Campaign that cannot be executed as it is."""
+
+    reason: str
+    """One word."""
+    message: str
+
+
+@dataclass(frozen=True)
+class Revision:
+    """A plan that was fixed in a ConfigMap; later ones only append to it."""
+
+    number: int
+    config_map: str
+    plan: PlanSpec
+    entries: tuple[Entry, ...] = ()
+    owners: dict[int, Object] = field(default_factory=dict)
+    """Owner reference by block, of blocks that belong to a Configuration object."""
+    document: str = ""
+    """Text of the document."""
+    composed: str | None = None
+    """`CampaignPlan.composed`."""

@@ -1,0 +1,161 @@
+"""Configuration objects: one for each entry of a document, and those that add runs. Pure."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from bisect import bisect_right
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import accumulate
+from typing import Any
+
+from robovast.base.ranges import Span, clip, count, parse_ranges
+from robovast.kubeapi.resources import API_VERSION, ConfigurationSpec
+from robovast.kubeapi.status import CampaignStatus, ConfigurationStatus, Runs, read_status
+from robovast.model.packs import Block, Entry
+from robovast_operator.planning.campaign import Accepted, Identity, Object, Revision
+from robovast_operator.status.conditions import Found, dated, is_true
+
+NAME_LIMIT = 200
+
+
+def object_name(campaign: str, entry: str) -> str:
+    """Name of the Configuration of an entry, whose own name may have other characters."""
+    slug = re.sub(r"[^a-z0-9-]+", "-", entry.lower()).strip("-")
+    if slug != entry:
+        slug = f"{slug}-{hashlib.sha256(entry.encode()).hexdigest()[:6]}".strip("-")
+    return f"{campaign}-{slug}"[:NAME_LIMIT]
+
+
+def own_configurations(accepted: Accepted) -> list[Object]:
+    """The Configurations of a document's entries."""
+    written = accepted.spec.vast.get("configuration") or [{"name": "config1"}]
+    selected = {entry.name for entry in accepted.entries}
+    return [
+        _own(accepted.identity, entry)
+        for entry in written
+        if entry["name"] in selected or not selected
+    ]
+
+
+def _own(identity: Identity, entry: dict[str, Any]) -> Object:
+    kept = {key: entry[key] for key in ("parameters", "variations") if entry.get(key) is not None}
+    return {
+        "apiVersion": API_VERSION,
+        "kind": "Configuration",
+        "metadata": {
+            "name": object_name(identity.name, entry["name"]),
+            "namespace": identity.namespace,
+            "labels": identity.labels,
+            "ownerReferences": [identity.owner],
+        },
+        "spec": {"campaign": identity.name, "name": entry["name"], **kept},
+    }
+
+
+def is_own(obj: Object, identity: Identity) -> bool:
+    """Whether the operator made a Configuration."""
+    owners = obj["metadata"].get("ownerReferences") or ()
+    return any(owner["uid"] == identity.uid for owner in owners)
+
+
+def entry_name(obj: Object) -> str:
+    """Name of the entry that a Configuration stands for."""
+    return str(obj["spec"].get("name") or obj["metadata"]["name"])
+
+
+def added_entries(added: Iterable[Object]) -> list[dict[str, Any]]:
+    """Entries of a document for Configurations that were applied by hand.
+
+    Raises:
+        ValidationError: (of pydantic) a spec is not in order.
+    """
+    made = []
+    for obj in added:
+        spec = ConfigurationSpec.model_validate(obj["spec"])
+        given = {"parameters": spec.parameters, "variations": spec.variations}
+        kept = {key: value for key, value in given.items() if value is not None}
+        made.append({"name": entry_name(obj), **kept})
+    return made
+
+
+def reference(obj: Object) -> Object:
+    """Which Configuration runs belong to, as the plan keeps it."""
+    return {
+        "apiVersion": API_VERSION,
+        "kind": "Configuration",
+        "name": obj["metadata"]["name"],
+        "uid": obj["metadata"]["uid"],
+    }
+
+
+class ConfigurationStatuses:
+    """The statuses of a campaign's Configurations, of which there may be thousands."""
+
+    def __init__(
+        self, revision: Revision, status: CampaignStatus, now: str, problems: Mapping[str, str]
+    ) -> None:
+        """
+        Args:
+            revision: the newest plan of the campaign.
+            status: of the campaign.
+            now: the time.
+            problems: by Configuration, why its runs cannot be added.
+        """
+        self._status = status
+        self._now = now
+        self._problems = problems
+        self._variants = {entry.name: entry.variants for entry in revision.entries}
+        self._spans = _spans(revision.entries, revision.plan.blocks)
+        self._failed = parse_ranges(status.failed_runs)
+        self._errored = parse_ranges(status.errored_runs)
+
+    def of(self, obj: Object) -> ConfigurationStatus:
+        """The status of a Configuration."""
+        old = read_status(ConfigurationStatus, obj.get("status"))
+        generation = obj["metadata"].get("generation", 0)
+        problem, name = self._problems.get(obj["metadata"]["name"], ""), entry_name(obj)
+        truth: Found = ("Accepted", "True", "Valid", "")
+        if problem:
+            truth = ("Accepted", "False", "Invalid", problem)
+        runs = self._runs(self._spans.get(name, []))
+        return ConfigurationStatus(
+            observed_generation=generation,
+            variants=self._variants.get(name, 0),
+            runs=runs,
+            progress=f"{runs.decided}/{runs.total}",
+            conditions=dated([truth], generation, self._now, old.conditions),
+        )
+
+    def _runs(self, spans: Sequence[Span]) -> Runs:
+        """The numbers of some runs; undecided when not all ids of bad runs are told."""
+        total = count(spans)
+        if not is_true(self._status, "ResultsAvailable"):
+            return Runs(total=total)
+        if self._status.ranges_truncated:
+            return Runs(total=total, undecided=total)
+        failed, errored = (
+            sum(count(clip(bad, first, last)) for first, last in spans)
+            for bad in (self._failed, self._errored)
+        )
+        passed = total - failed - errored
+        return Runs(
+            total=total, passed=passed, failed=failed, errored=errored, stored=passed + failed
+        )
+
+
+def _spans(entries: Sequence[Entry], blocks: Sequence[Block]) -> dict[str, list[Span]]:
+    """The run ids of each entry."""
+    starts = list(accumulate((entry.variants for entry in entries), initial=0))
+    found: dict[str, list[Span]] = {entry.name: [] for entry in entries}
+    first_id = 0
+    for block in blocks:
+        end = block.first_variant + block.variants
+        for index in range(bisect_right(starts, block.first_variant) - 1, len(entries)):
+            low, high = max(starts[index], block.first_variant), min(starts[index + 1], end)
+            if low >= high:
+                break
+            begin = first_id + (low - block.first_variant) * block.runs
+            found[entries[index].name].append((begin, begin + (high - low) * block.runs - 1))
+        first_id += block.size
+    return found

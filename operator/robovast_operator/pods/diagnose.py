@@ -1,0 +1,154 @@
+"""Looking at pods: only at those of failed indexes, and where nothing moves."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import AsyncIterator, Mapping
+
+from robovast.kubeapi.resources import ROLE_LABEL
+from robovast_operator.kube import paths
+from robovast_operator.kube.api import Api
+from robovast_operator.kube.store import JobState
+from robovast_operator.kube.times import now
+from robovast_operator.memory import Memory
+from robovast_operator.planning.campaign import Accepted, Identity, Object
+from robovast_operator.pods.pod_status import is_stuck, trouble_of, trouble_of_events
+from robovast_operator.pods.reports import final_of, reports_of
+from robovast_operator.pods.stalls import cause_of, may_store
+from robovast_operator.settings import Settings
+from robovast_operator.snapshot import Trouble
+
+REPORT_SECONDS = 10.0
+"""Least time between two looks at the failed pods of an open Job."""
+
+MOST = 1000
+"""Pods of a Job that are looked at where nothing moves."""
+
+PATIENCE = 4
+"""So many times as long nothing may come of pods that are at work, before others are looked at."""
+
+GIVEN_UP = frozenset({"PodFailurePolicy", "BackoffLimitExceeded", "DeadlineExceeded"})
+"""Reasons of a Job that failed as a whole."""
+
+
+class Diagnosis:
+    """Fills the memory of a campaign with what its pods tell."""
+
+    def __init__(self, api: Api, settings: Settings) -> None:
+        self._api = api
+        self._settings = settings
+
+    async def update(
+        self, accepted: Accepted, memory: Memory, jobs: Mapping[str, JobState]
+    ) -> float | None:
+        """Look where a look is due; returns when to look again [s], None when events will tell."""
+        waits = [await self._reports(memory, job) for job in jobs.values()]
+        for job in jobs.values():
+            await self._final(memory, job)
+        waits.append(await self._stalled(accepted, memory, jobs))
+        return min((wait for wait in waits if wait is not None), default=None)
+
+    def pods_of(self, job: JobState, **parameters: str) -> AsyncIterator[Object]:
+        """The pods of a Job."""
+        selector = f"batch.kubernetes.io/controller-uid={job.uid}"
+        return self._api.list(paths.pods(job.namespace), labelSelector=selector, **parameters)
+
+    async def is_storing(self, identity: Identity) -> bool:
+        """Whether pods of runs may still store something, though their Jobs may be gone."""
+        labels = {**identity.labels, ROLE_LABEL: "shard"}
+        selector = ",".join(f"{name}={value}" for name, value in labels.items())
+        pods = self._api.list(
+            paths.pods(identity.namespace),
+            labelSelector=selector,
+            fieldSelector="status.phase=Running",
+        )
+        return any([may_store(pod, now()) async for pod in pods])
+
+    async def _reports(self, memory: Memory, job: JobState) -> float | None:
+        """The verdicts of failed indexes."""
+        known, _ = memory.reports.get(job.name, ("", {}))
+        if job.role != "shard" or not job.failed or known == f"{job.uid} {job.failed}":
+            return None
+        wait = memory.looked + REPORT_SECONDS - time.monotonic()
+        if job.open and known and wait > 0:
+            return wait
+        pods = self.pods_of(job, fieldSelector="status.phase=Failed")
+        reports = reports_of([pod async for pod in pods])
+        memory.reports[job.name] = (f"{job.uid} {job.failed}", reports)
+        memory.looked = time.monotonic()
+        return None
+
+    async def _final(self, memory: Memory, job: JobState) -> None:
+        """The last words of Jobs that are over: the finish Job's numbers, or why one failed."""
+        if job.role == "finish" and job.finished == "Complete" and job.name not in memory.finals:
+            final = final_of([pod async for pod in self.pods_of(job)])
+            if final is not None:
+                memory.finals[job.name] = final
+        if job.finished != "Failed" or job.reason not in GIVEN_UP:
+            return
+        if job.uid not in memory.final_trouble:
+            pods = [pod async for pod in self.pods_of(job)]
+            found = trouble_of(pods) or Trouble(job.reason, f"the Job {job.name}: {job.message}")
+            memory.final_trouble[job.uid] = Trouble(found.reason, found.message, final=True)
+        told = memory.final_trouble[job.uid]
+        if job.role == "shard":
+            memory.trouble = told
+        elif job.role != "process":  # without tables a campaign is complete all the same
+            memory.trouble = Trouble(told.reason, told.message)
+
+    async def _stalled(
+        self, accepted: Accepted, memory: Memory, jobs: Mapping[str, JobState]
+    ) -> float | None:
+        """Why nothing moves."""
+        waiting = [job for job in jobs.values() if job.open and not job.suspended]
+        if not waiting or accepted.spec.suspend or (memory.trouble and memory.trouble.final):
+            return None
+        at_work = any(job.ready for job in waiting)
+        limit = self._settings.stall_seconds
+        # Where pods are at work runs may be long; or they die one after the other.
+        quiet, least = memory.still_for(), limit
+        if at_work:
+            quiet, least = memory.fruitless_for(), PATIENCE * limit
+        pause = min(300.0, max(limit, quiet / 2))
+        wait = least - quiet
+        if at_work or memory.diagnosed > memory.moved:
+            wait = max(wait, memory.diagnosed + pause - time.monotonic())
+        if wait > 0:
+            return wait
+        memory.diagnosed = time.monotonic()
+        for job in waiting:
+            memory.trouble = await self._look_at_pods(memory, job, at_work=at_work)
+            if memory.trouble is not None:
+                break
+        return pause
+
+    async def _look_at_pods(
+        self, memory: Memory, job: JobState, *, at_work: bool
+    ) -> Trouble | None:
+        """Why nothing comes of the pods of a Job, by them and by events."""
+        phase = "status.phase=Failed" if at_work else "status.phase!=Succeeded"
+        seen = [pod async for pod in _first(self.pods_of(job, fieldSelector=phase))]
+        if any(is_stuck(pod, now()) for pod in seen):
+            memory.stuck.add(job.name)
+        silence = self._settings.silence_minutes * 60
+        found = cause_of(seen, job, now(), silence, at_work=at_work)
+        if at_work:
+            return found
+        pending = [pod for pod in seen if pod["status"].get("phase") == "Pending"]
+        names = [pod["metadata"]["name"] for pod in pending or seen] or [job.name]
+        if found is None and (seen or not job.active):
+            told = self._api.list(
+                paths.events(job.namespace),
+                fieldSelector=f"type=Warning,involvedObject.name={names[0]}",
+            )
+            found = trouble_of_events([event async for event in _first(told)])
+        return found
+
+
+async def _first(objects: AsyncIterator[Object]) -> AsyncIterator[Object]:
+    count = 0
+    async for obj in objects:
+        yield obj
+        count += 1
+        if count >= MOST:
+            return

@@ -1,0 +1,203 @@
+"""The Jobs and ConfigMaps of a campaign, as pure functions of it."""
+
+from __future__ import annotations
+
+from robovast.kubeapi.names import BUNDLES_BUCKET
+from robovast.kubeapi.notice import Order
+from robovast.kubeapi.resources import ROLE_LABEL, SHARD_LABEL, Scheduling
+from robovast.model.packs import Bundle, CampaignPlan, Entry, GitSource, PlanSpec
+from robovast.model.quantities import cpus, memory
+from robovast_operator.kube.store import CONFIGURATION_LABEL, NOTIFY_ROLE, QUEUE_LABEL
+from robovast_operator.planning.campaign import Accepted, Identity, Object
+from robovast_operator.planning.shards import ShardPlan
+from robovast_operator.pods.templates import inline_items, notify_pod, run_pod, task_pod
+from robovast_operator.settings import Settings
+
+RETRIES_PER_INDEX = 6
+"""A pack that loses its pod goes on after its last stored run this often."""
+
+TASK_RETRIES = 20
+
+NOTIFY_RETRIES = 6
+"""Of one receiver; the Job waits for 10 s, 20 s, … in between."""
+NOTIFY_DEADLINE = 1800
+"""When sending is given up, whatever keeps it [s]."""
+NOTIFY_KEEP = 3600
+"""For how long a notification's Job and its pods stay to be looked at [s]."""
+
+_QUIET = {"argocd.argoproj.io/ignore-resource-updates": "true"}
+"""A GitOps tool need not look at an application again for each change of a Job or pod."""
+
+
+def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Object:
+    """The Indexed Job of a shard: a completion index for each pack."""
+    arguments = ["--first-pack", str(shard.first_pack), "--attempt", str(shard.attempt)]
+    if shard.repeat:
+        arguments += ["--repeat", shard.repeat]
+    job = _job(accepted.identity, shard.job, "shard", {SHARD_LABEL: str(shard.index)})
+    pod = run_pod(accepted, settings, shard.plan, arguments)
+    queue = accepted.spec.queue_name
+    job["spec"] |= {
+        "completionMode": "Indexed",
+        "completions": shard.size,
+        "parallelism": shard.parallelism,
+        "backoffLimitPerIndex": RETRIES_PER_INDEX,
+        "maxFailedIndexes": shard.size,
+        "podReplacementPolicy": "Failed",
+        "suspend": queue is not None or accepted.spec.suspend,
+        "podFailurePolicy": {
+            "rules": [
+                _on_exit("FailJob", "compat-version", [78]),
+                _on_exit("FailJob", "fetch", [64, 65, 73, 77]),
+                _on_exit("FailJob", "agent", [73]),
+                _on_exit("FailIndex", "agent", [10, 11, 77]),
+                _on_exit("Ignore", "fetch", [74]),  # storage that is away costs time, no tries
+                _on_exit("Ignore", "agent", [74]),
+                {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]},
+            ]
+        },
+    }
+    job["spec"]["template"]["spec"] = pod
+    if queue is not None:
+        job["metadata"]["labels"][QUEUE_LABEL] = queue
+    if shard.owner is not None:
+        job["metadata"]["labels"][CONFIGURATION_LABEL] = shard.owner["uid"]
+    return job
+
+
+def task_job(accepted: Accepted, settings: Settings, command: str, name: str, plan: str) -> Object:
+    """The Job of our own work on a whole campaign: compose, finish or purge."""
+    job = _job(accepted.identity, name, command, {})
+    job["spec"] |= {
+        "backoffLimit": TASK_RETRIES,
+        "podReplacementPolicy": "Failed",
+        "podFailurePolicy": {
+            "rules": [
+                _on_exit("FailJob", command, [64, 65, 73, 77]),
+                _on_exit("Ignore", command, [74]),
+                {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]},
+            ]
+        },
+    }
+    job["spec"]["template"]["spec"] = task_pod(accepted, settings, plan, command)
+    return job
+
+
+def notify_job(
+    identity: Identity, settings: Settings, scheduling: Scheduling, name: str, order: Order
+) -> Object:
+    """The Job that sends a notice: a completion index for each receiver."""
+    job = _job(identity, name, NOTIFY_ROLE, {})
+    number = len(order.receivers)
+    job["spec"] |= {
+        "completionMode": "Indexed",
+        "completions": number,
+        "parallelism": number,
+        "backoffLimitPerIndex": NOTIFY_RETRIES,
+        "activeDeadlineSeconds": NOTIFY_DEADLINE,
+        "ttlSecondsAfterFinished": NOTIFY_KEEP,
+        "podReplacementPolicy": "Failed",
+        "podFailurePolicy": {
+            "rules": [
+                _on_exit("FailIndex", NOTIFY_ROLE, [64, 65]),
+                {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]},
+            ]
+        },
+    }
+    job["spec"]["template"]["spec"] = notify_pod(settings, scheduling, order)
+    return job
+
+
+def _job(identity: Identity, name: str, role: str, labels: dict[str, str]) -> Object:
+    own = {**identity.labels, ROLE_LABEL: role, **labels}
+    return {
+        "apiVersion": "batch/v1",
+        "kind": "Job",
+        "metadata": {
+            "name": name,
+            "namespace": identity.namespace,
+            "labels": dict(own),
+            "annotations": _QUIET,
+            "ownerReferences": [identity.owner],
+        },
+        "spec": {"template": {"metadata": {"labels": dict(own), "annotations": _QUIET}}},
+    }
+
+
+def _on_exit(action: str, container: str, codes: list[int]) -> Object:
+    return {
+        "action": action,
+        "onExitCodes": {"containerName": container, "operator": "In", "values": codes},
+    }
+
+
+def plan_config_map(accepted: Accepted, name: str, plan: CampaignPlan) -> Object:
+    """The ConfigMap that tells a campaign's pods about it; it never changes."""
+    return {
+        "apiVersion": "v1",
+        "kind": "ConfigMap",
+        "metadata": {
+            "name": name,
+            "namespace": accepted.identity.namespace,
+            "labels": accepted.identity.labels,
+            "ownerReferences": [accepted.identity.owner],
+        },
+        "immutable": True,
+        "data": {
+            "campaign.json": plan.model_dump_json(exclude_none=True),
+            "document.vast": accepted.document_text,
+        },
+    }
+
+
+def files_config_map(accepted: Accepted) -> Object | None:
+    """The ConfigMap with a Campaign's inline files; None when it has none."""
+    inline = accepted.spec.source.inline
+    if inline is None:
+        return None
+    keys = {item["path"]: item["key"] for item in inline_items(accepted)}
+    return {
+        "apiVersion": "v1",
+        "kind": "ConfigMap",
+        "metadata": {
+            "name": accepted.identity.child("files"),
+            "namespace": accepted.identity.namespace,
+            "labels": accepted.identity.labels,
+            "ownerReferences": [accepted.identity.owner],
+        },
+        "immutable": True,
+        "data": {keys[path]: text for path, text in inline.files.items()},
+        "binaryData": {keys[path]: data for path, data in inline.binary_files.items()},
+    }
+
+
+def campaign_plan(
+    accepted: Accepted, plan: PlanSpec | None, entries: tuple[Entry, ...]
+) -> CampaignPlan:
+    """What pods know about the campaign."""
+    execution, spec = accepted.vast.execution, accepted.spec
+    context = spec.cluster or ""
+    bundle, git = spec.source.bundle, spec.source.git
+    return CampaignPlan(
+        campaign=accepted.campaign,
+        bucket=accepted.bucket,
+        owner=accepted.owner,
+        endpoint=accepted.endpoint,
+        region=accepted.region,
+        document=accepted.document_name,
+        expansion="pure" if accepted.pure else "composed",
+        bundle=bundle
+        and Bundle(bucket=bundle.bucket or BUNDLES_BUCKET, key=bundle.key, sha256=bundle.sha256),
+        git=git and GitSource(url=git.url, ref=git.ref, path=git.path),
+        select=tuple(spec.select),
+        runs=accepted.runs,
+        image=accepted.image,
+        cluster=spec.cluster,
+        cpus=cpus(execution.resources.cpu, "execution.resources.cpu", context),
+        memory=memory(execution.resources.memory, "execution.resources.memory", context),
+        options=spec.options,
+        entries=entries,
+        inputs=dict(accepted.inputs),
+        composed=accepted.composed,
+        plan=plan,
+    )

@@ -1,0 +1,210 @@
+"""What pods tell: verdicts of those that ended, and why others do not start. Pure functions."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from datetime import datetime, timedelta
+
+from robovast_operator.kube.lenient import LARGEST, mapping, number, ranges, text
+from robovast_operator.kube.times import parse_time
+from robovast_operator.planning.campaign import Object
+from robovast_operator.snapshot import Trouble
+
+INDEX_ANNOTATION = "batch.kubernetes.io/job-completion-index"
+
+_WAITING = {
+    "ImagePullBackOff": "ImagePull",
+    "ErrImagePull": "ImagePull",
+    "ErrImageNeverPull": "ImagePull",
+    "InvalidImageName": "ImagePull",
+    "CreateContainerConfigError": "Configuration",
+    "CreateContainerError": "Container",
+    "RunContainerError": "Container",
+}
+"""What a kubelet says of a container that does not start, and the cause for people."""
+
+_EXITS = {
+    64: "InvalidPlan",
+    65: "InvalidDocument",
+    73: "OtherOwner",
+    74: "Storage",
+    77: "StorageRefuses",
+    78: "Incompatible",
+}
+"""Exit codes of our containers (docs/agent.md) that are no verdict."""
+
+
+_EVENTS = {
+    "FailedMount": "Configuration",
+    "FailedCreatePodSandBox": "Container",
+    "FailedCreate": "Refused",
+}
+"""What is told of pods and Jobs by events alone, and the cause for people."""
+
+
+def trouble_of_events(events: Iterable[Object]) -> Trouble | None:
+    """Why a pod is not made or does not begin, as events tell; the last counts."""
+    found = None
+    for item in events:
+        reason = _EVENTS.get(text(item.get("reason")))
+        if reason is not None:
+            message = text(item.get("message"))
+            quota = reason == "Refused" and "exceeded quota" in message
+            found = Trouble("Quota" if quota else reason, message)
+    return found
+
+
+STUCK_SECONDS = 60.0
+TRACKING = "batch.kubernetes.io/job-tracking"
+
+
+def is_stuck(pod: Object, moment: datetime) -> bool:
+    """Whether a deleted pod is held by its Job for long.
+
+    The Job controller lets go of a failed index's pod when it has made the next one. In a namespace
+    that is being deleted it cannot, and the namespace waits for its pods before it removes Jobs.
+    """
+    meta = pod["metadata"]
+    deleted = meta.get("deletionTimestamp")
+    if deleted is None or TRACKING not in (meta.get("finalizers") or ()):
+        return False
+    ended = pod["status"].get("phase") in ("Failed", "Succeeded")
+    return ended and parse_time(deleted) + timedelta(seconds=STUCK_SECONDS) < moment
+
+
+def trouble_of(pods: Iterable[Object]) -> Trouble | None:
+    """Why pods do not start or do not end well; the most telling cause of all."""
+    return most_telling(trouble for pod in pods for trouble in troubles_of(pod))
+
+
+def most_telling(troubles: Iterable[Trouble]) -> Trouble | None:
+    """Of several causes the one that explains the others."""
+    ranked = (
+        *("Incompatible", "InvalidDocument", "InvalidPlan", "OtherOwner", "StorageRefuses"),
+        *("ImagePull", "Configuration"),
+        *("Container", "OutOfMemory", "Storage", "Evicted", "Rejected", "NodeLost", "Silent"),
+    )
+    order = {reason: rank for rank, reason in enumerate(ranked)}
+    return min(troubles, key=lambda t: order.get(t.reason, len(order)), default=None)
+
+
+def troubles_of(pod: Object) -> Iterator[Trouble]:
+    """What is in the way of a pod, or was when it ended."""
+    status: Object = pod.get("status") or {}
+    if status.get("phase") == "Failed" and text(status.get("reason")):
+        reason = "Evicted" if status["reason"] == "Evicted" else "Rejected"
+        node = text(pod["spec"].get("nodeName"), "?")
+        message = f"the node {node} has ended a pod ({status['reason']}): "
+        yield Trouble(reason, message + text(status.get("message")))
+    for condition in status.get("conditions") or ():
+        if condition["type"] == "PodScheduled" and condition["status"] == "False":
+            yield Trouble("Unschedulable", f"no node for the pod: {condition.get('message', '')}")
+    for container in containers_of(pod):
+        waiting = (container.get("state") or {}).get("waiting") or {}
+        if waiting.get("reason") in _WAITING:
+            yield Trouble(_WAITING[waiting["reason"]], _waiting_message(container, waiting))
+        ended = (container.get("state") or {}).get("terminated") or {}
+        trouble = _ending(container, ended) if ended else None
+        if trouble is not None:
+            yield trouble
+
+
+_OWN = frozenset({"compat-version", "fetch", "agent", "compose", "finish", "process", "purge"})
+"""How these end is our business; how others do is a result."""
+
+_ORDINARY = frozenset({0, 10, 11, 75, 137, 143})
+"""Exit codes of ours that are a verdict, or what comes of being told to end."""
+
+
+def _ending(container: Object, ended: Object) -> Trouble | None:
+    """What a container's end says of what is in the way; None when that is a result."""
+    name, code = container["name"], ended.get("exitCode")
+    told = _error(ended.get("message") or "")
+    if ended.get("reason") in ("StartError", "ContainerCannotRun"):
+        return Trouble("Container", f"the container {name} cannot start: {told}")
+    if name not in _OWN:
+        return None
+    if code in _EXITS:
+        reason = _EXITS[code]
+        final = reason in _FINAL and (name, reason) != ("agent", "StorageRefuses")
+        return Trouble(reason, told or f"{name}: exit {code}", final=final)
+    if ended.get("reason") == "OOMKilled":
+        return Trouble("OutOfMemory", f"the container {name} needs more memory than its limit")
+    if code in _ORDINARY:
+        return None
+    said = f"exit {code}" + (f": {told}" if told else "")
+    if name == "compat-version":
+        image = container.get("image", "")
+        hint = "Is it built for the architecture of the node, and has it a shell?"
+        return Trouble("Container", f"the image {image} cannot be executed ({said}). {hint}")
+    return Trouble("Container", f"the container {name} fails ({said})")
+
+
+_FINAL = frozenset(
+    {"Incompatible", "InvalidDocument", "InvalidPlan", "OtherOwner", "StorageRefuses"}
+)
+
+
+def _error(message: str) -> str:
+    """What a container says is wrong; those with a report say it as one key of that."""
+    try:
+        return str(json.loads(message)["error"])
+    except (ValueError, KeyError, TypeError):
+        return message.strip()
+
+
+def _waiting_message(container: Object, waiting: Object) -> str:
+    name, image = container["name"], container.get("image", "")
+    told = waiting.get("message", "")
+    if _WAITING[waiting["reason"]] == "ImagePull":
+        return (
+            f"the image {image} of the container {name} cannot be pulled ({waiting['reason']}): "
+            f"{told.rstrip('. ')}. Check its name, and `spec.scheduling.imagePullSecrets` for a "
+            "private one."
+        )
+    return f"the container {name} cannot start ({waiting['reason']}): {told}"
+
+
+def containers_of(pod: Object) -> Iterator[Object]:
+    """What is told of a pod's containers, in their order."""
+    status = pod.get("status") or {}
+    yield from status.get("initContainerStatuses") or ()
+    yield from status.get("containerStatuses") or ()
+
+
+def message_of(pod: Object, container: str) -> str:
+    """The last words of a container."""
+    return str(ending_of(pod, container).get("message", ""))
+
+
+def ending_of(pod: Object, container: str) -> Object:
+    """How a container ended; empty when it has not."""
+    for status in containers_of(pod):
+        if status["name"] == container:
+            return mapping(mapping(status.get("state")).get("terminated"))
+    return {}
+
+
+def index_of(pod: Object) -> int:
+    """The completion index of a pod; -1 of one without."""
+    return number(pod["metadata"].get("annotations", {}).get(INDEX_ANNOTATION), -1)
+
+
+def last_words(pods: Iterable[Object], container: str, indexes: str) -> list[str]:
+    """What the last pods of some completion indexes said, by index, each text once.
+
+    Args:
+        pods: of one Job.
+        container: whose words.
+        indexes: as ranges.
+    """
+    said: dict[int, tuple[str, str]] = {}
+    for pod in pods:
+        index = index_of(pod)
+        words = (pod["metadata"]["creationTimestamp"], message_of(pod, container).strip())
+        if words[1]:
+            said[index] = max(words, said.get(index, words))
+    wanted = ranges(indexes, LARGEST)
+    chosen = [i for i in sorted(said) if any(first <= i <= last for first, last in wanted)]
+    return list(dict.fromkeys(said[index][1] for index in chosen))

@@ -1,0 +1,149 @@
+"""Why nothing comes of a Job's pods: which of them tell, and what. Pure functions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from datetime import datetime, timedelta
+
+from robovast_operator.kube.lenient import ranges
+from robovast_operator.kube.store import JobState
+from robovast_operator.kube.times import parse_time
+from robovast_operator.planning.campaign import Object
+from robovast_operator.pods.pod_status import containers_of, index_of, most_telling, troubles_of
+from robovast_operator.snapshot import Trouble
+
+REPEATED = 3
+"""So many pods of one pack die before it is told that they do so again and again."""
+
+RECOVERY = timedelta(minutes=15)
+"""When a pod lives for so long, and longer than those before, they do not die any more."""
+
+LOST_SECONDS = 60.0
+"""How long the node of a pod that should be gone may be silent."""
+
+
+def cause_of(
+    pods: Iterable[Object], job: JobState, moment: datetime, silence: float, *, at_work: bool
+) -> Trouble | None:
+    """Why nothing comes of a Job's pods; None when they do not tell.
+
+    Of each open index the newest pod tells, or the one before: what was in the way of older ones,
+    or of indexes that have come to their end, is over.
+
+    Args:
+        pods: of the Job, those that succeeded need not be among them.
+        job: the Job.
+        moment: the time.
+        silence: how long runs may write nothing to their logs [s].
+        at_work: whether any pods of the campaign are. Then only what others died of again and
+            again is in the way.
+    """
+    tries = [
+        [(pod, list(_causes(pod, moment, silence))) for pod in newest_first]
+        for newest_first in _open_tries(pods, job)
+    ]
+    found = most_telling(
+        cause
+        for pods_of_index in tries
+        for cause in next((causes for _, causes in pods_of_index[:2] if causes), [])
+    )
+    deaths = [
+        [parse_time(_created(pod)) for pod, causes in pods_of_index if causes and _is_dead(pod)]
+        for pods_of_index in tries
+    ]
+    number = sum(map(len, deaths))
+    repeated = number >= job.active and any(_goes_on(times, moment) for times in deaths)
+    if found is None or (at_work and not repeated):
+        return None
+    if not repeated:
+        return found
+    told = f"{number} pods have died without a result, the last of this: {found.message}"
+    return replace(found, message=told, repeated=True)
+
+
+def _goes_on(deaths: Sequence[datetime], moment: datetime) -> bool:
+    """Whether pods of an index die one after the other: the next one has not lived for longer.
+
+    Args:
+        deaths: when those that died were made, the newest first.
+        moment: the time.
+    """
+    if len(deaths) < REPEATED:
+        return False
+    usual = (deaths[0] - deaths[-1]) / (len(deaths) - 1)
+    return moment - deaths[0] < max(RECOVERY, 3 * usual)
+
+
+def _open_tries(pods: Iterable[Object], job: JobState) -> list[list[Object]]:
+    """The pods of each index that has not come to its end, the newest first."""
+    ended = [*ranges(job.completed, job.size), *ranges(job.failed, job.size)]
+    by_index: dict[int, list[Object]] = {}
+    for pod in pods:
+        index = index_of(pod)
+        if not any(first <= index <= last for first, last in ended):
+            by_index.setdefault(index, []).append(pod)
+    return [sorted(found, key=_created, reverse=True) for found in by_index.values()]
+
+
+def _created(pod: Object) -> str:
+    return str(pod["metadata"].get("creationTimestamp", ""))
+
+
+def _is_dead(pod: Object) -> bool:
+    return bool(pod["status"].get("phase") == "Failed")
+
+
+def _causes(pod: Object, moment: datetime, silence: float) -> Iterator[Trouble]:
+    yield from troubles_of(pod)
+    if _is_lost(pod, moment):
+        node, name = pod["spec"].get("nodeName", "?"), pod["metadata"]["name"]
+        yield Trouble(
+            "NodeLost",
+            f"the node {node} does not answer, and the pod {name} on it comes to no end: its runs "
+            "cannot be executed elsewhere before. Bring the node back, or remove it for good: "
+            f"`kubectl delete node {node}`.",
+        )
+    elif _is_silent(pod, moment):
+        name, namespace = pod["metadata"]["name"], pod["metadata"].get("namespace", "")
+        yield Trouble(
+            "Silent",
+            f"the run in the pod {name} has written nothing to its log for {silence / 60:g} min: "
+            f"see `kubectl logs -n {namespace} {name} -c robovast`. Where runs may hang, set "
+            "`execution.timeout`; to end this one, delete its pod.",
+        )
+
+
+def may_store(pod: Object, moment: datetime) -> bool:
+    """Whether the agent of a pod may still store something."""
+    return bool(pod["status"].get("phase") == "Running") and not _is_lost(pod, moment)
+
+
+def _is_lost(pod: Object, moment: datetime) -> bool:
+    """Whether the node of a pod says nothing: others call it not ready, or it should be gone."""
+    meta, status = pod["metadata"], pod["status"]
+    if status.get("phase") != "Running":
+        return False
+    ready = _readiness(pod)
+    if "deletionTimestamp" in meta:
+        return parse_time(meta["deletionTimestamp"]) + timedelta(seconds=LOST_SECONDS) < moment
+    # A kubelet gives a reason; who looks after nodes that do not answer changes the status alone.
+    return ready.get("status") == "False" and not ready.get("reason")
+
+
+def _is_silent(pod: Object, moment: datetime) -> bool:
+    """Whether the agent is at work and says by its probe that the run writes nothing."""
+    if pod["status"].get("phase") != "Running" or "deletionTimestamp" in pod["metadata"]:
+        return False
+    agent: Object = next((c for c in containers_of(pod) if c["name"] == "agent"), {})
+    running = (agent.get("state") or {}).get("running")
+    since = _readiness(pod).get("lastTransitionTime")
+    if running is None or agent.get("ready") is not False or not isinstance(since, str):
+        return False
+    started = running.get("startedAt")
+    return isinstance(started, str) and parse_time(started) + timedelta(seconds=60) < moment
+
+
+def _readiness(pod: Object) -> Object:
+    conditions: Sequence[Object] = pod["status"].get("conditions") or ()
+    return next((c for c in conditions if c["type"] == "Ready"), {})

@@ -1,0 +1,129 @@
+"""What is known of runs, from the indexes of Jobs and the last words of pods. Pure functions.
+
+A run has a verdict when a pod said so. An index that failed and of which no pod has spoken (it is
+not listed yet, it is gone, its words were cut) is undecided: the bucket knows, and finish tells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from robovast.base.ranges import Span, clip, contains, count, merge, shift, subtract
+from robovast.model.packs import PlanSpec
+from robovast.model.repetition import GroupSizes
+from robovast_operator.kube.lenient import ranges
+from robovast_operator.kube.store import JobState
+from robovast_operator.planning.shards import ShardPlan
+
+
+@dataclass(frozen=True)
+class Report:
+    """The verdicts that an agent leaves as termination message."""
+
+    passed: int = 0
+    failed: int = 0
+    errored: int = 0
+    failed_ids: tuple[Span, ...] = ()
+    """Some of them, for people."""
+    errored_ids: tuple[Span, ...] = ()
+    """Some of them, for people."""
+    final: bool = False
+    """Whether no pod of the index comes after it: what has no verdict is errored then."""
+
+    @property
+    def decided(self) -> int:
+        """Runs with a verdict."""
+        return self.passed + self.failed + self.errored
+
+
+@dataclass(frozen=True)
+class Tally:
+    """Runs with a verdict, and some ids of those that are bad."""
+
+    passed: int = 0
+    failed: int = 0
+    errored: int = 0
+    failed_ids: tuple[Span, ...] = ()
+    errored_ids: tuple[Span, ...] = ()
+
+    @property
+    def decided(self) -> int:
+        """Runs with a verdict."""
+        return self.passed + self.failed + self.errored
+
+
+def total(parts: Iterable[Tally]) -> Tally:
+    """Several tallies of different runs as one."""
+    known = list(parts)
+    return Tally(
+        sum(part.passed for part in known),
+        sum(part.failed for part in known),
+        sum(part.errored for part in known),
+        tuple(merge(span for part in known for span in part.failed_ids)),
+        tuple(merge(span for part in known for span in part.errored_ids)),
+    )
+
+
+@dataclass(frozen=True)
+class ShardRuns:
+    """Which runs a shard's completion indexes are."""
+
+    plan: PlanSpec
+    shard: ShardPlan
+    sizes: GroupSizes
+    """Of a repetition's groups."""
+
+    def number(self, indexes: Iterable[Span]) -> int:
+        """How many runs some indexes have."""
+        inside = clip(indexes, 0, self.shard.size - 1)
+        packs = shift(inside, self.shard.first_pack)
+        return self.sizes.runs_of(packs) if self.shard.repeat else count(self.plan.ids_of(packs))
+
+    @property
+    def all(self) -> int:
+        """How many runs the shard has."""
+        return self.number([(0, self.shard.size - 1)])
+
+    def ids(self, index: int) -> list[Span]:
+        """The ids of an index's runs; nobody here knows those of a repetition."""
+        pack = self.shard.first_pack + index
+        return [] if self.shard.repeat else self.plan.ids_of([(pack, pack)])
+
+
+def tally_of(runs: ShardRuns, job: JobState, reports: Mapping[int, Report]) -> Tally:
+    """What a shard's Job and its pods say of its runs.
+
+    Args:
+        runs: of the shard.
+        job: its Job.
+        reports: what pods of failed indexes said, by index.
+    """
+    size = runs.shard.size
+    failed = ranges(job.failed, size)
+    told = [
+        _index_tally(runs, index, report)
+        for index, report in reports.items()
+        if contains(failed, index)
+    ]
+    passed = Tally(passed=runs.number(subtract(ranges(job.completed, size), failed)))
+    return total([passed, *told])
+
+
+def _index_tally(runs: ShardRuns, index: int, report: Report) -> Tally:
+    """What a report says of its index; nothing when it speaks of more runs than there are."""
+    number, mine = runs.number([(index, index)]), runs.ids(index)
+    left = number - report.decided
+    if left < 0:
+        return Tally()
+    errored_ids = report.errored_ids
+    if report.final and left and number == 1:
+        errored_ids = tuple(mine)
+    bounds = (mine[0][0], mine[-1][1]) if mine else (0, runs.plan.total - 1)
+    return Tally(
+        report.passed,
+        report.failed,
+        report.errored + (left if report.final else 0),
+        tuple(clip(report.failed_ids, *bounds)),
+        tuple(clip(errored_ids, *bounds)),
+    )

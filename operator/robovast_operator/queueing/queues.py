@@ -1,0 +1,183 @@
+"""Jobs in queues of Kueue: looked at only while they wait, and never started or stopped past it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+
+from robovast.kubeapi.status import QueuePlace
+from robovast_operator.kube import paths
+from robovast_operator.kube.api import Api, ApiError
+from robovast_operator.kube.lenient import mapping, mappings, text
+from robovast_operator.kube.store import JobState, Store
+from robovast_operator.kube.times import now
+from robovast_operator.memory import Memory
+from robovast_operator.planning.campaign import Object
+from robovast_operator.queueing.waiting import PARKED, Waiting, place_of, waiting_of
+from robovast_operator.settings import Settings
+
+LOOK_SECONDS = 30.0
+"""Between two looks at a Job that waits: each may cost a write of the status."""
+FIRST_SECONDS = 2.0
+"""The same while Kueue has not said much yet."""
+ANSWER_SECONDS = 10.0
+"""How long an answer about a queue serves all campaigns that wait in it."""
+QUEUE_SECONDS = 600.0
+"""How long it is remembered which ClusterQueue a LocalQueue belongs to, and what is served."""
+VERSIONS = ("v1beta2", "v1beta1")
+"""Of Kueue's APIs, the newest first; what is read here is the same in all."""
+
+
+class Queues:
+    """Fills the memory of a campaign with what Kueue says of it."""
+
+    def __init__(self, api: Api, store: Store, settings: Settings) -> None:
+        self._api = api
+        self._store = store
+        self._settings = settings
+        self._answers: dict[str, tuple[float, Object | None]] = {}
+
+    async def update(
+        self, memory: Memory, jobs: Mapping[str, JobState], *, suspended: bool
+    ) -> float | None:
+        """Learn why a campaign waits; returns when to look again [s], None when events will tell.
+
+        Args:
+            memory: of the campaign.
+            jobs: its Jobs.
+            suspended: whether it is not to run now.
+        """
+        held = [job for job in jobs.values() if self._is_held(job, memory)]
+        if suspended:
+            memory.waiting = None
+            if all(job.name in memory.parked for job in held):
+                return None
+            new = memory.still_for() < self._settings.stall_seconds
+            return FIRST_SECONDS if new else LOOK_SECONDS  # Kueue has not seen it yet
+        if not held:
+            memory.waiting, memory.queue_job = None, ()
+            return None
+        job, moment = held[0], time.monotonic()
+        if memory.queue_job != (job.uid, job.parallelism):
+            memory.queue_job, memory.queued = (job.uid, job.parallelism), moment
+        elif memory.queue_looked + self._pause(memory) > moment:
+            return memory.queue_looked + self._pause(memory) - moment
+        memory.waiting = await self._look(job, memory)
+        memory.queue_looked = moment
+        if memory.waiting is not None and memory.waiting.parked:
+            memory.parked.add(job.name)
+        return self._pause(memory)
+
+    def _is_held(self, job: JobState, memory: Memory) -> bool:
+        """Whether a Job waits; one without a queue may just be about to be resumed."""
+        if job.role != "shard" or not job.open or not job.suspended or job.deleting:
+            return False
+        return bool(job.queue) or memory.still_for() > self._settings.stall_seconds
+
+    def _pause(self, memory: Memory) -> float:
+        waiting = memory.waiting
+        clear = waiting is not None and (waiting.helpless or waiting.place is not None)
+        new = time.monotonic() - memory.queued < LOOK_SECONDS
+        return FIRST_SECONDS if new and not clear else LOOK_SECONDS
+
+    async def _look(self, job: JobState, memory: Memory) -> Waiting | None:
+        workload = await self._workload(job)
+        if workload is None:
+            return self._nothing(job, memory)
+        found = waiting_of(workload, job)
+        if found is None or found.helpless or found.parked:
+            return found
+        place = await self._place(job)
+        if place is None:
+            return found
+        known = memory.waiting and memory.waiting.place
+        if known and known.summary == place.summary:
+            place = known  # a start that is expected a moment earlier or later is no news
+        message = f"waits in the queue {job.queue}: place {place.summary}"
+        return replace(found, message=message, place=place)
+
+    def _nothing(self, job: JobState, memory: Memory) -> Waiting | None:
+        """Kueue has made no Workload."""
+        if not job.queue:
+            return None
+        if memory.still_for() < self._settings.stall_seconds:
+            return Waiting(job.name, "Waiting", f"waits in the queue {job.queue}")
+        message = (
+            f"nobody admits it to the queue {job.queue}: is Kueue installed, and does it look "
+            f"after the namespace {job.namespace}? Without spec.queueName none is needed."
+        )
+        return Waiting(job.name, "NoKueue", message, helpless=True)
+
+    async def _place(self, job: JobState) -> QueuePlace | None:
+        version = await self._version(paths.KUEUE_VISIBILITY)
+        path = paths.pending_workloads(version, job.namespace, job.queue)
+        answer = await self._answer(path, ANSWER_SECONDS)
+        if answer is None:
+            return None
+        return place_of(list(mappings(answer.get("items"))), job, await self._running(job), now())
+
+    async def _running(self, waiting: JobState) -> list[JobState]:
+        """Jobs that we know to have quota of the same ClusterQueue."""
+        known = [job for jobs in self._store.jobs.values() for job in jobs.values()]
+        busy = [job for job in known if job.queue and job.open and not job.suspended]
+        queue = await self._cluster_queue(waiting)
+        return [job for job in busy if await self._cluster_queue(job) == queue]
+
+    async def _cluster_queue(self, job: JobState) -> str:
+        version = await self._version(paths.KUEUE)
+        path = paths.local_queue(version, job.namespace, job.queue)
+        answer = await self._answer(path, QUEUE_SECONDS)
+        return text(mapping(mapping(answer).get("spec")).get("clusterQueue"))
+
+    async def _version(self, group: str) -> str:
+        """The version of Kueue's API to speak: the newest that both know."""
+        answer = await self._answer(paths.group(group), QUEUE_SECONDS)
+        served = {text(item.get("version")) for item in mappings(mapping(answer).get("versions"))}
+        return next((version for version in VERSIONS if version in served), VERSIONS[-1])
+
+    async def _answer(self, path: str, seconds: float) -> Object | None:
+        """What is at a path, or was there a moment ago; None when it cannot be had."""
+        moment = time.monotonic()
+        asked, answer = self._answers.get(path, (-math.inf, None))
+        if moment - asked < (seconds if answer else min(seconds, ANSWER_SECONDS)):
+            return answer
+        try:
+            answer = await self._api.get(path, tries=1)
+        except ApiError:
+            answer = None  # a place in the queue is a courtesy: without it a campaign waits as well
+        young = {p: kept for p, kept in self._answers.items() if moment - kept[0] < QUEUE_SECONDS}
+        self._answers = {**young, path: (moment, answer)}
+        return answer
+
+    async def park(self, job: JobState, memory: Memory, *, parked: bool) -> bool:
+        """Take a Job out of its queue, or give it back; False when Kueue does not look after it.
+
+        What somebody else took out stays out.
+        """
+        workload = await self._workload(job)
+        if workload is None:
+            return bool(job.queue)
+        ours = PARKED in (workload["metadata"].get("annotations") or {})
+        if ours != parked:
+            mark = {"metadata": {"annotations": {PARKED: "true" if parked else None}}}
+            version = await self._version(paths.KUEUE)
+            name = workload["metadata"]["name"]
+            path = f"{paths.workloads(version, job.namespace)}/{name}"
+            await self._api.patch(path, {**mark, "spec": {"active": not parked}})
+        (memory.parked.add if parked else memory.parked.discard)(job.name)
+        memory.queue_job = ()
+        return True
+
+    async def _workload(self, job: JobState) -> Object | None:
+        """Kueue's Workload of a Job."""
+        selector = f"kueue.x-k8s.io/job-uid={job.uid}"
+        path = paths.workloads(await self._version(paths.KUEUE), job.namespace)
+        try:
+            found = [item async for item in self._api.list(path, labelSelector=selector)]
+        except ApiError as error:
+            if error.code == 404:
+                return None
+            raise
+        return found[0] if found else None

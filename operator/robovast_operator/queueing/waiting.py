@@ -1,0 +1,191 @@
+"""What it means that a Job waits in a queue of Kueue. Pure functions."""
+
+from __future__ import annotations
+
+import heapq
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+from robovast.base.ranges import count
+from robovast.kubeapi.status import QueuePlace
+from robovast_operator.kube.lenient import mappings, number, ranges, shaped
+from robovast_operator.kube.store import JobState
+from robovast_operator.kube.times import format_time, parse_time
+from robovast_operator.planning.campaign import Object
+
+PARKED = "robovast.io/parked"
+"""Annotation of a Workload that was taken out of its queue because its campaign is suspended."""
+
+_TOO_LARGE = re.compile(
+    r"insufficient quota for (\S+) in flavor (\S+),.*?request \(([^)]+)\)"
+    r" > maximum capacity \(([^)]+)\)"
+)
+_UNITS = {
+    "m": 1e-3, "": 1, "k": 1e3, "M": 1e6, "G": 1e9, "T": 1e12, "P": 1e15,
+    "Ki": 2**10, "Mi": 2**20, "Gi": 2**30, "Ti": 2**40, "Pi": 2**50,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """Why Kueue has not admitted a Job yet."""
+
+    job: str
+    """Its name."""
+    reason: str
+    message: str
+    helpless: bool = False
+    """Whether it waits until somebody helps."""
+    fits: int | None = None
+    """Pods that the queue can give at once at most; None when it can give what is asked for."""
+    parked: bool = False
+    """Whether it was taken out of the queue by us."""
+    place: QueuePlace | None = None
+
+
+def waiting_of(workload: Object, job: JobState) -> Waiting | None:
+    """Why a Job waits, by what Kueue says of its Workload; None when it has its quota."""
+    conditions = {c["type"]: c for c in workload["status"].get("conditions", ())}
+    reserved = conditions.get("QuotaReserved", {})
+    told = reserved.get("message", "")
+    if not workload["spec"].get("active", True):
+        return _inactive(workload, job, conditions)
+    if not job.queue:
+        message = "Kueue holds back what stands in no queue: set spec.queueName"
+        return Waiting(job.name, "NoQueue", message, helpless=True)
+    if reserved.get("status") == "True":
+        return None
+    if reserved.get("reason") == "Inadmissible":
+        message = (
+            f"Kueue cannot admit it: {told}. Make or repair that queue, or set spec.queueName "
+            f"to another one (`kubectl get localqueues -n {job.namespace}`)."
+        )
+        return Waiting(job.name, "NoQueue", message, helpless=True)
+    pods = min(job.parallelism, job.size)
+    fits = pods_that_fit(told, pods) if _is_about(workload, reserved, pods) else None
+    if fits == 0:
+        message = (
+            f"a single run asks for more than the queue {job.queue} can ever give: {told}. Lower "
+            "what the document's `resources` ask for, or raise the queue's quota."
+        )
+        return Waiting(job.name, "TooLarge", message, helpless=True)
+    message = f"waits in the queue {job.queue}" + (f": {told}" if told else "")
+    return Waiting(job.name, "Waiting", message, fits=fits)
+
+
+def _inactive(workload: Object, job: JobState, conditions: Mapping[str, Object]) -> Waiting:
+    name = workload["metadata"]["name"]
+    if PARKED in (workload["metadata"].get("annotations") or {}):
+        return Waiting(job.name, "Parked", "goes back into its queue", parked=True)
+    told = conditions.get("Evicted", {}).get("message") or "spec.active is false"
+    message = (
+        f"its Workload {name} was taken out of the queue: {told}. Suspend the Campaign and "
+        "resume it to put it back."
+    )
+    return Waiting(job.name, "Inactive", message, helpless=True)
+
+
+def _is_about(workload: Object, condition: Object, pods: int) -> bool:
+    """Whether a condition is about the Workload as it is, and that about the Job as it is."""
+    asked = sum(number(s.get("count"), 1) for s in mappings(workload["spec"].get("podSets")))
+    generation = workload["metadata"].get("generation")
+    return bool(asked == pods and condition.get("observedGeneration") == generation)
+
+
+def pods_that_fit(message: str, pods: int) -> int | None:
+    """How many of a Job's pods a queue can hold, from Kueue's refusal of all of them.
+
+    Kueue's maximum counts what can be borrowed, too. Of several flavors the roomiest counts.
+
+    Args:
+        message: of the Workload's condition QuotaReserved.
+        pods: how many it was asked for.
+    """
+    flavors: dict[str, list[int]] = {}
+    for _, flavor, asked, most in _TOO_LARGE.findall(message):
+        wanted, there = _quantity(asked), _quantity(most)
+        if wanted and there is not None:
+            flavors.setdefault(flavor, []).append(int(pods * there / wanted + 1e-9))
+    return max((min(found) for found in flavors.values()), default=None)
+
+
+def _quantity(text: str) -> float | None:
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)([A-Za-z]*)", text)
+    if match is None or match[2] not in _UNITS:
+        return None
+    return float(match[1]) * _UNITS[match[2]]
+
+
+def place_of(
+    pending: Sequence[Object], job: JobState, running: Iterable[JobState], now: datetime
+) -> QueuePlace | None:
+    """Where a Job stands in its queue; None when it is not among those that wait.
+
+    Args:
+        pending: items of Kueue's answer about the LocalQueue.
+        job: the Job.
+        running: known Jobs that have quota of the same ClusterQueue.
+        now: the time.
+    """
+    position = next((_position(item) for item in pending if _owner(item) == job.uid), None)
+    if position is None:
+        return None
+    last = max(_position(item) for item in pending)
+    wait = wait_seconds(position, running, now)
+    if wait is None:
+        return QueuePlace(position=position, pending=last, summary=f"{position} of {last}")
+    return QueuePlace(
+        position=position,
+        pending=last,
+        estimated_start=format_time(now + timedelta(seconds=wait)),
+        summary=f"{position} of {last}, {about(wait)}",
+    )
+
+
+def _position(item: Object) -> int:
+    """1 is next."""
+    return number(item.get("positionInClusterQueue")) + 1
+
+
+def _owner(item: Object) -> str:
+    owners: Sequence[Object] = shaped(item)["metadata"].get("ownerReferences") or [{}]
+    return str(owners[0].get("uid", ""))
+
+
+def wait_seconds(position: int, running: Iterable[JobState], now: datetime) -> float | None:
+    """Time until the quota of those that run has come to a place in the queue [s].
+
+    Each Job that runs is taken to go on at its pace so far, and each that waits before this place
+    to take what those take on average. None as long as none of them has finished anything.
+    """
+    paces = [pace for job in running if (pace := _pace(job, now)) is not None]
+    if not paces:
+        return None
+    usual = sum(whole for _, whole in paces) / len(paces)
+    free = [left for left, _ in paces]
+    heapq.heapify(free)
+    for _ in range(position - 1):
+        heapq.heappush(free, heapq.heappop(free) + usual)
+    return heapq.heappop(free)
+
+
+def _pace(job: JobState, now: datetime) -> tuple[float, float] | None:
+    """Time that a Job will still take, and that it takes in all [s]."""
+    done = sum(count(ranges(told, job.size)) for told in (job.completed, job.failed))
+    if not done or not job.started:
+        return None
+    elapsed = max(0.0, (now - parse_time(job.started)).total_seconds())
+    whole = elapsed / done * job.size
+    return whole - elapsed, whole
+
+
+def about(seconds: float) -> str:
+    """A time in words, no more precise than it is known."""
+    if seconds < 60:
+        return "less than a minute"
+    for unit, length, most in (("min", 60, 90), ("h", 3600, 36)):
+        if seconds < most * length:
+            return f"about {round(seconds / length)} {unit}"
+    return f"about {round(seconds / 86400)} d"

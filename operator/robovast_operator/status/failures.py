@@ -1,0 +1,37 @@
+"""What is told of a Campaign when a look at it fails, again and again. Pure."""
+
+from __future__ import annotations
+
+from robovast.base.errors import RobovastError
+from robovast_operator.kube.api import ApiError
+from robovast_operator.snapshot import Trouble
+
+_QUOTA = ("exceeded quota", "status unknown for quota")
+_TOO_LARGE = ("request is too large", "Too long: ", "limit is ")
+"""What the API server says of an object that is larger than it keeps."""
+
+
+def trouble_of_error(error: Exception) -> Trouble:
+    """Why a look at a Campaign came to nothing."""
+    if isinstance(error, RobovastError):
+        return Trouble("Invalid", str(error))
+    if isinstance(error, ApiError) and error.code == 0:
+        return Trouble("Unreachable", str(error))
+    if isinstance(error, ApiError):
+        return _refusal(error, str(error))
+    if isinstance(error, TimeoutError):
+        return Trouble("Unreachable", f"the API server does not answer: {error}")
+    told = f"{type(error).__name__}: {error}"
+    return Trouble("OperatorFault", f"a fault of the operator, whose log says more: {told}")
+
+
+def _refusal(error: ApiError, message: str) -> Trouble:
+    told = f"the API server refuses what the campaign needs: {message}."
+    if any(text in message for text in _QUOTA):
+        return Trouble("Quota", f"{told} Raise the quota, or remove what is not needed any more.")
+    if error.code == 413 or any(text in message for text in _TOO_LARGE):
+        return Trouble(
+            "TooLarge",
+            f"{told} Bring large files by spec.source.bundle or git, and divide a large document.",
+        )
+    return Trouble("Refused", told)

@@ -1,0 +1,148 @@
+"""When people are told of a campaign, and what. Pure functions of its status.
+
+Nothing is remembered but the marks in `status.notified`: a mark is written after the Job that
+sends the notice was made, and the Job's name follows from the mark. So whoever dies when, there is
+one Job for each mark.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Literal
+
+from robovast.kubeapi.notice import Event, Named, Notice
+from robovast.kubeapi.resources import Notification, Subject
+from robovast.kubeapi.status import NOTIFIED_LIMIT, CampaignStatus, Condition
+from robovast_operator.kube.times import format_time, parse_time
+from robovast_operator.planning.campaign import Identity
+
+_SUBJECTS: dict[Event, frozenset[Subject]] = {
+    "Finished": frozenset({"Finished"}),
+    "GivenUp": frozenset({"Finished", "Trouble"}),
+    "Stalled": frozenset({"Trouble"}),
+    "Recovered": frozenset({"Trouble"}),
+}
+"""Who is told: an end is told once, whatever it is."""
+
+
+@dataclass(frozen=True)
+class Transition:
+    """Something that is to be told."""
+
+    event: Event
+    mark: str
+    """Different for each thing to tell of one campaign."""
+    since: Condition
+    """The condition that says so."""
+    lasting: bool = False
+    """Whether it is told only when it stays so."""
+
+
+def due(
+    status: CampaignStatus,
+    receivers: Sequence[Notification],
+    now: datetime,
+    lasting: timedelta,
+) -> tuple[Transition | None, float | None]:
+    """What is to be told now, and when to look again although nothing happens [s].
+
+    Args:
+        status: of the campaign.
+        receivers: who might be told.
+        now: the time.
+        lasting: how long trouble must last; much of it passes by itself.
+    """
+    found = _transition(status)
+    if found is None or found.mark in status.notified or not interested(found, receivers):
+        return None, None
+    if found.lasting:
+        wait = (parse_time(found.since.last_transition_time) + lasting - now).total_seconds()
+        if wait > 0:
+            return None, wait
+    return found, None
+
+
+def interested(transition: Transition, receivers: Sequence[Notification]) -> list[Notification]:
+    """Those who are told of it."""
+    subjects = _SUBJECTS[transition.event]
+    return [receiver for receiver in receivers if subjects.intersection(receiver.subjects)]
+
+
+def marked(status: CampaignStatus, transition: Transition) -> CampaignStatus:
+    """The status that remembers that it was told."""
+    return status.model_copy(
+        update={"notified": [*status.notified, transition.mark][-NOTIFIED_LIMIT:]}
+    )
+
+
+def job_suffix(transition: Transition) -> str:
+    """What the name of the Job ends with: a Campaign's name leaves no room for a whole mark."""
+    return f"notify-{_hash(transition.mark)[:6]}"
+
+
+def notice(
+    identity: Identity, status: CampaignStatus, transition: Transition, now: datetime
+) -> Notice:
+    """What is told."""
+    passed = _condition(status, "Passed")
+    over = transition.event in {"Finished", "GivenUp"}
+    told = passed if transition.event == "Finished" and passed else transition.since
+    messages = [told.message]
+    if transition.since.reason == "ProcessingFailed":
+        messages.append(transition.since.message)
+    started, ended = status.start_time, status.completion_time
+    took = parse_time(ended) if ended else now
+    return Notice(
+        id=_hash(f"{identity.uid} {transition.mark}")[:32],
+        event=transition.event,
+        time=format_time(now),
+        campaign=Named(
+            namespace=identity.namespace,
+            name=identity.name,
+            uid=identity.uid,
+            results=status.campaign,
+            bucket=status.bucket,
+        ),
+        verdict=_verdict(passed) if over else None,
+        runs=status.runs,
+        failing=status.failing,
+        seconds=(took - parse_time(started)).total_seconds() if started else None,
+        reason=told.reason,
+        message="\n".join(messages),
+    )
+
+
+def _transition(status: CampaignStatus) -> Transition | None:
+    """What the conditions say that is worth telling, told or not."""
+    succeeded, stalled = _condition(status, "Succeeded"), _condition(status, "Stalled")
+    results = _condition(status, "ResultsAvailable")
+    attempt = status.attempt
+    if succeeded is not None and succeeded.status == "False":
+        return Transition("GivenUp", f"given-up-{attempt}", succeeded)
+    if results is not None and results.status == "True":
+        return Transition("Finished", f"finished-{attempt}-{status.finished_shards}", results)
+    if stalled is None:
+        return None
+    if stalled.status == "True":
+        return Transition("Stalled", f"stalled-{attempt}-{stalled.reason}", stalled, lasting=True)
+    last = status.notified[-1] if status.notified else ""
+    reconciling = _condition(status, "Reconciling")
+    if last.startswith("stalled-") and reconciling is not None and reconciling.status == "True":
+        cause = last.removeprefix("stalled-")
+        return Transition("Recovered", f"recovered-{cause}", stalled, lasting=True)
+    return None
+
+
+def _verdict(passed: Condition | None) -> Literal["Passed", "Failed"]:
+    return "Passed" if passed is not None and passed.status == "True" else "Failed"
+
+
+def _condition(status: CampaignStatus, name: str) -> Condition | None:
+    return next((c for c in status.conditions if c.type == name), None)
+
+
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()

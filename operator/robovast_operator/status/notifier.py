@@ -1,0 +1,90 @@
+"""Notices to people: the Jobs that send them, and what is told when one cannot be sent.
+
+The operator itself speaks to the API server alone; the addresses are those of its users.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from datetime import timedelta
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic.alias_generators import to_camel
+
+from robovast.kubeapi.notice import Order
+from robovast.kubeapi.resources import Notification, Scheduling
+from robovast.kubeapi.status import CampaignStatus
+from robovast_operator.kube import paths
+from robovast_operator.kube.api import Api
+from robovast_operator.kube.events import Message, event
+from robovast_operator.kube.store import NOTIFY_ROLE, JobState
+from robovast_operator.kube.times import format_time, now
+from robovast_operator.kube.work_queue import WorkQueue
+from robovast_operator.memory import Memory
+from robovast_operator.planning.campaign import Identity, Object
+from robovast_operator.pods.diagnose import Diagnosis
+from robovast_operator.pods.jobs import notify_job
+from robovast_operator.pods.pod_status import last_words
+from robovast_operator.settings import Settings
+from robovast_operator.status.notices import due, interested, job_suffix, marked, notice
+
+
+class Notifier:
+    """Says when a notice is due, and which were sent in vain."""
+
+    def __init__(
+        self, api: Api, queue: WorkQueue, settings: Settings, diagnosis: Diagnosis
+    ) -> None:
+        self._api = api
+        self._queue = queue
+        self._settings = settings
+        self._diagnosis = diagnosis
+
+    def next(self, obj: Object, status: CampaignStatus) -> tuple[CampaignStatus, Object | None]:
+        """The status that remembers what is told now, and the Job that tells it."""
+        if not (obj.get("spec") or {}).get("notifications"):
+            return status, None
+        wanted = _wanted(obj)
+        moment, identity = now(), Identity.of(obj)
+        lasting = timedelta(seconds=self._settings.notify_seconds)
+        transition, wait = due(status, wanted.notifications, moment, lasting)
+        if wait is not None:
+            self._queue.add((identity.namespace, identity.name), wait)
+        if transition is None:
+            return status, None
+        order = Order(
+            notice=notice(identity, status, transition, moment),
+            receivers=interested(transition, wanted.notifications),
+        )
+        name = identity.child(job_suffix(transition))
+        job = notify_job(identity, self._settings, wanted.scheduling, name, order)
+        return marked(status, transition), job
+
+    async def report(self, identity: Identity, jobs: Iterable[JobState], memory: Memory) -> None:
+        """Tell by an Event of each notice that did not reach everybody."""
+        for job in jobs:
+            if job.finished != "Failed" or job.uid in memory.undelivered:
+                continue
+            pods = [pod async for pod in self._diagnosis.pods_of(job)]
+            causes = last_words(pods, NOTIFY_ROLE, job.failed) or [job.message]
+            message = Message("Warning", "NotificationFailed", "\n".join(causes))
+            told = event(identity, message, format_time(now()), about=job.uid)
+            await self._api.create(paths.events(identity.namespace), told)
+            memory.undelivered.add(job.uid)
+
+
+class _Wanted(BaseModel):
+    """What matters here of a spec, which may be wrong in other places."""
+
+    model_config = ConfigDict(extra="ignore", alias_generator=to_camel, populate_by_name=True)
+
+    notifications: list[Notification] = []
+    scheduling: Scheduling = Scheduling()
+
+
+def _wanted(obj: Object) -> _Wanted:
+    """Who is to be told, and where pods may be; nobody when that cannot be read."""
+    try:
+        return _Wanted.model_validate(obj.get("spec") or {})
+    except ValidationError:
+        return _Wanted()

@@ -1,0 +1,174 @@
+"""Writing statuses, and telling people by Events what changed in them."""
+
+from __future__ import annotations
+
+import time
+
+from robovast.kubeapi.resources import API_VERSION
+from robovast.kubeapi.status import CampaignStatus, ConfigurationStatus, compact, read_status
+from robovast_operator.kube import paths
+from robovast_operator.kube.api import Api
+from robovast_operator.kube.events import Message, event, messages
+from robovast_operator.kube.few_at_once import few_at_once
+from robovast_operator.kube.store import Store
+from robovast_operator.kube.times import format_time, now
+from robovast_operator.kube.work_queue import WorkQueue
+from robovast_operator.memory import Memory
+from robovast_operator.planning.campaign import Accepted, Identity, Object, Rejected, Revision
+from robovast_operator.planning.configurations import ConfigurationStatuses, is_own
+from robovast_operator.settings import Settings
+from robovast_operator.snapshot import Trouble
+from robovast_operator.status.conditions import (
+    composing_conditions,
+    failing_conditions,
+    is_news,
+    is_true,
+    rejected_conditions,
+)
+from robovast_operator.status.notifier import Notifier
+
+
+class Statuses:
+    """Writes what has changed, and not too often."""
+
+    def __init__(
+        self, api: Api, store: Store, queue: WorkQueue, settings: Settings, notifier: Notifier
+    ) -> None:
+        self._api = api
+        self._store = store
+        self._queue = queue
+        self._settings = settings
+        self._notifier = notifier
+
+    async def rejected(self, obj: Object, rejected: Rejected, memory: Memory) -> None:
+        """Of a Campaign that cannot be executed as it is."""
+        generation = obj["metadata"]["generation"]
+        old = read_status(CampaignStatus, obj.get("status"))
+        conditions = rejected_conditions(
+            rejected.reason, rejected.message, generation, format_time(now()), old.conditions
+        )
+        status = old.model_copy(
+            update={
+                "observed_generation": generation,
+                "state": "Rejected",
+                "conditions": conditions,
+            }
+        )
+        await self.write(obj, status, memory)
+
+    async def composing(self, obj: Object, accepted: Accepted, memory: Memory) -> None:
+        """While nothing but the compose Job is at work."""
+        generation = obj["metadata"]["generation"]
+        old = read_status(CampaignStatus, obj.get("status"))
+        trouble = memory.trouble
+        status = CampaignStatus(
+            observed_generation=generation,
+            state="Composing",
+            campaign=accepted.campaign,
+            bucket=accepted.bucket,
+            endpoint=accepted.endpoint,
+            image=accepted.image,
+            notified=old.notified,
+            conditions=composing_conditions(
+                None if trouble is None else (trouble.reason, trouble.message),
+                generation,
+                format_time(now()),
+                old.conditions,
+            ),
+        )
+        await self.write(obj, status, memory)
+
+    async def failing(self, obj: Object, trouble: Trouble, memory: Memory) -> None:
+        """Of a Campaign with which nothing can be done: what is known stays, and why is told.
+
+        It is told by an Event, too, since the status itself may be what is refused.
+        """
+        old = read_status(CampaignStatus, obj["status"])
+        generation, moment = obj["metadata"]["generation"], format_time(now())
+        conditions = failing_conditions(
+            (trouble.reason, trouble.message), generation, moment, old.conditions
+        )
+        await self.tell(Identity.of(obj), trouble, generation)
+        await self.write(obj, old.model_copy(update={"conditions": conditions}), memory)
+
+    async def tell(self, identity: Identity, trouble: Trouble, generation: int) -> None:
+        """Say what is wrong by an Event; once for each cause and generation."""
+        message = Message("Warning", trouble.reason, trouble.message)
+        about = f"{trouble.reason}{generation}"
+        told = event(identity, message, format_time(now()), about=about)
+        await self._api.create(paths.events(identity.namespace), told)
+
+    async def write(self, obj: Object, status: CampaignStatus, memory: Memory) -> bool:
+        """Write a status that has changed; False when it is put off."""
+        old = read_status(CampaignStatus, obj.get("status"))
+        status, notice = self._notifier.next(obj, status)
+        if status == old:
+            return True
+        identity = Identity.of(obj)
+        wait = memory.status_written + self._settings.status_seconds - time.monotonic()
+        if wait > 0 and not is_news(old, status):
+            self._queue.add((identity.namespace, identity.name), wait)
+            return False
+        if notice is not None:
+            await self._api.create(paths.jobs(identity.namespace), notice)
+        path = f"{paths.campaigns(identity.namespace)}/{identity.name}"
+        body = {
+            "apiVersion": API_VERSION,
+            "kind": "Campaign",
+            "metadata": {"name": identity.name, "uid": identity.uid},
+            "status": compact(status.model_dump(by_alias=True, exclude_none=True)),
+        }
+        written = await self._api.apply_status(path, body)
+        memory.status_written = time.monotonic()
+        if written is not None:
+            self._store.put_campaign(written)
+        for message in messages(old.conditions, status.conditions):
+            told = event(identity, message, format_time(now()))
+            await self._api.create(paths.events(identity.namespace), told)
+        return True
+
+    async def configurations(
+        self,
+        accepted: Accepted,
+        revision: Revision,
+        status: CampaignStatus,
+        memory: Memory,
+    ) -> None:
+        """Write the Configurations' statuses at the campaign's end.
+
+        Of those that were applied by hand also at their beginning, as they may be wrong. The
+        operator's own have one write when they are made, and one at the end.
+        """
+        identity, ended = accepted.identity, is_true(status, "ResultsAvailable")
+        due = [
+            item
+            for item in self._store.configurations_of((identity.namespace, identity.name))
+            if ended or not (is_own(item, identity) or _is_known(item))
+        ]
+        if due:
+            tell = ConfigurationStatuses(revision, status, format_time(now()), memory.problems)
+            await few_at_once(self._write_configuration_status(i, tell.of(i)) for i in due)
+
+    async def _write_configuration_status(self, item: Object, told: ConfigurationStatus) -> None:
+        if told == read_status(ConfigurationStatus, item.get("status")):
+            return
+        body = compact(told.model_dump(by_alias=True, exclude_none=True))
+        meta = item["metadata"]
+        path = f"{paths.configurations(meta['namespace'])}/{meta['name']}"
+        written = await self._api.apply_status(
+            path,
+            {
+                "apiVersion": API_VERSION,
+                "kind": "Configuration",
+                "metadata": {"name": meta["name"], "uid": meta["uid"]},
+                "status": body,
+            },
+        )
+        if written is not None:
+            self._store.put_configuration(written)
+
+
+def _is_known(item: Object) -> bool:
+    """Whether a Configuration's status is about what it is now."""
+    seen = (item.get("status") or {}).get("observedGeneration")
+    return bool(seen == item["metadata"].get("generation"))

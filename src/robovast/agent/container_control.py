@@ -1,0 +1,121 @@
+"""The agent's side of start.sh: orders to the run's containers, and their answers."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from threading import Thread
+
+from robovast.agent.mounts import Folders
+from robovast.base import safe_paths
+from robovast.base.stopwatch import Stopwatch
+
+HEARTBEAT = 5.0
+"""How often the agent says that it lives [s]."""
+
+_SIZE = 32
+"""Files of orders are rewritten in place, whole, so that a full disk hinders nobody [byte]."""
+
+
+class RunContainer:
+    """The main container of a pod, which is known by files alone.
+
+    Its answers are in a folder that the runs' own code can write: anything may be there.
+    """
+
+    def __init__(self, folders: Folders) -> None:
+        self._config = folders.config
+        self._answers = folders.answers
+        self._out = folders.out
+
+    def prepare(self) -> None:
+        """Make the files, before any container is started."""
+        self._answers.mkdir(parents=True)
+        (self._answers / "lock").touch()
+        for name in ("order", "heartbeat"):
+            (self._config / name).write_bytes(_padded(""))
+
+    def run(self, job: int) -> None:
+        """Order a job: 1, 2, …; what it needs is there."""
+        _rewrite(self._config / "order", f"run {job}")
+
+    def stop(self, job: int) -> None:
+        """Order the end of a job that is running."""
+        _rewrite(self._config / "order", f"stop {job}")
+
+    def end(self) -> None:
+        """Order the end of everything."""
+        _rewrite(self._config / "order", "end")
+
+    def beat_for_ever(self) -> None:
+        """Say from time to time that the agent lives, until it does not."""
+        Thread(target=self._beat, name="heartbeat", daemon=True).start()
+
+    def _beat(self) -> None:
+        while True:
+            _rewrite(self._config / "heartbeat", str(time.monotonic_ns()))
+            time.sleep(HEARTBEAT)
+
+    def started(self, job: int) -> Stopwatch | None:
+        """How long ago a job began, however late that is seen; None when it did not."""
+        found = self._answer(rf"{job}\.started\.(\d{{1,12}}\.\d{{1,9}})")
+        status = safe_paths.status(self._answers / found[0], self._out) if found else None
+        if found is None or status is None:
+            return None
+        late = time.clock_gettime(time.CLOCK_BOOTTIME) - float(found[1])
+        return Stopwatch(status.st_mtime, max(late, 0.0))
+
+    def exit_code(self, job: int) -> int | None:
+        """How a job ended; None when it did not."""
+        found = self._answer(rf"{job}\.code\.(\d{{1,3}})")
+        return int(found[1]) if found else None
+
+    def _answer(self, pattern: str) -> re.Match[str] | None:
+        """The answer whose name matches."""
+        answers = safe_paths.names(self._answers, self._out)
+        return next(filter(None, (re.fullmatch(pattern, name) for name in answers)), None)
+
+    def all_over(self, job: int, secondaries: Iterable[str]) -> bool:
+        """True when a job has ended in all secondary containers."""
+        return all(self._says(f"{job}.over.{name}") for name in secondaries)
+
+    def is_terminated(self) -> bool:
+        """True when the container was told to end, by somebody else."""
+        return self._says("terminated")
+
+    def _says(self, answer: str) -> bool:
+        return safe_paths.status(self._answers / answer, self._out) is not None
+
+    def is_gone(self, job: int) -> bool:
+        """True when the container was killed before it could end a job.
+
+        Whoever starts the first job holds the lock.
+        """
+        return self.started(1) is not None and self._is_free() and self.exit_code(job) is None
+
+    def _is_free(self) -> bool:
+        """True when nobody holds the lock; a run that has removed it is on its own."""
+        try:
+            with safe_paths.open_file(self._answers / "lock", self._out) as file:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        except OSError:
+            return True
+        return True
+
+
+def _padded(text: str) -> bytes:
+    return text.ljust(_SIZE - 1).encode("ascii") + b"\n"
+
+
+def _rewrite(path: Path, text: str) -> None:
+    file = os.open(path, os.O_WRONLY)
+    try:
+        os.pwrite(file, _padded(text), 0)
+    finally:
+        os.close(file)

@@ -1,0 +1,231 @@
+"""Storing folders that somebody else wrote: no link is followed, nothing but files is read.
+
+What cannot be read is told, file by file, and keeps nothing else from being stored.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from collections.abc import Callable, Collection, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from threading import BoundedSemaphore
+from typing import BinaryIO, TypeVar
+
+from robovast.agent.bucket import Bucket
+from robovast.base.errors import StorageError
+from robovast.base.safe_paths import extents, has_holes
+from robovast.campaign.run_files import MissingFile, escaped, shown
+
+T = TypeVar("T")
+
+SIDE_BY_SIDE = 8
+"""How many files are stored at once, and how many connections that takes."""
+DEEPEST = 200
+"""Levels of folders that are looked into; each takes an open file."""
+MOST_HOLES = 2**30
+"""Of a file, what was never written to it [byte]."""
+LINK = "it is a link, which is not followed"
+"""Why a link is not stored."""
+
+_FILE = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
+_FOLDER = os.O_RDONLY | os.O_NOFOLLOW | os.O_DIRECTORY | os.O_CLOEXEC
+
+
+def open_files(root: Path) -> Iterator[tuple[str, BinaryIO | OSError]]:
+    """Path relative to `root` of everything below it that is no folder, and its content.
+
+    In place of content that cannot be had, and of links, sockets and the like, there is an error.
+    What its owner alone may read, or nobody, is read nonetheless when it is ours.
+    """
+    parent = os.open(root.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        folder = _open(parent, root.name, _FOLDER)
+    except (FileNotFoundError, NotADirectoryError):
+        return
+    finally:
+        os.close(parent)
+    yield from _below(folder, "", DEEPEST)
+
+
+def _below(folder: int, prefix: str, levels: int) -> Iterator[tuple[str, BinaryIO | OSError]]:
+    """Files in an open folder, which is closed at the end."""
+    try:
+        for name in sorted(os.listdir(folder)):
+            yield from _found(folder, name, prefix + name, levels)
+    except OSError as error:
+        yield prefix, error
+    finally:
+        os.close(folder)
+
+
+def _found(
+    folder: int, name: str, path: str, levels: int
+) -> Iterator[tuple[str, BinaryIO | OSError]]:
+    try:
+        opened = _opened(folder, name, levels)
+    except OSError as error:
+        yield path, error
+        return
+    if isinstance(opened, int):
+        yield from _below(opened, f"{path}/", levels - 1)
+    else:
+        yield path, opened
+
+
+def _opened(folder: int, name: str, levels: int) -> BinaryIO | int:
+    """A file, or the descriptor of a folder."""
+    kind = os.stat(name, dir_fd=folder, follow_symlinks=False).st_mode
+    if stat.S_ISDIR(kind):
+        if not levels:
+            raise OSError(errno.ENAMETOOLONG, f"it is more than {DEEPEST} folders deep")
+        return _open(folder, name, _FOLDER)
+    _refuse_others(kind)
+    file = os.fdopen(_open(folder, name, _FILE), "rb", buffering=0)
+    try:
+        _refuse_others(os.fstat(file.fileno()).st_mode)
+        _refuse_holes(file)
+    except OSError:
+        file.close()
+        raise
+    return file
+
+
+def _refuse_others(kind: int) -> None:
+    if stat.S_ISLNK(kind):
+        raise OSError(errno.ELOOP, LINK)
+    if not stat.S_ISREG(kind):
+        raise OSError(errno.EINVAL, "it is no regular file")
+
+
+def _refuse_holes(file: BinaryIO) -> None:
+    """Refuse what would fill the storage, and take hours, though the disk has little of it."""
+    if has_holes(file):
+        size = os.fstat(file.fileno()).st_size
+        holes = size - sum(end - begin for begin, end in extents(file))
+        if holes > MOST_HOLES:
+            raise OSError(errno.EFBIG, f"{holes} of its {size} bytes were never written")
+
+
+def _open(folder: int, name: str, flags: int) -> int:
+    try:
+        return os.open(name, flags, dir_fd=folder)
+    except PermissionError:
+        _make_readable(folder, name)
+        return os.open(name, flags, dir_fd=folder)
+
+
+def _make_readable(folder: int, name: str) -> None:
+    """Let the owner read; its mode may be all that keeps us out."""
+    handle = os.open(name, os.O_PATH | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
+    try:
+        os.chmod(f"/proc/self/fd/{handle}", os.fstat(handle).st_mode & 0o777 | 0o500)
+    finally:
+        os.close(handle)
+
+
+def store_files(
+    root: Path, store: Callable[[str, int, BinaryIO], T]
+) -> tuple[list[T], list[MissingFile]]:
+    """Do something with every file below a folder, some at a time.
+
+    Args:
+        root: the folder; nothing happens when it does not exist.
+        store: is given path, number and content of a file.
+
+    Returns:
+        What `store` returned, in no order, and the files that could not be read.
+    """
+    stored: list[T] = []
+    missing: list[MissingFile] = []
+
+    def keep(path: str, number: int, file: BinaryIO) -> None:
+        with file:
+            try:
+                stored.append(store(path, number, file))
+            except OSError as error:
+                missing.append(_missing(path, error))
+
+    with _Crowd() as crowd:
+        for number, (path, found) in enumerate(open_files(root)):
+            if isinstance(found, OSError):
+                missing.append(_missing(path, found))
+            else:
+                crowd.do(partial(keep, path, number, found), found)
+    return stored, sorted(missing, key=lambda file: file.path)
+
+
+def _missing(path: str, error: OSError) -> MissingFile:
+    return MissingFile(shown(path), error.strerror or str(error))
+
+
+def store_own_tree(
+    bucket: Bucket,
+    root: Path,
+    *,
+    there: Collection[str] = (),
+    skipped: Collection[str] = (),
+) -> set[str]:
+    """Store every file below a folder that RoboVAST wrote under its path; returns the keys.
+
+    Every file of it is needed, but no link.
+
+    Args:
+        bucket: the campaign's.
+        root: the folder; nothing happens when it does not exist.
+        there: keys that exist already.
+        skipped: paths, relative to the folder, that are left out.
+
+    Raises:
+        StorageError: a file cannot be read, the server refuses, or is gone for too long.
+    """
+
+    def store(path: str, _: int, file: BinaryIO) -> str:
+        key = escaped(path)
+        if path in skipped:
+            return ""
+        if key in there:
+            bucket.store.put(bucket.name, key, file)
+        else:
+            bucket.store.put_new(bucket.name, key, file)
+        return key
+
+    keys, missing = store_files(root, store)
+    for file in missing:
+        if file.reason != LINK:
+            raise StorageError(f"{root / file.path}: cannot be stored: {file.reason}.")
+    return set(keys) - {""}
+
+
+class _Crowd:
+    """Threads that never have more to do than they can do at once."""
+
+    def __init__(self) -> None:
+        self._pool = ThreadPoolExecutor(SIDE_BY_SIDE)
+        self._free = BoundedSemaphore(SIDE_BY_SIDE)
+        self._failures: list[BaseException] = []
+
+    def __enter__(self) -> _Crowd:
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        self._pool.shutdown()
+        if kind is None and self._failures:
+            raise self._failures[0]
+
+    def do(self, action: Callable[[], None], file: BinaryIO) -> None:
+        """Do something with a file soon; raises what an earlier action raised."""
+        self._free.acquire()
+        if self._failures:
+            file.close()
+            raise self._failures[0]
+        self._pool.submit(action).add_done_callback(self._ended)
+
+    def _ended(self, future: Future[None]) -> None:
+        failure = future.exception()
+        if failure is not None:
+            self._failures.append(failure)
+        self._free.release()

@@ -1,0 +1,61 @@
+"""What the behaviours of a tree did, as one CSV file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+
+from robovast.analysis.bags.flatten import seconds_cell, text_cell
+from robovast.analysis.bags.job import Context, nothing_on
+from robovast.analysis.bags.source import Consumer, Topic
+from robovast.analysis.bags.table import written
+from robovast.model.document.commands import BehaviorsToCsv
+
+TREE_TYPE = "py_trees_ros_interfaces/msg/BehaviourTree"
+_COLUMNS = ("timestamp", "behavior_name", "behavior_id", "status", "status_name", "class_name")
+_STATUS = {1: b"INVALID", 2: b"RUNNING", 3: b"SUCCESS", 4: b"FAILURE"}
+
+
+class BehaviorsWorker:
+    """A row whenever a behaviour's status has changed."""
+
+    def __init__(self, context: Context, job: BehaviorsToCsv) -> None:
+        self._context = context
+        self._table = context.table(job.csv_filename, _COLUMNS)
+        self._last: dict[UUID, int] = {}
+        self._seen = False
+
+    def subscribe(self, topic: Topic) -> Consumer | None:
+        """What writes the changes in a topic of trees."""
+        if topic.type != TREE_TYPE:
+            return None
+        read = self._context.reader(topic)
+        return lambda time, data: self._tree(time, read(data))
+
+    def finish(self) -> list[Path]:
+        """The table; none when no behaviour was recorded."""
+        if not self._seen:
+            self._context.warn(nothing_on(self._context, f"a topic of type {TREE_TYPE}"))
+        return written(self._table)
+
+    def discard(self) -> None:
+        """Leave nothing behind."""
+        self._table.discard()
+
+    def _tree(self, time: int, tree: Any) -> None:
+        self._seen = True
+        for behavior in tree.behaviours:
+            number, status = UUID(bytes=bytes(behavior.own_id.uuid)), int(behavior.status)
+            if self._last.get(number) == status:
+                continue
+            self._last[number] = status
+            cells = [
+                seconds_cell(time),
+                text_cell(behavior.name.encode()),
+                str(number).encode(),
+                b"%d" % status,
+                _STATUS.get(status, b"UNKNOWN"),
+                text_cell(behavior.class_name.encode()),
+            ]
+            self._table.add((), cells)

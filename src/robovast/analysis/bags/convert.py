@@ -1,0 +1,359 @@
+"""All that is wanted from the bags of a run, in one pass over each bag."""
+
+from __future__ import annotations
+
+import os
+import struct
+import traceback
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from rosbags.serde import SerdeError
+
+from robovast.analysis.bags.definitions import DefinitionError
+from robovast.analysis.bags.files import read_bag, read_info
+from robovast.analysis.bags.job import Context, Worker
+from robovast.analysis.bags.jobs import start
+from robovast.analysis.bags.rosout import ROSOUT
+from robovast.analysis.bags.source import Consumer, Topic
+from robovast.base.errors import RobovastError, StorageError
+from robovast.base.safe_paths import is_folder
+from robovast.campaign.layout import JOB_LINK, job_folder
+from robovast.campaign.run_record import read_run_record
+from robovast.model.document.commands import JOB_LOGS, BagCommand, RosoutToCsv
+from rosbags_common import find_rosbags
+
+BAG = "rosbag2"
+"""What the folder of a run's bag is called."""
+
+_UNDECODABLE = (
+    struct.error,
+    SerdeError,
+    ValueError,
+    IndexError,
+    KeyError,
+    OverflowError,
+    MemoryError,
+)
+
+
+@dataclass(frozen=True)
+class Output:
+    """A file that a job made."""
+
+    path: Path
+    bag: Path
+    """What it was made from."""
+    job: BagCommand
+
+
+@dataclass
+class Conversion:
+    """What came out of some bags."""
+
+    outputs: list[Output] = field(default_factory=list)
+    remarks: dict[tuple[BagCommand | None, str], None] = field(default_factory=dict)
+    """What is missing or could not be read, each with the job that it is about, or none."""
+    failures: dict[BagCommand, str] = field(default_factory=dict)
+    """Why jobs failed; the others were done."""
+
+    @property
+    def warnings(self) -> list[str]:
+        """All remarks and failures, each once."""
+        return list(dict.fromkeys([*(text for _, text in self.remarks), *self.failures.values()]))
+
+    def provenance(self, results_dir: Path) -> list[dict[str, Any]]:
+        """An entry `{output, sources, plugin, params}` per file, its paths relative to a folder."""
+        return [
+            {
+                "output": str(output.path.relative_to(results_dir)),
+                "sources": [str(output.bag.relative_to(results_dir))],
+                "plugin": output.job.command,
+                "params": output.job.model_dump(mode="json", exclude_defaults=True),
+            }
+            for output in self.outputs
+        ]
+
+
+@dataclass(frozen=True)
+class _Task:
+    """A job on one bag."""
+
+    job: BagCommand
+    folder: Path
+    """Where files are written."""
+    window: tuple[int, int] | None = None
+    """From when to when the run took place [ns], for bags of several runs."""
+    shared: bool = False
+    """The files are of all runs of a job, so none of the run's."""
+
+
+def convert_bag(
+    bag_dir: Path, run_dir: Path, jobs: Sequence[BagCommand], *, definitions: Path | None = None
+) -> Conversion:
+    """Do every job in one pass over a bag.
+
+    Files take their names when they are complete; of an interrupted conversion none remain. A job
+    that fails does not stop the others.
+
+    Args:
+        bag_dir: the bag.
+        run_dir: where files are written.
+        jobs: what is wanted.
+        definitions: folder searched for message definitions that the bag lacks.
+
+    Raises:
+        StorageError: a file cannot be written.
+    """
+    conversion = Conversion()
+    _convert(bag_dir, [_Task(job, run_dir) for job in jobs], definitions, conversion)
+    return conversion
+
+
+def convert_run(
+    run_dir: Path, jobs: Sequence[BagCommand], definitions: Path | None = None
+) -> Conversion:
+    """Do every job in one pass over each bag of a run.
+
+    Files are written beside each bag. Log messages are taken from the recording of the run's job,
+    cut to the run, where the run has none itself; the whole recording's table is beside it.
+
+    Args:
+        run_dir: the run's folder.
+        jobs: what is wanted; each says how the path of its bag ends, at any depth of the run's
+            folder or in its job's.
+        definitions: folder searched for message definitions that a bag lacks.
+
+    Raises:
+        StorageError: a file cannot be written.
+    """
+    conversion = Conversion()
+    tasks: dict[Path, list[_Task]] = {}
+    for job in jobs:
+        found = list(_tasks(run_dir, job))
+        for bag, task in found:
+            tasks.setdefault(bag, []).append(task)
+        if not found:
+            name = BAG if job.bag_dir == JOB_LOGS else job.bag_dir
+            conversion.remarks[None, f"there is no bag: no folder `{name}` in it"] = None
+    for bag, of_bag in tasks.items():
+        with _unmoved([task.folder for task in of_bag if task.shared]):
+            _convert(bag, of_bag, definitions, conversion)
+    return conversion
+
+
+def _tasks(run_dir: Path, job: BagCommand) -> Iterator[tuple[Path, _Task]]:
+    """A job on each bag that it is about."""
+    own = _bags(run_dir, job.bag_dir)
+    recording = _recording(run_dir, job.bag_dir)
+    if isinstance(job, RosoutToCsv):
+        if job.bag_dir == JOB_LOGS:
+            bags = _bags(run_dir, BAG)
+            own += [bag for bag in bags if _has_rosout(bag)] if recording else bags
+        if recording and not own:
+            yield recording, _Task(job, run_dir, _window(run_dir))
+    yield from ((bag, _Task(job, bag.parent)) for bag in own)
+    if recording:
+        yield recording, _Task(job, recording.parent, shared=True)
+
+
+def _bags(run_dir: Path, bag_dir: str) -> list[Path]:
+    """Bags of a run whose path ends so."""
+    end = Path(bag_dir).parts
+    found = (Path(path) for path in find_rosbags(run_dir, end[-1]))
+    return [bag for bag in found if bag.relative_to(run_dir).parts[-len(end) :] == end]
+
+
+def _recording(run_dir: Path, bag_dir: str) -> Path | None:
+    """The recording of a run's job, by way of the run's link to it."""
+    job = job_folder(run_dir) if bag_dir.startswith("logs/") else None
+    there = job is not None and is_folder(job / bag_dir, job)
+    return run_dir / JOB_LINK / bag_dir if there else None
+
+
+@contextmanager
+def _unmoved(folders: Iterable[Path]) -> Iterator[None]:
+    """Folders keep their time: a job that got tables of its own recording has not changed."""
+    times = {folder: folder.stat().st_mtime_ns for folder in folders}
+    try:
+        yield
+    finally:
+        for folder, time in times.items():
+            os.utime(folder, ns=(time, time))
+
+
+def _convert(
+    bag: Path, tasks: Sequence[_Task], definitions: Path | None, conversion: Conversion
+) -> None:
+    """Do tasks in one pass over a bag, and add what comes out."""
+    works: list[_Work] = []
+    warn = conversion.remarks.setdefault
+    try:
+        info = read_info(bag, lambda text: warn((None, text)))
+        context = Context(
+            bag=bag,
+            folder=bag.parent,
+            warn=lambda text: warn((None, text)),
+            definitions=definitions,
+            distribution=info.distribution,
+            topics=dict(info.topics),
+        )
+        for number, task in enumerate(tasks):
+            works.append(_Work(task, context, number, conversion))
+        feeds = _Feeds(context, works)
+        read_bag(bag, info, feeds.subscribe, context.warn)
+        feeds.report()
+        for work in works:
+            conversion.outputs += work.finish(bag)
+    except BaseException as error:
+        for work in works:
+            with suppress(OSError):
+                work.discard()
+        if isinstance(error, OSError):
+            raise StorageError(f"the bag {bag} cannot be converted: {error}") from error
+        raise
+
+
+class _Work:
+    """A task at work on a bag; when it fails, the others go on."""
+
+    def __init__(self, task: _Task, context: Context, number: int, conversion: Conversion) -> None:
+        self._task = task
+        self._failures = conversion.failures
+        self.context = replace(
+            context,
+            folder=task.folder,
+            window=task.window,
+            number=number,
+            warn=lambda text: conversion.remarks.setdefault((task.job, text)),
+        )
+        self._worker: Worker | None = None
+        try:
+            self._worker = start(task.job, self.context)
+        except RobovastError as error:
+            self._failures[task.job] = str(error)
+
+    def subscribe(self, topic: Topic) -> Consumer | None:
+        """Who takes the messages of a topic."""
+        try:
+            consumer = self._worker.subscribe(topic) if self._worker else None
+        except DefinitionError as error:
+            self.context.warn(f"{topic.name} is left out: {error}")
+            return None
+        if consumer and topic.serialization != "cdr":
+            self.context.warn(
+                f"{topic.name} is left out: its messages are {topic.serialization}, not cdr"
+            )
+            return None
+        return self._watched(consumer) if consumer else None
+
+    def _watched(self, consumer: Consumer) -> Consumer:
+        def consume(time: int, data: bytes) -> None:
+            if self._worker is None:
+                return
+            try:
+                consumer(time, data)
+            except (OSError, *_UNDECODABLE):
+                raise
+            except Exception as error:
+                self._fail(error)
+
+        return consume
+
+    def finish(self, bag: Path) -> list[Output]:
+        """The files, complete."""
+        try:
+            paths = self._worker.finish() if self._worker else []
+        except OSError:
+            raise
+        except Exception as error:
+            self._fail(error)
+            return []
+        return [] if self._task.shared else [Output(path, bag, self._task.job) for path in paths]
+
+    def discard(self) -> None:
+        """Leave nothing behind."""
+        if self._worker is not None:
+            self._worker.discard()
+
+    def _fail(self, error: Exception) -> None:
+        traceback.print_exc()
+        self._failures[self._task.job] = f"raised {type(error).__name__}: {error}"
+        self.discard()
+        self._worker = None
+
+
+def _has_rosout(bag: Path) -> bool:
+    ignored: list[str] = []
+    return ROSOUT in read_info(bag, ignored.append).topics
+
+
+def _window(run_dir: Path) -> tuple[int, int] | None:
+    """From when to when a run took place [ns], as its record says."""
+    record = read_run_record(run_dir)
+    try:
+        return (_moment(record.started_at), _moment(record.finished_at)) if record else None
+    except ValueError:
+        return None
+
+
+def _moment(text: str) -> int:
+    return int(datetime.fromisoformat(text).timestamp() * 1_000_000_000)
+
+
+class _Feeds:
+    """Connects topics with those that want them."""
+
+    def __init__(self, context: Context, works: Sequence[_Work]) -> None:
+        self._context = context
+        self._works = works
+        self._feeds: dict[Topic, _Feed] = {}
+
+    def subscribe(self, topic: Topic) -> Consumer | None:
+        if topic not in self._feeds:
+            self._context.topics.setdefault(topic.name, topic.type)
+            consumers = [(work, work.subscribe(topic)) for work in self._works]
+            self._feeds[topic] = _Feed(topic, [(work, c) for work, c in consumers if c])
+        return self._feeds[topic].consumer()
+
+    def report(self) -> None:
+        """Say how many messages could not be decoded."""
+        for feed in self._feeds.values():
+            feed.report()
+
+
+class _Feed:
+    """Hands the messages of a topic out, and counts those that cannot be decoded."""
+
+    def __init__(self, topic: Topic, consumers: list[tuple[_Work, Consumer]]) -> None:
+        self._topic = topic
+        self._damaged = 0
+        self._reason = ""
+        self._works = [work for work, _ in consumers]
+        self._consumers = [consumer for _, consumer in consumers]
+
+    def consumer(self) -> Consumer | None:
+        return self._take if self._consumers else None
+
+    def report(self) -> None:
+        """Say it to the first that wanted them."""
+        if self._damaged:
+            self._works[0].context.warn(
+                f"{self._damaged} messages on {self._topic.name} are left out: they are no "
+                f"{self._topic.type} ({self._reason})"
+            )
+
+    def _take(self, time: int, data: bytes) -> None:
+        reason = ""
+        for consume in self._consumers:
+            try:
+                consume(time, data)
+            except _UNDECODABLE as error:
+                reason = str(error) or type(error).__name__
+        if reason:
+            self._damaged += 1
+            self._reason = self._reason or reason

@@ -1,0 +1,177 @@
+"""What a message type consists of: from the bag, from files beside the .vast file, from ROS.
+
+Bags of ROS 2 Iron and later carry the definitions of their types. Older ones do not, and none
+before Kilted carries those of action feedback.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import (
+    Stores,
+    TypesysError,
+    get_types_from_idl,
+    get_types_from_msg,
+    get_typestore,
+)
+
+from robovast.analysis.bags.nav2_feedback import FEEDBACK
+
+if TYPE_CHECKING:
+    from rosbags.interfaces.typing import FieldDesc, Typesdict
+    from rosbags.typesys.store import Typestore
+
+_SEPARATOR = "=" * 80
+_IDL_SEPARATOR = re.compile(rf"^{_SEPARATOR}\nIDL: .*$", re.MULTILINE)
+_FEEDBACK = "_FeedbackMessage"
+
+
+class DefinitionError(ValueError):
+    """A message type is not defined, or in a way that cannot be read."""
+
+
+@dataclass(frozen=True)
+class Definition:
+    """A message type as a bag defines it."""
+
+    type: str
+    """Full name, as `nav_msgs/msg/Odometry`."""
+    encoding: str = ""
+    """`ros2msg`, `ros2idl`, or empty when the bag leaves it undefined."""
+    text: str = ""
+
+    @property
+    def given(self) -> bool:
+        """True when the bag defines the type."""
+        return self.encoding in {"ros2msg", "ros2idl", "omgidl"} and bool(self.text)
+
+
+@lru_cache(maxsize=512)
+def types_of(definition: Definition, folder: Path | None, distribution: str) -> Typesdict:
+    """Fields of a message type and of every type in it, by type.
+
+    Args:
+        definition: what the bag says.
+        folder: searched for `<package>/action/<Name>.action` and `<package>/msg/<Name>.msg` when
+            the bag says nothing.
+        distribution: ROS distribution, as `jazzy`, whose own types fill what is missing.
+
+    Raises:
+        DefinitionError: the type, or one that it uses, is defined nowhere.
+    """
+    try:
+        own = _own_types(definition, folder)
+    except (TypesysError, ValueError, KeyError, IndexError) as error:
+        raise DefinitionError(f"the definition of {definition.type} is wrong: {error}") from error
+    if not _missing(definition.type, own):
+        return own
+    known = {**_distribution_types(distribution), **own}
+    missing = _missing(definition.type, known)
+    if missing:
+        raise DefinitionError(_what_is_missing(missing[0]))
+    return known
+
+
+def _what_is_missing(type_: str) -> str:
+    if type_.endswith("/wstring"):
+        return "fields of type wstring are not supported"
+    return (
+        f"neither the bag nor ROS 2 defines {type_}; add its file `{_file_of(type_)}` to the run "
+        "files"
+    )
+
+
+def _missing(type_: str, types: Typesdict) -> list[str]:
+    """Types that a type is made of, itself included, and that are not defined."""
+    missing: list[str] = []
+    wanted, seen = [type_], {type_}
+    while wanted:
+        name = wanted.pop()
+        if name not in types:
+            missing.append(name)
+            continue
+        used = {part for _, field in types[name][1] for part in _used(field)}
+        wanted += used - seen
+        seen |= used
+    return missing
+
+
+def _used(field: FieldDesc) -> list[str]:
+    kind, what = cast("tuple[Nodetype, Any]", field)
+    if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        kind, what = what[0]
+    return [what] if kind is Nodetype.NAME else []
+
+
+def typestore_of(definition: Definition, folder: Path | None, distribution: str) -> Typestore:
+    """What deserializes messages of a type; see `types_of`."""
+    return _typestore(definition, folder, distribution)
+
+
+@lru_cache(maxsize=64)
+def _typestore(definition: Definition, folder: Path | None, distribution: str) -> Typestore:
+    store = get_typestore(Stores.EMPTY)
+    store.register(types_of(definition, folder, distribution))
+    return store
+
+
+@lru_cache(maxsize=4)
+def _distribution_types(distribution: str) -> Typesdict:
+    try:
+        return get_typestore(Stores(f"ros2_{distribution}")).fielddefs
+    except ValueError:
+        return get_typestore(Stores.LATEST).fielddefs
+
+
+def _own_types(definition: Definition, folder: Path | None) -> Typesdict:
+    if not definition.given:
+        return _types_from_files(definition.type, folder)
+    if definition.encoding != "ros2msg":
+        return _types_from_idl(definition.text)
+    return get_types_from_msg(definition.text, definition.type)
+
+
+def _types_from_idl(text: str) -> Typesdict:
+    """Types of IDL files, one after the other, each perhaps under a line with its name."""
+    types: Typesdict = {}
+    for part in _IDL_SEPARATOR.split(text):
+        if part.strip():
+            types.update(get_types_from_idl(part))
+    return types
+
+
+def _types_from_files(type_: str, folder: Path | None) -> Typesdict:
+    path = _find(type_, folder)
+    if not type_.endswith(_FEEDBACK):
+        return get_types_from_msg(path.read_text(encoding="utf-8"), type_) if path else {}
+    action = type_.removesuffix(_FEEDBACK)
+    feedback = _feedback(path) if path else FEEDBACK.get(action)
+    if feedback is None:
+        return {}
+    package, name = action.split("/")[::2]
+    message = (
+        f"unique_identifier_msgs/UUID goal_id\n{package}/{name}_Feedback feedback\n{_SEPARATOR}\n"
+        f"MSG: {package}/{name}_Feedback\n{feedback}\n"
+    )
+    return get_types_from_msg(message, type_)
+
+
+def _feedback(action: Path) -> str:
+    """The last of the three parts of an action's definition."""
+    return re.split(r"^---\s*$", action.read_text(encoding="utf-8"), flags=re.MULTILINE)[-1]
+
+
+def _file_of(type_: str) -> str:
+    name = type_.removesuffix(_FEEDBACK)
+    return name + (".action" if name != type_ else ".msg")
+
+
+def _find(type_: str, folder: Path | None) -> Path | None:
+    found = sorted(folder.rglob(_file_of(type_))) if folder else []
+    return found[0] if found else None

@@ -1,0 +1,133 @@
+"""All messages of a bag: its files, one after the other, compressed or not."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from shutil import copyfileobj
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import yaml
+import zstandard
+
+from robovast.analysis.bags.mcap_file import read_mcap
+from robovast.analysis.bags.source import Consumer, Subscribe, Topic, Warn
+from robovast.analysis.bags.sqlite_file import read_sqlite
+from robovast.base.safe_paths import is_file, open_file, read_text
+
+_KINDS = (".mcap", ".db3")
+_ZSTD = ".zstd"
+
+
+@dataclass(frozen=True)
+class BagInfo:
+    """What `metadata.yaml` of a bag says; a recorder that was stopped leaves none."""
+
+    files: tuple[str, ...] = ()
+    distribution: str = ""
+    """ROS distribution, as `jazzy`."""
+    compressed_messages: bool = False
+    topics: dict[str, str] = field(default_factory=dict)
+    """Type of each topic."""
+
+
+def read_info(folder: Path, warn: Warn) -> BagInfo:
+    """What the metadata of a bag says, if it has any."""
+    try:
+        text = read_text(folder / "metadata.yaml")
+        return _info(yaml.safe_load(text)["rosbag2_bagfile_information"])
+    except FileNotFoundError:
+        warn(f"{folder.name} has no metadata.yaml: its recorder was stopped while writing")
+    except (OSError, yaml.YAMLError, KeyError, TypeError, AttributeError) as error:
+        warn(f"{folder.name}/metadata.yaml cannot be read: {error!r}")
+    return BagInfo()
+
+
+def _info(data: dict[str, Any]) -> BagInfo:
+    topics = (topic["topic_metadata"] for topic in data.get("topics_with_message_count") or [])
+    return BagInfo(
+        files=tuple(data.get("relative_file_paths") or ()),
+        distribution=str(data.get("ros_distro") or ""),
+        compressed_messages=str(data.get("compression_mode") or "").upper() == "MESSAGE",
+        topics={topic["name"]: topic["type"] for topic in topics},
+    )
+
+
+def read_bag(folder: Path, info: BagInfo, subscribe: Subscribe, warn: Warn) -> None:
+    """Hand every message of a bag to whoever subscribes to its topic, in the order of recording.
+
+    Args:
+        folder: the bag.
+        info: of `read_info`.
+        subscribe: is asked at least once for every topic that the files know.
+        warn: is told what is missing or could not be read.
+    """
+    if info.compressed_messages:
+        subscribe = _decompressing(subscribe, warn)
+    files = _files(folder)
+    for missing in {Path(name).name for name in info.files} - {file.name for file in files}:
+        warn(f"{folder.name}/{missing} is missing")
+    if not files:
+        warn(f"{folder.name} has no .mcap or .db3 file")
+    for file in files:
+        _read_file(file, subscribe, warn)
+
+
+def _files(folder: Path) -> list[Path]:
+    """Files with messages, in the order in which they were recorded."""
+    names = (name for name in os.listdir(folder) if name.removesuffix(_ZSTD).endswith(_KINDS))
+    plain: dict[str, Path] = {}
+    for name in sorted(names):  # of a file and its compressed copy the first is the plain one
+        if is_file(folder / name, folder):
+            plain.setdefault(name.removesuffix(_ZSTD), folder / name)
+    return sorted(plain.values(), key=lambda path: _natural(path.name))
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    return [(int(part or 0), text) for text, part in re.findall(r"(\D*)(\d*)", name)]
+
+
+def _read_file(path: Path, subscribe: Subscribe, warn: Warn) -> None:
+    if path.name.endswith(".mcap"):
+        with open_file(path) as file:
+            read_mcap(file, path.name, subscribe, warn)
+    elif path.name.endswith(".db3"):
+        read_sqlite(path, subscribe, warn)
+    else:
+        _read_compressed(path, subscribe, warn)
+
+
+def _read_compressed(path: Path, subscribe: Subscribe, warn: Warn) -> None:
+    with TemporaryDirectory() as folder:
+        plain = Path(folder) / path.name.removesuffix(_ZSTD)
+        with open_file(path) as source, plain.open("wb") as target:
+            try:
+                copyfileobj(zstandard.ZstdDecompressor().stream_reader(source), target)
+            except zstandard.ZstdError as error:
+                warn(f"{path.name} is damaged: {error}")
+        _read_file(plain, subscribe, warn)
+
+
+def _decompressing(subscribe: Subscribe, warn: Warn) -> Subscribe:
+    """Subscribe to messages that are compressed one by one."""
+
+    def wrapped(topic: Topic) -> Consumer | None:
+        consumer = subscribe(topic)
+        return consumer and _decompress_for(consumer, topic.name, warn)
+
+    return wrapped
+
+
+def _decompress_for(consumer: Consumer, name: str, warn: Warn) -> Consumer:
+    def consume(time: int, data: bytes) -> None:
+        try:
+            plain = zstandard.ZstdDecompressor().decompressobj().decompress(data)
+        except zstandard.ZstdError as error:
+            warn(f"a message on {name} cannot be decompressed: {error}")
+        else:
+            consumer(time, plain)
+
+    return consume

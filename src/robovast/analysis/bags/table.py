@@ -1,0 +1,172 @@
+"""Rows of cells as a CSV file whose columns may differ from row to row."""
+
+from __future__ import annotations
+
+import csv
+import os
+import sys
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from functools import lru_cache
+from io import TextIOWrapper
+from itertools import chain, islice
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+from robovast.base.safe_paths import create_file
+
+Key = Hashable
+"""What decides which cells a row has, as the shape of a message."""
+
+_BUFFER = 1 << 20
+
+
+Columns = Callable[[Any], list[list[str]]]
+"""Names of the columns of each cell of a row, by the row's key."""
+
+
+def no_columns(_key: Key) -> list[list[str]]:
+    """Columns of rows that have none but the leading ones."""
+    return []
+
+
+class Table:
+    """A CSV file: leading columns, then the rest sorted by name.
+
+    Every row has a key that decides which cells it has. Rows are written as they come; when keys
+    differed, the file is written once more at the end, with the columns of all.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        part: Path,
+        leading: Sequence[str],
+        columns: Columns = no_columns,
+        title: Callable[[str], str] | None = None,
+    ) -> None:
+        """Open a file that takes its name when it is closed.
+
+        Args:
+            path: the CSV file.
+            part: what it is called before it is complete.
+            leading: names of the cells that every row begins with.
+            columns: names of the columns of each further cell, by the row's key.
+            title: what the file calls a column, by its name; then all columns are sorted by it,
+                the leading ones, too.
+        """
+        self.path = path
+        self._leading = list(leading)
+        self._columns = columns
+        self._title = title
+        self._part = part
+        self._file = create_file(self._part, buffering=_BUFFER)
+        self._runs: list[tuple[Key, int]] = []
+        self._key: Key | None = None
+        self._count = 0
+        self._order: Any = None
+        self._orders = lru_cache(maxsize=256)(self._order_of)
+
+    def add(self, key: Key, cells: list[bytes]) -> None:
+        """Write a row: its leading cells, then those of its key."""
+        if key != self._key:
+            self._switch(key)
+        self._count += 1
+        self._file.write(b",".join(self._order(cells)) + b"\n")
+
+    def add_lines(self, lines: Iterable[bytes]) -> None:
+        """Write rows that are whole, where rows have no cells but the leading ones."""
+        if self._key is None:
+            self._switch(())
+        self._file.writelines(line + b"\n" for line in lines)
+
+    @property
+    def is_empty(self) -> bool:
+        """True when it has no rows."""
+        return self._key is None
+
+    def close(self) -> None:
+        """Finish the file and give it its name."""
+        self._end_run()
+        keys = list(dict.fromkeys(key for key, _ in self._runs))
+        self._file.close()
+        if len(keys) == 1 and self._title is None:
+            os.replace(self._part, self.path)
+        else:
+            self._rewrite(keys)
+
+    def discard(self) -> None:
+        """Leave nothing behind."""
+        self._file.close()
+        self._part.unlink(missing_ok=True)
+
+    def _switch(self, key: Key) -> None:
+        self._end_run()
+        if not self._runs:
+            self._file.write((",".join([*self._leading, *self._sorted(key)]) + "\n").encode())
+        self._order = self._orders(key)
+        self._key, self._count = key, 0
+
+    def _end_run(self) -> None:
+        if self._key is not None:
+            self._runs.append((self._key, self._count))
+
+    def _order_of(self, key: Key) -> Any:
+        """What takes the cells of a row to their order in the file."""
+        lead = len(self._leading)
+        cells = self._columns(key)
+        rest = sorted(range(len(cells)), key=lambda place: cells[place][0])
+        return _getter([*range(lead), *(lead + place for place in rest)])
+
+    def _sorted(self, key: Key) -> list[str]:
+        return sorted(chain.from_iterable(self._columns(key)))
+
+    def _rewrite(self, keys: list[Key]) -> None:
+        names = sorted({name for key in keys for name in self._sorted(key)})
+        columns = [*((True, name) for name in self._leading), *((False, name) for name in names)]
+        title = self._title or str
+        if self._title is not None:
+            columns.sort(key=lambda column: title(column[1]))
+        final = self._part.with_suffix(".all")
+        csv.field_size_limit(sys.maxsize)  # a cell holds a whole string, however long
+        with (
+            self._part.open(newline="", encoding="utf-8") as source,
+            TextIOWrapper(create_file(final), newline="", encoding="utf-8") as target,
+        ):
+            rows = csv.reader(source)
+            next(rows, None)
+            writer = csv.writer(target, lineterminator="\n")
+            writer.writerow(title(name) for _, name in columns)
+            spread = {key: self._spread(key, columns) for key in keys}
+            for key, count in self._runs:
+                order = spread[key]
+                writer.writerows(order([*row, ""]) for row in islice(rows, count))
+        self._part.unlink()
+        os.replace(final, self.path)
+
+    def _spread(self, key: Key, columns: list[tuple[bool, str]]) -> Any:
+        """What takes a row of a key, with an empty cell at its end, to the columns of all.
+
+        Args:
+            key: of the row.
+            columns: whether each is a leading one, and its name.
+        """
+        every = [*((True, name) for name in self._leading)]
+        every += ((False, name) for name in self._sorted(key))
+        place = {column: index for index, column in enumerate(every)}
+        return _getter([place.get(column, -1) for column in columns])
+
+
+def written(table: Table) -> list[Path]:
+    """The file of a table that is complete; one without rows is not written."""
+    if table.is_empty:
+        table.discard()
+        return []
+    table.close()
+    return [table.path]
+
+
+def _getter(places: list[int]) -> Any:
+    if len(places) > 1:
+        return itemgetter(*places)
+    return lambda cells: [cells[place] for place in places]

@@ -1,0 +1,350 @@
+"""Results in notebooks, read from the folder of a run, a configuration or a campaign."""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+import xml.etree.ElementTree as ET  # of text that `read_test_result` accepted
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import yaml
+
+from robovast.base.safe_paths import open_file, read_file
+from robovast.campaign.layout import RUN_RECORD, TEST_RESULT
+from robovast.campaign.run_record import read_run_record
+from robovast.campaign.verdict import Verdict, read_test_result
+
+_SHORTEST_STEP = 1e-6
+"""Steps that are not longer have no speed [s]."""
+
+
+def for_each_run(
+    data_dir: str | Path, func: Callable[[Path], Any], debug: bool = False
+) -> list[Any]:
+    """What a function returns for every run folder at or below `data_dir`.
+
+    What it raises for a run is printed, and the others go on.
+
+    Args:
+        data_dir: folder of a run, a configuration or a campaign.
+        func: is called with the folder of a run.
+        debug: print each folder.
+
+    Raises:
+        ValueError: there is no such folder, or no run in it.
+    """
+    results = []
+    for run in _run_folders(data_dir):
+        if debug:
+            print(run)  # noqa: T201
+        try:
+            results.append(func(run))
+        except Exception as error:  # a notebook's function may raise anything
+            print(f"{run}: {type(error).__name__}: {error}")  # noqa: T201
+    return results
+
+
+def read_output_files(
+    data_dir: str | Path,
+    reader_func: Callable[[Path], pd.DataFrame | None],
+    debug: bool = False,
+) -> pd.DataFrame:
+    """The data frames that a reader makes of every run, one below the other.
+
+    A run for which the reader raises is left out, with a warning; one for which it returns None
+    has no rows.
+
+    Args:
+        data_dir: folder of a run, a configuration or a campaign.
+        reader_func: makes a data frame of a run's folder, as
+            `lambda run: read_output_csv(run, "poses.csv")`.
+        debug: print each folder.
+
+    Returns:
+        All rows. Behind the reader's columns, which they replace where names are equal, stand
+        `run` (text), `config` and each scenario parameter (mappings and lists as YAML), all
+        categorical; NaN where a configuration has no such parameter.
+
+    Raises:
+        ValueError: there is no such folder, no run in it, or none that could be read.
+    """
+    frames: list[pd.DataFrame] = []
+    failed = 0
+    added: dict[str, None] = {}
+    for run in _run_folders(data_dir):
+        if debug:
+            print(run)  # noqa: T201
+        try:
+            frame = reader_func(run)
+        except Exception as error:  # a notebook's reader may raise anything
+            warnings.warn(f"{run}: left out: {error}", stacklevel=2)
+            failed += 1
+            continue
+        columns = {"run": run.name, "config": run.parent.name, **_scenario_parameters(run.parent)}
+        added.update(dict.fromkeys(columns))
+        if frame is not None:
+            own = frame.drop(columns=[name for name in columns if name in frame])
+            frames.append(own.assign(**columns))
+    if failed and not frames:
+        raise ValueError(f"{data_dir}: none of its {failed} runs could be read")
+    return _categorical(pd.concat(frames, ignore_index=True), added) if frames else pd.DataFrame()
+
+
+def _categorical(frame: pd.DataFrame, names: Iterable[str]) -> pd.DataFrame:
+    """The frame with these columns last, and categorical."""
+    last = [name for name in names if name in frame]
+    own = [name for name in frame if name not in last]
+    return frame[[*own, *last]].astype(dict.fromkeys(last, "category"))
+
+
+def _run_folders(data_dir: str | Path) -> list[Path]:
+    root = Path(os.path.abspath(data_dir))  # a run's and its configuration's names are needed
+    if not root.is_dir():
+        raise ValueError(f"{data_dir}: no such folder")
+    runs = sorted(_runs_below(root), key=lambda run: (*run.parts[:-1], len(run.name), run.name))
+    if not runs:
+        raise ValueError(f"{data_dir}: there is no run in this folder")
+    return runs
+
+
+def _runs_below(folder: Path) -> Iterator[Path]:
+    """Folders with a verdict or a record at or below a folder; what lies inside of one is its own.
+
+    A campaign's `_config`, `_jobs` and what is hidden hold no runs.
+    """
+    if (folder / TEST_RESULT).is_file() or (folder / RUN_RECORD).is_file():
+        yield folder
+        return
+    for path in folder.iterdir():
+        if path.is_dir() and not path.is_symlink() and not path.name.startswith(("_", ".")):
+            yield from _runs_below(path)
+
+
+def _scenario_parameters(config_dir: Path) -> dict[str, Any]:
+    """Scenario parameters of a configuration, by name; mappings and lists as YAML text."""
+    try:
+        parameters = _read_scenario_parameters(config_dir)
+    except FileNotFoundError:
+        return {}
+    return {name: _as_category(parameters[name]) for name in sorted(parameters)}
+
+
+def _as_category(value: Any) -> Any:
+    if isinstance(value, dict | list):
+        return yaml.safe_dump(value, default_flow_style=False)
+    return value
+
+
+def _read_scenario_parameters(config_dir: Path) -> Mapping[str, Any]:
+    path = config_dir / "_config" / "scenario.config"
+    scenarios = yaml.safe_load(read_file(path)) or {}
+    return next(iter(scenarios.values()), None) or {}
+
+
+def get_scenario_parameter(data_dir: str | Path, parameter_name: str) -> Any:
+    """A scenario parameter of the configuration that a folder belongs to; None when it has none.
+
+    Args:
+        data_dir: folder of a run or a configuration.
+        parameter_name: the scenario parameter.
+
+    Raises:
+        FileNotFoundError: there is no `_config/scenario.config` at or above the folder.
+    """
+    folder = Path(data_dir).absolute()
+    for candidate in (folder, *folder.parents[:2]):
+        if (candidate / "_config" / "scenario.config").is_file():
+            return _read_scenario_parameters(candidate).get(parameter_name)
+    raise FileNotFoundError(f"{folder}: no _config/scenario.config here or in the folders above")
+
+
+def read_output_csv(run_dir: str | Path, filename: str, skiprows: int = 0) -> pd.DataFrame:
+    """A CSV file of a run.
+
+    Args:
+        run_dir: folder of the run.
+        filename: the CSV file.
+        skiprows: how many lines stand before the header.
+
+    Raises:
+        FileNotFoundError: the run has no such file.
+    """
+    path = Path(run_dir) / filename
+    open_file(path).close()  # it is one: to read from a pipe would never end
+    return pd.read_csv(path, skiprows=skiprows)
+
+
+def read_output_yaml_list(
+    run_dir: str | Path, filename: str, list_key: str, merge_level: int = 0
+) -> pd.DataFrame:
+    """A list in a YAML file of a run as rows.
+
+    Args:
+        run_dir: folder of the run.
+        filename: the YAML file.
+        list_key: key of the list.
+        merge_level: how many levels of nested mappings and lists become columns `a_b`, `a_0`.
+
+    Raises:
+        FileNotFoundError: the run has no such file.
+        KeyError: the file has no such key.
+        ValueError: what stands there is no list.
+    """
+    data = yaml.safe_load(read_file(Path(run_dir) / filename)) or {}
+    items = data[list_key]
+    if not isinstance(items, list):
+        raise ValueError(f"{filename}: `{list_key}` is no list")
+    return pd.DataFrame([_flat(item, merge_level) for item in items])
+
+
+def _flat(item: Any, levels: int) -> dict[str, Any]:
+    """The values of a nested item, by the names and indices that lead to them."""
+    row: dict[str, Any] = {}
+    for name, value in _children(item):
+        inside = list(_children(value)) if levels > 0 else []
+        if not inside:
+            row[name] = value
+            continue
+        row.update((f"{name}_{below}", v) for below, v in _flat(value, levels - 1).items())
+    return row
+
+
+def _children(value: Any) -> Iterator[tuple[str, Any]]:
+    if isinstance(value, dict):
+        yield from ((str(name), child) for name, child in value.items())
+    elif isinstance(value, list):
+        yield from ((str(index), child) for index, child in enumerate(value))
+
+
+def get_run_status(run_dir: str | Path) -> tuple[str, str | None]:
+    """How a run ended: `passed`, `failed`, or `unknown` without a verdict; and a summary.
+
+    The summary of a failure is the message of the behaviour that failed, else of the last one
+    that succeeded, else the failure's own message when that is a single line, else None. Without
+    a verdict it is the reason in the run's record.
+    """
+    run = Path(run_dir)
+    record = read_run_record(run)
+    if record is not None and record.verdict in {Verdict.ERRORED, Verdict.INTERRUPTED}:
+        return "unknown", record.reason or None
+    verdict = read_test_result(run).verdict
+    if verdict is Verdict.PASSED:
+        return "passed", None
+    if verdict is Verdict.FAILED:
+        return "failed", _failure_summary(run / TEST_RESULT)
+    return "unknown", None
+
+
+def _failure_summary(path: Path) -> str | None:
+    """The message of the behaviour that made a run fail, out of the tree in its test.xml."""
+    root = ET.parse(path).getroot()  # noqa: S314  # judged already: no entities
+    found = next((e for kind in ("failure", "error") for e in root.iter(kind)), None)
+    if found is None:
+        return None
+    lines = [*(found.get("message") or "").splitlines(), *(found.text or "").splitlines()]
+    for mark in ("[✕] -- ", "[✓] -- "):
+        marked = [line.partition(mark)[2].strip() for line in lines if mark in line]
+        if marked:
+            return marked[-1]
+    said = [line.strip() for line in lines if line.strip()]
+    return said[0] if len(said) == 1 else None
+
+
+def read_run_statuses(data_dir: str | Path) -> pd.DataFrame:
+    """One row per run, by path: `run`, `config`, `status`, `summary`, as `get_run_status` has them.
+
+    No columns when there is no run.
+
+    Raises:
+        ValueError: there is no such folder.
+    """
+    root = Path(data_dir)
+    if not root.is_dir():
+        raise ValueError(f"{data_dir}: no such folder")
+    rows = []
+    for run in sorted(_runs_below(root.absolute())):
+        status, summary = get_run_status(run)
+        rows.append(
+            {"run": run.name, "config": run.parent.name, "status": status, "summary": summary}
+        )
+    return pd.DataFrame(rows)
+
+
+_EXECUTION = ["behavior_id", "run", "config"]
+_BEHAVIOR_INFO = ["behavior_name", "id", "start_time", "end_time", "duration", "run", "config"]
+
+
+def get_behavior_info(behavior_name: str, behavior_dataframe: pd.DataFrame) -> pd.DataFrame:
+    """Every execution of a behaviour, from its first RUNNING to its first SUCCESS or FAILURE.
+
+    Args:
+        behavior_name: the behaviour's name.
+        behavior_dataframe: content of behaviors.csv (`timestamp`, `behavior_name`,
+            `behavior_id`, `status_name`) with the columns `run` and `config`, as
+            `read_output_files` returns it.
+
+    Returns:
+        Rows `behavior_name, id, start_time, end_time, duration, run, config` [s]; executions
+        without a start or an end are left out.
+
+    Raises:
+        KeyError: a column is missing.
+    """
+    named = behavior_dataframe[behavior_dataframe["behavior_name"] == behavior_name]
+    groups = named.groupby(_EXECUTION, sort=False, observed=True)
+    if named.empty:
+        return pd.DataFrame(columns=["behavior_name", "id", "duration", "run", "config"])
+    executions = []
+    for (id_, run, config), rows in groups:
+        times = _execution_times(rows)
+        if times is not None:
+            start, end = times
+            executions.append((behavior_name, id_, start, end, end - start, run, config))
+    return pd.DataFrame(executions, columns=_BEHAVIOR_INFO) if executions else pd.DataFrame()
+
+
+def _execution_times(rows: pd.DataFrame) -> tuple[float, float] | None:
+    started = rows.loc[rows["status_name"] == "RUNNING", "timestamp"]
+    ended = rows.loc[rows["status_name"].isin(["SUCCESS", "FAILURE"]), "timestamp"]
+    return None if started.empty or ended.empty else (started.iloc[0], ended.iloc[0])
+
+
+_SPEEDS = [
+    *("run", "config", "position.x", "position.y", "orientation.yaw", "timestamp"),
+    *("linear_speed", "angular_speed", "dt"),
+]
+
+
+def calculate_speeds_from_poses(df: pd.DataFrame) -> pd.DataFrame:
+    """Speeds from each pose to the next one of the same run and frame.
+
+    Args:
+        df: content of poses.csv (`timestamp` [s], `position.x`, `position.y` [m],
+            `orientation.yaw` [rad]); rows of several runs and frames are told apart by the
+            columns `run`, `config` and `frame`.
+
+    Returns:
+        Rows `run, config, position.x, position.y, orientation.yaw, timestamp, linear_speed` [m/s],
+        `angular_speed` [rad/s], `dt` [s]. A run's last pose has none, nor have those that the next
+        one follows within a microsecond.
+    """
+    groups = [name for name in ("run", "config", "frame") if name in df]
+    ordered = df.sort_values([*groups, "timestamp"], kind="stable")
+    values = ["timestamp", "position.x", "position.y", "orientation.yaw"]
+    ahead = (
+        ordered.groupby(groups, sort=False, observed=True)[values] if groups else ordered[values]
+    ).shift(-1)
+    step = ahead - ordered[values]
+    turn = (step["orientation.yaw"] + math.pi) % (2 * math.pi) - math.pi
+    distance = (step["position.x"] ** 2 + step["position.y"] ** 2) ** 0.5
+    speeds = ordered.assign(
+        linear_speed=distance / step["timestamp"],
+        angular_speed=turn.abs() / step["timestamp"],
+        dt=step["timestamp"],
+    )
+    moving = speeds[step["timestamp"] > _SHORTEST_STEP]
+    return moving[[name for name in _SPEEDS if name in moving]].reset_index(drop=True)

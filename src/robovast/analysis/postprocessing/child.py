@@ -1,0 +1,235 @@
+"""A process that calls plugins, so that one which hangs, crashes or exits ends nothing else.
+
+    python -m robovast.analysis.postprocessing.child DESCRIPTOR
+
+reads requests from stdin and writes replies to the descriptor, both as lines of JSON. What a plugin
+prints goes to stderr.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import os
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+from robovast.analysis.postprocessing.guard import Guard
+from robovast.analysis.postprocessing.outcome import (
+    NonsenseError,
+    Outcome,
+    read_entries,
+    read_returned,
+)
+from robovast.base.errors import InputError, RobovastError
+from robovast.base.plugins import load_plugin
+from robovast.model.document.commands import GROUP, BagCommand, bag_command
+
+if TYPE_CHECKING:
+    from robovast.analysis.bags.convert import Conversion
+
+GIVEN = ("provenance_file", "execution_image", "debug", "force")
+"""What a plugin is given beside its parameters, when it takes it."""
+
+Plugin = Callable[..., Any]
+
+
+def main() -> None:
+    """Answer requests until there are no more."""
+    replies = os.fdopen(int(sys.argv[1]), "w", encoding="utf-8")
+    requests = os.fdopen(os.dup(0), encoding="utf-8")
+    os.dup2(2, 1)  # nothing that a plugin prints may stand between replies
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    guard = Guard()
+    guard.install()
+    _answer(requests, replies, guard)
+
+
+def _answer(requests: TextIO, replies: TextIO, guard: Guard) -> None:
+    _say(replies, "ready")
+    for line in requests:
+        _say(replies, _reply(json.loads(line), guard))
+
+
+def _say(replies: TextIO, value: Any) -> None:
+    replies.write(json.dumps(value, default=str) + "\n")
+    replies.flush()
+
+
+def _reply(request: Mapping[str, Any], guard: Guard) -> Any:
+    if request["ask"] == "per_run":
+        return is_per_run(request)
+    if request["ask"] == "bags":
+        return [outcome.plain() for outcome in convert_bags(request["calls"])]
+    return call(request, guard).plain()
+
+
+def is_per_run(request: Mapping[str, Any]) -> bool:
+    """Whether a plugin asks to be called for one run at a time; False when it cannot be loaded."""
+    try:
+        return bool(getattr(_load(request), "per_run", False))
+    except InputError:
+        return False
+
+
+def call(request: Mapping[str, Any], guard: Guard) -> Outcome:
+    """Call a plugin; whatever goes wrong in it is an outcome.
+
+    Args:
+        request: `name`, `parameters`, `folder` (of the .vast file), `results_dir`, `campaign`
+            and `scratch`, a folder for this process alone.
+        guard: watches its writes.
+    """
+    try:
+        return _guarded(request, guard)
+    except (InputError, NonsenseError) as error:
+        return Outcome(False, str(error))
+    except SystemExit as error:
+        return Outcome(False, f"called `sys.exit({error.code!r})` instead of returning")
+    except Exception as error:
+        traceback.print_exc()
+        if guard.refused:
+            return Outcome(False, f"was refused to write {guard.refused}: {_OUTSIDE}")
+        return Outcome(False, f"raised {type(error).__name__}: {error}{_place(error)}")
+    finally:
+        guard.allow_all()
+
+
+def convert_bags(calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
+    """Do several of the commands for bags in one pass over each bag of a run.
+
+    Args:
+        calls: requests that differ in `name` and `parameters` alone.
+    """
+    try:
+        return _convert_bags(calls)
+    except RobovastError as error:
+        return [Outcome(False, str(error)) for _ in calls]
+    except Exception as error:
+        traceback.print_exc()
+        text = f"raised {type(error).__name__}: {error}{_place(error)}"
+        return [Outcome(False, text) for _ in calls]
+
+
+def _convert_bags(calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
+    from robovast.analysis.bags.convert import convert_run
+
+    run, campaign = Path(calls[0]["results_dir"]), Path(calls[0]["campaign"])
+    jobs = [bag_command(call["name"], call["parameters"]) for call in calls]
+    done = convert_run(run, jobs, Path(calls[0]["folder"]))
+    entries = read_entries(done.provenance(run), "", run, campaign)
+    # What is said of a bag as a whole, and where files come from, is told once.
+    outcomes = [_outcome(done, job, [None, job] if n == 0 else [job]) for n, job in enumerate(jobs)]
+    return [replace(outcomes[0], entries=entries), *outcomes[1:]]
+
+
+def _outcome(done: Conversion, job: BagCommand, about: list[BagCommand | None]) -> Outcome:
+    if job in done.failures:
+        return Outcome(False, done.failures[job])
+    return Outcome(True, "\n".join(text for of, text in done.remarks if of in about))
+
+
+_OUTSIDE = "it is outside of the campaign; results belong below `results_dir`"
+
+
+def _place(error: Exception) -> str:
+    """Where in the plugin's own code an exception came from."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [f for f in frames if "/robovast/postprocessing/" not in f.filename]
+    return f" ({own[-1].filename}:{own[-1].lineno})" if own else ""
+
+
+def _guarded(request: Mapping[str, Any], guard: Guard) -> Outcome:
+    campaign, results = Path(request["campaign"]), Path(request["results_dir"])
+    plugin = _load(request)
+    scratch = Path(request["scratch"])
+    provenance = scratch / "provenance.json"
+    provenance.unlink(missing_ok=True)
+    prepared = prepare(plugin, request, provenance)
+    guard.allow(campaign, [scratch, *_named_folders(request)])
+    returned = prepared()
+    guard.allow_all()
+    outcome = read_returned(returned, request["name"], results, campaign)
+    entries = _file_entries(provenance, request["name"], results, campaign)
+    if guard.refused:
+        return Outcome(False, f"was refused to write {guard.refused}: {_OUTSIDE}")
+    return Outcome(outcome.success, outcome.message, outcome.entries + entries)
+
+
+def _load(request: Mapping[str, Any]) -> Any:
+    return load_plugin(request["name"], GROUP, request["folder"])
+
+
+def prepare(plugin: Any, request: Mapping[str, Any], provenance: Path) -> Callable[[], Any]:
+    """The call of a plugin, after its signature was compared with the parameters.
+
+    A class is instantiated, with the parameters when its constructor takes any.
+
+    Raises:
+        InputError: it cannot be called so; with what it takes.
+    """
+    parameters = dict(request["parameters"])
+    if inspect.isclass(plugin):
+        own = _signature(plugin)
+        given = parameters if own.parameters else {}
+        parameters = {} if given else parameters
+        plugin = _bound(plugin, own, (), given)()
+    if not callable(plugin):
+        raise InputError(f"is a {type(plugin).__name__}, which cannot be called")
+    signature = _signature(plugin)
+    for name, value in {"provenance_file": str(provenance), **request["given"]}.items():
+        if _takes(signature, name):
+            parameters.setdefault(name, value)
+    return _bound(plugin, signature, (request["results_dir"], request["folder"]), parameters)
+
+
+def _signature(plugin: Plugin) -> inspect.Signature:
+    try:
+        return inspect.signature(plugin)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"cannot be called: {error}") from error
+
+
+def _takes(signature: inspect.Signature, name: str) -> bool:
+    kinds = (parameter.kind for parameter in signature.parameters.values())
+    return name in signature.parameters or inspect.Parameter.VAR_KEYWORD in kinds
+
+
+def _bound(
+    plugin: Plugin, signature: inspect.Signature, folders: tuple[str, ...], parameters: Any
+) -> Callable[[], Any]:
+    try:
+        signature.bind(*folders, **parameters)
+    except TypeError as error:
+        names = [name for name in signature.parameters if name not in GIVEN]
+        own = ", ".join(f"`{name}`" for name in names[len(folders) :]) or "none"
+        raise InputError(f"{error}; its parameters are: {own}") from error
+    return lambda: plugin(*folders, **parameters)
+
+
+def _named_folders(request: Mapping[str, Any]) -> Iterator[Path]:
+    """Folders that the user's parameters name: to write there is what was asked for."""
+    for value in request["parameters"].values():
+        if isinstance(value, str) and ("/" in value or (Path(request["folder"]) / value).is_dir()):
+            yield Path(request["folder"], value)
+
+
+def _file_entries(path: Path, plugin: str, base: Path, campaign: Path) -> list[dict[str, Any]]:
+    """Entries that a script in a container left."""
+    if not path.exists():
+        return []
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise NonsenseError(f"its provenance file is no JSON: {error}") from error
+    if not isinstance(data, dict):
+        raise NonsenseError("its provenance file holds no `entries`")
+    return read_entries(data.get("entries"), plugin, base, campaign)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,197 @@
+"""The commands of a campaign's .vast file, each with a key that changes when its result may."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import EntryPoint
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, Field, ValidationError
+
+from robovast.analysis.postprocessing.content import digests, file_digest, scan
+from robovast.base.errors import DocumentError, InputError, RobovastError
+from robovast.base.optional_deps import ROS, VIDEO
+from robovast.base.plugins import plugins_of, split_file_reference
+from robovast.base.serialization import fingerprint
+from robovast.model.document.commands import (
+    BAG_COMMANDS,
+    GROUP,
+    PROCESS,
+    ImagesToWebm,
+    bag_command,
+    expanded,
+)
+from robovast.model.document.files import named_files
+from robovast.model.document.model import Plugin, PluginCall
+from robovast.model.document.problems import problems_of
+from robovast.model.document.source import Source
+
+
+@dataclass(frozen=True)
+class Command:
+    """A plugin with its parameters, as one .vast file calls it."""
+
+    name: str
+    parameters: dict[str, Any]
+    folder: Path
+    """Of the .vast file: paths are relative to it."""
+    key: str
+    """Equal for equal names, parameters, code and, where they matter, commands before."""
+    given: Mapping[str, Any] = field(default_factory=dict)
+    """What it gets beside its parameters, when it takes it."""
+
+    @property
+    def reads_bags(self) -> bool:
+        """It belongs to those that share one pass over a run's bags."""
+        return self.name in BAG_COMMANDS
+
+    @property
+    def title(self) -> str:
+        """How messages call it."""
+        parts = split_file_reference(self.name)
+        return parts[1] if parts else self.name
+
+
+class _Section(BaseModel):
+    postprocessing: list[Plugin] | None = None
+
+
+class _Processing(BaseModel):
+    """The part of a .vast file that matters here: a file of another tool may hold more."""
+
+    results_processing: _Section = Field(default_factory=_Section)
+    analysis: _Section = Field(default_factory=_Section)
+
+
+def read_calls(path: Path) -> list[PluginCall]:
+    """The postprocessing commands in a .vast file, under either spelling; all else is not checked.
+
+    Raises:
+        InputError: the file cannot be read.
+        DocumentError: what is wrong with the commands.
+    """
+    source = Source.read(path)
+    sections = source.data if isinstance(source.data, dict) else {}
+    named = ("results_processing", "analysis")
+    data = {name: sections[name] for name in named if sections.get(name) is not None}
+    try:
+        model = _Processing.model_validate(data)
+    except ValidationError as error:
+        raise DocumentError(problems_of(error, source, _Processing)) from error
+    sections_read = (model.results_processing, model.analysis)
+    return [call for section in sections_read for call in section.postprocessing or []]
+
+
+def resolve(
+    calls: Iterable[PluginCall], folder: Path, given: Mapping[str, Any] | None = None
+) -> list[Command]:
+    """Commands in the order in which they are worked off.
+
+    Those that read bags stand together where the first of them stands, and need nothing of each
+    other. Any other command may read what those before it made, so its key covers theirs.
+
+    Args:
+        calls: as the document has them, each of which can be called.
+        folder: of the document.
+        given: what commands get beside their parameters.
+    """
+    commands: list[Command] = []
+    for call in _ordered(calls):
+        reads_bags = call.name in BAG_COMMANDS
+        before = [c.key for c in commands if not (reads_bags and c.reads_bags)]
+        key = _key(call, folder, before)
+        if key not in {command.key for command in commands}:
+            commands.append(Command(call.name, dict(call.parameters), folder, key, given or {}))
+    return commands
+
+
+def _ordered(calls: Iterable[PluginCall]) -> list[PluginCall]:
+    listed = list(calls)
+    of_bags = [call for call in listed if call.name in BAG_COMMANDS]
+    first = listed.index(of_bags[0]) if of_bags else 0
+    rest = [call for call in listed[first:] if call.name not in BAG_COMMANDS]
+    return [*listed[:first], *of_bags, *rest]
+
+
+def why_not(call: PluginCall) -> str | None:
+    """Why a command cannot be called, whatever it is called for; None for all that is known now."""
+    try:
+        if call.name in BAG_COMMANDS:
+            job = bag_command(call.name, call.parameters)
+            ROS.require(call.name)
+            if isinstance(job, ImagesToWebm):
+                VIDEO.require(call.name)
+        elif call.name == PROCESS:
+            expanded([call])
+    except RobovastError as error:
+        return str(error)
+    return None
+
+
+def skipped(calls: Iterable[PluginCall], names: Sequence[str]) -> list[PluginCall]:
+    """The calls without those that are skipped by name, or by the name in a file reference; also
+    those that `rosbags_process` holds.
+
+    Raises:
+        InputError: a name is none of the document's.
+    """
+    kept = list(calls)
+    for name in names:
+        if not any(_is_called(call, name) for call in kept):
+            kept = unfolded(kept)
+        rest = [call for call in kept if not _is_called(call, name)]
+        if len(rest) == len(kept):
+            known = ", ".join(f"`{call.name}`" for call in kept) or "none"
+            raise InputError(f"--skip {name}: there is no such command; there are {known}.")
+        kept = rest
+    return kept
+
+
+def unfolded(calls: Iterable[PluginCall]) -> list[PluginCall]:
+    """The calls with those that `rosbags_process` holds in its place; a wrong one stays as it is,
+    to be told of when it is its turn."""
+    return [
+        part for call in calls for part in (expanded([call]) if why_not(call) is None else [call])
+    ]
+
+
+def _is_called(call: PluginCall, name: str) -> bool:
+    return name in (call.name, _short(call.name))
+
+
+def _short(name: str) -> str:
+    parts = split_file_reference(name)
+    return parts[1] if parts else name
+
+
+def _key(call: PluginCall, folder: Path, before: list[str]) -> str:
+    named = named_files(folder, call.parameters)
+    files = {str(path): file_digest(folder / path) for path in named}
+    parts = [call.name, call.parameters, _code_version(call.name, folder), files, before]
+    return fingerprint(parts)[:32]
+
+
+def _code_version(name: str, folder: Path) -> str:
+    """A digest of a plugin's source; its name alone when that cannot be found."""
+    parts = split_file_reference(name)
+    try:
+        if parts is not None:
+            return file_digest((folder / parts[0]).resolve())
+        return _package_version(plugins_of(GROUP)[name])
+    except (KeyError, OSError, ImportError, ValueError):
+        return ""
+
+
+def _package_version(entry: EntryPoint) -> str:
+    """A digest of the distribution's version and of the modules beside the plugin's."""
+    version = entry.dist.version if entry.dist else ""
+    spec = find_spec(entry.module)
+    if spec is None or not spec.origin:
+        return version
+    origin = Path(spec.origin)
+    in_package = "." in entry.module or origin.name == "__init__.py"
+    names = scan(origin.parent) if in_package else [origin.name]
+    return fingerprint([version, digests(origin.parent, (n for n in names if n.endswith(".py")))])

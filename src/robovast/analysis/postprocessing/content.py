@@ -1,0 +1,128 @@
+"""Whether files changed: cheaply by their time stamps, surely by their content."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import stat
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import BinaryIO
+
+from robovast.base.safe_paths import extents, has_holes, open_file, read_file, status
+from robovast.campaign.layout import RUN_RECORD
+from robovast.campaign.run_record import PLACE, record_text
+
+_CHUNK = 1 << 20
+Stamp = tuple[int, int, int]
+"""Size [bytes], modified and changed [ns]."""
+Files = dict[str, Stamp]
+"""Every file below a folder by its relative path; links are not followed."""
+
+RECORD = "postprocessing.yaml"
+"""What made which file; written by the orchestration itself, so no input of anything."""
+
+
+def scan(folder: str | Path, ignored: Iterable[str] = (RECORD,)) -> Files:
+    """The files below a folder.
+
+    Args:
+        folder: where; one that is not there has no files.
+        ignored: names in the folder itself that do not count.
+    """
+    found: Files = {}
+    try:
+        _scan(str(folder), "", found, frozenset(ignored))
+    except FileNotFoundError:
+        return {}
+    return found
+
+
+def _scan(folder: str, prefix: str, found: Files, ignored: frozenset[str]) -> None:
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.name in ignored:
+                continue
+            if entry.is_dir(follow_symlinks=False):
+                _scan(entry.path, f"{prefix}{entry.name}/", found, frozenset())
+            else:
+                at = entry.stat(follow_symlinks=False)
+                found[prefix + entry.name] = (at.st_size, at.st_mtime_ns, at.st_ctime_ns)
+
+
+def stamp_of(path: str) -> int:
+    """When a folder's list of files changed [ns]; 0 when it is not there."""
+    try:
+        return os.stat(path).st_mtime_ns
+    except OSError:
+        return 0
+
+
+def signature(files: Files, beside: Iterable[int] = ()) -> str:
+    """A digest that is equal when no file changed since.
+
+    Args:
+        files: what `scan` found.
+        beside: time stamps of what else counts.
+    """
+    text = f"{sorted(files.items())}{list(beside)}"
+    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file's content, or of where a link points; of a file with holes, which may be
+    of any size, of what is between them."""
+    if path.is_symlink():
+        return hashlib.sha256(os.readlink(path).encode(errors="surrogateescape")).hexdigest()
+    with open_file(path) as file:
+        if has_holes(file):
+            return _digest_of_extents(file)
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _digest_of_extents(file: BinaryIO) -> str:
+    digest = hashlib.sha256(str(os.fstat(file.fileno()).st_size).encode())
+    for begin, end in extents(file):
+        digest.update(f"{begin}-{end}".encode())
+        file.seek(begin)
+        while begin < end and (chunk := file.read(min(end - begin, _CHUNK))):
+            begin += len(chunk)
+            digest.update(chunk)
+    return digest.hexdigest()
+
+
+def _record_digest(path: Path) -> str:
+    """Digest of a record as it was before it had a place in a bucket; empty when it has none."""
+    try:
+        record = json.loads(read_file(path))
+        del record[PLACE]
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+        return ""
+    return hashlib.sha256(record_text(record).encode()).hexdigest()
+
+
+def digests(folder: Path, names: Iterable[str]) -> dict[str, str]:
+    """SHA-256 of files by their relative path; what is no plain file is left out."""
+    paths = ((name, folder / name) for name in sorted(names))
+    return {n: _digest(n, path) for n, path in paths if _is_plain(path)}
+
+
+def _digest(name: str, path: Path) -> str:
+    return (name == RUN_RECORD and _record_digest(path)) or file_digest(path)
+
+
+def _is_plain(path: Path) -> bool:
+    found = status(path, path.parent)
+    return found is not None and (stat.S_ISLNK(found.st_mode) or stat.S_ISREG(found.st_mode))
+
+
+def combined(parts: Mapping[str, str]) -> str:
+    """One digest of several named ones."""
+    text = repr(sorted(parts.items()))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def changed(before: Files, after: Files) -> list[str]:
+    """Files that are new, or not what they were; sorted."""
+    return sorted(name for name, stamp in after.items() if before.get(name) != stamp)

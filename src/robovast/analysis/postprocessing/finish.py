@@ -1,0 +1,121 @@
+"""What follows the commands: tables, metadata and graph, where anything changed since."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+from robovast import __version__
+from robovast.analysis.postprocessing.content import combined, digests
+from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Observer, Options
+from robovast.analysis.postprocessing.state import State, Unit
+from robovast.analysis.postprocessing.survey import OWN, WHOLE, Survey
+from robovast.base.errors import RobovastError
+from robovast.campaign.layout import Layout
+
+TABLES = 1
+"""Version of the tables' columns: with another one every run is read again."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Something that is made of a whole campaign."""
+
+    name: str
+    files: tuple[Path, ...]
+    write: Callable[[], None]
+    incremental: bool = False
+    """What it holds already is left as it is, so that doing it again begins with nothing."""
+
+
+def finish(
+    survey: Survey,
+    state: State,
+    units: Mapping[str, Unit],
+    options: Options,
+    observer: Observer,
+    summary: CampaignSummary,
+) -> None:
+    """Write what is made of a whole campaign, where it is not up to date.
+
+    Args:
+        survey: of the campaign.
+        state: remembers of which files each part was made.
+        units: of the campaign, after all commands.
+        options: say what to leave out.
+        observer: is told.
+        summary: takes failures.
+    """
+    if find_spec("duckdb") is None and summary.worked and not options.skip_tables:
+        observer.message("No tables.duckdb is written: `pip install 'robovast[query]'`.")
+    versions = {path: _version(unit) for path, unit in units.items() if path != WHOLE}
+    config = Layout(survey.campaign).config
+    documents = digests(config, (path.name for path in config.glob("*.vast")))
+    now = f"{__version__} {combined({**versions, **documents})}"
+    for part in _parts(survey, versions, options):
+        there = all(path.exists() for path in part.files)
+        if there and not options.force and state.note(part.name) == now:
+            continue
+        observer.step_started(part.name, 1)
+        state.set_note(part.name, "")
+        if options.force and part.incremental:
+            for path in part.files:
+                path.unlink(missing_ok=True)
+        if _succeeded(part, observer, summary):
+            state.set_note(part.name, now)
+        observer.step_advanced()
+
+
+def _version(unit: Unit) -> str:
+    """Changes with the content of any file of a unit."""
+    return combined({"inputs": unit.inputs, "tables": str(TABLES), **unit.made})
+
+
+def _parts(survey: Survey, versions: Mapping[str, str], options: Options) -> Iterator[_Part]:
+    layout = Layout(survey.campaign)
+    runs = {path: version for path, version in versions.items() if path != OWN}
+    if not options.skip_tables:
+        yield from _tables(layout, survey.document, runs)
+    if not options.skip_metadata:
+        files = (layout.root / "metadata.yaml", layout.root / "metadata.prov.json")
+        yield _Part("metadata", files, lambda: _describe(layout.root))
+
+
+def _tables(layout: Layout, document: Path | None, runs: Mapping[str, str]) -> Iterator[_Part]:
+    from robovast.analysis.tables.campaign_store import write_campaign_store
+    from robovast.analysis.tables.sqlite_tables import update_sqlite
+
+    columnar, rows = layout.execution / "tables.duckdb", layout.execution / "data.db"
+    if find_spec("duckdb") is not None:
+        yield _Part("tables", (columnar,), lambda: _update_columnar(layout, runs), incremental=True)
+    yield _Part("data.db", (rows,), lambda: update_sqlite(layout, runs), incremental=True)
+    yield _Part(
+        "campaign.db",
+        (layout.root / "campaign.db",),
+        lambda: write_campaign_store(layout, document, runs),
+    )
+
+
+def _update_columnar(layout: Layout, runs: Mapping[str, str]) -> None:
+    from robovast.analysis.tables.columnar import update_columnar
+
+    update_columnar(layout, runs)
+
+
+def _succeeded(part: _Part, observer: Observer, summary: CampaignSummary) -> bool:
+    try:
+        part.write()
+    except RobovastError as error:
+        failure = Failure(summary.campaign.name, part.name, "", str(error), error.exit_code)
+        summary.failures.append(failure)
+        observer.failed(failure)
+        return False
+    return True
+
+
+def _describe(campaign: Path) -> None:
+    from robovast.analysis.provenance import describe
+
+    describe(campaign)

@@ -1,0 +1,80 @@
+"""`postprocessing.yaml`: which command made which file of a run, and from what."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from robovast.analysis.postprocessing.content import RECORD
+from robovast.analysis.postprocessing.outcome import Entry
+from robovast.base.atomic import write_atomically
+from robovast.base.safe_paths import read_file
+from robovast.base.serialization import dump_yaml, to_plain
+from robovast.campaign.places import run_of
+
+try:
+    from yaml import CSafeLoader as _Loader
+except ImportError:  # PyYAML built without libyaml: slower, same result
+    from yaml import SafeLoader as _Loader  # type: ignore[assignment]
+
+
+def with_found(
+    entries: Iterable[Entry], found: Iterable[str], plugin: str, parameters: Mapping[str, Any]
+) -> list[Entry]:
+    """Entries, and one for each found file that none of them names.
+
+    Args:
+        entries: what a command said.
+        found: files that it made, relative to the campaign.
+        plugin: its name.
+        parameters: its parameters.
+    """
+    said = list(entries)
+    named = {entry["output"] for entry in said}
+    names = {os.fsencode(path).decode(errors="replace") for path in found}
+    rest = sorted(names - named)
+    facts = {"sources": [], "plugin": plugin, "params": dict(parameters)}
+    return said + [{"output": path, **facts} for path in rest]
+
+
+def merge(campaign: Path, entries: Iterable[Entry]) -> None:
+    """Write entries where the run is that they are about; of none, into `_transient`.
+
+    An entry replaces the one of the same output and plugin.
+    """
+    grouped: dict[str, list[Entry]] = {}
+    for entry in entries:
+        grouped.setdefault(run_of(entry["output"]), []).append(entry)
+    for run, items in grouped.items():
+        folder = campaign / run if run else campaign / "_transient"
+        if folder.is_dir() or not run:
+            folder.mkdir(exist_ok=True)
+            update(folder / RECORD, items)
+
+
+def update(path: Path, entries: Iterable[Entry], **facts: Any) -> None:
+    """Put entries, and other facts, into one file."""
+    before = read_record(path)
+    old = before.get("entries")
+    merged = {_identity(e): e for e in old if isinstance(e, dict)} if isinstance(old, list) else {}
+    merged.update({_identity(entry): entry for entry in entries})
+    after = to_plain({**before, **facts, "entries": list(merged.values())})
+    if after != before:
+        write_atomically(path, dump_yaml(after), lasting=False)
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """Content of a `postprocessing.yaml`; empty when there is none that can be read."""
+    try:
+        data = yaml.load(read_file(path).decode(), Loader=_Loader)  # safe
+    except (OSError, ValueError, yaml.YAMLError):
+        return {}
+    return data if isinstance(data, dict) else {}
+
+
+def _identity(entry: Entry) -> tuple[str, str]:
+    return str(entry.get("output")), str(entry.get("plugin"))

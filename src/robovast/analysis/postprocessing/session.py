@@ -1,0 +1,188 @@
+"""Postprocessing of the campaigns in a results folder, one after the other."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import IO, Any
+
+from robovast.analysis.postprocessing import records
+from robovast.analysis.postprocessing.campaign import CampaignWork, look
+from robovast.analysis.postprocessing.commands import (
+    Command,
+    read_calls,
+    resolve,
+    skipped,
+    unfolded,
+    why_not,
+)
+from robovast.analysis.postprocessing.content import RECORD
+from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Observer, Options
+from robovast.analysis.postprocessing.finish import finish
+from robovast.analysis.postprocessing.plan import all_done
+from robovast.analysis.postprocessing.state import opened
+from robovast.analysis.postprocessing.survey import Survey
+from robovast.analysis.postprocessing.worker import StoppedError
+from robovast.analysis.postprocessing.workers import started
+from robovast.base.errors import InputError, RobovastError
+from robovast.campaign.configurations import read_configurations
+from robovast.campaign.finding import find_campaigns
+from robovast.campaign.layout import Layout
+from robovast.model.document.commands import ROSOUT
+from robovast.model.document.model import PluginCall
+from robovast.model.quantities import machine_cpus
+
+LOG = "postprocessing.log"
+
+
+def postprocess(results: Path, options: Options, observer: Observer) -> list[CampaignSummary]:
+    """Work off the postprocessing commands of every campaign, where they are stale.
+
+    What goes wrong in one campaign is in its summary and does not stop the others.
+
+    Args:
+        results: folder of campaigns, or of one.
+        options: what the user chose.
+        observer: is told what happens.
+
+    Raises:
+        InputError: there is no campaign, or the overriding .vast file cannot be read.
+    """
+    campaigns = [folder.absolute() for folder in find_campaigns(results)]
+    if options.override is not None:
+        read_calls(options.override)
+    summaries = []
+    for campaign in campaigns:
+        summary = CampaignSummary(campaign)
+        summaries.append(summary)
+        try:
+            _postprocess(campaign, options, observer, summary)
+        except StoppedError:
+            summary.interrupted = True
+            break
+        except RobovastError as error:
+            failure = Failure(campaign.name, "postprocess", "", str(error), error.exit_code)
+            summary.failures.append(failure)
+            observer.failed(failure)
+        observer.campaign_finished(summary)
+    return summaries
+
+
+def _postprocess(
+    campaign: Path, options: Options, observer: Observer, summary: CampaignSummary
+) -> None:
+    layout = Layout(campaign)
+    document = options.override or _document(layout, observer)
+    survey = Survey(campaign, document)
+    runs = survey.runs()
+    calls = _calls(document, options, survey, runs, _Tell(observer, summary))
+    folder = document.absolute().parent if document else layout.config
+    commands = resolve(calls, folder, _given(layout, options))
+    summary.runs, summary.commands = len(runs), len(commands)
+    observer.campaign_started(campaign, len(runs))
+    with opened(campaign) as state:
+        units = look(survey, state, runs, force=options.force)
+        if not all_done(commands, units):
+            started_at, count = _now(), options.jobs or machine_cpus()
+            with (
+                _log(layout, options) as log,
+                started(count, log, options.time_limit) as workers,
+            ):
+                work = CampaignWork(survey, state, workers, observer, summary, units)
+                work.work_off(commands)
+            _record(layout, commands, started_at)
+        finish(survey, state, units, options, observer, summary)
+
+
+def _document(layout: Layout, observer: Observer) -> Path | None:
+    """The campaign's .vast file; None when it has none, as one that was aborted early."""
+    found = sorted(layout.config.glob("*.vast"))
+    if not found:
+        observer.message(f"{layout.root.name} holds no .vast file, so it has no commands.")
+        return None
+    if len(found) == 1:
+        return found[0]
+    named = layout.config / str(read_configurations(layout).get("vast"))
+    if named in found:
+        return named
+    raise InputError(
+        f"{layout.config} holds {len(found)} .vast files; name the one to use with "
+        "`--override FILE`."
+    )
+
+
+def _calls(
+    document: Path | None, options: Options, survey: Survey, runs: Sequence[str], tell: _Tell
+) -> list[PluginCall]:
+    """What is to be called: what the document asks for, and the conversion of logs.
+
+    Raises:
+        InputError: a name that the user skips is none of the document's.
+    """
+    asked = read_calls(document) if document else []
+    logs = PluginCall(name=ROSOUT)
+    implied = all(call.name != ROSOUT for call in unfolded(asked))
+    names = [name for name in options.skip if not (implied and name == ROSOUT)]
+    if options.skip_rosout:
+        asked = [call for call in unfolded(asked) if call.name != ROSOUT]
+    calls = [call for call in unfolded(skipped(asked, names)) if tell.can_be_called(call)]
+    wanted = implied and not options.skip_rosout and ROSOUT not in options.skip
+    if wanted and survey.has_recording(runs):
+        reason = why_not(logs)
+        if reason is None:
+            return [*calls, logs]
+        tell.observer.message(f"Logs are not converted: {reason}")
+    return calls
+
+
+def _given(layout: Layout, options: Options) -> dict[str, Any]:
+    """What commands get beside their parameters."""
+    image = records.read_record(layout.execution / "execution.yaml").get("image")
+    asked = {"debug": options.debug, "force": options.force}
+    known = {"execution_image": image} if image else {}
+    return known | {name: True for name, wanted in asked.items() if wanted}
+
+
+@dataclass(frozen=True)
+class _Tell:
+    """Says of a command once why it cannot be called."""
+
+    observer: Observer
+    summary: CampaignSummary
+
+    def can_be_called(self, call: PluginCall) -> bool:
+        """False when it cannot, whatever it is called for."""
+        reason = why_not(call)
+        if reason is not None:
+            failure = Failure(self.summary.campaign.name, call.name, "", reason)
+            self.summary.failures.append(failure)
+            self.observer.failed(failure)
+        return reason is None
+
+
+@contextmanager
+def _log(layout: Layout, options: Options) -> Iterator[IO[bytes]]:
+    """Where what plugins print goes."""
+    if options.debug:
+        yield sys.stderr.buffer
+        return
+    layout.execution.mkdir(exist_ok=True)
+    with (layout.execution / LOG).open("ab") as file:
+        yield file
+
+
+def _record(layout: Layout, commands: Sequence[Command], started_at: str) -> None:
+    """What was done when, for the campaign's provenance."""
+    layout.transient.mkdir(exist_ok=True)
+    listed = [{"plugin": command.name, "params": command.parameters} for command in commands]
+    records.update(
+        layout.transient / RECORD, [], started_at=started_at, ended_at=_now(), commands=listed
+    )
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds")

@@ -1,0 +1,130 @@
+"""What postprocessing has finished, in `<campaign>/.cache/postprocessing.db`.
+
+A row is written after the work that it claims, and taken back before that work is done again: a
+crash in between loses a claim, never makes a false one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from robovast.base.errors import StorageError
+
+FOLDER = ".cache"
+FILE = "postprocessing.db"
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Unit:
+    """What is known of a run's folder, or (path "") of the campaign itself."""
+
+    path: str
+    signature: str = ""
+    """Of all its files when its last command had ended."""
+    inputs: str = ""
+    """Digest of the content that no command made."""
+    made: dict[str, str] = field(default_factory=dict)
+    """Digests of the files that commands made, by relative path."""
+    done: frozenset[str] = frozenset()
+    """Keys of the commands that succeeded on these inputs."""
+
+    def without(self, keys: Iterable[str]) -> Unit:
+        """The same, claiming less."""
+        return replace(self, done=self.done - set(keys))
+
+
+class State:
+    """The rows of one campaign."""
+
+    def __init__(self, connection: sqlite3.Connection) -> None:
+        self._connection = connection
+
+    def units(self) -> dict[str, Unit]:
+        """Every row by its path."""
+        rows = self._connection.execute("SELECT path, signature, inputs, made, done FROM unit")
+        return {
+            path: Unit(path, sign, inputs, json.loads(made), frozenset(done.split()))
+            for path, sign, inputs, made, done in rows
+        }
+
+    def store(self, units: Iterable[Unit]) -> None:
+        """Write rows; they replace those of the same path."""
+        rows = [
+            (u.path, u.signature, u.inputs, json.dumps(u.made), " ".join(sorted(u.done)))
+            for u in units
+        ]
+        with self._connection:
+            self._connection.executemany("REPLACE INTO unit VALUES (?, ?, ?, ?, ?)", rows)
+
+    def remove(self, paths: Iterable[str]) -> None:
+        """Forget units that are no more."""
+        with self._connection:
+            self._connection.executemany("DELETE FROM unit WHERE path = ?", ((p,) for p in paths))
+
+    def note(self, name: str) -> str:
+        """What was noted under a name; empty when nothing was."""
+        row = self._connection.execute("SELECT value FROM note WHERE name = ?", (name,)).fetchone()
+        return str(row[0]) if row else ""
+
+    def set_note(self, name: str, value: str) -> None:
+        """Note something."""
+        with self._connection:
+            self._connection.execute("REPLACE INTO note VALUES (?, ?)", (name, value))
+
+
+@contextmanager
+def opened(campaign: Path) -> Iterator[State]:
+    """The state of a campaign, for one process at a time.
+
+    Raises:
+        StorageError: another process works on the campaign, or the file cannot be written.
+    """
+    folder = campaign / FOLDER
+    try:
+        folder.mkdir(exist_ok=True)
+        with (folder / "lock").open("w") as lock:
+            _lock(lock.fileno(), campaign)
+            with contextlib.closing(_connect(folder / FILE)) as connection:
+                yield State(connection)
+    except (OSError, sqlite3.Error) as error:
+        raise StorageError(f"{campaign}: postprocessing cannot write: {error}.") from error
+
+
+def _lock(descriptor: int, campaign: Path) -> None:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise StorageError(
+            f"{campaign}: another `vast results postprocess` is at work on it; wait for its end."
+        ) from None
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    """The database; one that is damaged, or of another version, starts anew: it is a cache."""
+    connection = sqlite3.connect(path)
+    try:
+        version = connection.execute("PRAGMA user_version").fetchone()[0]
+        if version == SCHEMA and connection.execute("PRAGMA quick_check").fetchone()[0] == "ok":
+            return connection
+    except sqlite3.DatabaseError:
+        version = -1
+    if version != 0:
+        connection.close()
+        path.unlink()
+        connection = sqlite3.connect(path)
+    with connection:
+        connection.execute(
+            "CREATE TABLE IF NOT EXISTS unit "
+            "(path TEXT PRIMARY KEY, signature TEXT, inputs TEXT, made TEXT, done TEXT)"
+        )
+        connection.execute("CREATE TABLE IF NOT EXISTS note (name TEXT PRIMARY KEY, value TEXT)")
+        connection.execute(f"PRAGMA user_version = {SCHEMA}")
+    return connection

@@ -1,0 +1,84 @@
+"""Several plugin processes side by side."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack, contextmanager
+from queue import SimpleQueue
+from typing import IO, TypeVar
+
+from robovast.analysis.postprocessing.worker import StoppedError, Worker
+from robovast.base.signals import call_on_signals
+
+ItemT = TypeVar("ItemT")
+ResultT = TypeVar("ResultT")
+
+
+class Workers:
+    """A fixed number of workers; each is started when it is first needed."""
+
+    def __init__(self, workers: Sequence[Worker], stopped: threading.Event) -> None:
+        self._count = len(workers)
+        self._stopped = stopped
+        self._idle: SimpleQueue[Worker] = SimpleQueue()
+        for worker in workers:
+            self._idle.put(worker)
+
+    @contextmanager
+    def one(self) -> Iterator[Worker]:
+        """A worker that nobody else uses meanwhile."""
+        worker = self._idle.get()
+        try:
+            yield worker
+        finally:
+            self._idle.put(worker)
+
+    def map(
+        self, work: Callable[[Worker, ItemT], ResultT], items: Sequence[ItemT]
+    ) -> Iterator[ResultT]:
+        """What `work` returns for each item, as they become ready.
+
+        Raises:
+            StoppedError: the user asked to stop, after all that was ready has been returned.
+        """
+
+        def one(item: ItemT) -> ResultT:
+            with self.one() as worker:
+                return work(worker, item)
+
+        pool = ThreadPoolExecutor(self._count)
+        try:
+            futures = [pool.submit(one, item) for item in items]
+            stopped = False
+            for future in as_completed(futures):
+                try:
+                    yield future.result()
+                except StoppedError:
+                    stopped = True
+            if stopped:
+                raise StoppedError
+        except BaseException:
+            self._stopped.set()
+            raise
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def started(count: int, log: IO[bytes], time_limit: float) -> Iterator[Workers]:
+    """Workers that stop when the user asks to (SIGINT, SIGTERM, SIGHUP).
+
+    Args:
+        count: how many.
+        log: where what plugins print goes.
+        time_limit: for one call [s].
+    """
+    stopped = threading.Event()
+    with ExitStack() as stack:
+        workers = [Worker(log, time_limit, stopped) for _ in range(count)]
+        for worker in workers:
+            stack.enter_context(worker)
+        stack.enter_context(call_on_signals(stopped.set))
+        yield Workers(workers, stopped)

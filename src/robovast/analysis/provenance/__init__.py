@@ -1,0 +1,10 @@
+"""What a campaign was, as metadata.yaml, as a PROV-O graph, and as answers to SPARQL queries."""
+
+from robovast.analysis.provenance.writing import (
+    PluginFaultsError,
+    describe,
+    write_graph,
+    write_metadata,
+)
+
+__all__ = ["PluginFaultsError", "describe", "write_graph", "write_metadata"]

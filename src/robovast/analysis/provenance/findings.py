@@ -1,0 +1,75 @@
+"""What was missing and what went wrong while a campaign was described."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from robovast.base.errors import InputError
+from robovast.base.plugins import split_file_reference
+
+_MOST_NAMED = 3
+_ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
+"""In the text of an object: it would make equal faults differ."""
+
+ResultT = TypeVar("ResultT")
+
+
+class Findings:
+    """Collects what is missing (stated, never fatal) and the faults of plugins.
+
+    Args:
+        own_plugins: whether plugins in the campaign's own files are executed.
+    """
+
+    def __init__(self, *, own_plugins: bool = True) -> None:
+        self._own_plugins = own_plugins
+        self._missing: dict[str, list[str]] = {}
+        self._faults: dict[str, list[str]] = {}
+
+    def missing(self, what: str, where: str) -> None:
+        """Note that something is not there, as `no test.xml` in `hall-1/0`."""
+        self._missing.setdefault(what, []).append(where)
+
+    def leaves_out(self, plugin: str) -> bool:
+        """Whether a plugin shall not be executed; then it is noted as missing."""
+        if self._own_plugins or split_file_reference(plugin) is None:
+            return False
+        self.missing("plugins of the campaign that were not executed, nothing added", plugin)
+        return True
+
+    def fault(self, what: str, where: str = "") -> None:
+        """Note that a plugin did wrong."""
+        self._faults.setdefault(_ADDRESS.sub("", what), []).append(where)
+
+    def call(
+        self, who: str, where: str, function: Callable[..., ResultT], *args: Any
+    ) -> ResultT | None:
+        """The result of a plugin's function; None, and a fault, when it raises or exits."""
+        try:
+            return function(*args)
+        except InputError as error:
+            self.fault(f"{who}: {error}", where)
+        except (Exception, SystemExit) as error:
+            self.fault(f"{who}: {type(error).__name__}: {error}", where)
+        return None
+
+    @property
+    def notices(self) -> list[str]:
+        """One line for each kind of missing thing."""
+        return [f"{what}: {_places(where)}" for what, where in self._missing.items()]
+
+    @property
+    def faults(self) -> list[str]:
+        """One line for each kind of fault."""
+        return [
+            f"{what} (in {_places(where)})" if any(where) else what
+            for what, where in self._faults.items()
+        ]
+
+
+def _places(where: list[str]) -> str:
+    unique = list(dict.fromkeys(where))
+    more = len(unique) - _MOST_NAMED
+    return ", ".join(unique[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")

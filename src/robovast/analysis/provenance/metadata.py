@@ -1,0 +1,157 @@
+"""The content of metadata.yaml, from what is in a campaign's folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from robovast.analysis.provenance.findings import Findings
+from robovast.analysis.provenance.hooks import VariationHooks, process, processors_of
+from robovast.analysis.provenance.reading import list_files, read_mapping, subfolders
+from robovast.analysis.provenance.runs import describe_run
+from robovast.analysis.provenance.times import as_utc, later
+from robovast.base.safe_paths import MOST_OF_ALL
+from robovast.campaign.layout import Layout
+
+
+def collect_metadata(
+    root: Path, configurations: dict[str, Any], findings: Findings
+) -> dict[str, Any]:
+    """Content of metadata.yaml, with what hooks and processors add.
+
+    Args:
+        root: the campaign's folder.
+        configurations: content of its configurations.yaml.
+        findings: is told what is missing and what plugins did wrong.
+    """
+    layout = Layout(root)
+    document_name, document = _read_document(layout, configurations.get("vast"), findings)
+    execution = read_mapping(layout.execution / "execution.yaml", findings, root.name)
+    hooks = VariationHooks(root, findings)
+    metadata = {
+        "vast_file": document_name,
+        "run_files": [f"_config/{name}" for name in configurations.get("_run_files") or ()],
+        "scenario_file": _scenario_file(document, configurations),
+        "metadata": document.get("metadata") or configurations.get("metadata") or {},
+        "execution": execution,
+        "postprocessing": read_mapping(
+            layout.transient / "postprocessing.yaml", findings, root.name, needed=False
+        ),
+        "configurations": [
+            _describe_configuration(layout, item, execution, hooks, findings)
+            for item in _configurations(layout, configurations)
+        ],
+    }
+    return process(metadata, processors_of(document, findings), root, findings)
+
+
+def read_configurations(root: Path, findings: Findings) -> dict[str, Any]:
+    """Content of a campaign's configurations.yaml."""
+    path = Layout(root).transient / "configurations.yaml"
+    return read_mapping(path, findings, root.name, most=MOST_OF_ALL)
+
+
+def applied_variations(entry: dict[str, Any]) -> list[str]:
+    """Names of the variation types of a configuration, each once, in order."""
+    found = entry.get("variations") or entry.get("_variations") or ()
+    return list(dict.fromkeys(str(v["name"]) for v in found if isinstance(v, dict) and "name" in v))
+
+
+def _read_document(
+    layout: Layout, named: Any, findings: Findings
+) -> tuple[str | None, dict[str, Any]]:
+    """Name and content of the campaign's .vast file, as it was written."""
+    files = sorted(layout.config.glob("*.vast"), key=lambda file: (file.name != named, file.name))
+    if not files:
+        findings.missing("no .vast file in _config", layout.root.name)
+        return None, {}
+    return f"_config/{files[0].name}", read_mapping(files[0], findings, layout.root.name)
+
+
+def _scenario_file(document: dict[str, Any], configurations: dict[str, Any]) -> str | None:
+    execution = document.get("execution")
+    named = execution.get("scenario_file") if isinstance(execution, dict) else None
+    found = configurations.get("scenario_file") or named
+    return str(found) if found else None
+
+
+def _configurations(layout: Layout, configurations: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """The configurations that are listed, then those that merely have a folder."""
+    listed = [item for item in configurations.get("configs") or () if _is_configuration(item)]
+    yield from listed
+    names = {item["name"] for item in listed}
+    for folder in subfolders(layout.root):
+        if folder not in names and _is_configuration_folder(layout.root / folder):
+            yield {"name": folder, "config": _read_parameters(layout.variant_config(folder))}
+
+
+def _is_configuration(item: Any) -> bool:
+    name = item.get("name") if isinstance(item, dict) else None
+    return isinstance(name, str) and name not in {"", ".", ".."} and "/" not in name
+
+
+def _is_configuration_folder(folder: Path) -> bool:
+    if folder.name.startswith("_"):
+        return False
+    inside = subfolders(folder)
+    return "_config" in inside or any(name.isdigit() for name in inside)
+
+
+def _read_parameters(folder: Path) -> dict[str, Any]:
+    """Scenario parameters in `scenario.config`."""
+    content = read_mapping(folder / "scenario.config", Findings(), "")
+    values: Any = next(iter(content.values()), {})
+    return values if isinstance(values, dict) else {}
+
+
+def _describe_configuration(
+    layout: Layout,
+    item: dict[str, Any],
+    execution: dict[str, Any],
+    hooks: VariationHooks,
+    findings: Findings,
+) -> dict[str, Any]:
+    name = item["name"]
+    folder = layout.variant(name)
+    identity = read_mapping(folder / "_config" / "config.yaml", findings, name)
+    config: dict[str, Any] = item["config"] if isinstance(item.get("config"), dict) else {}
+    variations = [dict(v) for v in item.get("_variations") or () if isinstance(v, dict)]
+    entry = {
+        "name": name,
+        "config": config,
+        "config_files": [f"{name}/_config/{file}" for file in _names(item.get("_config_files"))],
+        "created_at": item.get("created_at") or _created(variations, execution),
+        "derived_from": item.get("derived_from") or item.get("_config_name"),
+        "config_identifier": identity.get("config_identifier"),
+        "sub_identifier": identity.get("sub_identifier") or {},
+        "variations": variations,
+        "parameters": {key: value for key, value in config.items() if not key.startswith("_")},
+        "transient_files": list(list_files(str(folder / "_transient"), f"{name}/_transient/")),
+    }
+    added = hooks.metadata(applied_variations(entry), {**item, **entry})
+    runs = sorted(filter(str.isdecimal, subfolders(folder)), key=int)
+    if not runs:
+        findings.missing("configurations without a run", name)
+    results = [describe_run(layout.root, name, number, findings) for number in runs]
+    return {**entry, **added, "test_results": results}
+
+
+def _names(files: Any) -> Iterator[str]:
+    """Relative names of files that are listed as names, or as pairs with absolute paths."""
+    for file in files or ():
+        yield str(file[0] if isinstance(file, list | tuple) and file else file)
+
+
+def _created(variations: Iterable[dict[str, Any]], execution: dict[str, Any]) -> str | None:
+    """When a configuration was complete: after its last variation, else when runs began."""
+    ends = [end for _, end in map(variation_times, variations) if end]
+    if ends:
+        return max(ends)
+    return as_utc(execution.get("execution_time"))
+
+
+def variation_times(record: dict[str, Any]) -> tuple[str | None, str | None]:
+    """Start and end of the application of a variation."""
+    start = as_utc(record.get("started_at"))
+    return start, later(start, record.get("duration"))

@@ -1,0 +1,118 @@
+"""What a publication is about, for plugins that ask for it by a parameter named `context`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from robovast.base.errors import DocumentError, InputError, StorageError
+from robovast.base.yaml_files import read_mapping
+from robovast.campaign.finding import find_campaigns
+from robovast.common.execution import campaign_time
+from robovast.model.document.model import PluginCall, ResultsProcessing
+from robovast.model.document.problems import problems_of
+from robovast.model.document.source import Source
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A campaign that is published."""
+
+    path: Path
+    metadata: Mapping[str, Any]
+    """The `metadata:` section of its .vast file."""
+
+    @property
+    def name(self) -> str:
+        """Name of its folder."""
+        return self.path.name
+
+    @property
+    def started(self) -> datetime | None:
+        """When it was started, as its name says."""
+        return campaign_time(self.name)
+
+
+def _refuse(path: Path) -> bool:
+    raise StorageError(
+        f"{path} exists already and differs. `--force` or `overwrite: true` replaces it, "
+        "`overwrite: false` keeps it."
+    )
+
+
+@dataclass(frozen=True)
+class PublicationContext:
+    """Which campaigns are published, and what plugins before have made of them."""
+
+    campaigns: tuple[Campaign, ...]
+    files: tuple[Path, ...] = ()
+    """Archives that plugins before have made."""
+    confirm: Callable[[Path], bool] = _refuse
+    """Asks whether to replace a file that exists."""
+    progress: Callable[[str, int, int], None] = field(default=lambda _name, _done, _total: None)
+    """Is told that so many bytes of a file are done, of so many."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a .vast file says on publication."""
+
+    vast_file: Path
+    calls: tuple[PluginCall, ...]
+    metadata: Mapping[str, Any]
+
+
+def read_settings(vast_file: Path) -> Settings:
+    """The publication of a .vast file; what else is in it may be of any version.
+
+    Raises:
+        InputError: the file cannot be read.
+        DocumentError: what is wrong in its `publication`.
+    """
+    source = Source.read(vast_file)
+    data = source.data if isinstance(source.data, dict) else {}
+    section = data.get("results_processing")
+    calls = section.get("publication") if isinstance(section, dict) else None
+    metadata = data.get("metadata")
+    try:
+        valid = ResultsProcessing.model_validate({"publication": calls or []})
+    except ValidationError as error:
+        raise DocumentError(
+            problems_of(error, source, ResultsProcessing, ("results_processing",))
+        ) from error
+    return Settings(
+        vast_file, tuple(valid.publication), metadata if isinstance(metadata, dict) else {}
+    )
+
+
+def snapshot(campaign: Path) -> Path:
+    """The .vast file that a campaign was made from, in its `_config` folder.
+
+    Raises:
+        InputError: there is none, or it cannot be told which of several it is.
+    """
+    found = sorted((campaign / "_config").glob("*.vast"))
+    if len(found) > 1:
+        recorded = read_mapping(campaign / "_transient" / "configurations.yaml").get("vast")
+        found = [path for path in found if path.name == recorded]
+    if not found:
+        raise InputError(
+            f"{campaign}: it cannot be told from `_config` which .vast file it was made from. "
+            "Name one with `--override FILE`."
+        )
+    return found[0]
+
+
+def context_of(results_dir: Path) -> PublicationContext:
+    """A context of all campaigns in a results folder."""
+    return PublicationContext(
+        tuple(
+            Campaign(path, read_settings(snapshot(path)).metadata)
+            for path in find_campaigns(results_dir)
+        )
+    )

@@ -1,0 +1,149 @@
+"""Publication plugins: loaded, called with what they ask for, and not trusted to be right."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from robovast.analysis.publication.context import PublicationContext
+from robovast.base.errors import InputError, RobovastError, StorageError
+from robovast.base.plugins import load_plugin
+from robovast.model.document.model import PluginCall
+
+GROUP = "robovast.publication_plugins"
+PACKAGING = "packaging"
+UPLOAD = "upload"
+
+_OWN = frozenset({"results_dir", "config_dir", "context"})
+
+
+@dataclass(frozen=True)
+class PublicationPlugin:
+    """A plugin as the .vast file calls it."""
+
+    name: str
+    function: Callable[..., Any]
+    kind: str
+    """`packaging` or `upload`."""
+    parameters: Mapping[str, Any]
+
+    @classmethod
+    def load(cls, call: PluginCall, folder: Path) -> PublicationPlugin:
+        """The plugin of a call.
+
+        Raises:
+            InputError: there is no such plugin, it is none, or it has no such parameter.
+        """
+        function = load_plugin(call.name, GROUP, folder)
+        if inspect.isclass(function):
+            function = _made(call.name, function)
+        if not callable(function):
+            raise InputError(
+                f"the publication plugin `{call.name}` is a {type(function).__name__}; it must be "
+                "a function, or a class whose objects can be called."
+            )
+        kind = getattr(function, "plugin_type", PACKAGING)
+        if kind not in {PACKAGING, UPLOAD}:
+            raise InputError(
+                f"the publication plugin `{call.name}` has the plugin_type {kind!r}; it must be "
+                f"`{PACKAGING}` or `{UPLOAD}`."
+            )
+        plugin = cls(call.name, function, kind, call.parameters)
+        plugin._check_parameters()
+        return plugin
+
+    @property
+    def takes_context(self) -> bool:
+        """True when it can publish some campaigns of a results folder, not only all."""
+        return "context" in self._named
+
+    def publish(
+        self, results_dir: Path, config_dir: Path, context: PublicationContext, *, force: bool
+    ) -> tuple[str, list[Path]]:
+        """Call it; returns its message and the files that it made.
+
+        Raises:
+            RobovastError: it failed, with its own message or what it raised.
+        """
+        given = dict(self.parameters)
+        if force and ("overwrite" in self._named or self._takes_any):
+            given["overwrite"] = True
+        if self.takes_context:
+            given["context"] = context
+        try:
+            returned = self.function(str(results_dir), str(config_dir), **given)
+        except RobovastError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise StorageError(
+                f"the publication plugin `{self.name}` failed: {type(error).__name__}: {error}"
+            ) from error
+        return self._checked(returned, results_dir)
+
+    def _checked(self, returned: Any, results_dir: Path) -> tuple[str, list[Path]]:
+        match returned:
+            case (bool() as good, str() as message):
+                files: list[Any] = []
+            case (bool() as good, str() as message, list() | tuple() as made):
+                files = list(made)
+            case _:
+                raise StorageError(
+                    f"the publication plugin `{self.name}` returned {returned!r}; it must return "
+                    "(success, message), or (success, message, files)."
+                )
+        if not good:
+            raise StorageError(f"the publication plugin `{self.name}` failed: {message}")
+        if not all(isinstance(file, str | Path) for file in files):
+            raise StorageError(
+                f"the publication plugin `{self.name}` returned files that are no paths: {files!r}"
+            )
+        return message, [results_dir / file for file in files]
+
+    def _check_parameters(self) -> None:
+        reserved = _OWN.intersection(self.parameters)
+        if reserved:
+            raise InputError(
+                f"the publication plugin `{self.name}` cannot be given `{min(reserved)}`: that is "
+                "supplied when it is called."
+            )
+        unknown = [] if self._takes_any else sorted(set(self.parameters) - set(self._named))
+        if unknown:
+            known = ", ".join(name for name in self._named if name not in _OWN) or "none"
+            raise InputError(
+                f"the publication plugin `{self.name}` has no parameter `{unknown[0]}`; it has "
+                f"{known}."
+            )
+        missing = sorted(
+            name
+            for name, parameter in self._named.items()
+            if parameter.default is parameter.empty and name not in {*self.parameters, *_OWN}
+        )
+        if missing:
+            raise InputError(
+                f"the publication plugin `{self.name}` needs the parameter `{missing[0]}`."
+            )
+
+    @property
+    def _named(self) -> dict[str, inspect.Parameter]:
+        kinds = {inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY}
+        return {name: item for name, item in self._signature.items() if item.kind in kinds}
+
+    @property
+    def _takes_any(self) -> bool:
+        return any(item.kind is item.VAR_KEYWORD for item in self._signature.values())
+
+    @property
+    def _signature(self) -> Mapping[str, inspect.Parameter]:
+        return inspect.signature(self.function).parameters
+
+
+def _made(name: str, plugin_class: type) -> Any:
+    try:
+        return plugin_class()
+    except Exception as error:
+        raise InputError(
+            f"the publication plugin `{name}` cannot be made: {type(error).__name__}: {error}"
+        ) from error

@@ -1,0 +1,109 @@
+"""Publishing campaigns as their .vast files say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from robovast.analysis.publication.context import (
+    Campaign,
+    PublicationContext,
+    Settings,
+    read_settings,
+    snapshot,
+)
+from robovast.analysis.publication.plugin import UPLOAD, PublicationPlugin
+from robovast.base.errors import InputError
+from robovast.base.serialization import fingerprint
+
+
+@dataclass(frozen=True)
+class PublishOptions:
+    """How to publish."""
+
+    force: bool = False
+    """Replace what exists."""
+    skip_upload: bool = False
+    """Only pack."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Campaigns that are published in one go."""
+
+    settings: Settings
+    campaigns: tuple[Campaign, ...]
+    plugins: tuple[PublicationPlugin, ...] = ()
+    """In the order in which they are called."""
+
+
+def plan_publication(
+    campaigns: Sequence[Path], override: Path | None, known: int, options: PublishOptions
+) -> list[Batch]:
+    """What is to be published with what: campaigns that ask for the same come together.
+
+    Args:
+        campaigns: their folders, in one folder.
+        override: a .vast file that counts in place of those in the campaigns.
+        known: number of campaigns in that folder.
+        options: how to publish.
+
+    Raises:
+        InputError: a .vast file, a plugin or its call is missing or wrong, or nothing is to be
+            published.
+    """
+    batches: dict[str, Batch] = {}
+    for path in campaigns:
+        settings = read_settings(override or snapshot(path))
+        key = fingerprint([call.model_dump() for call in settings.calls])
+        before = batches[key].campaigns if key in batches else ()
+        batches[key] = Batch(settings, (*before, Campaign(path, settings.metadata)))
+    found = [batch for batch in batches.values() if batch.settings.calls]
+    if not found:
+        names = ", ".join(str(batch.settings.vast_file) for batch in batches.values())
+        raise InputError(
+            f"nothing is to be published: there is no `results_processing.publication` in {names}."
+        )
+    return [replace(batch, plugins=_plugins(batch, known, options)) for batch in found]
+
+
+def publish(
+    batches: Iterable[Batch],
+    options: PublishOptions,
+    context: PublicationContext,
+    report: Callable[[str], None],
+) -> None:
+    """Call every plugin; the first that fails ends it.
+
+    Args:
+        batches: what to publish.
+        options: how to publish.
+        context: how plugins ask and tell; its campaigns and files are set here.
+        report: is given the message of each plugin.
+
+    Raises:
+        RobovastError: a plugin failed.
+    """
+    for batch in batches:
+        results_dir = batch.campaigns[0].path.parent
+        config_dir = batch.settings.vast_file.parent
+        context = replace(context, campaigns=batch.campaigns, files=())
+        for plugin in batch.plugins:
+            message, files = plugin.publish(results_dir, config_dir, context, force=options.force)
+            context = replace(context, files=(*context.files, *files))
+            report(f"{plugin.name}: {message}")
+
+
+def _plugins(batch: Batch, known: int, options: PublishOptions) -> tuple[PublicationPlugin, ...]:
+    folder = batch.settings.vast_file.absolute().parent
+    plugins = [PublicationPlugin.load(call, folder) for call in batch.settings.calls]
+    chosen = [item for item in plugins if not (options.skip_upload and item.kind == UPLOAD)]
+    for plugin in chosen:
+        if not plugin.takes_context and len(batch.campaigns) < known:
+            raise InputError(
+                f"the publication plugin `{plugin.name}` publishes the whole results folder, with "
+                f"{known} campaigns, not only {', '.join(item.name for item in batch.campaigns)}. "
+                "Move the others elsewhere, or publish all by one file with `--override FILE`."
+            )
+    return tuple(sorted(chosen, key=lambda plugin: plugin.kind == UPLOAD))

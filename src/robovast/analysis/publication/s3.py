@@ -1,0 +1,120 @@
+"""The publication plugin `s3`: archives, or campaigns file by file, go into a bucket."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from robovast.analysis.publication.context import PublicationContext, context_of
+from robovast.analysis.publication.selection import files_of
+from robovast.base.environment import environment
+from robovast.base.errors import CannotRunError, InputError
+
+if TYPE_CHECKING:
+    from robovast.storage.s3 import ObjectStore
+
+THREADS = 8
+"""Files that are sent at once."""
+PATIENCE = 60.0
+"""For how long a server may be gone [s]."""
+
+_KEYS = (
+    ("ROBOVAST_S3_ACCESS_KEY", "ROBOVAST_S3_SECRET_KEY"),
+    ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"),
+)
+
+
+class S3Upload:
+    """Uploads what plugins before have packed, or the campaigns themselves."""
+
+    plugin_type: ClassVar[str] = "upload"
+
+    def __call__(
+        self,
+        results_dir: str,
+        config_dir: str,
+        bucket: str,
+        endpoint: str = "https://s3.amazonaws.com",
+        region: str | None = None,
+        prefix: str = "",
+        unpacked: bool = False,
+        context: PublicationContext | None = None,
+    ) -> tuple[bool, str]:
+        """Upload archives to an S3 bucket; what is there already and equal is not sent again.
+
+        Args:
+            results_dir: folder of the campaigns.
+            config_dir: not used.
+            bucket: name of the bucket; it is made when it is missing.
+            endpoint: address of the server.
+            region: of the bucket.
+            prefix: of every object's name, as `results/`.
+            unpacked: upload every file of the campaigns in place of archives; links are left out.
+            context: what to publish; every campaign of the folder when omitted.
+        """
+        del config_dir
+        context = context or context_of(Path(results_dir))
+        files = {f"{prefix}{name}": path for name, path in _files(context, unpacked=unpacked)}
+        store = _store(endpoint, region)
+        store.make_bucket(bucket)
+        sent = _send(store, bucket, files, context)
+        kept = f", {len(files) - sent} were there" if sent < len(files) else ""
+        return True, f"{sent} files sent to {endpoint}/{bucket}/{prefix}{kept}"
+
+
+def _files(context: PublicationContext, *, unpacked: bool) -> Iterator[tuple[str, Path]]:
+    if not unpacked and not context.files:
+        raise InputError(
+            "there is nothing to upload to S3: put a plugin that packs, as `zip`, into "
+            "`results_processing.publication`, or set `unpacked: true`."
+        )
+    if not unpacked:
+        yield from ((path.name, path) for path in context.files)
+        return
+    for campaign in context.campaigns:
+        for name, path in files_of(campaign.path):
+            if not path.is_symlink():
+                yield f"{campaign.name}/{name}", path
+
+
+def _send(
+    store: ObjectStore, bucket: str, files: Mapping[str, Path], context: PublicationContext
+) -> int:
+    """Send files side by side; returns how many were not there."""
+    sent = done = 0
+    pool = ThreadPoolExecutor(THREADS)
+    try:
+        futures = [pool.submit(store.put_file, bucket, key, path) for key, path in files.items()]
+        for future in as_completed(futures):
+            sent += future.result()
+            done += 1
+            context.progress(bucket, done, len(files))
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return sent
+
+
+def _store(endpoint: str, region: str | None) -> ObjectStore:
+    try:
+        from robovast.storage.endpoint import Credentials, Endpoint
+        from robovast.storage.s3 import ObjectStore
+    except ImportError as error:
+        raise CannotRunError(
+            f"S3 needs the package {error.name}: install `robovast[cluster]`."
+        ) from None
+    variables = environment()
+    found = ([variables.get(name) for name in names] for names in _KEYS)
+    access, secret = next((keys for keys in found if all(keys)), (None, None))
+    if not access or not secret:
+        raise InputError(
+            "S3 needs the keys of an account in ROBOVAST_S3_ACCESS_KEY and ROBOVAST_S3_SECRET_KEY, "
+            "in the environment or a `.env` file."
+        )
+    return ObjectStore(
+        Endpoint.parse(endpoint, region),
+        Credentials(access, secret),
+        patience=PATIENCE,
+        connections=THREADS,
+    )

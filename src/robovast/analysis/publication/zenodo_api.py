@@ -1,0 +1,188 @@
+"""Zenodo's REST API for deposits (https://developers.zenodo.org), as far as it is needed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any, cast
+from urllib.parse import quote, urlsplit
+
+from robovast.base.errors import InputError, StorageError
+from robovast.storage.http_client import PATIENCE, HttpClient, HttpError
+from robovast.storage.shares.base import UploadProgressReader
+
+_JSON = {"Content-Type": "application/json"}
+_LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
+_ACCOUNT_REMEDY = (
+    "Check the access token: it must be of this server (the sandbox has its own), and have the "
+    "scopes `deposit:write` and `deposit:actions`."
+)
+
+
+@dataclass(frozen=True)
+class Deposit:
+    """A record, as long as it is a draft or since it was published."""
+
+    id: int
+    published: bool
+    page: str
+    """Address for people."""
+    doi: str
+    bucket: str
+    """Address for files."""
+    files: Mapping[str, str]
+    """MD5 of each file by name, in hexadecimal digits."""
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> Deposit:
+        """From an answer."""
+        links = data.get("links") or {}
+        reserved = (data.get("metadata") or {}).get("prereserve_doi") or {}
+        return cls(
+            id=int(data["id"]),
+            published=bool(data.get("submitted")),
+            page=str(links.get("html", "")),
+            doi=str(data.get("doi") or reserved.get("doi") or ""),
+            bucket=str(links.get("bucket", "")),
+            files={
+                str(file.get("filename")): _md5(str(file.get("checksum", "")))
+                for file in data.get("files") or ()
+            },
+        )
+
+
+class ZenodoApi:
+    """Deposits of one account."""
+
+    def __init__(self, address: str, token: str, *, patience: float = PATIENCE) -> None:
+        """
+        Args:
+            address: of the server, as `https://zenodo.org`.
+            token: of the account.
+            patience: for how long to ask again when the server is busy or gone [s].
+
+        Raises:
+            InputError: the address would let others read the token.
+        """
+        place = urlsplit(address)
+        if place.scheme != "https" and place.hostname not in _LOOPBACK:
+            raise InputError(f"{address}: must begin with https, since it gets an access token.")
+        self._address = address.rstrip("/")
+        self._place = (place.scheme, place.netloc)
+        self._client = HttpClient(
+            place.netloc,
+            {"Authorization": f"Bearer {token}"},
+            remedies={401: _ACCOUNT_REMEDY, 403: _ACCOUNT_REMEDY},
+            secrets=[token],
+            patience=patience,
+        )
+
+    def deposit(self, number: int) -> Deposit | None:
+        """A deposit by its number; None when there is none."""
+        answer = self._client.request(
+            "GET", self._url(number), attempt=f"look at deposit {number}", accept={404, 410}
+        )
+        return Deposit.of(_data(answer.data)) if answer.status < 300 else None
+
+    def make_draft(self) -> Deposit:
+        """A new, empty draft."""
+        answer = self._client.request(
+            "POST",
+            f"{self._address}/api/deposit/depositions",
+            attempt="make a draft",
+            body=lambda: b"{}",
+            headers=_JSON,
+            repeatable=False,  # it would leave a second draft
+        )
+        return Deposit.of(_data(answer.data))
+
+    def describe(self, draft: Deposit, metadata: Mapping[str, Any]) -> None:
+        """Set a draft's metadata."""
+        content = json.dumps({"metadata": dict(metadata)}).encode()
+        self._client.request(
+            "PUT",
+            self._url(draft.id),
+            attempt="describe the draft",
+            body=lambda: content,
+            headers=_JSON,
+        )
+
+    def upload(self, draft: Deposit, path: Path, progress: Callable[[int, int], None]) -> None:
+        """Add a file to a draft, or replace it.
+
+        Raises:
+            StorageError: it could not be uploaded, or arrived damaged.
+            OSError: the file cannot be read.
+        """
+        if urlsplit(draft.bucket)[:2] != self._place:
+            raise StorageError(
+                f"{self._client.name}: wants files to be sent to another server ({draft.bucket}), "
+                "which shall not get the access token."
+            )
+        with path.open("rb") as stream:
+            size = path.stat().st_size
+
+            def body() -> IO[bytes]:
+                stream.seek(0)
+                return cast("IO[bytes]", UploadProgressReader(stream, size, progress))
+
+            answer = self._client.request(
+                "PUT",
+                f"{draft.bucket}/{quote(path.name)}",
+                attempt=f"upload {path.name}",
+                body=body,
+                headers={
+                    "Content-Type": "application/octet-stream",
+                    "Content-Length": str(size),
+                },
+            )
+        found = _md5(str(_data(answer.data).get("checksum", "")))
+        if found != md5_of(path):
+            raise StorageError(
+                f"{self._client.name}: {path.name} arrived damaged, or was changed meanwhile (MD5 "
+                f"{found or 'unknown'}). Publish again."
+            )
+
+    def publish(self, draft: Deposit) -> Deposit:
+        """Publish a draft, which cannot be undone."""
+        try:
+            answer = self._client.request(
+                "POST",
+                f"{self._url(draft.id)}/actions/publish",
+                attempt=f"publish deposit {draft.id}",
+                repeatable=False,
+            )
+        except HttpError:
+            raise
+        except StorageError:  # the answer was lost: it may be published all the same
+            found = self.deposit(draft.id)
+            if found is None or not found.published:
+                raise
+            return found
+        return Deposit.of(_data(answer.data))
+
+    def _url(self, number: int) -> str:
+        return f"{self._address}/api/deposit/depositions/{number}"
+
+
+def md5_of(path: Path) -> str:
+    """MD5 of a file, which is what Zenodo tells of its files."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, lambda: hashlib.md5(usedforsecurity=False)).hexdigest()
+
+
+def _md5(checksum: str) -> str:
+    return checksum.removeprefix("md5:")
+
+
+def _data(content: bytes) -> dict[str, Any]:
+    try:
+        data = json.loads(content)
+    except ValueError:
+        data = None
+    if not isinstance(data, dict):
+        raise StorageError("the server does not answer as Zenodo does. Is the address right?")
+    return data

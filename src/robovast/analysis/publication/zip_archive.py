@@ -1,0 +1,234 @@
+"""The publication plugin `zip`: an archive of every campaign, equal bytes for equal files."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import stat
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from filecmp import cmp
+from pathlib import Path
+from typing import Any
+
+from robovast.analysis.publication.context import Campaign, PublicationContext, context_of
+from robovast.analysis.publication.ro_crate import FILE_NAME as RO_CRATE
+from robovast.analysis.publication.ro_crate import ro_crate
+from robovast.analysis.publication.selection import Filter, archive_path, files_of, link_target
+from robovast.base.atomic import appearing_file
+from robovast.base.errors import InputError, StorageError
+from robovast.base.progress_bar import fmt_size
+from robovast.base.safe_paths import MOST_OF_ALL, open_file, read_file
+from robovast.base.serialization import dump_yaml
+from robovast.base.yaml_files import read_mapping
+from robovast.common.execution import get_campaign_timestamp
+
+CHUNK = 2**20
+"""How much of a file is held in memory [byte]."""
+METADATA = "metadata.yaml"
+COMPRESSED = frozenset(
+    {".gz", ".jpg", ".mcap", ".mp4", ".parquet", ".png", ".webm", ".zip", ".zst"}
+)
+"""Files that do not become smaller."""
+
+_PLACEHOLDER = re.compile(r"\{([^{}]*)\}")
+
+
+@dataclass(frozen=True)
+class ZipOptions:
+    """What an archive holds."""
+
+    filter: Filter
+    omit_hidden: bool
+    metadata: Mapping[str, Any]
+    """Goes into the `metadata:` section of metadata.yaml."""
+
+
+def zip_results(
+    results_dir: str,
+    config_dir: str,
+    filename: str | None = None,
+    include_filter: Sequence[str] | None = None,
+    exclude_filter: Sequence[str] = (),
+    destination: str | None = None,
+    overwrite: bool | None = None,
+    omit_hidden: bool = False,
+    metadata: Mapping[str, Any] | None = None,
+    context: PublicationContext | None = None,
+) -> tuple[bool, str, list[str]]:
+    """Pack every campaign into a zip file; equal files give equal bytes.
+
+    Args:
+        results_dir: folder of the campaigns.
+        config_dir: not used.
+        filename: template with `{timestamp}` and keys of the document's `metadata`; the name of
+            the campaign's folder when omitted.
+        include_filter: globs of the files to pack; all when omitted. One that begins with `/` is
+            matched from the campaign's folder on, one without `/` against the file's name.
+        exclude_filter: globs of files to leave out, also included ones.
+        destination: folder of the archives, relative to the results; the results when omitted.
+        overwrite: replace archives that exist (true), keep them (false), or ask.
+        omit_hidden: leave folders whose names begin with `_` out of the paths in the archive.
+        metadata: fields for the `metadata` section of the archive's metadata.yaml, as `title`.
+        context: what to publish; every campaign of the folder when omitted.
+    """
+    del config_dir  # everything is relative to the results
+    context = context or context_of(Path(results_dir))
+    options = ZipOptions(Filter(include_filter, exclude_filter), omit_hidden, metadata or {})
+    folder = Path(results_dir) / (destination or ".")
+    targets = _targets(context.campaigns, folder, filename)
+    said = []
+    for campaign, target in targets:
+        if target.exists() and overwrite is False:
+            said.append(f"{target.name} kept")
+            continue
+        said.append(_pack(campaign, target, options, context, ask=overwrite is None))
+    return True, "; ".join(said), [str(target.absolute()) for _, target in targets]
+
+
+def _targets(
+    campaigns: Sequence[Campaign], folder: Path, template: str | None
+) -> list[tuple[Campaign, Path]]:
+    found: dict[Path, Campaign] = {}
+    for campaign in campaigns:
+        target = folder / _file_name(template, campaign)
+        if target in found:
+            raise InputError(
+                f"{found[target].name} and {campaign.name} would both be packed into {target}; let "
+                "`filename` contain `{timestamp}`, or publish them one by one with `-i`."
+            )
+        found[target] = campaign
+    return [(campaign, target) for target, campaign in found.items()]
+
+
+def _file_name(template: str | None, campaign: Campaign) -> str:
+    if template is None:
+        return f"{campaign.name}.zip"
+    values = {key: str(value) for key, value in campaign.metadata.items()}
+    values["timestamp"] = get_campaign_timestamp(campaign.name) or campaign.name
+    unknown = [name for name in _PLACEHOLDER.findall(template) if name not in values]
+    if unknown:
+        raise InputError(
+            f"the `filename` of the publication plugin `zip` has the placeholder `{{{unknown[0]}}}`"
+            f", which is not in the document's `metadata`. There are: {', '.join(sorted(values))}."
+        )
+    name = _PLACEHOLDER.sub(lambda match: values[match[1]], template)
+    if "/" in name or name in {"", ".", ".."}:
+        raise InputError(
+            f"the `filename` of the publication plugin `zip` gives `{name}`, which is no file name."
+            " `destination` names the folder."
+        )
+    return name
+
+
+def _pack(
+    campaign: Campaign, target: Path, options: ZipOptions, context: PublicationContext, *, ask: bool
+) -> str:
+    """Write an archive; returns what to say of it."""
+    with appearing_file(target) as part:
+        packed = _Archive(campaign, options)
+        packed.write(part)
+        size, replaced = fmt_size(part.stat().st_size), target.exists()
+        if replaced and cmp(part, target, shallow=False):
+            part.unlink()
+            return f"{target.name} is up to date ({size}){packed.remark}"
+        if replaced and ask and not context.confirm(target):
+            part.unlink()
+            return f"{target.name} kept"
+    return f"{target.name}: {packed.count} files, {size}{packed.remark}"
+
+
+class _Archive:
+    """One campaign's archive while it is written."""
+
+    def __init__(self, campaign: Campaign, options: ZipOptions) -> None:
+        self.count = 0
+        self.remark = ""
+        self._campaign = campaign
+        self._options = options
+        # When a file was copied to here says nothing, and would make other bytes.
+        self._time = (campaign.started or datetime(1980, 1, 1)).timetuple()[:6]
+
+    def write(self, path: Path) -> None:
+        """Write the whole archive."""
+        links: dict[str, str] = {}
+        files: dict[str, Path] = {}
+        for inside, source in self._chosen():
+            if inside in files or inside in links:
+                raise InputError(
+                    f"{self._campaign.name}: two files would be `{inside}` in the archive. Without "
+                    "`omit_hidden` they keep their folders apart."
+                )
+            if source.is_symlink():
+                links[inside] = self._link(source)
+            else:
+                files[inside] = source
+        outside = [inside for inside, target in links.items() if not target]
+        if outside:
+            self.remark = f", without {len(outside)} links that lead out of the campaign"
+        made = self._made([*files, *links])
+        names = sorted({*files, *links, *made} - set(outside))
+        with zipfile.ZipFile(path, "w") as archive:
+            for name in names:
+                if name in made:
+                    archive.writestr(self._info(name), made[name])
+                elif name in links:
+                    info = self._info(name, stat.S_IFLNK | 0o777)
+                    archive.writestr(info, os.fsencode(links[name]))
+                else:
+                    self._add(archive, name, files[name])
+        self.count = len(names)
+
+    def _chosen(self) -> Iterator[tuple[str, Path]]:
+        omit = self._options.omit_hidden
+        for relative, path in files_of(self._campaign.path):
+            if self._options.filter.takes(relative) and relative not in {METADATA, RO_CRATE}:
+                yield archive_path(relative, omit_hidden=omit), path
+
+    def _link(self, link: Path) -> str:
+        root, omit = self._campaign.path, self._options.omit_hidden
+        return link_target(root, link.relative_to(root).as_posix(), link, omit_hidden=omit) or ""
+
+    def _made(self, names: Sequence[str]) -> dict[str, bytes]:
+        """Files that every archive has, whatever is filtered."""
+        metadata = _metadata(self._campaign.path, self._options.metadata)
+        made = {METADATA: metadata} if metadata is not None else {}
+        described = {**self._campaign.metadata, **self._options.metadata}
+        execution = read_mapping(self._campaign.path / "_execution" / "execution.yaml")
+        made[RO_CRATE] = ro_crate(self._campaign, described, execution, [*names, *made])
+        return made
+
+    def _add(self, archive: zipfile.ZipFile, name: str, source: Path) -> None:
+        try:
+            content = open_file(source)
+        except OSError as error:
+            raise StorageError(f"{source}: cannot be read: {error.strerror}.") from error
+        with content:
+            found = os.fstat(content.fileno())
+            info = self._info(name, stat.S_IFREG | (0o755 if found.st_mode & 0o100 else 0o644))
+            info.file_size = found.st_size
+            if source.suffix in COMPRESSED:
+                info.compress_type = zipfile.ZIP_STORED
+            with archive.open(info, "w") as member:
+                shutil.copyfileobj(content, member, CHUNK)
+
+    def _info(self, name: str, mode: int = stat.S_IFREG | 0o644) -> zipfile.ZipInfo:
+        info = zipfile.ZipInfo(f"{self._campaign.name}/{name}", self._time)
+        info.create_system = 3  # Unix, for the mode
+        info.external_attr = mode << 16
+        info.compress_type = zipfile.ZIP_DEFLATED
+        return info
+
+
+def _metadata(campaign: Path, fields: Mapping[str, Any]) -> bytes | None:
+    """Content of metadata.yaml with further fields in its `metadata` section."""
+    path = campaign / METADATA
+    if not fields:
+        return read_file(path, most=MOST_OF_ALL) if path.is_file() else None
+    found = read_mapping(path)
+    section = found.get("metadata")
+    known = section if isinstance(section, dict) else {}
+    return dump_yaml({**found, "metadata": {**known, **fields}}).encode()

@@ -1,0 +1,143 @@
+"""`campaign.db` (SQLite): the campaign, its batches, its parameter sets and how they fared."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from robovast.analysis.tables.runs import PARAMETER, run_rows
+from robovast.base.atomic import appearing_file
+from robovast.base.errors import StorageError
+from robovast.campaign.layout import Layout
+
+FILE = "campaign.db"
+_OURS = 0x524F424F
+"""SQLite's application id of stores that are made of a results folder: these may be replaced."""
+_SCHEMA = """
+CREATE TABLE campaign (id INTEGER PRIMARY KEY, name TEXT, mode TEXT, config_dir TEXT,
+    config_json TEXT, created_at TEXT, strategy_state TEXT, stop_kind TEXT, stop_reason TEXT,
+    batches INTEGER, elapsed_s REAL);
+CREATE TABLE batch (id INTEGER PRIMARY KEY, campaign_id INTEGER REFERENCES campaign, idx INTEGER,
+    dir TEXT, created_at TEXT);
+CREATE TABLE unit (id INTEGER PRIMARY KEY, batch_id INTEGER REFERENCES batch, paramset_id TEXT,
+    config_name TEXT, params_json TEXT, objective REAL, objectives_json TEXT, measures_json TEXT,
+    n_samples INTEGER, status TEXT, result_dir TEXT, created_at TEXT);
+"""
+
+Row = Mapping[str, Any]
+
+
+def write_campaign_store(layout: Layout, document: Path | None, runs: Iterable[str]) -> None:
+    """Describe a finished campaign; a store that a search has written itself is left as it is.
+
+    Args:
+        layout: of the campaign.
+        document: its .vast file.
+        runs: every run, by `<variant>/<number>`.
+
+    Raises:
+        StorageError: the file cannot be written.
+    """
+    path = layout.root / FILE
+    try:
+        if path.exists() and not _is_ours(path):
+            return
+        with (
+            appearing_file(path) as part,
+            closing(sqlite3.connect(part)) as connection,
+            connection,
+        ):
+            _write(connection, layout, document, list(run_rows(layout, runs)))
+    except (OSError, sqlite3.Error) as error:
+        raise StorageError(f"{path}: cannot be written: {error}.") from error
+
+
+def index_campaign(layout: Layout, *, force: bool) -> bool:
+    """Describe a campaign unless its store is newer than every run; returns whether it was done.
+
+    Raises:
+        StorageError: the file cannot be written.
+    """
+    runs = list(layout.run_folders())
+    path = layout.root / FILE
+    if not force and path.is_file():
+        made = path.stat().st_mtime
+        if all(folder.stat().st_mtime < made for folder in runs):
+            return False
+    documents = sorted(layout.config.glob("*.vast"))
+    names = (str(folder.relative_to(layout.root)) for folder in runs)
+    write_campaign_store(layout, documents[0] if documents else None, names)
+    return True
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as connection:
+            return bool(connection.execute("PRAGMA application_id").fetchone()[0] == _OURS)
+    except sqlite3.Error:
+        return False
+
+
+def _write(
+    connection: sqlite3.Connection, layout: Layout, document: Path | None, rows: list[Row]
+) -> None:
+    connection.executescript(_SCHEMA)
+    connection.execute(f"PRAGMA application_id = {_OURS}")
+    starts = sorted(row["started_at"] for row in rows if row["started_at"])
+    created = starts[0] if starts else None
+    config = _document_data(document)
+    connection.execute(
+        "INSERT INTO campaign (id, name, mode, config_dir, config_json, created_at, batches, "
+        "elapsed_s) VALUES (1, ?, ?, '_config', ?, ?, 1, ?)",
+        (
+            layout.root.name,
+            "search" if config.get("search") else "batch",
+            json.dumps(config, default=str),
+            created,
+            sum(row["duration"] or 0.0 for row in rows),
+        ),
+    )
+    connection.execute("INSERT INTO batch VALUES (1, 1, 0, '.', ?)", (created,))
+    connection.executemany(
+        "INSERT INTO unit (batch_id, paramset_id, config_name, params_json, objectives_json, "
+        "measures_json, n_samples, status, result_dir, created_at) "
+        "VALUES (1, ?, ?, ?, '{}', '{}', ?, ?, ?, ?)",
+        _units(rows),
+    )
+
+
+def _document_data(document: Path | None) -> dict[str, Any]:
+    try:
+        text = document.read_text(encoding="utf-8") if document else ""
+        data = next(yaml.safe_load_all(text), None)
+    except (OSError, ValueError, yaml.YAMLError):
+        return {}
+    return data if isinstance(data, dict) else {}
+
+
+def _units(rows: Iterable[Row]) -> Iterator[tuple[Any, ...]]:
+    """One for each variant."""
+    variants: dict[str, list[Row]] = {}
+    for row in rows:
+        variants.setdefault(row["config"], []).append(row)
+    for name, group in variants.items():
+        parameters = {
+            key.removeprefix(PARAMETER): value
+            for key, value in group[0].items()
+            if key.startswith(PARAMETER)
+        }
+        created = min((row["started_at"] for row in group if row["started_at"]), default=None)
+        status = _status(Counter(row["verdict"] for row in group))
+        yield name, name, json.dumps(parameters), len(group), status, name, created
+
+
+def _status(verdicts: Counter[str]) -> str:
+    """The worst of the verdicts."""
+    return next((v for v in ("errored", "failed", "interrupted") if verdicts[v]), "passed")

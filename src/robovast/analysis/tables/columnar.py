@@ -1,0 +1,303 @@
+"""`_execution/tables.duckdb`: the tables of a campaign, by column.
+
+Measured against Parquet: as small and as fast to ask, and one run of many is replaced without
+writing all others again.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from robovast.analysis.tables.csv_files import KEYS, column_names, csv_files, read_header
+from robovast.analysis.tables.runs import COLUMNS, run_rows
+from robovast.analysis.tables.staging import (
+    Types,
+    append,
+    literal,
+    quoted,
+    stage,
+    stage_small,
+    tables_of,
+)
+from robovast.base.errors import CannotRunError, StorageError
+from robovast.campaign.layout import Layout
+
+if TYPE_CHECKING:
+    from duckdb import DuckDBPyConnection
+
+FILE = "tables.duckdb"
+RECORDS = "run_records"
+"""Table of what is known of the runs alone; the view `runs` adds their metrics."""
+VIEW = "runs"
+KEY_TYPES = {"config": "VARCHAR", "run": "INTEGER"}
+_METRICS = "one row for each run"
+_SERIES = "many rows for each run"
+_UNFINISHED = ""
+"""Version of a run whose rows are being written: after a crash they are removed."""
+_BATCH = 2000
+"""CSV files read at once."""
+_SMALL = 16 << 10
+"""Size of a CSV file from which DuckDB is faster at it than Python [bytes]."""
+
+
+def import_duckdb() -> ModuleType:
+    """The package `duckdb`.
+
+    Raises:
+        CannotRunError: it is not installed.
+    """
+    try:
+        import duckdb
+    except ModuleNotFoundError:
+        raise CannotRunError(
+            "tables by column and `vast results query` need the extra `query`: "
+            "pip install 'robovast[query]'."
+        ) from None
+    return duckdb
+
+
+def confine(
+    connection: DuckDBPyConnection, files: Iterable[Path] = (), folders: Iterable[Path] = ()
+) -> None:
+    """Let a connection open these databases, and files in these folders, and nothing else."""
+    names = [f"{path}{suffix}" for path in files for suffix in ("", ".wal")]
+    connection.execute(f"SET allowed_paths = {_listed(names)}")
+    connection.execute(f"SET allowed_directories = {_listed(map(str, folders))}")
+    connection.execute("SET enable_external_access = false")
+    connection.execute("SET lock_configuration = true")
+
+
+def _listed(texts: Iterable[str]) -> str:
+    return f"[{', '.join(map(literal, texts))}]"
+
+
+def update_columnar(layout: Layout, versions: Mapping[str, str]) -> None:
+    """Bring the tables of a campaign up to date.
+
+    Args:
+        layout: of the campaign.
+        versions: of every run, by `<variant>/<number>`: a run is read when its version is not the
+            one of the last time.
+
+    Raises:
+        CannotRunError: the extra `query` is not installed.
+        StorageError: the file cannot be written, or another program has it open.
+    """
+    with (
+        TemporaryDirectory(prefix="robovast-tables-") as scratch,
+        _connected(layout, Path(scratch)) as connection,
+    ):
+        rows = connection.execute("SELECT path, version FROM loaded").fetchall()
+        loaded: dict[str, str] = dict(rows)
+        stale = [run for run, version in versions.items() if loaded.get(run) != version]
+        gone = [run for run in loaded if versions.get(run) != loaded[run]]
+        if not stale and not gone:
+            return
+        _remove(connection, gone)
+        _claim(connection, stale, dict.fromkeys(stale, _UNFINISHED))
+        _load_records(connection, layout, stale, Path(scratch))
+        _load_csv_files(connection, layout, stale, Path(scratch))
+        _join_metrics(connection)
+        _claim(connection, stale, versions)
+
+
+def _claim(connection: DuckDBPyConnection, runs: list[str], versions: Mapping[str, str]) -> None:
+    """Note which version of runs the tables hold."""
+    named = {"p": runs, "v": [versions[run] for run in runs]}
+    connection.execute("BEGIN")
+    connection.execute("DELETE FROM loaded WHERE path IN (SELECT unnest($p))", {"p": runs})
+    connection.execute("INSERT INTO loaded SELECT unnest($p), unnest($v)", named)
+    connection.execute("COMMIT")
+
+
+@contextmanager
+def _connected(layout: Layout, scratch: Path) -> Iterator[DuckDBPyConnection]:
+    duckdb = import_duckdb()
+    path = layout.execution / FILE
+    try:
+        layout.execution.mkdir(exist_ok=True)
+        with closing(_connect(duckdb, path)) as connection:
+            confine(connection, folders=(layout.root.absolute(), scratch))
+            yield connection
+    except (OSError, duckdb.Error) as error:
+        raise StorageError(f"{path}: cannot be written: {first_line(error)}") from error
+
+
+def _connect(duckdb: ModuleType, path: Path) -> DuckDBPyConnection:
+    """The file; one that is damaged, or not ours, is made anew, as all of it is derived."""
+    try:
+        connection: DuckDBPyConnection = duckdb.connect(str(path))
+    except duckdb.Error as error:
+        if "lock" in str(error):
+            raise
+    else:
+        if _is_ours(connection):
+            connection.execute("CREATE TABLE IF NOT EXISTS loaded (path VARCHAR, version VARCHAR)")
+            return connection
+        connection.close()
+    path.unlink()
+    connection = duckdb.connect(str(path))
+    connection.execute("CREATE TABLE loaded (path VARCHAR, version VARCHAR)")
+    return connection
+
+
+def _is_ours(connection: DuckDBPyConnection) -> bool:
+    """Whether it has no view but ours, which nobody reads here: one called as a table would be."""
+    found = connection.execute("SELECT view_name FROM duckdb_views() WHERE NOT internal").fetchall()
+    return all(name == VIEW for (name,) in found)
+
+
+def first_line(error: Exception) -> str:
+    """What an error says, without the query that follows."""
+    return str(error).strip().partition("\n")[0]
+
+
+def _remove(connection: DuckDBPyConnection, runs: Sequence[str]) -> None:
+    if not runs:
+        return
+    keys = [run.rpartition("/") for run in runs]
+    named = {"c": [key[0] for key in keys], "r": [int(key[2]) for key in keys]}
+    for table in tables_of(connection):
+        connection.execute(
+            f"DELETE FROM {quoted(table)} WHERE (config, run) IN "  # noqa: S608
+            "(SELECT (unnest($c), unnest($r)))",
+            named,
+        )
+    connection.execute("DELETE FROM loaded WHERE path IN (SELECT unnest($p))", {"p": list(runs)})
+
+
+def _load_records(
+    connection: DuckDBPyConnection, layout: Layout, runs: Sequence[str], scratch: Path
+) -> None:
+    rows = list(run_rows(layout, runs))
+    columns = list(dict.fromkeys([*COLUMNS, *(name for row in rows for name in row)]))
+    path = scratch / "records.csv"
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows([_text(row.get(name)) for name in columns] for row in rows)
+    stage(connection, [path], columns)
+    append(connection, RECORDS, columns, COLUMNS)
+
+
+def _text(value: object) -> object:
+    return str(value).lower() if isinstance(value, bool) else value
+
+
+def _load_csv_files(
+    connection: DuckDBPyConnection, layout: Layout, runs: Iterable[str], scratch: Path
+) -> None:
+    for (table, header), files in _grouped(layout, runs).items():
+        columns = column_names(header)
+        for part in _parts(files):
+            if part[0].stat().st_size < _SMALL:
+                stage_small(connection, layout.root, part, columns, scratch)
+            else:
+                _stage_large(connection, layout.root, part, columns, scratch)
+            append(connection, table, [*KEYS, *columns], KEY_TYPES)
+
+
+def _parts(files: Sequence[Path]) -> Iterator[Sequence[Path]]:
+    """Files to read at once: small ones, and large ones, of these not too many."""
+    small = [path for path in files if path.stat().st_size < _SMALL]
+    large = sorted(set(files).difference(small))
+    for listed in (small, large):
+        yield from (listed[start : start + _BATCH] for start in range(0, len(listed), _BATCH))
+
+
+def _stage_large(
+    connection: DuckDBPyConnection,
+    root: Path,
+    files: Sequence[Path],
+    columns: Sequence[str],
+    scratch: Path,
+) -> None:
+    import duckdb
+
+    try:
+        stage(connection, files, columns, root)
+    except duckdb.Error:  # a damaged file is read as far as it can be
+        stage_small(connection, root, files, columns, scratch)
+
+
+def _grouped(layout: Layout, runs: Iterable[str]) -> dict[tuple[str, tuple[str, ...]], list[Path]]:
+    """Files with the same table and header, which are read at once."""
+    groups: dict[tuple[str, tuple[str, ...]], list[Path]] = {}
+    for run in runs:
+        for table, path in csv_files(layout.run(run)).items():
+            header = tuple(read_header(path))
+            if header:
+                groups.setdefault((table, header), []).append(path)
+    return groups
+
+
+def _join_metrics(connection: DuckDBPyConnection) -> None:
+    """Note which tables are metrics, and make the view `runs` for who opens the file by hand."""
+    tables = tables_of(connection)
+    for table in tables:
+        note = _METRICS if _has_one_row_a_run(connection, quoted(table)) else _SERIES
+        connection.execute(f"COMMENT ON TABLE {quoted(table)} IS {literal(note)}")
+    query = runs_query(connection, tables)
+    connection.execute(f"CREATE OR REPLACE VIEW {VIEW} AS {query}")
+
+
+def runs_query(
+    connection: DuckDBPyConnection, tables: Mapping[str, Types], catalog: str | None = None
+) -> str:
+    """What selects run records, and what is in CSV files with one row for each run.
+
+    Args:
+        connection: has the tables.
+        tables: with their columns.
+        catalog: name of an attached file; of the connection's own when None.
+    """
+    place = f"{catalog}." if catalog else ""
+    columns = [f"{quoted(RECORDS)}.*"]
+    joins = [f"{place}{quoted(RECORDS)} AS {quoted(RECORDS)}"]
+    for table in _metrics(connection, tables, catalog):
+        columns += [
+            f"{quoted(table)}.{quoted(name)} AS {quoted(f'{table}_{name}')}"
+            for name in tables[table]
+            if name not in KEYS
+        ]
+        source = f"{place}{quoted(table)} AS {quoted(table)}"
+        joins.append(f"LEFT JOIN {source} USING (config, run)")
+    return f"SELECT {', '.join(columns)} FROM {' '.join(joins)}"  # noqa: S608
+
+
+def _metrics(
+    connection: DuckDBPyConnection, tables: Iterable[str], catalog: str | None
+) -> list[str]:
+    """Tables with one row for each run; looked at where nobody noted it, in older files."""
+    noted = dict(
+        connection.execute(
+            "SELECT table_name, comment FROM duckdb_tables() "
+            "WHERE database_name = coalesce($catalog, current_database()) "
+            "AND schema_name = 'main'",
+            {"catalog": catalog},
+        ).fetchall()
+    )
+    place = f"{catalog}." if catalog else ""
+    return [
+        table
+        for table in tables
+        if table != RECORDS
+        and (
+            noted[table] == _METRICS
+            if noted[table]
+            else _has_one_row_a_run(connection, place + quoted(table))
+        )
+    ]
+
+
+def _has_one_row_a_run(connection: DuckDBPyConnection, table: str) -> bool:
+    found = connection.execute(
+        f"SELECT 1 FROM {table} GROUP BY config, run HAVING count(*) > 1 LIMIT 1"  # noqa: S608
+    )
+    return found.fetchone() is None

@@ -1,0 +1,138 @@
+"""SQL over the tables of several campaigns, read-only."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from robovast.analysis.tables.columnar import (
+    FILE,
+    RECORDS,
+    VIEW,
+    confine,
+    first_line,
+    import_duckdb,
+    runs_query,
+)
+from robovast.analysis.tables.staging import Types, literal, quoted, tables_of
+from robovast.base.errors import InputError, StorageError
+from robovast.campaign.layout import Layout
+
+if TYPE_CHECKING:
+    from duckdb import DuckDBPyConnection
+
+_OURS = "FROM duckdb_columns() WHERE database_name = 'memory' AND NOT internal"
+_NO_TABLE = re.compile(r"Table with name (?P<name>.+) does not exist")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a query returns."""
+
+    columns: list[str]
+    rows: list[tuple[Any, ...]]
+
+
+def ask(campaigns: Sequence[Path], sql: str, most: int | None = None) -> Answer:
+    """Ask the tables of campaigns.
+
+    Every table has the columns `campaign`, `config` and `run` in front; `runs` has one row a run.
+
+    Args:
+        campaigns: folders of campaigns that have been postprocessed.
+        sql: one statement in DuckDB's SQL; it can read nothing else and change nothing.
+        most: rows that are read; all when None.
+
+    Raises:
+        CannotRunError: the extra `query` is not installed.
+        InputError: none of the campaigns has tables, or the query is wrong.
+        StorageError: tables cannot be read.
+    """
+    duckdb = import_duckdb()
+    with _attached(campaigns) as connection:
+        try:
+            found = connection.execute(sql)
+            if found is None:  # blanks and comments alone
+                raise InputError("the query is empty.")
+            columns = [column[0] for column in found.description or ()]
+            if not columns:
+                return Answer([], [])
+            return Answer(columns, found.fetchall() if most is None else found.fetchmany(most))
+        except duckdb.Error as error:
+            names = connection.execute(f"SELECT DISTINCT table_name {_OURS}").fetchall()
+            raise InputError(_explained(str(error), [name for (name,) in names])) from None
+
+
+def _explained(cause: str, names: Sequence[str]) -> str:
+    """What is wrong with a query; of DuckDB's own tables, which it suggests, nobody asks."""
+    missing = _NO_TABLE.search(cause)
+    if missing is None:
+        return f"the query is wrong: {cause.strip()}"
+    near = get_close_matches(missing["name"], names, 1)
+    hint = f"Did you mean `{near[0]}`?" if near else f"There are {', '.join(sorted(names))}."
+    return f"the query is wrong: there is no table `{missing['name']}`. {hint}"
+
+
+def tables(campaigns: Sequence[Path]) -> dict[str, Types]:
+    """The tables that can be asked, with their columns and types; raises as `ask` does."""
+    with _attached(campaigns) as connection:
+        found: dict[str, Types] = {}
+        for table, column, type_ in connection.execute(
+            f"SELECT table_name, column_name, data_type {_OURS} ORDER BY table_name, column_index"
+        ).fetchall():
+            found.setdefault(table, {})[column] = type_
+        return found
+
+
+@contextmanager
+def _attached(campaigns: Sequence[Path]) -> Iterator[DuckDBPyConnection]:
+    """Views over the tables of all campaigns.
+
+    The files may be anybody's, so no other file can be opened from the very first on, and of theirs
+    only tables are taken: a view would be executed here.
+    """
+    duckdb = import_duckdb()
+    files = {campaign: Layout(campaign.absolute()).execution / FILE for campaign in campaigns}
+    present = {campaign: path for campaign, path in files.items() if path.exists()}
+    with closing(duckdb.connect()) as connection:
+        confine(connection, files=present.values())
+        members: dict[str, list[str]] = {}
+        for index, (campaign, path) in enumerate(present.items()):
+            alias = f"campaign_{index}"
+            try:
+                connection.execute(f"ATTACH {literal(str(path))} AS {alias} (READ_ONLY)")
+                parts = _parts(connection, alias, campaign.absolute().name)
+            except duckdb.Error as error:
+                raise StorageError(f"{path}: cannot be read: {first_line(error)}") from error
+            for table, part in parts.items():
+                members.setdefault(table, []).append(part)
+        if not members:
+            raise InputError(
+                "there are no tables to ask: `vast results postprocess` makes them (with the extra "
+                "`query`)."
+            )
+        for table, places in members.items():  # all rows, whatever columns it has in which campaign
+            union = " UNION ALL BY NAME ".join(places)
+            connection.execute(f"CREATE VIEW {quoted(table)} AS {union}")
+        yield connection
+
+
+def _parts(connection: DuckDBPyConnection, alias: str, campaign: str) -> dict[str, str]:
+    """By table, what selects a campaign's rows of it."""
+    found = tables_of(connection, alias)
+    sources = {name: f"{alias}.{quoted(name)}" for name in found if name != RECORDS}
+    if RECORDS in found:
+        sources = {**sources, VIEW: f"({runs_query(connection, found, alias)})"}
+    ordered = sorted(sources, key=lambda name: (name != VIEW, name))
+    selects = {
+        name: f"SELECT {literal(campaign)} AS campaign, * FROM {sources[name]}"  # noqa: S608
+        for name in ordered
+    }
+    for select in selects.values():
+        connection.execute(f"PREPARE fits AS {select}")
+    return selects

@@ -1,0 +1,121 @@
+"""One row for each run: which it is, its parameters, its verdict, its times."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from robovast.base.errors import InputError
+from robovast.base.safe_paths import read_file
+from robovast.campaign.configurations import read_configurations
+from robovast.campaign.layout import Layout
+from robovast.campaign.run_record import read_run_record, result_without_record
+
+COLUMNS = {
+    "config": "VARCHAR",
+    "run": "INTEGER",
+    "entry": "VARCHAR",
+    "id": "BIGINT",
+    "verdict": "VARCHAR",
+    "reason": "VARCHAR",
+    "started_at": "TIMESTAMP",
+    "finished_at": "TIMESTAMP",
+    "duration": "DOUBLE",
+    "exit_code": "BIGINT",
+    "attempt": "BIGINT",
+    "job": "VARCHAR",
+    "runtime": "VARCHAR",
+    "image": "VARCHAR",
+    "host": "VARCHAR",
+}
+"""Columns that every campaign has, with their types; times are UTC, `duration` in seconds."""
+PARAMETER = "param_"
+"""How the columns of scenario parameters begin."""
+
+Row = dict[str, Any]
+
+
+def run_rows(layout: Layout, runs: Iterable[str]) -> Iterator[Row]:
+    """A row for each run, by `<variant>/<number>`; what is not known is None.
+
+    Runs of other tools, which have no `run.json`, are told by their test.xml and the campaign's
+    list of configurations.
+    """
+    configurations = _configurations(layout)
+    for run in runs:
+        variant, _, number = run.rpartition("/")
+        yield _row(layout.run(run), variant, int(number), configurations.get(variant, {}))
+
+
+def _configurations(layout: Layout) -> dict[str, dict[str, Any]]:
+    try:
+        items = read_configurations(layout)["configs"]
+    except InputError:
+        return {}
+    return {str(item.get("name")): item for item in items if isinstance(item, dict)}
+
+
+def _row(folder: Path, variant: str, number: int, configuration: Mapping[str, Any]) -> Row:
+    record = read_run_record(folder)
+    row: Row = {**dict.fromkeys(COLUMNS), "config": variant, "run": number}
+    if record is None:
+        row.update(_judged(folder), entry=configuration.get("_config_name"))
+        parameters = configuration.get("config") or _scenario_config(folder.parent)
+    else:
+        known = {name: getattr(record, name) for name in COLUMNS if hasattr(record, name)}
+        row.update(known, config=variant, run=number, verdict=str(record.verdict))
+        row.update(started_at=_utc(record.started_at), finished_at=_utc(record.finished_at))
+        parameters = record.parameters or configuration.get("config") or {}
+    if isinstance(parameters, Mapping):
+        row.update({PARAMETER + str(k): _cell(v) for k, v in parameters.items()})
+    return row
+
+
+def _judged(folder: Path) -> Row:
+    """What is known without a record."""
+    result = result_without_record(folder)
+    start = None if result.started_at is None else datetime.fromtimestamp(result.started_at, UTC)
+    end = start + timedelta(seconds=result.duration) if start and result.duration else None
+    return {
+        "verdict": str(result.verdict),
+        "reason": result.reason,
+        "started_at": _plain_time(start),
+        "finished_at": _plain_time(end),
+        "duration": result.duration,
+    }
+
+
+def _scenario_config(variant: Path) -> Mapping[str, Any]:
+    """Parameters in `_config/scenario.config`, below the name of the scenario."""
+    try:
+        data = yaml.safe_load(read_file(variant / "_config" / "scenario.config"))
+    except (OSError, ValueError, yaml.YAMLError):
+        return {}
+    inner = next(iter(data.values()), None) if isinstance(data, dict) else None
+    return inner if isinstance(inner, dict) else {}
+
+
+def _utc(text: str) -> str | None:
+    try:
+        return _plain_time(datetime.fromisoformat(text))
+    except ValueError:
+        return None
+
+
+def _plain_time(moment: datetime | None) -> str | None:
+    """A time in UTC without saying so, as tables hold it."""
+    if moment is None:
+        return None
+    aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+    return aware.astimezone(UTC).replace(tzinfo=None).isoformat(" ")
+
+
+def _cell(value: Any) -> Any:
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return json.dumps(value, default=str, ensure_ascii=False)

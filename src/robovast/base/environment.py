@@ -1,0 +1,54 @@
+"""Variables that hold addresses and credentials: from the environment, else from a `.env` file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from robovast.base.errors import CannotRunError, InputError
+
+DOTENV = ".env"
+
+
+def environment(folder: Path | None = None) -> Mapping[str, str]:
+    """The environment, completed by the nearest `.env` file at or above a folder.
+
+    Args:
+        folder: where to begin; the working directory when omitted.
+
+    Raises:
+        InputError: the file cannot be read.
+        CannotRunError: there is one, and no package that reads it.
+    """
+    return {**_dotenv(folder or Path.cwd()), **os.environ}
+
+
+@contextmanager
+def dotenv_loaded(folder: Path | None = None) -> Iterator[None]:
+    """Complete the environment of this process while the context lasts."""
+    added = {key: value for key, value in environment(folder).items() if key not in os.environ}
+    os.environ.update(added)
+    try:
+        yield
+    finally:
+        for key in added:
+            os.environ.pop(key, None)
+
+
+def _dotenv(folder: Path) -> dict[str, str]:
+    folder = folder.absolute()
+    path = next((p / DOTENV for p in (folder, *folder.parents) if (p / DOTENV).is_file()), None)
+    if path is None:
+        return {}
+    try:
+        from dotenv import dotenv_values
+    except ImportError:
+        raise CannotRunError(
+            f"reading {path} needs the package python-dotenv: install `robovast[share]`."
+        ) from None
+    try:
+        return {key: value for key, value in dotenv_values(path).items() if value is not None}
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read: {error}.") from error

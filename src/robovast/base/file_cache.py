@@ -1,0 +1,117 @@
+"""Files that cost much to make, kept by a hash of what they were made from."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+
+from robovast.base.atomic import appearing_file
+
+
+class ContentCache:
+    """A folder of files by key; entries appear complete or not at all.
+
+    Args:
+        cache_dir: the folder; made when it is needed. Default: `robovast` in the user's cache.
+        name: a subfolder, so that different users of the cache do not meet.
+    """
+
+    def __init__(self, cache_dir: str | Path | None = None, name: str = "files") -> None:
+        base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+        self._folder = (Path(cache_dir) if cache_dir else Path(base) / "robovast") / name
+
+    def key(self, files: Iterable[str | Path], *values: object) -> str:
+        """A key of the content of files and of further values, whatever the files' place."""
+        digest = hashlib.sha256()
+        for file in files:
+            digest.update(hashlib.sha256(Path(file).read_bytes()).digest())
+        digest.update(repr(values).encode())
+        return digest.hexdigest()
+
+    def get(self, key: str) -> Path | None:
+        """The file kept under a key, or None."""
+        path = self._folder / key
+        return path if path.is_file() else None
+
+    def put(self, key: str, file: str | Path) -> Path:
+        """Keep a copy of a file under a key."""
+        with appearing_file(self._folder / key) as part:
+            shutil.copyfile(file, part)
+        return self._folder / key
+
+
+class FileCache:
+    """Files that a plugin keeps beside its data, by the content of what they were made from.
+
+    Args:
+        data_directory: they are kept in its folder `.cache`.
+        cache_file_prefix: begins their names.
+        file_name_hash_objects: further values, as text, that decide the name.
+        cache_file_suffix: ends their names.
+    """
+
+    def __init__(
+        self,
+        data_directory: str | Path,
+        cache_file_prefix: str,
+        file_name_hash_objects: Sequence[object],
+        cache_file_suffix: str = "",
+    ) -> None:
+        self._cache = ContentCache(data_directory, ".cache")
+        self._prefix, self._suffix = cache_file_prefix, cache_file_suffix
+        self._values = tuple(map(str, file_name_hash_objects))
+
+    def get_cached_file(
+        self,
+        input_files: Iterable[str | Path],
+        binary: bool = False,
+        content: bool = True,
+        strings_for_hash: Sequence[str] | None = None,
+    ) -> str | bytes | Path | None:
+        """What was made from the same input files; None when nothing is kept.
+
+        Args:
+            input_files: their content decides.
+            binary: return bytes, not text.
+            content: return the content, not the path of the kept file.
+            strings_for_hash: further text that decides.
+        """
+        path = self._cache.get(self._name(input_files, strings_for_hash))
+        if path is None or not content:
+            return path
+        return path.read_bytes() if binary else path.read_text(encoding="utf-8")
+
+    def save_file_to_cache(
+        self,
+        input_files: Iterable[str | Path],
+        file_content: str | bytes,
+        binary: bool = False,
+        content: bool = True,
+        strings_for_hash: Sequence[str] | None = None,
+    ) -> Path:
+        """Keep what was made from input files; returns the path of the kept file.
+
+        Args:
+            input_files: their content decides.
+            file_content: the content; with `content=False` the path of a file to copy.
+            binary: without a meaning here: bytes and text are told apart by themselves.
+            content: see `file_content`.
+            strings_for_hash: further text that decides.
+        """
+        del binary
+        name = self._name(input_files, strings_for_hash)
+        if not content:
+            return self._cache.put(name, Path(os.fsdecode(file_content)))
+        data = file_content.encode() if isinstance(file_content, str) else bytes(file_content)
+        with NamedTemporaryFile() as file:
+            file.write(data)
+            file.flush()
+            return self._cache.put(name, file.name)
+
+    def _name(self, files: Iterable[str | Path], strings: Sequence[str] | None) -> str:
+        key = self._cache.key(files, *self._values, *(strings or ()))
+        return f"{self._prefix}{key}{self._suffix}"

@@ -1,0 +1,76 @@
+"""Folders that one program works in at a time."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO
+
+from robovast.base.atomic import discard, sweep
+from robovast.base.errors import StorageError
+
+LOCK = "lock"
+"""File in the folder that is locked as long as somebody works there."""
+_PATIENCE = 0.5
+"""How long a lock may be held by who only looks whether it is free [s]."""
+_PAUSE = 0.02
+
+
+@contextmanager
+def exclusive_folder(folder: Path, refusal: str) -> Iterator[None]:
+    """A work folder for this program alone; it is removed when the context ends well.
+
+    It is removed under its lock: who waits for the lock sees that it is no longer the folder's,
+    and makes a folder of its own.
+
+    Args:
+        folder: made when it does not exist; what an earlier program left stays in it.
+        refusal: what to say when another program works there.
+
+    Raises:
+        StorageError: another program works there.
+    """
+    with _locked(folder, refusal):
+        sweep(folder.parent)
+        yield
+        discard(folder)
+
+
+@contextmanager
+def _locked(folder: Path, refusal: str) -> Iterator[None]:
+    until = time.monotonic() + _PATIENCE
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    while True:
+        with suppress(FileExistsError):
+            folder.mkdir()
+        try:
+            file = (folder / LOCK).open("w")
+        except FileNotFoundError:  # removed between the two
+            continue
+        with file:
+            if _lock(file):
+                if _is_still(file, folder / LOCK):
+                    yield
+                    return
+            elif time.monotonic() > until:
+                raise StorageError(refusal)
+        time.sleep(_PAUSE)
+
+
+def _lock(file: IO[str]) -> bool:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _is_still(file: IO[str], path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except FileNotFoundError:
+        return False

@@ -1,0 +1,96 @@
+"""Plugins: by entry-point name, or by file as `<path>.py:<name>` relative to the .vast file."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import re
+import sys
+from difflib import get_close_matches
+from functools import lru_cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any
+
+from robovast.base.errors import InputError
+
+_FILE_REFERENCE = re.compile(r"^(?P<path>.+\.py):(?P<name>[A-Za-z_]\w*)$")
+
+
+def split_file_reference(reference: str) -> tuple[str, str] | None:
+    """Path and name of a `<path>.py:<name>` reference, or None when it is an entry-point name."""
+    match = _FILE_REFERENCE.match(reference)
+    return (match["path"], match["name"]) if match else None
+
+
+@lru_cache
+def plugins_of(group: str) -> dict[str, EntryPoint]:
+    """Entry points of a group by name; of two with one name the first counts."""
+    found: dict[str, EntryPoint] = {}
+    for entry_point in entry_points(group=group):
+        found.setdefault(entry_point.name, entry_point)
+    return found
+
+
+def load_plugin(reference: str, group: str, folder: str | Path) -> Any:
+    """The object that a reference names.
+
+    Args:
+        reference: an entry-point name, or `<path>.py:<name>`.
+        group: entry-point group, as `robovast.variation_types`.
+        folder: what a path is relative to.
+
+    Raises:
+        InputError: there is no such plugin, or it cannot be loaded; with the cause.
+    """
+    parts = split_file_reference(reference)
+    if parts is None:
+        return _load_entry_point(reference, group)
+    path, name = parts
+    module = _load_file((Path(folder) / path).resolve())
+    try:
+        return getattr(module, name)
+    except AttributeError:
+        public = [key for key in vars(module) if not key.startswith("_")]
+        raise InputError(
+            f"{path} has no `{name}`; it has {', '.join(public) or 'nothing'}"
+        ) from None
+
+
+def _load_entry_point(name: str, group: str) -> Any:
+    known = plugins_of(group)
+    if name not in known:
+        near = get_close_matches(name, known, n=1)
+        hint = f"Did you mean `{near[0]}`?" if near else f"Installed: {', '.join(sorted(known))}."
+        raise InputError(
+            f"there is no plugin `{name}` in {group}. {hint} A plugin in a file is written "
+            "`<path>.py:<name>`."
+        )
+    try:
+        return known[name].load()
+    except Exception as error:
+        distribution = known[name].dist
+        package = distribution.name if distribution else "its package"
+        raise InputError(
+            f"the plugin `{name}` of {package} ({known[name].value}) cannot be loaded: "
+            f"{type(error).__name__}: {error}"
+        ) from error
+
+
+@lru_cache
+def _load_file(path: Path) -> Any:
+    if not path.is_file():
+        raise InputError(f"there is no plugin file {path}")
+    digest = hashlib.sha256(str(path).encode()).hexdigest()[:8]
+    name = f"robovast_plugin_{path.stem}_{digest}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{path} cannot be imported")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses and pickling look a class's module up
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        raise InputError(f"{path} cannot be imported: {type(error).__name__}: {error}") from error
+    return module

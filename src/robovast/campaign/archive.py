@@ -1,0 +1,270 @@
+"""Unpacking an archive that nobody vouches for: nothing is written outside its folder."""
+
+from __future__ import annotations
+
+import lzma
+import os
+import stat
+import tarfile
+import zipfile
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from gzip import BadGzipFile
+from pathlib import Path, PurePosixPath
+from time import mktime
+from typing import IO, Any, Literal, Self
+
+from robovast.base.errors import InputError
+
+CHUNK = 2**20
+"""How much of a file is held in memory [byte]."""
+
+MOST_EXPANSION = 200
+"""How many times its own size an archive may unpack to; a campaign takes 2 to 30 times as much."""
+LEAST_ROOM = 64 << 20
+"""What any archive may unpack to [byte]."""
+_LONGEST_TARGET = 4096
+"""Of a link, what Linux takes [byte]: a longer one is refused when it is made."""
+_LONGEST_HEADER = 1 << 20
+"""Of a tar file, what tells name and times of an entry [byte]; it is read into memory at once."""
+_HEADERS = (
+    tarfile.XHDTYPE,
+    tarfile.XGLTYPE,
+    tarfile.SOLARIS_XHDTYPE,
+    tarfile.GNUTYPE_LONGNAME,
+    tarfile.GNUTYPE_LONGLINK,
+)
+_OVERHEAD = 512
+"""What an entry takes, however empty it is [byte]."""
+
+_DAMAGED = (
+    tarfile.TarError,
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    BadGzipFile,
+    EOFError,
+    KeyError,  # a hard link to what is not in the archive
+    NotImplementedError,  # a compression that Python does not know
+    UnicodeError,
+    RuntimeError,  # an encrypted zip file
+)
+
+
+@dataclass(frozen=True)
+class Member:
+    """One entry of an archive."""
+
+    name: str
+    kind: Literal["file", "folder", "link", "other"]
+    open: Callable[[], IO[bytes] | None]
+    """Content of a file, target of a link in a zip file."""
+    executable: bool = False
+    modified: float = 0.0
+    """[s since the epoch]"""
+    target: str = ""
+    """Of a link."""
+
+
+def unpack(archive: Path, folder: Path) -> list[Path]:
+    """Unpack a tar file (any compression) or a zip file into an empty folder.
+
+    Owners and special permissions are not taken over.
+
+    Returns:
+        The symbolic links, which may lead anywhere: see `refuse_links_out`.
+
+    Raises:
+        InputError: there is no such archive, it is damaged, or something in it wants out.
+        OSError: the folder cannot be written.
+    """
+    links: dict[Path, str] = {}
+    room = _Room(archive)
+    with _members(archive) as members:
+        for member in members:
+            path = folder / _checked(archive, member)
+            room.take(_OVERHEAD)
+            if member.kind == "link":
+                path.parent.mkdir(parents=True, exist_ok=True)
+                links[path] = member.target
+            elif path != folder:
+                _write(archive, member, path, room)
+    # Links come last: nothing is ever written through one.
+    for path, target in links.items():
+        _link(archive, path, target)
+    return list(links)
+
+
+def refuse_links_out(archive: Path, links: Iterable[Path], folder: Path) -> None:
+    """Accept links only when they end in a folder, whichever links they pass on their way.
+
+    Raises:
+        InputError: one does not.
+    """
+    root = folder.resolve()
+    for link in links:
+        try:
+            end = link.resolve()
+        except (OSError, RuntimeError):  # Python before 3.13 says the latter of a circle
+            raise _refused(archive, link.name, "is a link that leads in a circle") from None
+        if not end.is_relative_to(root):
+            raise _refused(archive, link.name, f"is a link that leads out, to `{link.readlink()}`")
+
+
+def _checked(archive: Path, member: Member) -> PurePosixPath:
+    path = PurePosixPath(member.name)
+    if path.is_absolute() or ".." in path.parts or "\0" in member.name:
+        raise _refused(archive, member.name, "wants to be outside of the results")
+    if member.kind == "other":
+        raise _refused(archive, member.name, "is neither a file, a folder nor a link")
+    return path
+
+
+class _Entry(tarfile.TarInfo):
+    """An entry of a tar file of which little is held in memory."""
+
+    @classmethod
+    def frombuf(cls, buf: bytes | bytearray, encoding: Any, errors: str) -> Self:
+        """Read a header; see `tarfile.TarInfo`."""
+        entry = super().frombuf(buf, encoding, errors)
+        if entry.type in _HEADERS and entry.size > _LONGEST_HEADER:
+            raise tarfile.ReadError(f"a header of {entry.size} bytes")
+        return entry
+
+
+class _Room:
+    """How much an archive may still unpack to: a bomb does not fill the disk."""
+
+    def __init__(self, archive: Path) -> None:
+        self._archive = archive
+        self._most = max(LEAST_ROOM, MOST_EXPANSION * _size(archive))
+        self._left = self._most
+
+    def take(self, size: int) -> None:
+        """Use some of it.
+
+        Raises:
+            InputError: so much is not left.
+        """
+        self._left -= size
+        if self._left < 0:
+            raise InputError(
+                f"{self._archive}: refused, because it unpacks to more than {self._most >> 20} MiB,"
+                f" {MOST_EXPANSION} times its size, as campaigns do not, but archives that are to "
+                "fill a disk. Nothing was imported. If you trust it, unpack it with `tar` or "
+                "`unzip` into the results folder."
+            )
+
+
+def _size(archive: Path) -> int:
+    try:
+        return archive.stat().st_size
+    except OSError:  # told when it is opened
+        return 0
+
+
+def _write(archive: Path, member: Member, path: Path, room: _Room) -> None:
+    try:
+        if member.kind == "folder":
+            path.mkdir(parents=True, exist_ok=True)
+            return
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("xb") as file:
+            content = member.open()
+            if content is not None:
+                with content:
+                    while chunk := content.read(CHUNK):
+                        room.take(len(chunk))
+                        file.write(chunk)
+    except (FileExistsError, NotADirectoryError):
+        raise _refused(archive, member.name, "is there twice") from None
+    if member.executable:
+        path.chmod(0o755)
+    with suppress(OverflowError, ValueError):  # a time that no disk knows
+        os.utime(path, (member.modified, member.modified))
+
+
+def _link(archive: Path, path: Path, target: str) -> None:
+    if PurePosixPath(target).is_absolute() or not target or "\0" in target:
+        raise _refused(archive, path.name, f"is a link to `{target}`, not to a place beside it")
+    try:
+        path.symlink_to(target)
+    except FileExistsError:
+        raise _refused(archive, path.name, "is there twice") from None
+
+
+def _refused(archive: Path, name: str, why: str) -> InputError:
+    return InputError(f"{archive}: refused, because `{name}` {why}. Nothing was imported.")
+
+
+@contextmanager
+def _members(archive: Path) -> Iterator[Iterator[Member]]:
+    """The members of an archive while it is open."""
+    try:
+        with archive.open("rb") as file:
+            if zipfile.is_zipfile(file):
+                with zipfile.ZipFile(file) as zipped:
+                    yield _zip_members(zipped)
+            else:
+                file.seek(0)
+                with tarfile.open(fileobj=file, mode="r:*", tarinfo=_Entry) as tar:
+                    yield (_tar_member(tar, item) for item in tar)
+                    _read_to_the_end(tar)
+    except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
+        if error.filename != str(archive):
+            raise
+        raise InputError(f"{archive}: cannot be read: {error.strerror}.") from None
+    except _DAMAGED as error:
+        raise InputError(
+            f"{archive}: is no archive of a campaign, or is damaged or incomplete "
+            f"({_cause(error)}). Fetch it again."
+        ) from error
+
+
+def _cause(error: BaseException) -> str:
+    """What is wrong in one line; `tarfile` tells one for each compression that it is not."""
+    lines = str(error).splitlines() or [type(error).__name__]
+    return lines[0] if len(lines) == 1 else "it begins as no tar or zip file does"
+
+
+def _read_to_the_end(tar: tarfile.TarFile) -> None:
+    """Let the compression check what it has said: the checksum stands at the very end."""
+    while tar.fileobj is not None and tar.fileobj.read(CHUNK):
+        pass
+
+
+def _tar_member(tar: tarfile.TarFile, item: tarfile.TarInfo) -> Member:
+    kinds: dict[Literal["file", "folder", "link"], bool] = {
+        "file": item.isreg() or item.islnk(),
+        "folder": item.isdir(),
+        "link": item.issym(),
+    }
+    return Member(
+        name=item.name,
+        kind=next((kind for kind, holds in kinds.items() if holds), "other"),
+        open=lambda: tar.extractfile(item),
+        executable=bool(item.mode & 0o100),
+        modified=item.mtime,
+        target=item.linkname,
+    )
+
+
+def _target(zipped: zipfile.ZipFile, item: zipfile.ZipInfo) -> str:
+    with zipped.open(item) as content:
+        return os.fsdecode(content.read(_LONGEST_TARGET))
+
+
+def _zip_members(zipped: zipfile.ZipFile) -> Iterator[Member]:
+    for item in zipped.infolist():
+        mode = item.external_attr >> 16
+        link = stat.S_ISLNK(mode)
+        yield Member(
+            name=item.filename,
+            kind="link" if link else "folder" if item.is_dir() else "file",
+            open=lambda item=item: zipped.open(item),  # type: ignore[misc]
+            executable=bool(mode & 0o100),
+            modified=mktime((*item.date_time, 0, 0, -1)),
+            target=_target(zipped, item) if link else "",
+        )

@@ -1,0 +1,98 @@
+"""Variants in `_transient/configurations.yaml`, written and read."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import yaml
+
+from robovast.base.errors import InputError
+from robovast.base.safe_paths import MOST_OF_ALL, read_file
+from robovast.base.serialization import fingerprint
+from robovast.campaign.layout import Layout
+from robovast.model.expansion.variant import ConfigFile, Variant, VariationRecord
+
+try:
+    from yaml import CSafeLoader as _Loader
+except ImportError:  # PyYAML built without libyaml: slower, same result
+    from yaml import SafeLoader as _Loader  # type: ignore[assignment]
+
+_OWN_KEYS = frozenset({"name", "config", "_config_name", "_config_files", "_variations"})
+
+
+def read_configurations(layout: Layout) -> dict[str, Any]:
+    """Content of `configurations.yaml`.
+
+    Raises:
+        InputError: the folder is no campaign, or the file is damaged.
+    """
+    path = layout.transient / "configurations.yaml"
+    try:
+        data = yaml.load(read_file(path, most=MOST_OF_ALL).decode(), Loader=_Loader)  # safe
+    except FileNotFoundError:
+        raise InputError(
+            f"{layout.root} is no campaign folder: {path.relative_to(layout.root)} is missing."
+        ) from None
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from error
+    if not isinstance(data, dict) or not isinstance(data.get("configs"), list):
+        raise InputError(f"{path}: holds no list of configurations.")
+    return data
+
+
+def read_variants(layout: Layout) -> tuple[str, list[Variant]]:
+    """Name of the .vast file in `_config`, and the campaign's variants in order."""
+    data = read_configurations(layout)
+    return str(data.get("vast")), [variant_of(layout, item) for item in data["configs"]]
+
+
+def configuration_record(variant: Variant, *, timings: bool) -> dict[str, Any]:
+    """A variant as it stands in `configurations.yaml`.
+
+    Args:
+        variant: the variant.
+        timings: also say when each variation was applied and how long it took; without, equal
+            variants give equal records.
+    """
+    return {
+        "name": variant.name,
+        "config": dict(variant.parameters),
+        "_config_name": variant.entry,
+        "_config_files": [file.name for file in variant.files],
+        "_variations": [
+            {"name": r.name, "started_at": r.started_at, "duration": r.duration}
+            if timings
+            else {"name": r.name}
+            for r in variant.variations
+        ],
+        **variant.extra,
+    }
+
+
+def variants_digest(variants: Iterable[Variant]) -> str:
+    """SHA-256 of variants: equal ones have equal ones, in any version that expands them alike."""
+    whole = hashlib.sha256()
+    for variant in variants:
+        whole.update(fingerprint(configuration_record(variant, timings=False)).encode())
+    return whole.hexdigest()
+
+
+def variant_of(layout: Layout, item: Mapping[str, Any]) -> Variant:
+    """The variant of a `configuration_record`."""
+    name = item["name"]
+    files = layout.variant_config(name)
+    return Variant(
+        name=name,
+        entry=item.get("_config_name", name),
+        parameters=item.get("config") or {},
+        files=tuple(
+            ConfigFile(str(file), files / str(file)) for file in item.get("_config_files") or ()
+        ),
+        variations=tuple(
+            VariationRecord(v["name"], str(v.get("started_at", "")), v.get("duration", 0.0))
+            for v in item.get("_variations") or ()
+        ),
+        extra={key: value for key, value in item.items() if key not in _OWN_KEYS},
+    )

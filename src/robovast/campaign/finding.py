@@ -1,0 +1,36 @@
+"""Finding the campaigns of a results folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from robovast.base.errors import InputError
+from robovast.common.execution import is_campaign_dir
+
+
+def find_campaigns(results: Path) -> list[Path]:
+    """The campaigns in a folder, sorted by name; the folder itself when it is one.
+
+    A campaign is told by its `_execution` folder or the .vast file in its `_config` folder, or by
+    its name alone when it was aborted early. A hidden folder is none: it is still being written.
+
+    Raises:
+        InputError: there is no such folder, or no campaign in it.
+    """
+    if not results.is_dir():
+        raise InputError(f"{results}: there is no such folder of results.")
+    if _holds_campaign(results):
+        return [results]
+    visible = (path for path in sorted(results.iterdir()) if not path.name.startswith("."))
+    folders = (path for path in visible if path.is_dir())
+    found = [path for path in folders if is_campaign_dir(path) or _holds_campaign(path)]
+    if not found:
+        raise InputError(
+            f"{results} holds no campaign: neither it nor a folder in it has a .vast file in "
+            "`_config`. Name the results folder with `-r`."
+        )
+    return found
+
+
+def _holds_campaign(path: Path) -> bool:
+    return (path / "_execution").is_dir() or any((path / "_config").glob("*.vast"))

@@ -1,0 +1,61 @@
+"""Taking over a campaign that comes as an archive."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from robovast.base.atomic import explained, put_in_place, scratch_folder
+from robovast.base.errors import InputError
+from robovast.campaign.archive import refuse_links_out, unpack
+
+_SUFFIXES = (".tar.gz", ".tgz", ".tar.xz", ".tar.bz2", ".tar", ".zip")
+_CAMPAIGN_FOLDERS = ("_config", "_execution")
+
+
+def import_archive(archive: Path, output: Path, *, force: bool = False) -> Path:
+    """Unpack a campaign's archive; returns the campaign's folder.
+
+    The campaign appears at once and complete, or not at all.
+
+    Args:
+        archive: a tar file (any compression) or zip file, of the campaign's folder or of what is
+            in it; in the latter case its name is the campaign's.
+        output: folder for the campaign's folder; made when missing.
+        force: replace a campaign of the same name.
+
+    Raises:
+        InputError: the archive cannot be read, is unsafe, or holds no campaign.
+        StorageError: the campaign is here already, or cannot be written.
+    """
+    name = campaign_of_archive(archive.name)
+    with explained(output), scratch_folder(output / name) as scratch:
+        whole = scratch / name
+        whole.mkdir()
+        links = unpack(archive, whole)
+        campaign = _campaign_in(archive, whole)
+        if campaign.name.startswith("."):
+            raise InputError(
+                f"{archive}: refused, because its campaign is called `{campaign.name}`: what is "
+                "hidden is no campaign. Nothing was imported."
+            )
+        refuse_links_out(archive, links, campaign)
+        put_in_place(campaign, output / campaign.name, replace=force)
+    return output / campaign.name
+
+
+def campaign_of_archive(name: str) -> str:
+    """Name of the campaign whose archive has this file name."""
+    suffix = next((suffix for suffix in _SUFFIXES if name.endswith(suffix)), "")
+    return name.removesuffix(suffix) or "campaign"
+
+
+def _campaign_in(archive: Path, whole: Path) -> Path:
+    content = list(whole.iterdir())
+    folder = content[0] if len(content) == 1 else whole
+    if not folder.is_symlink() and any((folder / name).is_dir() for name in _CAMPAIGN_FOLDERS):
+        return folder
+    names = ", ".join(sorted(path.name for path in content)[:5]) or "nothing"
+    raise InputError(
+        f"{archive} holds no campaign, but {names}. It must hold one campaign's folder, with "
+        "`_config` in it. Nothing was imported."
+    )

@@ -1,0 +1,73 @@
+"""The verdict on a run: what test.xml says, unless the run was ended from outside."""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import dataclass
+
+from robovast.campaign.verdict import TestResult, Verdict
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How the process that executed a run ended."""
+
+    exit_code: int | None
+    """None while it still runs (an earlier run of a pack)."""
+    timed_out: bool = False
+    interrupted: bool = False
+
+    @property
+    def from_outside(self) -> bool:
+        """True when the job was stopped; what it reports of its current run then counts little."""
+        return self.timed_out or self.interrupted
+
+
+def judge(result: TestResult, ending: Ending, timeout: int | None, log: bytes) -> TestResult:
+    """The final result of a run.
+
+    Args:
+        result: what its test.xml says.
+        ending: how its process ended.
+        timeout: the document's limit [s].
+        log: the end of the job's log, quoted when there is no verdict.
+    """
+    if ending.timed_out:
+        reason = f"stopped after {timeout} s, the limit of execution.timeout"
+        return TestResult(Verdict.ERRORED, reason, result.started_at, None)
+    if ending.interrupted and result.verdict is not Verdict.PASSED:
+        return TestResult(Verdict.INTERRUPTED, "stopped by the user", result.started_at, None)
+    if result.verdict is not Verdict.ERRORED or ending.exit_code is None:
+        return result
+    cause = f"{result.reason}; {_explain(ending.exit_code)}"
+    last = _last_line(log)
+    return TestResult(Verdict.ERRORED, f"{cause}; its log ends: {last}" if last else cause)
+
+
+_MEANINGS = {
+    69: "the image lacks what the run contract needs",
+    70: "the pre command failed, or the post command cannot be run",
+    73: "an output folder cannot be written",
+    126: "a program could not be executed",
+    127: "a program was not found",
+}
+
+
+def _explain(code: int) -> str:
+    number = -code if code < 0 else code - 128 if code > 128 else 0
+    if number in {item.value for item in signal.Signals}:
+        name = signal.Signals(number).name
+        return f"it was ended by {name}" + (" (out of memory?)" if name == "SIGKILL" else "")
+    meaning = _MEANINGS.get(code)
+    return f"exit code {code}" + (f": {meaning}" if meaning else "")
+
+
+_END = "[robovast] ended with code"
+"""What the entrypoint says last, and what says nothing new."""
+
+
+def _last_line(log: bytes, limit: int = 200) -> str:
+    lines = log.decode("utf-8", "replace").split("\n")
+    said = (line.strip() for line in reversed(lines))
+    last = next((line for line in said if line and not line.startswith(_END)), "")
+    return last if len(last) <= limit else last[: limit - 1] + "…"

@@ -1,0 +1,120 @@
+"""Where everything of a campaign is on disk.
+
+```
+<name>-YYYY-MM-DD-HHMMSS/
+  _config/            the .vast file, the scenario, run files, notebooks
+  _execution/         execution.yaml
+  _transient/         configurations.yaml, the run contract, job-N.params.yaml, job_links.yaml
+  _jobs/job-N/        sysinfo.yaml, logs/system.log, resource_usage_*.csv
+  <variant>/_config/  config.yaml, scenario.config, files of this variant
+  <variant>/<run>/    test.xml, what the run wrote, run.json, job -> ../../_jobs/job-N
+  .running/job-N/     what is being executed; gone when the campaign is over
+  .aside/<variant>/<run>   what stood in a run's place and was not understood; nobody reads it
+```
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from robovast.base.safe_paths import is_folder
+
+RUN_RECORD = "run.json"
+TEST_RESULT = "test.xml"
+JOB_LINK = "job"
+"""Link in a run's folder to the folder of the job that executed it."""
+RUNNING = ".running"
+ASIDE = ".aside"
+OWN_NAMES = (RUN_RECORD, JOB_LINK)
+"""What a run's folder has beside what the run wrote."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Paths of one campaign."""
+
+    root: Path
+    """The campaign's folder."""
+
+    @property
+    def config(self) -> Path:
+        """Copy of everything that the campaign was made from."""
+        return self.root / "_config"
+
+    @property
+    def execution(self) -> Path:
+        """Records of how it was executed."""
+        return self.root / "_execution"
+
+    @property
+    def transient(self) -> Path:
+        """What was generated on the way."""
+        return self.root / "_transient"
+
+    @property
+    def jobs(self) -> Path:
+        """Folder of the jobs' own output."""
+        return self.root / "_jobs"
+
+    @property
+    def running(self) -> Path:
+        """Work folders of jobs that are being executed."""
+        return self.root / RUNNING
+
+    @property
+    def aside(self) -> Path:
+        """What stood in a run's place and was not understood."""
+        return self.root / ASIDE
+
+    def job(self, name: str) -> Path:
+        """A job's own output: system information, logs, resource usage."""
+        return self.jobs / name
+
+    def variant(self, name: str) -> Path:
+        """Folder of a variant."""
+        return self.root / name
+
+    def variant_config(self, name: str) -> Path:
+        """Inputs of a variant alone."""
+        return self.root / name / "_config"
+
+    def run(self, path: str) -> Path:
+        """Folder of a run, by `<variant>/<number>`."""
+        return self.root / path
+
+    def run_folders(self) -> Iterator[Path]:
+        """Folders of all runs that were stored, sorted by variant and number."""
+        for variant in _folders(self.root):
+            if not variant.startswith(("_", ".")):
+                yield from self.run_folders_of(variant)
+
+    def run_folders_of(self, variant: str) -> list[Path]:
+        """Folders of a variant's runs that were stored, sorted by number."""
+        folder = self.variant(variant)
+        numbers = (name for name in _folders(folder) if name.isdecimal() and name.isascii())
+        return [folder / name for name in sorted(numbers, key=int)]
+
+
+def job_folder(run: Path) -> Path | None:
+    """The folder of the job that executed a stored run; None without one.
+
+    Where the link was made of that folder's path on another machine, its end counts: nothing but
+    `_jobs` of the run's campaign is ever meant.
+    """
+    try:
+        parts = Path(os.readlink(run / JOB_LINK)).parts
+    except OSError:
+        return None
+    inside = parts[parts.index("_jobs") :] if "_jobs" in parts else ()
+    folder = run.parent.parent.joinpath(*inside)
+    usable = len(inside) > 1 and ".." not in inside and is_folder(folder, run.parent.parent)
+    return folder if usable else None
+
+
+def _folders(path: Path) -> list[str]:
+    """Names of the folders in a folder, sorted; links are none."""
+    with os.scandir(path) as entries:
+        return sorted(entry.name for entry in entries if entry.is_dir(follow_symlinks=False))

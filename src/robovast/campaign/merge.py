@@ -1,0 +1,281 @@
+"""Merging campaigns: runs of equal configurations come together, numbered anew.
+
+Equal is what has the same `config_identifier`. The jobs of a campaign keep their names below a
+folder of its name: `_jobs/<campaign>/job-N`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path, PurePath
+from typing import Any
+
+from robovast.base import safe_paths
+from robovast.base.atomic import appearing_folder
+from robovast.base.errors import InputError
+from robovast.base.serialization import dump_yaml, fingerprint
+from robovast.base.yaml_files import read_mapping
+from robovast.campaign.layout import RUN_RECORD, Layout
+from robovast.campaign.run_record import copy_run_record, read_run_record
+from robovast.campaign.verdict import read_test_result
+
+JOB = "job"
+"""Link in a run's folder to its job's own output."""
+MERGED_FROM = "merged_from"
+"""Key of a merged campaign's `execution.yaml`: whose runs it holds."""
+
+
+@dataclass(frozen=True)
+class MergeResult:
+    """What came together."""
+
+    target: Path
+    configurations: int
+    runs: int
+    left_out: tuple[str, ...]
+    """`<campaign>/<configuration>/<run>` of runs that did not go to their end."""
+    unidentified: tuple[str, ...]
+    """`<campaign>/<configuration>` of those that stay alone: they have no `config_identifier`."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A configuration in one of the campaigns."""
+
+    campaign: Layout
+    name: str
+    identifier: str | None
+
+    @property
+    def path(self) -> str:
+        return f"{self.campaign.root.name}/{self.name}"
+
+
+def merge_campaigns(campaigns: Sequence[Path], target: Path) -> MergeResult:
+    """Copy the runs of several campaigns into a new one; the campaigns stay as they are.
+
+    What is made from all runs together (metadata, provenance, tables) is not taken over: it has
+    to be made again.
+
+    Args:
+        campaigns: their folders; the last one gives `_config` and `_execution`.
+        target: folder of the new campaign; it appears when it is complete.
+
+    Raises:
+        InputError: there is nothing to merge, two have one name, or runs would come twice.
+        StorageError: the target is there already, or cannot be written.
+    """
+    _check(campaigns)
+    parts = [part for campaign in campaigns for part in _parts(Layout(campaign))]
+    merged = _named(_grouped(parts))
+    with appearing_folder(target) as folder:
+        layout = Layout(folder)
+        _copy(campaigns[-1] / "_config", layout.config)
+        for campaign in map(Layout, campaigns):
+            if campaign.jobs.is_dir():
+                _copy(campaign.jobs, layout.job(campaign.root.name))
+        runs = _Runs(layout, target.name)
+        for name, group in merged.items():
+            first = group[0]
+            _copy(first.campaign.variant_config(first.name), layout.variant_config(name))
+            runs.copy(name, group)
+        _write_records(layout, [Layout(path) for path in campaigns], merged, runs)
+    unidentified = tuple(part.path for part in parts if part.identifier is None)
+    return MergeResult(target, len(merged), runs.number, tuple(runs.left_out), unidentified)
+
+
+def _check(campaigns: Sequence[Path]) -> None:
+    if not campaigns:
+        raise InputError("there are no campaigns to merge.")
+    names = [path.name for path in campaigns]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice:
+        raise InputError(f"two of the campaigns are named {twice}; rename the folder of one.")
+    if not (campaigns[-1] / "_config").is_dir():
+        raise InputError(f"{campaigns[-1]} has no `_config` folder, so it cannot be merged.")
+    _check_origins(campaigns)
+    _check_runs(campaigns)
+
+
+def _check_origins(campaigns: Sequence[Path]) -> None:
+    """Refuse a merged campaign beside one that it was merged from."""
+    found: dict[str, str] = {}
+    for path in campaigns:
+        for origin in _origins(Layout(path)):
+            if origin in found:
+                raise InputError(
+                    f"{found[origin]} and {path.name} both hold the runs of {origin}, which would "
+                    "come twice; name the campaigns to merge with `--campaign`."
+                )
+            found[origin] = path.name
+
+
+def _check_runs(campaigns: Sequence[Path]) -> None:
+    """Refuse two campaigns with one run: copies, of which one was renamed."""
+    found: dict[tuple[object, ...], tuple[str, Path]] = {}
+    for path in campaigns:
+        for run in Layout(path).run_folders():
+            mark = _mark(run)
+            other, place = found.setdefault(mark, (path.name, run)) if mark else (path.name, run)
+            if other != path.name:
+                raise InputError(
+                    f"{other} and {path.name} both hold the run {place.parent.name}/{place.name}: "
+                    "it was executed once, and would come twice. Is one a copy of the other? Name "
+                    "the campaigns to merge with `--campaign`."
+                )
+
+
+def _mark(run: Path) -> tuple[object, ...] | None:
+    """What tells an execution from all others, wherever it is: when, where, of what, how long.
+
+    None when nobody knows when it was.
+    """
+    record = read_run_record(run)
+    if record is None:
+        result = read_test_result(run)
+        return (result.started_at, result.duration) if result.started_at else None
+    known = (record.started_at, record.host, record.duration, fingerprint(record.parameters))
+    return known if record.started_at else None
+
+
+def _origins(campaign: Layout) -> list[str]:
+    """The campaigns that a merged one was merged from, itself of any other."""
+    merged_from = _execution(campaign).get(MERGED_FROM)
+    named = merged_from if isinstance(merged_from, list) else []
+    return list(map(str, named)) or [campaign.root.name]
+
+
+def _execution(campaign: Layout) -> dict[str, Any]:
+    return read_mapping(campaign.execution / "execution.yaml")
+
+
+def _parts(layout: Layout) -> Iterator[_Part]:
+    for folder in sorted(layout.root.iterdir()):
+        if (folder / "_config").is_dir() and not folder.name.startswith(("_", ".")):
+            identity = read_mapping(folder / "_config" / "config.yaml")
+            yield _Part(layout, folder.name, identity.get("config_identifier"))
+
+
+def _grouped(parts: Sequence[_Part]) -> list[list[_Part]]:
+    groups: dict[str, list[_Part]] = {}
+    for part in parts:
+        groups.setdefault(part.identifier or part.path, []).append(part)
+    return list(groups.values())
+
+
+def _named(groups: Sequence[list[_Part]]) -> dict[str, list[_Part]]:
+    """Each group by its first member's name; a name that is taken gets `_2`, `_3`…."""
+    reserved = {group[0].name for group in groups}
+    named: dict[str, list[_Part]] = {}
+    for group in groups:
+        name = group[0].name
+        if name in named:
+            others = (f"{name}_{number}" for number in count(2))
+            name = next(other for other in others if other not in named and other not in reserved)
+        named[name] = group
+    return named
+
+
+class _Runs:
+    """Copies runs and remembers where they came from."""
+
+    def __init__(self, layout: Layout, campaign: str) -> None:
+        self.number = 0
+        self.most = 0
+        """Largest number of runs of a configuration."""
+        self.left_out: list[str] = []
+        self.jobs: dict[str, str] = {}
+        """Job of each run, by `<configuration>/<run>`."""
+        self._layout = layout
+        self._campaign = campaign
+        self._foreign: dict[Layout, bool] = {}
+
+    def copy(self, name: str, group: Sequence[_Part]) -> None:
+        """Copy all runs of a group of equal configurations."""
+        number = 0
+        for part in group:
+            for source in part.campaign.run_folders_of(part.name):
+                record = read_run_record(source)
+                if not (record.finished if record else self._is_foreign(part.campaign)):
+                    self.left_out.append(f"{part.path}/{source.name}")
+                    continue
+                target = self._layout.run(f"{name}/{number}")
+                _copy(source, target)
+                safe_paths.remove(target / RUN_RECORD, target)  # it gets another
+                job = self._link_job(target, part.campaign.root.name)
+                if record is not None:
+                    copy_run_record(
+                        source,
+                        target,
+                        campaign=self._campaign,
+                        variant=name,
+                        run=number,
+                        id=self.number,
+                        job=job or record.job,
+                    )
+                number += 1
+                self.number += 1
+        self.most = max(self.most, number)
+
+    def _is_foreign(self, campaign: Layout) -> bool:
+        """Whether a campaign is of a tool that leaves no records, so that none is missing."""
+        if campaign not in self._foreign:
+            records = (os.path.lexists(run / RUN_RECORD) for run in campaign.run_folders())
+            self._foreign[campaign] = not any(records)
+        return self._foreign[campaign]
+
+    def _link_job(self, run: Path, campaign: str) -> str | None:
+        """Let a copied run's link lead to its job's new place; returns the job's new name."""
+        link = run / JOB
+        if not link.is_symlink():
+            return None
+        _, found, inside = link.readlink().as_posix().partition("_jobs/")
+        if not found:
+            return None
+        job = f"{campaign}/{inside}"
+        link.unlink()
+        link.symlink_to(PurePath("../../_jobs") / job)
+        self.jobs[f"{run.parent.name}/{run.name}"] = job
+        return job
+
+
+def _copy(source: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    safe_paths.copy(source, source.parent, target, target.parent)
+
+
+def _write_records(
+    layout: Layout, campaigns: Sequence[Layout], merged: dict[str, list[_Part]], runs: _Runs
+) -> None:
+    execution = _execution(campaigns[-1])
+    origins = [origin for campaign in campaigns for origin in _origins(campaign)]
+    layout.execution.mkdir()
+    (layout.execution / "execution.yaml").write_text(
+        dump_yaml({**execution, "runs": runs.most, MERGED_FROM: origins}), encoding="utf-8"
+    )
+    layout.transient.mkdir()
+    (layout.transient / "job_links.yaml").write_text(dump_yaml(runs.jobs), encoding="utf-8")
+    (layout.transient / "configurations.yaml").write_text(
+        dump_yaml(_configurations(campaigns, merged)), encoding="utf-8"
+    )
+
+
+def _configurations(campaigns: Sequence[Layout], merged: dict[str, list[_Part]]) -> dict[str, Any]:
+    """`configurations.yaml` of the merged campaign."""
+    read = {
+        campaign.root: read_mapping(campaign.transient / "configurations.yaml")
+        for campaign in campaigns
+    }
+    entries = {
+        (root, entry.get("name")): entry
+        for root, data in read.items()
+        for entry in data.get("configs") or ()
+    }
+    configs = [
+        {**entries.get((group[0].campaign.root, group[0].name), {}), "name": name}
+        for name, group in merged.items()
+    ]
+    return {**read[campaigns[-1].root], "configs": configs}

@@ -1,0 +1,254 @@
+"""The verdict of a run, from the test.xml (JUnit) that scenario-execution writes."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET  # entities are refused below
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from robovast.base.safe_paths import read_text
+from robovast.campaign.layout import TEST_RESULT
+
+
+class Verdict(StrEnum):
+    """How a run ended."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    """The scenario ran and said no: a result, not an error."""
+    ERRORED = "errored"
+    """No verdict: a crash, a timeout, a missing test.xml."""
+    INTERRUPTED = "interrupted"
+    """Stopped by the user; the run counts as not executed."""
+
+
+@dataclass(frozen=True)
+class TestResult:
+    """What test.xml says.
+
+    Attributes:
+        verdict: passed or failed; errored when the file says nothing that can be read.
+        reason: the first failure's message, or why there is no verdict; empty when passed.
+        started_at: start of the scenario [s since the epoch].
+        duration: [s]; this and the start are None where the file says nothing that makes sense.
+    """
+
+    __test__ = False  # not a test class, whatever its name
+
+    verdict: Verdict
+    reason: str = ""
+    started_at: float | None = None
+    duration: float | None = None
+
+
+MOST = 16 << 20
+"""Of a test result that is read [bytes]."""
+
+
+def read_test_result(run: Path, root: Path | None = None) -> TestResult:
+    """The test result in a run's folder; never raises: what cannot be read is `errored`.
+
+    Args:
+        run: the folder.
+        root: folder on the way to it, from which on no link is followed; its own when None.
+    """
+    try:
+        text = read_text(run / TEST_RESULT, root=root or run.parent, most=MOST)
+    except FileNotFoundError:
+        return TestResult(Verdict.ERRORED, f"the run wrote no {TEST_RESULT}")
+    except OSError as error:
+        return TestResult(Verdict.ERRORED, f"{TEST_RESULT} cannot be read: {error.strerror}")
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        return _no_report("it declares a type or entities, which none needs")
+    report = _Report()
+    parser = ET.XMLParser(target=report)  # noqa: S314  # no entities, see above
+    try:
+        parser.feed(text)
+        parser.close()
+    except (ET.ParseError, ValueError) as error:
+        return TestResult(Verdict.ERRORED, f"{TEST_RESULT} is not valid: {error}")
+    return report.result()
+
+
+def _no_report(why: str) -> TestResult:
+    return TestResult(Verdict.ERRORED, f"{TEST_RESULT} is no JUnit report: {why}")
+
+
+_SUITES = ("testsuite", "testsuites")
+_BAD = frozenset({"failure", "error", "rerunfailure", "rerunerror", "flakyfailure", "flakyerror"})
+"""Elements of a case, in small letters; those of Surefire say that an execution of it failed."""
+_NOT_RUN = frozenset({"skipped", "disabled", "ignored"})
+"""Elements of a case that was not executed."""
+_BAD_COUNTS = ("failures", "errors", "flakes")
+_NOT_RUN_COUNTS = ("skipped", "disabled", "ignored", "notrun", "skips", "skip")
+_STATES = {
+    **dict.fromkeys(
+        ("", "run", "completed", "passed", "pass", "success", "successful", "ok", "fixed"), "ran"
+    ),
+    **dict.fromkeys(
+        ("notrun", "skipped", "skip", "disabled", "ignored", "suppressed", "pending"), "not run"
+    ),
+    **dict.fromkeys(
+        ("fail", "failed", "failure", "error", "errored", "broken", "regression"), "bad"
+    ),
+}
+"""What `status` and `result` of a case say: GoogleTest, CTest and others write them."""
+
+
+@dataclass
+class _Suite:
+    """What is known of a suite, those in it included."""
+
+    said: int = 0
+    """Tests that it says to have."""
+    said_not_run: int = 0
+    cases: int = 0
+    not_run: int = 0
+
+
+class _Report:
+    """What a JUnit report says, taken down while it is parsed: all of its suites and cases.
+
+    Names count in any letter case and namespace.
+    """
+
+    def __init__(self) -> None:
+        self._root = ""
+        self._whole = _Suite()
+        self._suites = [self._whole]
+        """Those that are open, the report first."""
+        self._suite_count = self._bad = 0
+        self._case_not_run = False
+        """Of the case that is open."""
+        self._doubt = ""
+        """Why the report does not say enough."""
+        self._started_at: float | None = None
+        self._durations: dict[int, list[float]] = {2: [], 3: []}
+        """Of suites at the top, and in these."""
+        self._failures: dict[str, tuple[str, list[str]]] = {}
+        """Message and text of the first failure, and of the first error."""
+        self._text: list[str] | None = None
+        """Of the failure that is open."""
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        """An element begins."""
+        name = _plain(tag)
+        attributes = {_plain(key): value for key, value in attributes.items()}
+        self._root = self._root or name
+        if name in _SUITES:
+            self._start_suite(name, attributes)
+        elif name == "testcase":
+            self._start_case(attributes)
+        elif name in _NOT_RUN:
+            self._case_not_run = True
+        elif name in _BAD:
+            self._bad += 1
+            self._text = []
+            message = (attributes.get("message") or "").strip()
+            self._failures.setdefault(name, (message, self._text))
+        elif attributes.get("name") == "start_time" and self._started_at is None:
+            self._started_at = _seconds(attributes.get("value"))
+
+    def _start_suite(self, name: str, attributes: dict[str, str]) -> None:
+        self._suite_count += name == "testsuite"
+        self._bad += sum(_count(attributes, key) for key in _BAD_COUNTS)
+        not_run = sum(_count(attributes, key) for key in _NOT_RUN_COUNTS)
+        self._suites.append(_Suite(_count(attributes, "tests"), not_run))
+        duration = _seconds(attributes.get("time"))
+        if duration is not None and len(self._suites) in self._durations:
+            self._durations[len(self._suites)].append(duration)
+
+    def _start_case(self, attributes: dict[str, str]) -> None:
+        self._case_not_run = False
+        self._suites[-1].cases += 1
+        for key in ("status", "result"):
+            text = attributes.get(key, "")
+            state = _STATES.get(text.strip().lower())
+            self._bad += state == "bad"
+            self._case_not_run |= state == "not run"
+            if state is None:
+                self._doubt = f"a test case has the {key} `{text[:40]}`, which is not known"
+
+    def data(self, text: str) -> None:
+        """Text in an element."""
+        if self._text is not None:
+            self._text.append(text)
+
+    def end(self, tag: str) -> None:
+        """An element ends."""
+        self._text = None
+        name = _plain(tag)
+        if name == "testcase":
+            self._suites[-1].not_run += self._case_not_run
+        elif name in _SUITES:
+            suite = self._suites.pop()
+            self._suites[-1].cases += suite.cases
+            self._suites[-1].not_run += max(suite.not_run, suite.said_not_run)
+            if suite.said > suite.cases:
+                self._doubt = f"a suite of {suite.said} tests has {suite.cases} of them"
+
+    def close(self) -> None:
+        """The report ends."""
+
+    def result(self) -> TestResult:
+        """The verdict: passed is what has cases, none of which failed in any suite."""
+        if self._root not in _SUITES:
+            return _no_report(f"its outermost element is `{self._root[:40]}`")
+        duration = next((sum(d) for d in self._durations.values() if d), None)
+        if self._bad:
+            return TestResult(Verdict.FAILED, self._failure(), self._started_at, duration)
+        why = self._doubt
+        if not self._suite_count or not self._whole.cases:
+            why = "it has no test case"
+        elif self._whole.not_run >= self._whole.cases:
+            why = "all of its test cases were skipped"
+        if why:
+            return TestResult(Verdict.ERRORED, f"{TEST_RESULT} says nothing: {why}")
+        return TestResult(Verdict.PASSED, "", self._started_at, duration)
+
+    def _failure(self) -> str:
+        told = [self._failures[name] for name in ("failure", "error") if name in self._failures]
+        message, text = next(iter([*told, *self._failures.values()]), ("", []))
+        return ": ".join(filter(None, (message, _detail("".join(text))))) or "the scenario failed"
+
+
+def _plain(name: str) -> str:
+    """A name of XML without its namespace, in small letters."""
+    return name.rpartition("}")[2].lower()
+
+
+def _count(attributes: dict[str, str], name: str) -> int:
+    number = int(attributes.get(name) or 0)
+    if number < 0:
+        raise ValueError(f"`{name}` is {number}")
+    return number
+
+
+_LATEST = float(1 << 33)
+"""Times and durations beyond say nothing [s]: calendars must hold the sum of two."""
+
+
+def _seconds(text: str | None) -> float | None:
+    try:
+        number = float(text or "nan")
+    except ValueError:
+        return None
+    return number if 0 <= number < _LATEST else None
+
+
+_FAILED_LEAF = "[✕] -- "
+"""In a drawn behaviour tree, what precedes the message of the behaviour that failed."""
+_TREE = ("-^-", "[", "{", "-->", "/_/")
+"""How the lines of a drawn behaviour tree begin; they say little without the rest of it."""
+
+
+def _detail(text: str, limit: int = 200) -> str:
+    """The message of the behaviour that failed, or the first line; shortened in the middle."""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    failed = [line.partition(_FAILED_LEAF)[2] for line in lines if _FAILED_LEAF in line]
+    first = "" if not lines or lines[0].startswith(_TREE) else lines[0]
+    detail = failed[-1] if failed else first
+    if len(detail) <= limit:
+        return detail
+    return f"{detail[: limit // 2]} … {detail[-limit // 2 :]}"

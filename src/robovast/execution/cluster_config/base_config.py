@@ -1,5 +1,0 @@
-"""Another path of `BaseConfig`."""
-
-from robovast.execution.cluster_config.base import BaseConfig
-
-__all__ = ["BaseConfig"]

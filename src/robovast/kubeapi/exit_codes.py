@@ -1,0 +1,56 @@
+"""How our containers end, and what may be done about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import IntEnum
+
+from robovast.base.errors import CannotRunError, InputError, RefusedError, RobovastError
+from robovast.campaign.verdict import Verdict
+from robovast.storage.ownership import OtherOwnerError
+
+
+class AgentExit(IntEnum):
+    """Exit codes (docs/agent.md)."""
+
+    PASSED = 0
+    """All is done; every run of the pod passed."""
+    FAILED = 10
+    """All is stored; some runs failed, none errored."""
+    ERRORED = 11
+    """All is stored; some runs errored."""
+    BAD_PLAN = 64
+    """The plan is none of this version: trying again is useless."""
+    BAD_DOCUMENT = 65
+    """The document or its files are wrong: trying again is useless."""
+    OTHER_OWNER = 73
+    """The bucket belongs to another campaign: trying again is useless."""
+    STORAGE = 74
+    """Storage, or the pod's own disk, gave up: try again."""
+    RUNS_LEFT = 75
+    """Some runs were not executed to their end: try again."""
+    REFUSED = 77
+    """The S3 server refuses for good: trying again is useless."""
+
+
+class PlanError(RobovastError):
+    """The plan is not what this version understands, or does not hold what is asked for."""
+
+
+def exit_code_of_error(error: Exception) -> AgentExit:
+    """The exit code for what a command raised."""
+    if isinstance(error, PlanError):
+        return AgentExit.BAD_PLAN
+    if isinstance(error, InputError | CannotRunError):
+        return AgentExit.BAD_DOCUMENT
+    if isinstance(error, OtherOwnerError):
+        return AgentExit.OTHER_OWNER
+    return AgentExit.REFUSED if isinstance(error, RefusedError) else AgentExit.STORAGE
+
+
+def exit_code_of(verdicts: Iterable[Verdict]) -> AgentExit:
+    """The exit code of a pod whose runs are all stored."""
+    found = set(verdicts)
+    if Verdict.ERRORED in found:
+        return AgentExit.ERRORED
+    return AgentExit.FAILED if Verdict.FAILED in found else AgentExit.PASSED

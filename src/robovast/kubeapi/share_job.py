@@ -1,0 +1,222 @@
+"""The Job that brings a campaign to a share, and the Secret that describes the share to it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from robovast.base.errors import InputError
+from robovast.base.plugins import split_file_reference
+from robovast.kubeapi.names import CREDENTIALS_SECRET, bucket_name
+from robovast.kubeapi.resources import (
+    API_VERSION,
+    CAMPAIGN_LABEL,
+    ROLE_LABEL,
+    UID_LABEL,
+    Scheduling,
+)
+from robovast.storage.shares.base import BaseShareProvider
+from robovast.storage.shares.campaigns import SHARE_TYPE
+
+Object = dict[str, Any]
+
+ROLE = "share"
+PROVIDER_FILE = "provider.py"
+"""Where a provider that is a file stands among the variables."""
+RETRIES = 3
+KEEP = 3600
+"""For how long the Job stays after its end, with its pods, their logs and the Secret [s]."""
+GRACE_SECONDS = 5
+"""Nothing is kept of an upload that is told to end."""
+USER = 1000
+
+_VARIABLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_AGENT = ["python", "-m", "robovast.agent"]
+
+
+@dataclass(frozen=True)
+class Upload:
+    """Results that shall be uploaded, and by what."""
+
+    campaign: str
+    """Name of the results folder."""
+    bucket: str
+    endpoint: str
+    """URL of the S3 server as pods reach it."""
+    image: str
+    """Our own image."""
+    region: str | None = None
+    secret: str = CREDENTIALS_SECRET
+    """Secret with the keys of the S3 account."""
+    owner: Mapping[str, Any] | None = None
+    """The Campaign; None when it was removed."""
+    scheduling: Scheduling = field(default_factory=Scheduling)
+
+    @property
+    def job(self) -> str:
+        """Name of the Job: there is one at a time for each campaign."""
+        return bucket_name(f"{self.bucket}-{ROLE}")
+
+
+def share_variables(kind: str, provider: BaseShareProvider, folder: Path) -> dict[str, str]:
+    """What a provider needs in a pod: variables, and its own file when it is one.
+
+    Args:
+        kind: value of `ROBOVAST_SHARE_TYPE`.
+        provider: the provider of that kind.
+        folder: what the path of a provider's file is relative to.
+
+    Raises:
+        InputError: a variable has no name that a variable can have.
+    """
+    given = {name: value for name, value in provider.build_pod_env().items() if value is not None}
+    wrong = next((name for name in given if not _VARIABLE.fullmatch(name)), None)
+    if wrong is not None:
+        raise InputError(
+            f"the share provider `{provider.SHARE_TYPE}` wants a variable `{wrong}` in its pod; "
+            "such a name is letters, digits and `_`."
+        )
+    variables = {name: str(value) for name, value in given.items()}
+    parts = split_file_reference(kind)
+    if parts is None:
+        return {**variables, SHARE_TYPE: kind}
+    path, name = parts
+    text = (folder / path).read_text(encoding="utf-8")
+    return {**variables, SHARE_TYPE: f"{PROVIDER_FILE}:{name}", PROVIDER_FILE: text}
+
+
+def share_job(upload: Upload, secret: str) -> Object:
+    """The Job, suspended until the Secret is there.
+
+    Args:
+        upload: what it uploads.
+        secret: name of the Secret that describes the share.
+    """
+    labels = {ROLE_LABEL: ROLE, **_campaign_labels(upload.owner)}
+    metadata: Object = {"name": upload.job, "labels": labels}
+    if upload.owner is not None:
+        metadata["ownerReferences"] = [_reference(API_VERSION, "Campaign", upload.owner)]
+    return {
+        "apiVersion": "batch/v1",
+        "kind": "Job",
+        "metadata": metadata,
+        "spec": {
+            "suspend": True,
+            "backoffLimit": RETRIES,
+            "ttlSecondsAfterFinished": KEEP,
+            "podReplacementPolicy": "Failed",
+            "podFailurePolicy": {
+                "rules": [
+                    {
+                        "action": "FailJob",
+                        "onExitCodes": {
+                            "containerName": ROLE,
+                            "operator": "In",
+                            "values": [64, 65, 73, 77],
+                        },
+                    },
+                    {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]},
+                ]
+            },
+            "template": {"metadata": {"labels": labels}, "spec": _pod(upload, secret)},
+        },
+    }
+
+
+def share_secret(job: Mapping[str, Any], name: str, variables: Mapping[str, str]) -> Object:
+    """The Secret that describes a share to a Job; it goes when the Job does."""
+    return {
+        "apiVersion": "v1",
+        "kind": "Secret",
+        "metadata": {"name": name, "ownerReferences": [_reference("batch/v1", "Job", job)]},
+        "immutable": True,
+        "stringData": dict(variables),
+    }
+
+
+def agent_image(jobs: Iterable[Mapping[str, Any]]) -> str | None:
+    """Our own image, as the operator's Jobs name it; None when none does."""
+    pods = (job["spec"]["template"]["spec"] for job in jobs)
+    for pod in pods:
+        for container in [*pod["containers"], *(pod.get("initContainers") or ())]:
+            if (container.get("command") or [])[: len(_AGENT)] == _AGENT:
+                return str(container["image"])
+    return None
+
+
+def _pod(upload: Upload, secret: str) -> Object:
+    mounts = {"work": False, "credentials": True, "share": True}
+    given = upload.scheduling.model_dump(by_alias=True, exclude_none=True)
+    return {
+        "restartPolicy": "Never",
+        "automountServiceAccountToken": False,
+        "enableServiceLinks": False,
+        "terminationGracePeriodSeconds": GRACE_SECONDS,
+        "securityContext": {
+            "runAsUser": USER,
+            "runAsGroup": USER,
+            "fsGroup": USER,
+            "runAsNonRoot": True,
+            "seccompProfile": {"type": "RuntimeDefault"},
+        },
+        "containers": [
+            {
+                "name": ROLE,
+                "image": upload.image,
+                "command": [*_AGENT, ROLE, *_arguments(upload)],
+                "resources": {
+                    "requests": {"cpu": "100m", "memory": "256Mi"},
+                    "limits": {"memory": "2Gi"},
+                },
+                "securityContext": {
+                    "allowPrivilegeEscalation": False,
+                    "capabilities": {"drop": ["ALL"]},
+                    "readOnlyRootFilesystem": True,
+                },
+                "env": [{"name": name, "value": "/robovast/work"} for name in ("HOME", "TMPDIR")],
+                "terminationMessagePolicy": "FallbackToLogsOnError",
+                "volumeMounts": [
+                    {"name": name, "mountPath": f"/robovast/{name}", "readOnly": read_only}
+                    for name, read_only in mounts.items()
+                ],
+            }
+        ],
+        "volumes": [
+            {"name": "work", "emptyDir": {}},
+            {"name": "credentials", "secret": {"secretName": upload.secret, "defaultMode": 0o440}},
+            {"name": "share", "secret": {"secretName": secret, "defaultMode": 0o440}},
+        ],
+        **{name: value for name, value in given.items() if value},
+    }
+
+
+def _arguments(upload: Upload) -> list[str]:
+    given = {
+        "campaign": upload.campaign,
+        "bucket": upload.bucket,
+        "endpoint": upload.endpoint,
+        "region": upload.region,
+        "uid": upload.owner["metadata"]["uid"] if upload.owner is not None else None,
+    }
+    return [f"--{name}={value}" for name, value in given.items() if value]
+
+
+def _campaign_labels(owner: Mapping[str, Any] | None) -> dict[str, str]:
+    # Not those of the operator's own Jobs: it has nothing to do with this one.
+    if owner is None:
+        return {}
+    metadata = owner["metadata"]
+    return {CAMPAIGN_LABEL: metadata["name"], UID_LABEL: metadata["uid"]}
+
+
+def _reference(version: str, kind: str, owner: Mapping[str, Any]) -> Object:
+    metadata = owner["metadata"]
+    return {
+        "apiVersion": version,
+        "kind": kind,
+        "name": metadata["name"],
+        "uid": metadata["uid"],
+    }

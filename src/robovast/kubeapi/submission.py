@@ -1,0 +1,261 @@
+"""From a .vast document and the files beside it to a Campaign, as `kubectl apply` takes it."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import io
+import json
+import re
+import secrets
+import tarfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from pydantic import ValidationError
+
+from robovast.base.errors import InputError
+from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
+from robovast.kubeapi.resources import API_VERSION, BundleSource, CampaignSpec, InlineFiles, Source
+from robovast.model.document import Document
+from robovast.model.document.model import Resources
+from robovast.model.expansion import compose, select_any
+from robovast.model.expansion.containers import refuse_containers
+from robovast.model.inputs import campaign_files
+
+INLINE_LIMIT = 700_000
+"""Most characters of a document with its files in one Campaign: etcd takes little more."""
+INLINE_FILES = 500
+"""Most files in one Campaign."""
+LONGEST_STEM = 90
+"""Most characters of the document's file name, without its ending."""
+
+_MARK = "bcdfghjklmnpqrstvwxz2456789"
+"""Characters of a mark: none that makes a word, none that looks like another."""
+
+
+@dataclass(frozen=True)
+class SubmitOptions:
+    """What a user says about a campaign beside its document."""
+
+    select: str | None = None
+    """Name or glob of the configurations to run; all when None."""
+    runs: int | None = None
+    """Runs of each configuration; the document's when None."""
+    image: str | None = None
+    """Container image; the document's when None."""
+    log_tree: bool = False
+    """Live behaviour tree of scenario-execution in the logs."""
+    debug: bool = False
+    """Debug log of scenario-execution."""
+    context: str | None = None
+    """Name of the cluster in values that the document gives per cluster."""
+    queue: str | None = None
+    """Kueue LocalQueue."""
+    parallelism: int | None = None
+    """Most pods at once."""
+
+
+@dataclass(frozen=True)
+class InputFile:
+    """A file that goes to the cluster."""
+
+    content: bytes
+    executable: bool = False
+
+    @cached_property
+    def text(self) -> str | None:
+        """Its text; None when it is no text in UTF-8."""
+        try:
+            return self.content.decode("utf-8")
+        except UnicodeDecodeError:
+            return None
+
+    @property
+    def inline_size(self) -> int:
+        """How much of a Campaign it takes, at least [byte]."""
+        return len(self.content) if self.text is not None else len(self.content) * 4 // 3
+
+    @property
+    def loses_its_mode(self) -> bool:
+        """True when nobody can tell in a Campaign that it is a program: it begins with no `#!`."""
+        return self.executable and not self.content.startswith(b"#!")
+
+
+@dataclass(frozen=True)
+class Archive:
+    """A `.tar.gz` of a document's files; equal files make equal bytes."""
+
+    content: bytes
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 in hexadecimal digits."""
+        return hashlib.sha256(self.content).hexdigest()
+
+    @property
+    def key(self) -> str:
+        """Its object in the bucket of bundles."""
+        return f"{self.sha256}.tar.gz"
+
+
+@dataclass(frozen=True)
+class Submission:
+    """A Campaign, and what must be in S3 before it is created."""
+
+    campaign: dict[str, Any]
+    archive: Archive | None = None
+
+
+def prepare_submission(
+    document: Document, options: SubmitOptions, name: str, namespace: str | None = None
+) -> Submission:
+    """The Campaign that executes a document on a cluster.
+
+    Files that the document needs stand in it when they are small, else in an archive.
+
+    Args:
+        document: the checked document.
+        options: what counts beside it.
+        name: of the Campaign.
+        namespace: of the Campaign; left open when None.
+
+    Raises:
+        InputError: the document cannot be expanded, nothing matches `options.select`, a file
+            cannot be read, or a Campaign cannot hold an option's value.
+    """
+    files = _input_files(document, options.select)
+    vast = json.loads(json.dumps(document.source.data, default=str))
+    archive = None if _fits(vast, files) else pack(files)
+    source = _bundle(archive) if archive else _inline(files)
+    metadata = {"name": name} | ({"namespace": namespace} if namespace else {})
+    campaign = {
+        "apiVersion": API_VERSION,
+        "kind": "Campaign",
+        "metadata": metadata,
+        "spec": _spec(document, vast, source, options),
+    }
+    return Submission(campaign, archive)
+
+
+def campaign_name(document: Document, *, unique: bool) -> str:
+    """A name for the Campaign of a document, as Kubernetes wants names.
+
+    Args:
+        document: the document.
+        unique: end it with a random mark, so that the document can be executed again and again.
+    """
+    words = "".join(c if c.isascii() and c.isalnum() else "-" for c in document.vast.campaign_name)
+    name = "-".join(filter(None, words.lower().split("-"))) or "campaign"
+    if not unique:
+        return name[:CAMPAIGN_NAME_LIMIT].rstrip("-")
+    mark = "".join(secrets.choice(_MARK) for _ in range(5))
+    return f"{name[: CAMPAIGN_NAME_LIMIT - 6].rstrip('-')}-{mark}"
+
+
+def document_name(document: Document) -> str:
+    """File name of the document on the cluster.
+
+    Its text goes along: comments and the difference of `1` and `1.0` survive only there.
+    """
+    stem = re.sub(r"[^A-Za-z0-9._-]+", "-", document.path.stem).strip("-._") or "campaign"
+    return f"{stem[:LONGEST_STEM]}.vast"
+
+
+def pack(files: Mapping[str, InputFile]) -> Archive:
+    """An archive of files by path, which keep whether they can be executed."""
+    buffer = io.BytesIO()
+    with (
+        gzip.GzipFile(fileobj=buffer, mode="wb", mtime=0) as compressed,
+        tarfile.open(fileobj=compressed, mode="w", format=tarfile.PAX_FORMAT) as archive,
+    ):
+        for name, file in sorted(files.items()):
+            entry = tarfile.TarInfo(name)
+            entry.size = len(file.content)
+            entry.mode = 0o755 if file.executable else 0o644
+            archive.addfile(entry, io.BytesIO(file.content))
+    return Archive(buffer.getvalue())
+
+
+def needs_context(document: Document) -> bool:
+    """True when the document has values that are given per cluster."""
+    execution = document.vast.execution
+    asked = [execution.resources, *(c.resources for c in execution.secondary_containers)]
+    return any(_per_cluster(resources) for resources in asked)
+
+
+def _per_cluster(resources: Resources) -> bool:
+    return any(isinstance(value, list) for value in resources.model_dump().values())
+
+
+def _input_files(document: Document, select: str | None) -> dict[str, InputFile]:
+    """The document, and what it needs beside it; which files variations read shows in their use."""
+    with TemporaryDirectory(prefix="robovast-") as scratch:
+        composition = compose(document, Path(scratch), containers=refuse_containers)
+    select_any(composition.variants, [select] if select else [])
+    own = Path(document.path.name)
+    named = [path for path in campaign_files(document, composition) if path != own]
+    paths = {path.as_posix(): document.folder / path for path in named}
+    return _read({**paths, document_name(document): document.path})
+
+
+def _read(paths: Mapping[str, Path]) -> dict[str, InputFile]:
+    try:
+        return {
+            name: InputFile(path.read_bytes(), bool(path.stat().st_mode & 0o100))
+            for name, path in paths.items()
+        }
+    except OSError as error:
+        raise InputError(f"{error.filename}: cannot be read: {error.strerror}.") from error
+
+
+def _fits(vast: Any, files: Mapping[str, InputFile]) -> bool:
+    """True when a Campaign can hold the files as they are."""
+    size = len(json.dumps(vast)) + sum(file.inline_size for file in files.values())
+    modes_survive = not any(file.loses_its_mode for file in files.values())
+    return size <= INLINE_LIMIT and len(files) <= INLINE_FILES and modes_survive
+
+
+def _inline(files: Mapping[str, InputFile]) -> Source:
+    texts = {name: file.text for name, file in files.items() if file.text is not None}
+    binary = {
+        name: base64.b64encode(file.content).decode("ascii")
+        for name, file in files.items()
+        if name not in texts
+    }
+    return Source(inline=InlineFiles(files=texts, binary_files=binary))
+
+
+def _bundle(archive: Archive) -> Source:
+    return Source(bundle=BundleSource(key=archive.key, sha256=archive.sha256))
+
+
+def _spec(
+    document: Document, vast: dict[str, Any], source: Source, options: SubmitOptions
+) -> dict[str, Any]:
+    flags = {"-t": options.log_tree, "-d": options.debug}
+    given: dict[str, Any] = {
+        "image": options.image,
+        "cluster": options.context if needs_context(document) else None,
+        "select": [options.select] if options.select else None,
+        "runs": options.runs,
+        "parallelism": options.parallelism,
+        "queue_name": options.queue,
+        "options": " ".join(flag for flag, on in flags.items() if on),
+    }
+    try:
+        spec = CampaignSpec(
+            vast=vast,
+            document=document_name(document),
+            source=source,
+            **{key: value for key, value in given.items() if value},
+        )
+    except ValidationError as error:
+        wrong = (f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+        raise InputError(f"no Campaign can be made of it: {'; '.join(wrong)}.") from None
+    return spec.model_dump(by_alias=True, exclude_defaults=True, mode="json")

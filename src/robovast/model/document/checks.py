@@ -1,0 +1,334 @@
+"""What a schema cannot say: rules between keys, files that must exist, parameters that must be."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, TypeAdapter, ValidationError
+
+from robovast.base.errors import InputError, Problem
+from robovast.base.plugins import plugins_of, split_file_reference
+from robovast.model.document.commands import BUILT_IN, GROUP, TopicsToCsv
+from robovast.model.document.files import host_path, match_run_files
+from robovast.model.document.model import (
+    ConfigurationEntry,
+    Execution,
+    Notebooks,
+    Plugin,
+    PluginCall,
+    Search,
+)
+from robovast.model.document.problems import nearest, problems_of, suggest
+from robovast.model.document.source import KeyPath, Source
+from robovast.model.scenario import Scenario, read_scenario
+from robovast.model.variation_config import unknown_parameters
+from robovast.model.variations import Variation
+from robovast.model.variations.loader import load_variation
+
+_PLUGIN: TypeAdapter[PluginCall] = TypeAdapter(Plugin)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The parts of a document that are valid by themselves."""
+
+    folder: Path
+    source: Source
+    entries: dict[int, ConfigurationEntry]
+    execution: Execution | None
+    search: Search | None
+
+    @cached_property
+    def scenario_key(self) -> KeyPath:
+        """Where the scenario is named; `execution` when it is named nowhere."""
+        if self.execution is not None and self.execution.scenario_file is not None:
+            return ("execution", "scenario_file")
+        for index, entry in self.entries.items():
+            if entry.scenario_file is not None:
+                return ("configuration", index, "scenario_file")
+        return ("execution",)
+
+    @cached_property
+    def scenario(self) -> Scenario | InputError | None:
+        """The scenario, why it cannot be read, or None when none is named."""
+        names = [self.execution.scenario_file if self.execution else None]
+        names += [entry.scenario_file for entry in self.entries.values()]
+        name = next((name for name in names if name is not None), None)
+        if name is None:
+            return None
+        try:
+            return read_scenario(self.folder / name)
+        except InputError as error:
+            return error
+
+
+def check_parts(parts: Parts) -> list[Problem]:
+    """All problems that need more than one key, or the files around the document."""
+    return [
+        *_check_scenario(parts),
+        *_check_names(parts),
+        *_check_parameters(parts),
+        *_check_variations(parts),
+        *_check_commands(parts),
+        *_check_postprocessing(parts),
+    ]
+
+
+def warnings_of(parts: Parts) -> Iterator[Problem]:
+    """What is allowed, and yet most often a mistake."""
+    patterns = parts.execution.run_files if parts.execution is not None else []
+    for position, pattern in enumerate(patterns):
+        if not match_run_files(parts.folder, pattern):
+            yield parts.source.problem(
+                ("execution", "run_files", position),
+                f"`{pattern}` matches no file in {parts.folder}",
+                "Patterns are relative to the .vast file and stay in its folder.",
+            )
+    yield from _missing_notebooks(parts)
+    for base, variation, parameters in _variations(parts):
+        if variation.CONFIG_CLASS is not None:
+            for key in unknown_parameters(parameters, variation.CONFIG_CLASS):
+                message = f"`{base[-1]}` does not know the parameter `{key}`; it has no effect"
+                yield parts.source.problem((*base, key), message, at_key=True)
+    yield from _doubtful_postprocessing(parts)
+
+
+def _missing_notebooks(parts: Parts) -> Iterator[Problem]:
+    for section in ("evaluation", "analysis"):
+        workloads = (parts.source.data.get(section) or {}).get("visualization") or []
+        for position, item in enumerate(workloads):
+            for name, notebooks in (item or {}).items():
+                known = {s: n for s, n in (notebooks or {}).items() if s in Notebooks.model_fields}
+                for scope, notebook in known.items():
+                    if notebook is not None and not (parts.folder / notebook).is_file():
+                        yield parts.source.problem(
+                            (section, "visualization", position, name, scope),
+                            f"there is no notebook `{notebook}` in {parts.folder}",
+                            "The page cannot execute it; paths are relative to the .vast file.",
+                        )
+
+
+def _check_scenario(parts: Parts) -> Iterator[Problem]:
+    if parts.scenario is None and parts.execution is not None:
+        yield parts.source.problem(
+            ("execution",),
+            "the key `scenario_file` is missing",
+            "OpenSCENARIO 2 file, relative to the .vast file.",
+        )
+    if isinstance(parts.scenario, InputError):
+        near = sorted(path.name for path in parts.folder.glob("*.osc"))
+        remedy = f"Beside the .vast file: {', '.join(near)}." if near else ""
+        yield parts.source.problem(parts.scenario_key, str(parts.scenario), remedy)
+    named = {entry.scenario_file for entry in parts.entries.values() if entry.scenario_file}
+    if parts.execution is not None and parts.execution.scenario_file is not None:
+        named.add(parts.execution.scenario_file)
+    if len(named) > 1:
+        yield parts.source.problem(
+            parts.scenario_key,
+            f"a campaign runs one scenario, but several are named: {', '.join(sorted(named))}",
+            "Put each scenario into a .vast file of its own.",
+        )
+
+
+def _check_names(parts: Parts) -> Iterator[Problem]:
+    first: dict[str, int] = {}
+    for index, entry in parts.entries.items():
+        if entry.name in first:
+            yield parts.source.problem(
+                ("configuration", index, "name"),
+                f"the name `{entry.name}` stands twice; the first is configuration"
+                f"[{first[entry.name]}]",
+                "Results are kept by name: give each configuration its own.",
+            )
+        first.setdefault(entry.name, index)
+
+
+def _check_parameters(parts: Parts) -> Iterator[Problem]:
+    for index, entry in parts.entries.items():
+        base: KeyPath = ("configuration", index, "parameters")
+        yield from _unknown_parameters(parts, base, entry.parameters or [])
+    if parts.execution is not None:
+        base = ("execution", "local", "parameter_overrides")
+        yield from _unknown_parameters(parts, base, parts.execution.local.parameter_overrides)
+
+
+def _unknown_parameters(
+    parts: Parts, base: KeyPath, pairs: Iterable[dict[str, Any]]
+) -> Iterator[Problem]:
+    for position, pair in enumerate(pairs):
+        for name in pair:
+            problem = _unknown_parameter(parts, (*base, position, name), name, at_key=True)
+            if problem is not None:
+                yield problem
+
+
+def _unknown_parameter(parts: Parts, path: KeyPath, name: str, *, at_key: bool) -> Problem | None:
+    if not isinstance(parts.scenario, Scenario):
+        return None
+    known = [parameter.name for parameter in parts.scenario.parameters]
+    if name in known:
+        return None
+    return parts.source.problem(
+        path,
+        f"the scenario `{parts.scenario.name}` has no parameter `{name}`",
+        suggest(name, known) or "It declares no parameters.",
+        at_key=at_key,
+    )
+
+
+def _check_variations(parts: Parts) -> Iterator[Problem]:
+    for index, entry in parts.entries.items():
+        base: KeyPath = ("configuration", index, "variations")
+        for position, call in enumerate(entry.variations or []):
+            yield from _check_variation(parts, (*base, position), call)
+
+
+def _check_variation(parts: Parts, path: KeyPath, call: PluginCall) -> Iterator[Problem]:
+    try:
+        variation = load_variation(call.name, parts.folder)
+    except InputError as error:
+        yield parts.source.problem(path, str(error))
+        return
+    base = _place_of_parameters(parts, path, call)
+    yield from _check_variation_parameters(parts, base, variation, call.parameters)
+
+
+def _place_of_parameters(parts: Parts, path: KeyPath, call: PluginCall) -> KeyPath:
+    in_mapping = isinstance(_value_at(parts.source.data, path), dict)
+    return (*path, call.name) if in_mapping else path
+
+
+def _variations(parts: Parts) -> Iterator[tuple[KeyPath, type[Variation], dict[str, Any]]]:
+    """Variation types that can be loaded, with the place of their parameters."""
+    for index, entry in parts.entries.items():
+        for position, call in enumerate(entry.variations or []):
+            try:
+                variation = load_variation(call.name, parts.folder)
+            except InputError:
+                continue  # told where variations are checked
+            path: KeyPath = ("configuration", index, "variations", position)
+            yield _place_of_parameters(parts, path, call), variation, call.parameters
+
+
+def _check_variation_parameters(
+    parts: Parts, base: KeyPath, variation: type[Variation], parameters: dict[str, Any]
+) -> Iterator[Problem]:
+    model: type[BaseModel] | None = variation.CONFIG_CLASS
+    if model is not None:
+        yield from _misspelt(parts, base, model, parameters)
+        wrong = _wrong(parts, base, model, parameters)
+        yield from wrong
+        if wrong:
+            return
+    # A plugin's `name` may mean anything; of the built-in ones it is a scenario parameter.
+    if not variation.__module__.startswith("robovast.model.variations."):
+        return
+    named = parameters.get("name")
+    for name in [named] if isinstance(named, str) else named or []:
+        problem = _unknown_parameter(parts, (*base, "name"), name, at_key=False)
+        if problem is not None:
+            yield problem
+
+
+def _misspelt(
+    parts: Parts, base: KeyPath, model: type[BaseModel], parameters: dict[str, Any]
+) -> Iterator[Problem]:
+    for key, near in unknown_parameters(parameters, model).items():
+        if near is not None:
+            remedy = f"Did you mean `{near}`?"
+            yield parts.source.problem((*base, key), f"unknown key `{key}`", remedy, at_key=True)
+
+
+def _wrong(
+    parts: Parts, base: KeyPath, model: type[BaseModel], parameters: dict[str, Any]
+) -> list[Problem]:
+    try:
+        model.model_validate(parameters)
+    except ValidationError as error:
+        return problems_of(error, parts.source, model, base)
+    return []
+
+
+def _check_postprocessing(parts: Parts) -> Iterator[Problem]:
+    """Commands that are misspelt, and built-in ones that could not be called."""
+    for path, call in _postprocessing(parts):
+        model = BUILT_IN.get(call.name)
+        if model is not None:
+            base = _place_of_parameters(parts, path, call)
+            yield from _misspelt(parts, base, model, call.parameters)
+            yield from _wrong(parts, base, model, call.parameters)
+            continue
+        near = None if _is_installed(call) else nearest(call.name, plugins_of(GROUP))
+        if near is not None:
+            message = f"there is no command `{call.name}`"
+            yield parts.source.problem(path, message, f"Did you mean `{near}`?", at_key=True)
+
+
+def _doubtful_postprocessing(parts: Parts) -> Iterator[Problem]:
+    """Commands that are not here, which they need not be before there are results."""
+    for path, call in _postprocessing(parts):
+        model = BUILT_IN.get(call.name)
+        file = split_file_reference(call.name)
+        if model is not None:
+            base = _place_of_parameters(parts, path, call)
+            for key in unknown_parameters(call.parameters, model):
+                message = f"`{call.name}` does not know the parameter `{key}`; it has no effect"
+                yield parts.source.problem((*base, key), message, at_key=True)
+            if call.name == TopicsToCsv.command and not call.parameters.get("topics"):
+                message = f"`{call.name}` without `topics` does nothing"
+                yield parts.source.problem(path, message)
+        elif file is not None and not (parts.folder / file[0]).is_file():
+            yield parts.source.problem(path, f"there is no file {file[0]} in {parts.folder}")
+        elif not _is_installed(call):
+            yield parts.source.problem(path, f"no plugin `{call.name}` is installed here")
+
+
+def _is_installed(call: PluginCall) -> bool:
+    return split_file_reference(call.name) is not None or call.name in plugins_of(GROUP)
+
+
+def _postprocessing(parts: Parts) -> Iterator[tuple[KeyPath, PluginCall]]:
+    """Every postprocessing command of proper form, with its place."""
+    for section in ("results_processing", "analysis", "search"):
+        inner = parts.source.data.get(section)
+        listed = inner.get("postprocessing") if isinstance(inner, dict) else None
+        for position, item in enumerate(listed if isinstance(listed, list) else ()):
+            with suppress(ValidationError):  # told where the document's form is checked
+                yield (section, "postprocessing", position), _PLUGIN.validate_python(item)
+
+
+def _value_at(data: Any, path: KeyPath) -> Any:
+    for part in path:
+        data = data[part]
+    return data
+
+
+def _check_commands(parts: Parts) -> Iterator[Problem]:
+    if parts.execution is None:
+        return
+    for key in ("pre_command", "post_command"):
+        command = getattr(parts.execution, key)
+        if command is not None:
+            yield from _check_command(parts, key, command)
+
+
+def _check_command(parts: Parts, key: str, command: str) -> Iterator[Problem]:
+    path = host_path(parts.folder, command)
+    if path is None:
+        return  # a file of the image, which is not here to look at
+    if not path.is_file():
+        yield parts.source.problem(
+            ("execution", key),
+            f"`{command}` is {path} on this machine, and there is no such file",
+            "`/config` is the folder of the .vast file.",
+        )
+    elif key == "post_command" and not os.access(path, os.X_OK):
+        yield parts.source.problem(
+            ("execution", key), f"{path} is not executable", f"chmod +x {path.name}"
+        )

@@ -1,0 +1,76 @@
+"""What a file may hold although it has no effect: left out, each with a warning.
+
+Files of the existing tool hold such keys, which it ignored without a word. A key that looks like a
+misspelt one stays an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from copy import deepcopy
+from typing import Any
+
+from pydantic import ValidationError
+
+from robovast.base.errors import Problem
+from robovast.model.document.model import CONTRACT_ENVIRONMENT, Vast
+from robovast.model.document.problems import allowed_keys, data_path, nearest
+from robovast.model.document.source import KeyPath, Source
+
+_STRICT = frozenset({"search"})
+"""Sections in which every key counts."""
+
+
+def without_ignored(source: Source) -> tuple[dict[Any, Any], list[Problem]]:
+    """The data of a document without keys that nobody reads, and a warning for each."""
+    unknown = list(_unknown_keys(source))
+    warnings = [_warning(source, path) for path in unknown]
+    warnings += _contract_environment(source)
+    if source.is_followed:
+        message = "only the first YAML document counts; what follows `---` has no effect"
+        warnings.append(source.problem((), message))
+    data: dict[Any, Any] = deepcopy(source.data) if unknown else source.data
+    for path in unknown:
+        _remove(data, path)
+    return data, warnings
+
+
+def _warning(source: Source, path: KeyPath) -> Problem:
+    return source.problem(path, f"the key `{path[-1]}` is not known and has no effect", at_key=True)
+
+
+def _unknown_keys(source: Source) -> Iterator[KeyPath]:
+    try:
+        Vast.model_validate(source.data)
+    except ValidationError as error:
+        found = [
+            details
+            for details in error.errors(include_url=False, include_context=False)
+            if details["type"] == "extra_forbidden"
+        ]
+    else:
+        return
+    for details in found:
+        loc = details["loc"]
+        path = data_path(source.data, (), loc)
+        deep = len(loc) > 1 and loc[0] not in _STRICT
+        if deep and not nearest(str(loc[-1]), allowed_keys(Vast, loc[:-1])):
+            yield path
+
+
+def _remove(data: Any, path: KeyPath) -> None:
+    for part in path[:-1]:
+        data = data[part]
+    data.pop(path[-1], None)
+
+
+def _contract_environment(source: Source) -> Iterator[Problem]:
+    execution = source.data.get("execution")
+    items = execution.get("env") if isinstance(execution, dict) else None
+    for index, item in enumerate(items if isinstance(items, list) else ()):
+        for name in CONTRACT_ENVIRONMENT.intersection(item if isinstance(item, dict) else ()):
+            yield source.problem(
+                ("execution", "env", index, name),
+                f"`{name}` is set by RoboVAST itself; what is given here has no effect",
+                at_key=True,
+            )

@@ -1,0 +1,119 @@
+"""Reading a .vast document: every problem of a file is reported in one go."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from robovast.base.errors import DocumentError, Problem
+from robovast.model.document.checks import Parts, check_parts, warnings_of
+from robovast.model.document.ignored import without_ignored
+from robovast.model.document.model import ConfigurationEntry, Execution, Vast
+from robovast.model.document.problems import problems_of
+from robovast.model.document.source import KeyPath, Source
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class Document:
+    """A valid .vast document and where it came from."""
+
+    path: Path
+    """Absolute path of the file."""
+    vast: Vast
+    """The validated model."""
+    source: Source
+    """The plain data with the place of every value."""
+    warnings: tuple[Problem, ...] = ()
+    """What stands in the file and has no effect."""
+
+    @property
+    def folder(self) -> Path:
+        """The file's folder; paths in the document are relative to it."""
+        return self.path.parent
+
+    @property
+    def scenario(self) -> Path:
+        """Absolute path of the scenario file."""
+        assert self.vast.scenario_file is not None, "checked when the document was loaded"  # noqa: S101
+        return self.folder / self.vast.scenario_file
+
+
+def load_document(path: Path) -> Document:
+    """Read and check a .vast file and what it names.
+
+    Args:
+        path: the file, relative to the working directory or absolute.
+
+    Raises:
+        InputError: the file cannot be read.
+        DocumentError: all that is wrong with its content, each with line and column.
+    """
+    return check_source(Source.read(path))
+
+
+def check_source(source: Source) -> Document:
+    """The document in a text that was read, or is about to be written.
+
+    Raises:
+        DocumentError: all that is wrong with it.
+    """
+    if not isinstance(source.data, dict):
+        found = "empty" if source.data is None else f"a {type(source.data).__name__}"
+        raise DocumentError(
+            [source.problem((), f"a .vast file is a mapping of sections; this one is {found}")]
+        )
+    data, warnings = without_ignored(source)
+    vast, problems = _validate(Vast, data, source, ())
+    path = source.file.absolute()
+    parts = _valid_parts(vast, source, path)
+    problems += check_parts(parts)
+    if vast is None or problems:
+        raise DocumentError(problems)
+    return Document(path, vast, source, (*warnings, *warnings_of(parts)))
+
+
+def _validate(
+    model: type[ModelT], data: Any, source: Source, base: KeyPath
+) -> tuple[ModelT | None, list[Problem]]:
+    try:
+        return model.model_validate(data), []
+    except ValidationError as error:
+        return None, problems_of(error, source, model, base)
+
+
+def _valid_parts(vast: Vast | None, source: Source, path: Path) -> Parts:
+    """What can be checked further although other parts of the document are wrong."""
+    entries = source.data.get("configuration")
+    valid = {}
+    for index, entry in enumerate(entries if isinstance(entries, list) else []):
+        model = _salvage(ConfigurationEntry, entry, {"name": f"entry-{index}"})
+        if model is not None:
+            valid[index] = model
+    execution = _salvage(Execution, source.data.get("execution") or {}, {})
+    return Parts(path.parent, source, valid, execution, vast.search if vast else None)
+
+
+def _salvage(model: type[ModelT], data: Any, required: dict[str, Any]) -> ModelT | None:
+    """The part of a section that is valid, without the keys that are not.
+
+    Args:
+        model: of the section.
+        data: the section.
+        required: stands in for keys that it must have.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        if not isinstance(data, dict):
+            return None
+        wrong = {details["loc"][0] for details in error.errors() if details["loc"]}
+        rest = {key: value for key, value in data.items() if key not in wrong}
+    try:
+        return model.model_validate(required | rest)
+    except ValidationError:
+        return None

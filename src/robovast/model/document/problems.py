@@ -1,0 +1,160 @@
+"""Validation errors of pydantic as problems with a place, a cause and a remedy."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from robovast.base.errors import Problem
+from robovast.model.document.source import KeyPath, Source
+
+
+def problems_of(
+    error: ValidationError, source: Source, model: type[BaseModel], base: KeyPath = ()
+) -> list[Problem]:
+    """Every problem in a validation error, one for each place in the document.
+
+    Args:
+        error: what validating the value at `base` raised.
+        source: the document that the value came from.
+        model: the model that the value was validated against.
+        base: path of the validated value in the document.
+    """
+    problems = []
+    values: dict[KeyPath, list[ErrorDetails]] = {}
+    for details in error.errors(include_url=False):
+        path = data_path(source.data, base, details["loc"])
+        if details["type"] in {"missing", "extra_forbidden"}:
+            problems.append(_key_problem(path, details, source, model))
+        else:
+            values.setdefault(path, []).append(details)
+    return problems + [
+        _value_problem(path, values[path], source, model) for path in _deepest(values)
+    ]
+
+
+def _deepest(paths: Iterable[KeyPath]) -> list[KeyPath]:
+    """Without the parents of others: what may be one of several things is wrong as each of them,
+    and as a collection it is wrong inside."""
+    parents = {path[:length] for path in paths for length in range(len(path))}
+    return [path for path in paths if path not in parents]
+
+
+def data_path(data: Any, base: KeyPath, loc: Iterable[str | int]) -> KeyPath:
+    """The document's path of a pydantic location.
+
+    A location also names the members of unions, which are no part of the document, and skips
+    the name in a `name: {…}` item.
+    """
+    path: KeyPath = ()
+    for part in base:
+        data, path = data[part], (*path, part)
+    for part in loc:
+        if isinstance(data, dict) and part not in data and len(data) == 1:
+            ((name, inner),) = data.items()
+            if isinstance(inner, dict) and part in inner:
+                data, path = inner, (*path, name)
+        if _holds(data, part):
+            data, path = data[part], (*path, part)
+    return path
+
+
+def _holds(data: Any, part: str | int) -> bool:
+    if isinstance(data, list):
+        return isinstance(part, int) and part < len(data)
+    return isinstance(data, dict) and part in data
+
+
+def _key_problem(
+    path: KeyPath, details: ErrorDetails, source: Source, model: type[BaseModel]
+) -> Problem:
+    key = str(details["loc"][-1])
+    if details["type"] == "missing":
+        return source.problem(path, f"the key `{key}` is missing", _describe(model, details["loc"]))
+    allowed = allowed_keys(model, details["loc"][:-1])
+    return source.problem(path, f"unknown key `{key}`", suggest(key, allowed), at_key=True)
+
+
+def _value_problem(
+    path: KeyPath, group: list[ErrorDetails], source: Source, model: type[BaseModel]
+) -> Problem:
+    return source.problem(path, sentence(*group), _describe(model, group[0]["loc"]))
+
+
+def sentence(*group: ErrorDetails) -> str:
+    """What is wrong with a value, which may be one of several things: as it must be, and is not."""
+    sentences = list(dict.fromkeys(map(_sentence, group)))
+    message = " or ".join([sentences[0], *(s.removeprefix("must be ") for s in sentences[1:])])
+    if message.startswith("must ") and ", not " not in message:
+        message += f", not {_shown(group[0]['input'])}"
+    return message
+
+
+def nearest(given: str, allowed: Iterable[str]) -> str | None:
+    """The name that was meant, by its likeness; None when nothing is alike."""
+    return next(iter(difflib.get_close_matches(given, sorted(allowed), n=1, cutoff=0.6)), None)
+
+
+def suggest(given: str, allowed: Iterable[str]) -> str:
+    """`Did you mean …?`, or the list of what is allowed."""
+    names = sorted(allowed)
+    near = nearest(given, names)
+    if near:
+        return f"Did you mean `{near}`?"
+    return f"Known here: {', '.join(names)}." if names else ""
+
+
+_EXPECTED = {
+    "bool": "true or false",
+    "dict": "a mapping",
+    "float": "a number",
+    "int": "a whole number",
+    "list": "a list",
+    "model": "a mapping",
+    "string": "text",
+    "tuple": "a list",
+}
+"""What a kind of pydantic's errors expects, by the first word of its name."""
+
+
+def _sentence(details: ErrorDetails) -> str:
+    kind, _, what = details["type"].partition("_")
+    if kind in _EXPECTED and what in {"type", "parsing", "from_float"}:
+        return f"must be {_EXPECTED[kind]}"
+    message = details["msg"].removeprefix("Value error, ").replace(" after validation", "")
+    message = re.sub(r"^[A-Z][a-z]+ should ", "must ", message)
+    return message[:1].lower() + message[1:]
+
+
+def _shown(value: Any) -> str:
+    text = {dict: "a mapping", list: "a list", type(None): "empty"}.get(type(value)) or repr(value)
+    return text if len(text) <= 60 else text[:57] + "…"
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for argument in get_args(annotation) for model in _models_in(argument)]
+
+
+def _model_at(model: type[BaseModel], loc: Iterable[str | int]) -> type[BaseModel]:
+    for part in loc:
+        field = model.model_fields.get(str(part))
+        inner = _models_in(field.annotation) if field else []
+        model = inner[0] if inner else model
+    return model
+
+
+def allowed_keys(model: type[BaseModel], loc: tuple[str | int, ...]) -> list[str]:
+    """The keys that a section may have, by pydantic's location of it."""
+    return list(_model_at(model, loc).model_fields)
+
+
+def _describe(model: type[BaseModel], loc: tuple[str | int, ...]) -> str:
+    field = _model_at(model, loc[:-1]).model_fields.get(str(loc[-1])) if loc else None
+    return (field.description or "") if field else ""

@@ -1,0 +1,97 @@
+"""The JSON Schema of .vast files: what editors check and complete while a file is written."""
+
+from __future__ import annotations
+
+import json
+from importlib.metadata import entry_points
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic.json_schema import GenerateJsonSchema
+
+from robovast.model.document.model import Vast
+from robovast.model.variations import Variation
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+BUILT_IN = "robovast.model.variations"
+
+
+class _Schema(GenerateJsonSchema):
+    """Without titles: they only repeat the names of the keys."""
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        """Never."""
+        del schema
+        return False
+
+
+def document_schema() -> dict[str, Any]:
+    """JSON Schema of a .vast file, the parameters of built-in variation types included."""
+    schema = _model_schema(Vast)
+    definitions: dict[str, Any] = schema.pop("$defs")
+    definitions["Variation"] = _variation(definitions)
+    entry = definitions["ConfigurationEntry"]["properties"]["variations"]
+    for option in entry["anyOf"]:
+        if option.get("type") == "array":
+            option["items"] = {"$ref": "#/$defs/Variation"}
+    return {
+        "$schema": DIALECT,
+        "title": "RoboVAST configuration (.vast)",
+        **schema,
+        "$defs": dict(sorted(definitions.items())),
+    }
+
+
+def schema_text() -> str:
+    """The schema as it stands in `schemas/vast.schema.json`."""
+    return json.dumps(document_schema(), indent=2, ensure_ascii=False) + "\n"
+
+
+def built_in_variations() -> dict[str, type[Variation]]:
+    """The variation types that come with RoboVAST, by name."""
+    points = entry_points(group="robovast.variation_types")
+    return {
+        point.name: point.load()
+        for point in sorted(points)
+        if point.module.partition(":")[0].startswith(BUILT_IN)
+    }
+
+
+def _model_schema(model: type[BaseModel]) -> dict[str, Any]:
+    schema = model.model_json_schema(schema_generator=_Schema)
+    for definition in (schema, *schema.get("$defs", {}).values()):
+        definition.pop("title", None)
+    return schema
+
+
+def _variation(definitions: dict[str, Any]) -> dict[str, Any]:
+    """A variation by name, or with parameters; those of plugins may be any."""
+    known = {}
+    for name, variation in built_in_variations().items():
+        schema = _parameters(variation, definitions)
+        summary = (variation.__doc__ or "").strip().partition("\n")[0]
+        known[name] = {"description": summary, **schema} if summary else schema
+    return {
+        "description": "A variation type, built in or of a plugin, with its parameters.",
+        "anyOf": [
+            {"type": "string"},
+            {
+                "type": "object",
+                "minProperties": 1,
+                "maxProperties": 1,
+                "properties": known,
+                "additionalProperties": {"type": ["object", "null"]},
+            },
+        ],
+    }
+
+
+def _parameters(variation: type[Variation], definitions: dict[str, Any]) -> dict[str, Any]:
+    model: type[BaseModel] | None = variation.CONFIG_CLASS
+    if model is None:
+        return {"type": "object"}
+    schema = _model_schema(model)
+    definitions.update(schema.pop("$defs", {}))
+    schema.pop("description", None)
+    return schema

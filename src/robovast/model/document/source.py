@@ -1,0 +1,166 @@
+"""YAML text to plain data that remembers the line and column of every key and value."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from robovast.base.errors import DocumentError, InputError, Place, Problem
+
+try:
+    from yaml import CSafeLoader as _Loader
+except ImportError:  # PyYAML built without libyaml: slower, same result
+    from yaml import SafeLoader as _Loader  # type: ignore[assignment]
+
+KeyPath = tuple[Hashable, ...]
+"""Path of a value in the document: keys and list indexes from the root."""
+
+MAX_REPEATED = 100_000
+"""A document whose aliases repeat more values is refused: a few lines can make billions."""
+
+
+def render_path(path: KeyPath) -> str:
+    """`("configuration", 2, "name")` as `configuration[2].name`."""
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return text
+
+
+def _cause(error: yaml.MarkedYAMLError) -> str:
+    """What the parser found, and in what, as that may begin far above."""
+    if not error.context or error.context_mark is None:
+        return str(error.problem)
+    return f"{error.problem} {error.context} that begins in line {error.context_mark.line + 1}"
+
+
+_COLLECTION_TAGS = frozenset({"tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"})
+
+
+class Source:
+    """The text of a YAML file as data and positions.
+
+    Attributes:
+        file: the file's path, as errors name it.
+        data: plain Python values (dict, list, str, int, float, bool, None, dates).
+        is_followed: another YAML document stands behind the one that was read.
+    """
+
+    def __init__(self, file: Path, text: str) -> None:
+        self.file = file
+        self._values: dict[KeyPath, yaml.Mark] = {}
+        self._keys: dict[KeyPath, yaml.Mark] = {}
+        self._built: set[int] = set()
+        self._repeated = 0
+        self._open: set[int] = set()
+        self._scalars = yaml.constructor.SafeConstructor()
+        try:
+            nodes = yaml.compose_all(text, Loader=_Loader)
+            node = next(nodes, None)
+            self.is_followed = next(nodes, None) is not None
+            self.data: Any = None if node is None else self._build(node, ())
+        except yaml.MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            raise DocumentError([self._yaml_problem(_cause(error), mark)]) from error
+        except yaml.YAMLError as error:
+            raise DocumentError([self._yaml_problem(str(error), None)]) from error
+        except RecursionError:
+            raise self._error("the document is nested too deeply", None) from None
+
+    @classmethod
+    def read(cls, file: Path) -> Source:
+        """Read a file.
+
+        Raises:
+            InputError: no such file, not readable, not UTF-8.
+            DocumentError: not YAML, a duplicate key, aliases that explode.
+        """
+        try:
+            return cls(file, file.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            raise InputError(f"{file}: there is no such file.") from None
+        except UnicodeDecodeError as error:
+            raise InputError(
+                f"{file}: not a text file in UTF-8 (byte {error.start}): is it really a .vast file?"
+            ) from None
+        except OSError as error:
+            raise InputError(f"{file}: cannot be read: {error.strerror}.") from None
+
+    def place(self, path: KeyPath, *, key: bool = False) -> Place:
+        """Where a value (or its key) stands; of a path that is not there, its nearest parent."""
+        marks = self._keys if key else self._values
+        while path:
+            mark = marks.get(path) or self._values.get(path)
+            if mark is not None:
+                return Place(self.file, mark.line + 1, mark.column + 1)
+            path = path[:-1]
+        return Place(self.file, 1, 1)
+
+    def problem(
+        self, path: KeyPath, message: str, remedy: str = "", *, at_key: bool = False
+    ) -> Problem:
+        """A problem at a path of this document."""
+        return Problem(self.place(path, key=at_key), render_path(path), message, remedy)
+
+    def _yaml_problem(self, message: str | None, mark: yaml.Mark | None) -> Problem:
+        place = Place(self.file, mark.line + 1, mark.column + 1) if mark else Place(self.file)
+        return Problem(place, "", f"not valid YAML: {message}", "")
+
+    def _error(self, message: str, mark: yaml.Mark | None) -> DocumentError:
+        place = Place(self.file, mark.line + 1, mark.column + 1) if mark else Place(self.file)
+        return DocumentError([Problem(place, "", message)])
+
+    def _build(self, node: yaml.Node, path: KeyPath) -> Any:
+        self._refuse_explosion(node)
+        self._values.setdefault(path, node.start_mark)
+        if isinstance(node, yaml.ScalarNode):
+            return self._scalars.construct_object(node)
+        if node.tag not in _COLLECTION_TAGS:
+            raise self._error(f"the tag `{node.tag}` has no meaning here", node.start_mark)
+        if id(node) in self._open:
+            raise self._error("an alias (`*name`) refers to what it is part of", node.start_mark)
+        self._open.add(id(node))
+        try:
+            if isinstance(node, yaml.SequenceNode):
+                return [self._build(item, (*path, i)) for i, item in enumerate(node.value)]
+            assert isinstance(node, yaml.MappingNode)  # noqa: S101  # there are three kinds
+            return self._build_mapping(node, path)
+        finally:
+            self._open.discard(id(node))
+
+    def _refuse_explosion(self, node: yaml.Node) -> None:
+        if id(node) in self._built:
+            self._repeated += 1
+        self._built.add(id(node))
+        if self._repeated > MAX_REPEATED:
+            raise self._error(
+                f"its aliases (`*name`) repeat more than {MAX_REPEATED:,} values", node.start_mark
+            )
+
+    def _build_mapping(self, node: yaml.MappingNode, path: KeyPath) -> dict[Any, Any]:
+        self._refuse_duplicates(node)
+        self._scalars.flatten_mapping(node)
+        result: dict[Any, Any] = {}
+        for key_node, value_node in node.value:
+            key = self._scalars.construct_object(key_node, deep=True)
+            if not isinstance(key, Hashable):
+                raise self._error("a key must be a plain value", key_node.start_mark)
+            self._keys[(*path, key)] = key_node.start_mark
+            result[key] = self._build(value_node, (*path, key))
+        return result
+
+    def _refuse_duplicates(self, node: yaml.MappingNode) -> None:
+        seen: dict[str, yaml.Mark] = {}
+        for key_node, _ in node.value:
+            if not isinstance(key_node, yaml.ScalarNode) or key_node.tag.endswith(":merge"):
+                continue
+            if key_node.value in seen:
+                raise self._error(
+                    f"the key `{key_node.value}` stands twice in one mapping, first in line "
+                    f"{seen[key_node.value].line + 1}; YAML would keep only the last",
+                    key_node.start_mark,
+                )
+            seen[key_node.value] = key_node.start_mark

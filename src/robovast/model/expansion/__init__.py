@@ -1,0 +1,16 @@
+"""Expansion of a document's configuration entries into variants."""
+
+from robovast.model.expansion.expand import Composition, compose, expand
+from robovast.model.expansion.select import select_any, select_variants
+from robovast.model.expansion.variant import ConfigFile, Variant, VariationRecord
+
+__all__ = [
+    "Composition",
+    "ConfigFile",
+    "Variant",
+    "VariationRecord",
+    "compose",
+    "expand",
+    "select_any",
+    "select_variants",
+]

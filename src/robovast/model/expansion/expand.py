@@ -1,0 +1,243 @@
+"""From configuration entries to variants: variations in order, their Cartesian product, names."""
+
+from __future__ import annotations
+
+import logging
+import re
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from robovast.base.errors import CannotRunError, InputError, RobovastError
+from robovast.base.serialization import to_plain
+from robovast.model.document import Document
+from robovast.model.document.model import NAME_PATTERN, ConfigurationEntry, PluginCall, merge_pairs
+from robovast.model.expansion.containers import ContainerRunner, Containers
+from robovast.model.expansion.limit import refuse_too_many, too_many, variant_limit
+from robovast.model.expansion.variant import ConfigFile, Variant, VariationRecord
+from robovast.model.scenario import Scenario, read_scenario
+from robovast.model.variations import Variation
+from robovast.model.variations.loader import load_variation
+
+_log = logging.getLogger(__name__)
+
+Progress = Callable[[str], None]
+
+DEFAULT_ENTRY = ConfigurationEntry(name="config1")
+"""What a document without configurations runs: the scenario with its own defaults."""
+
+_OWN_KEYS = frozenset({"name", "config", "_config_files"})
+
+
+@dataclass(frozen=True)
+class Composition:
+    """What a document expands to."""
+
+    variants: tuple[Variant, ...]
+    input_files: tuple[Path, ...] = ()
+    """Files below the document's folder that the variation types read, relative to it."""
+    transient_files: tuple[ConfigFile, ...] = ()
+    """Files that variation types leave for the campaign's `_transient` folder."""
+
+
+def expand(document: Document, output_dir: Path, progress: Progress | None = None) -> list[Variant]:
+    """The variants of `compose`."""
+    return list(compose(document, output_dir, progress).variants)
+
+
+def compose(
+    document: Document,
+    output_dir: Path,
+    progress: Progress | None = None,
+    containers: Containers = ContainerRunner,
+) -> Composition:
+    """All variants of a document, in its order, and the files that came with them.
+
+    The same document gives the same variants on every machine, as long as the variation types
+    that it uses are deterministic, as the built-in ones are.
+
+    Args:
+        document: a checked document.
+        output_dir: existing folder where variation types may put files; `Variant.files` point
+            into it, so it must live as long as they are needed.
+        progress: receives the messages of variation types.
+        containers: starts the containers of those that need one.
+
+    Raises:
+        InputError: a variation type fails, or makes what no run can use.
+        CannotRunError: one needs a container, and none can be started.
+    """
+    if document.vast.search is not None:
+        raise InputError(
+            f"{document.path}: a `search` proposes its configurations while it runs, and searches "
+            "cannot be executed yet. Use a `configuration` list."
+        )
+    limit = variant_limit()
+    refuse_too_many(document, limit)
+    scenario = read_scenario(document.scenario)
+    used: list[Variation] = []
+    variants: list[Variant] = []
+    surroundings = _Surroundings(document, output_dir, progress or _ignore, containers)
+    for entry in document.vast.configuration or [DEFAULT_ENTRY]:
+        variants += _expand_entry(surroundings, scenario, entry, used)
+        if len(variants) > limit:
+            detail = f"as far as `{entry.name}`"
+            raise too_many(document.path, len(variants), limit, detail)
+    _refuse_shared_names(document, variants)
+    return Composition(tuple(variants), _input_files(document, used), _transient_files(used))
+
+
+def _ignore(message: str) -> None:
+    del message
+
+
+@dataclass(frozen=True)
+class _Surroundings:
+    """What all variation types of a document get."""
+
+    document: Document
+    output_dir: Path
+    progress: Progress
+    containers: Containers
+
+    def runner(self, kind: type[Variation], parameters: Any) -> tuple[ContainerRunner] | tuple[()]:
+        """What starts the container that a variation type needs; nothing when it needs none."""
+        image = kind.get_required_container(parameters)
+        if image is None:
+            return ()
+        if not isinstance(image, str):
+            raise TypeError(f"get_required_container must name an image, not {image!r}")
+        return (self.containers(image, self.progress),)
+
+
+def _expand_entry(
+    surroundings: _Surroundings,
+    scenario: Scenario,
+    entry: ConfigurationEntry,
+    used: list[Variation],
+) -> Iterable[Variant]:
+    parameters = merge_pairs(entry.parameters or [])
+    configs: list[dict[str, Any]] = [
+        {"name": entry.name, "config": parameters, "_config_files": []}
+    ]
+    records: list[VariationRecord] = []
+    for call in entry.variations or []:
+        started, clock = datetime.now(UTC), time.perf_counter()
+        variation, configs = _apply(surroundings, entry, call, configs)
+        used.append(variation)
+        duration = round(time.perf_counter() - clock, 6)
+        records.append(VariationRecord(call.name, started.isoformat(), duration))
+    _warn_of_unknown(entry, configs, scenario)
+    return [_variant(entry, config, tuple(records)) for config in configs]
+
+
+def _warn_of_unknown(
+    entry: ConfigurationEntry, configs: list[dict[str, Any]], scenario: Scenario
+) -> None:
+    """Tell which parameters a variation type writes and the scenario lacks: its runs will err."""
+    known = {parameter.name for parameter in scenario.parameters}
+    written = dict.fromkeys(key for config in configs for key in config.get("config") or {})
+    for key in written:
+        if key not in known and not key.startswith("_"):
+            _log.warning(
+                "configuration `%s`: a variation writes `%s`, but the scenario `%s` has no such "
+                "parameter; it has %s.",
+                *(entry.name, key, scenario.name, ", ".join(sorted(known)) or "none"),
+            )
+
+
+def _apply(
+    surroundings: _Surroundings,
+    entry: ConfigurationEntry,
+    call: PluginCall,
+    configs: list[dict[str, Any]],
+) -> tuple[Variation, list[dict[str, Any]]]:
+    """The configurations that one variation type makes of those before it."""
+    document = surroundings.document
+    where = f"configuration `{entry.name}`, variation `{call.name}`"
+    try:
+        kind = load_variation(call.name, document.folder)
+        variation = kind(
+            str(document.folder),
+            call.parameters,
+            dict(document.vast.general),
+            surroundings.progress,
+            str(document.scenario),
+            str(surroundings.output_dir),
+            *surroundings.runner(kind, call.parameters),
+        )
+        variation.entry = entry.name
+        made = variation.variation(configs)
+    except CannotRunError as error:
+        raise CannotRunError(f"{where}: {error}") from error
+    except (RobovastError, MemoryError):
+        raise
+    except Exception as error:
+        raise InputError(
+            f"{document.path}: {where} failed: {type(error).__name__}: {error}"
+        ) from error
+    if not isinstance(made, list) or not all(isinstance(item, dict) for item in made):
+        raise InputError(
+            f"{document.path}: {where} must return a list of configurations, "
+            f"not {type(made).__name__}."
+        )
+    if not made:
+        raise InputError(f"{document.path}: {where} made no configuration at all.")
+    return variation, made
+
+
+def _variant(
+    entry: ConfigurationEntry,
+    config: Mapping[str, Any],
+    records: tuple[VariationRecord, ...],
+) -> Variant:
+    name = config.get("name")
+    if not isinstance(name, str) or not re.match(NAME_PATTERN, name):
+        raise InputError(
+            f"configuration `{entry.name}`: {name!r} cannot name a results folder; a variation "
+            "type made it."
+        )
+    parameters = config.get("config") or {}
+    files = tuple(_config_file(name, item) for item in config.get("_config_files") or ())
+    extra = {key: value for key, value in config.items() if key not in _OWN_KEYS}
+    try:
+        return Variant(name, entry.name, to_plain(parameters), files, records, to_plain(extra))
+    except TypeError as error:
+        raise InputError(f"configuration `{name}`: {error}") from error
+
+
+def _input_files(document: Document, used: list[Variation]) -> tuple[Path, ...]:
+    named = {str(name) for variation in used for name in variation.get_input_files()}
+    paths = sorted((document.folder / name).resolve() for name in named)
+    root = document.folder.resolve()
+    return tuple(p.relative_to(root) for p in paths if p.is_relative_to(root) and p.is_file())
+
+
+def _transient_files(used: list[Variation]) -> tuple[ConfigFile, ...]:
+    pairs = [pair for variation in used for pair in variation.get_campaign_transient_files()]
+    return tuple(dict.fromkeys(_config_file("transient files", pair) for pair in pairs))
+
+
+def _config_file(variant: str, item: Any) -> ConfigFile:
+    relative, source = item
+    path = Path(str(relative))
+    if path.is_absolute() or ".." in path.parts:
+        raise InputError(f"configuration `{variant}`: the file `{relative}` leaves its folder.")
+    if not Path(source).is_file():
+        raise InputError(f"configuration `{variant}`: the file {source} does not exist.")
+    return ConfigFile(str(path), Path(source).absolute())
+
+
+def _refuse_shared_names(document: Document, variants: list[Variant]) -> None:
+    owner: dict[str, str] = {}
+    for variant in variants:
+        if variant.name in owner:
+            raise InputError(
+                f"{document.path}: two configurations are called `{variant.name}` (from the "
+                f"entries `{owner[variant.name]}` and `{variant.entry}`); rename one of the "
+                "entries."
+            )
+        owner[variant.name] = variant.entry

@@ -1,0 +1,62 @@
+"""How many variants a document may have: they are counted before they are made."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from robovast.base.errors import InputError
+from robovast.model.document import Document
+from robovast.model.document.model import ConfigurationEntry
+from robovast.model.variations.loader import most_of_each
+
+VARIABLE = "ROBOVAST_VARIANT_LIMIT"
+"""Environment variable that sets another limit."""
+DEFAULT = 100_000
+UNCOUNTABLE = 10**18
+"""What is more is told as this."""
+
+
+def variant_limit(environment: Mapping[str, str] = os.environ) -> int:
+    """Most variants of a document.
+
+    Raises:
+        InputError: the environment variable is no number above 0.
+    """
+    text = environment.get(VARIABLE, "") or str(DEFAULT)
+    if not (text.isdecimal() and int(text[:10]) > 0 and len(text) <= 9):
+        raise InputError(f"The environment variable {VARIABLE} is no number above 0: {text}")
+    return int(text)
+
+
+def refuse_too_many(document: Document, limit: int) -> None:
+    """Make sure that a document does not have too many variants, before any of them is made.
+
+    Raises:
+        InputError: it would have.
+    """
+    entries = document.vast.configuration or []
+    counted = [(count_entry(document, entry), entry) for entry in entries]
+    total = sum(number for number, _ in counted)
+    if total > limit:
+        number, entry = max(counted, key=lambda item: item[0])
+        raise too_many(document.path, total, limit, f"`{entry.name}` alone has {number:,}")
+
+
+def too_many(path: Path, total: int, limit: int, detail: str) -> InputError:
+    """The error that says so."""
+    return InputError(
+        f"{path}: would have {total:,} configurations, more than {limit:,}: {detail}. Variations "
+        "that follow one another multiply; use OneOfVariation where they need not, give fewer "
+        f"values, or set another limit ({VARIABLE}; on a cluster the chart's value "
+        "`operator.variantLimit`)."
+    )
+
+
+def count_entry(document: Document, entry: ConfigurationEntry) -> int:
+    """How many variants an entry makes at most; a type that cannot say it counts as one."""
+    calls = entry.variations or []
+    factors = (most_of_each(call.name, call.parameters, document.folder) for call in calls)
+    return min(UNCOUNTABLE, math.prod(factors))

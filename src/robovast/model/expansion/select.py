@@ -1,0 +1,41 @@
+"""Choosing variants by name."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
+
+from robovast.base.errors import InputError
+from robovast.model.expansion.variant import Variant
+
+
+def select_variants(variants: Sequence[Variant], pattern: str) -> list[Variant]:
+    """Variants whose name, or whose entry's name, equals the pattern or matches it as a glob.
+
+    Raises:
+        InputError: none does.
+    """
+    chosen = [v for v in variants if v.name == pattern or v.entry == pattern]
+    if not chosen:
+        chosen = [
+            v for v in variants if fnmatchcase(v.name, pattern) or fnmatchcase(v.entry, pattern)
+        ]
+    if chosen:
+        return chosen
+    names = [*dict.fromkeys(v.entry for v in variants), *(v.name for v in variants)]
+    near = difflib.get_close_matches(pattern, names, n=3) or names[:5]
+    raise InputError(
+        f"no configuration matches `{pattern}`. There are {len(variants)}, for example "
+        f"{', '.join(near)}; `vast config list` shows all."
+    )
+
+
+def select_any(variants: Sequence[Variant], patterns: Sequence[str]) -> list[Variant]:
+    """Variants that any of the patterns selects, in their order; no pattern selects all.
+
+    Raises:
+        InputError: a pattern selects none.
+    """
+    chosen = {v.name for pattern in patterns for v in select_variants(variants, pattern)}
+    return [v for v in variants if v.name in chosen or not patterns]

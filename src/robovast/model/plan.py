@@ -1,0 +1,97 @@
+"""The plan of a campaign: which run is which, and which runs share a job.
+
+A plan is a pure function of the variants in order, the number of runs and the size of a pack.
+"""
+
+from __future__ import annotations
+
+import filecmp
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from robovast.model.expansion.variant import Variant
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One variant executed once."""
+
+    id: int
+    """Number of the run in the campaign, from 0."""
+    variant: Variant
+    number: int
+    """Number of the run of its variant, from 0: the name of its results folder."""
+
+    @property
+    def path(self) -> str:
+        """Results folder relative to the campaign, `<variant>/<number>`."""
+        return f"{self.variant.name}/{self.number}"
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """Runs that are executed one after another in one container."""
+
+    index: int
+    runs: tuple[Run, ...]
+
+    @property
+    def name(self) -> str:
+        """Folder name below `_jobs`."""
+        return f"job-{self.index}"
+
+
+def plan_runs(variants: Sequence[Variant], runs: int) -> list[Run]:
+    """Every run of a campaign; the runs of a variant stay together."""
+    pairs = ((variant, number) for variant in variants for number in range(runs))
+    return [Run(id_, variant, number) for id_, (variant, number) in enumerate(pairs)]
+
+
+def pack_runs(runs: Iterable[Run], runs_per_job: int, first_job: int = 0) -> list[Job]:
+    """Runs in jobs of at most `runs_per_job`, in order.
+
+    A job also ends where `breaks` says so, since its variants share one config folder.
+    """
+    packs = _packs(list(runs), runs_per_job)
+    return [Job(first_job + index, tuple(pack)) for index, pack in enumerate(packs)]
+
+
+def _packs(runs: list[Run], size: int) -> Iterator[list[Run]]:
+    variants = list({run.variant.name: run.variant for run in runs}.values())
+    starts = {variants[index].name for index in breaks(variants)}
+    pack: list[Run] = []
+    for run in runs:
+        other = bool(pack) and pack[-1].variant.name != run.variant.name
+        if pack and (len(pack) == size or (other and run.variant.name in starts)):
+            yield pack
+            pack = []
+        pack.append(run)
+    if pack:
+        yield pack
+
+
+def breaks(variants: Sequence[Variant]) -> list[int]:
+    """Indexes of the variants that cannot share a job with the one before.
+
+    Variants that bring different files of one name cannot share a config folder; an index is
+    given where a variant clashes with any since the index before.
+    """
+    found: list[int] = []
+    sources: dict[str, Path] = {}
+    for index, variant in enumerate(variants):
+        if not all(
+            _same(sources.get(file.name, file.source), file.source) for file in variant.files
+        ):
+            found.append(index)
+            sources = {}
+        sources.update((file.name, file.source) for file in variant.files)
+    return found
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Whether two files may stand for each other: variants often bring copies of one map."""
+    try:
+        return one == other or filecmp.cmp(one, other, shallow=False)
+    except OSError:
+        return False

@@ -1,0 +1,159 @@
+"""The parameters of an OpenSCENARIO 2 scenario, without scenario-execution.
+
+scenario-execution pins versions that clash with ours, and asking it takes half a second. A
+scenario's overwritable parameters are the `name: type = default` lines at the first indentation
+of its body; this reads those and nothing else.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from robovast.base.errors import InputError
+
+_SCENARIO = re.compile(r"^scenario\s+([A-Za-z_][\w.]*)\b[^:]*:")
+_PARAMETER = re.compile(
+    r"^(?P<names>[A-Za-z_]\w*(?:\s*,\s*[A-Za-z_]\w*)*)\s*:\s*"
+    r"(?P<type>(?:list\s+of\s+)?[A-Za-z_][\w.]*)\s*(?:=\s*(?P<default>.+?))?\s*(?:with\s*:.*)?$"
+)
+_TOKEN = re.compile(r"\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*'|#.*")
+
+
+@dataclass(frozen=True)
+class ScenarioParameter:
+    """A parameter that a run may override."""
+
+    name: str
+    type: str
+    """As declared, `float` or `list of pose_3d`."""
+    default_text: str | None
+    """The default as it stands in the file; None when there is none."""
+    line: int
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A scenario's name and parameters, in the order of the file."""
+
+    name: str
+    parameters: tuple[ScenarioParameter, ...]
+
+
+def read_scenario(path: str | Path) -> Scenario:
+    """The first scenario of a file.
+
+    Raises:
+        InputError: no such file, or no scenario in it.
+    """
+    return read_scenarios(path)[0]
+
+
+def read_scenarios(path: str | Path) -> list[Scenario]:
+    """Every scenario of a file, at least one.
+
+    Raises:
+        InputError: no such file, or no scenario in it.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(f"there is no scenario file {path}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is not a text file in UTF-8 (byte {error.start})") from None
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+    scenarios = list(_scenarios(text.splitlines()))
+    if not scenarios:
+        raise InputError(f"{path} declares no scenario: a line `scenario <name>:` is missing")
+    return scenarios
+
+
+def get_scenario_parameters(scenario_file: str | Path) -> dict[str, list[dict[str, Any]]]:
+    """Overwritable parameters of a file's scenarios, `{scenario: [{name, type, is_list}]}`.
+
+    The type of a list is that of its items.
+    """
+    return {
+        scenario.name: [_description(parameter) for parameter in scenario.parameters]
+        for scenario in read_scenarios(scenario_file)
+    }
+
+
+def _description(parameter: ScenarioParameter) -> dict[str, Any]:
+    words = parameter.type.split()
+    return {"name": parameter.name, "type": words[-1], "is_list": len(words) > 1}
+
+
+def scenario_defaults(scenario_file: str | Path) -> dict[str, Any]:
+    """Overwritable parameters of a file's first scenario by name, with their defaults.
+
+    A default that is an expression is given as its text, one that is missing as None.
+    """
+    parameters = read_scenario(scenario_file).parameters
+    return {parameter.name: _default(parameter.default_text) for parameter in parameters}
+
+
+def parameter_types(scenario_file: str | Path) -> dict[str, str]:
+    """Declared types of the first scenario's parameters by name; none when it cannot be read."""
+    try:
+        return {p.name: p.type for p in read_scenario(scenario_file).parameters}
+    except InputError:
+        return {}
+
+
+def is_scenario_parameter(name: str, scenario_file: str | Path) -> bool:
+    """True when the file's scenario has the parameter."""
+    return name in scenario_defaults(scenario_file)
+
+
+def _default(text: str | None) -> Any:
+    try:
+        return None if text is None else yaml.safe_load(text)
+    except yaml.YAMLError:
+        return text
+
+
+def _scenarios(lines: list[str]) -> Iterator[Scenario]:
+    name, indent, depth = "", 0, 0
+    parameters: list[ScenarioParameter] = []
+    for number, line in enumerate(lines, start=1):
+        code = _without_comment(line).expandtabs(4).rstrip()
+        if not code.strip():
+            continue
+        continues, depth = depth > 0, depth + _opened(code)
+        if continues:
+            continue
+        width = len(code) - len(code.lstrip())
+        if width == 0:
+            if name:
+                yield Scenario(name, tuple(parameters))
+            match = _SCENARIO.match(code)
+            name, indent, parameters = match[1] if match else "", 0, []
+        elif name and width == (indent := indent or width):
+            parameters += _parameters(code.strip(), number)
+    if name:
+        yield Scenario(name, tuple(parameters))
+
+
+def _parameters(code: str, line: int) -> Iterator[ScenarioParameter]:
+    match = _PARAMETER.match(code)
+    if match and match["names"] != "do":
+        for name in re.split(r"\s*,\s*", match["names"]):
+            yield ScenarioParameter(name, match["type"], match["default"], line)
+
+
+def _without_comment(line: str) -> str:
+    return _TOKEN.sub(lambda match: "" if match[0].startswith("#") else match[0], line)
+
+
+def _opened(code: str) -> int:
+    """Brackets that a line leaves open: a statement goes on until they are closed."""
+    bare = _TOKEN.sub("", code)
+    return sum(bare.count(char) for char in "([{") - sum(bare.count(char) for char in ")]}")

@@ -1,0 +1,18 @@
+"""Variation types: their base class and the built-in ones."""
+
+from robovast.model.variations.base_variation import ProvContribution, Variation
+from robovast.model.variations.one_of_variation import OneOfVariation
+from robovast.model.variations.parameter_variation import (
+    ParameterVariationDistributionGaussian,
+    ParameterVariationDistributionUniform,
+    ParameterVariationList,
+)
+
+__all__ = [
+    "OneOfVariation",
+    "ParameterVariationDistributionGaussian",
+    "ParameterVariationDistributionUniform",
+    "ParameterVariationList",
+    "ProvContribution",
+    "Variation",
+]

@@ -1,0 +1,39 @@
+"""Finding a variation type by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from robovast.base.errors import InputError, RobovastError
+from robovast.base.plugins import load_plugin
+from robovast.model.variations.base_variation import Variation
+
+GROUP = "robovast.variation_types"
+
+
+def load_variation(name: str, folder: str | Path) -> type[Variation]:
+    """The class of a variation type.
+
+    Args:
+        name: an entry-point name, or `<path>.py:<Class>`.
+        folder: the .vast file's folder.
+
+    Raises:
+        InputError: there is none, it cannot be loaded, or it is no variation type.
+    """
+    found = load_plugin(name, GROUP, folder)
+    if not (isinstance(found, type) and issubclass(found, Variation)):
+        raise InputError(
+            f"`{name}` is no variation type: it must be a class that inherits from "
+            "robovast.model.variations.Variation"
+        )
+    return found
+
+
+def most_of_each(name: str, parameters: Any, folder: str | Path) -> int:
+    """How many configurations a variation type makes of each at most; 1 when it cannot say."""
+    try:
+        return load_variation(name, folder).most_of_each(parameters, str(folder)) or 1
+    except (RobovastError, ValueError, TypeError):
+        return 1  # making them says what is wrong

@@ -1,0 +1,67 @@
+"""Alternatives: each resulting configuration has exactly one of several variations applied."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from robovast.model.variation_config import VariationConfig, get_validated_config
+from robovast.model.variations.base_variation import Variation
+
+
+class OneOfVariationConfig(VariationConfig):
+    """Parameters of OneOfVariation."""
+
+    variations: Annotated[list[str | dict[str, Any]], Field(min_length=1)]
+    """The alternatives, each as in `configuration[].variations`."""
+
+
+class OneOfVariation(Variation):
+    """The union of what each alternative makes of the configurations.
+
+    Variations that follow one another multiply the configurations; alternatives add to them.
+    """
+
+    CONFIG_CLASS = OneOfVariationConfig
+
+    @classmethod
+    def most_of_each(cls, parameters: Any, base_path: str) -> int | None:
+        """As many as all alternatives together."""
+        from robovast.model.variations.loader import most_of_each
+
+        given = get_validated_config(parameters, OneOfVariationConfig)
+        return sum(most_of_each(*_call(item), base_path) for item in given.variations)
+
+    def variation(self, in_configs: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        """What the first alternative makes of each configuration, then the second, and so on."""
+        result = []
+        for config in in_configs:
+            for definition in self.parameters.variations:
+                made = self._alternative(definition).variation([{**config}])
+                # One index for the whole union: an alternative numbers only its own.
+                result += [
+                    self.update_config({**item, "name": config["name"]}, {}) for item in made
+                ]
+        return result
+
+    def _alternative(self, definition: str | dict[str, Any]) -> Variation:
+        from robovast.model.variations.loader import load_variation
+
+        name, parameters = _call(definition)
+        alternative = load_variation(name, self.base_path)(
+            self.base_path,
+            parameters or {},
+            self.general_parameters,
+            self.progress_update_callback,
+            self.scenario_file,
+            self.output_dir,
+            self.container_runner,
+        )
+        alternative.entry = self.entry
+        return alternative
+
+
+def _call(definition: str | dict[str, Any]) -> tuple[str, Any]:
+    """Name and parameters of an alternative."""
+    return (definition, {}) if isinstance(definition, str) else next(iter(definition.items()))

@@ -1,0 +1,202 @@
+"""Variations of scenario parameters: listed values, or values drawn from a distribution."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import random
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any
+
+import yaml
+from pydantic import AliasChoices, ConfigDict, Field, model_validator
+
+from robovast.model.scenario import parameter_types
+from robovast.model.variation_config import VariationConfig, get_validated_config
+from robovast.model.variations.base_variation import Variation
+from robovast.model.variations.legacy_random import LegacyRandom
+
+Configs = list[dict[str, Any]]
+Value = int | float | str | bool
+
+
+class ParameterVariationListConfig(VariationConfig):
+    """Parameters of ParameterVariationList."""
+
+    name: str | Annotated[list[str], Field(min_length=1)]
+    """Scenario parameter, or several that change together."""
+    values: Annotated[list[Any], Field(min_length=1)]
+    """Its values, one configuration for each; of several parameters lists, as long as `name`."""
+
+    @model_validator(mode="after")
+    def _as_many_values_as_names(self) -> ParameterVariationListConfig:
+        if isinstance(self.name, str):
+            return self
+        for position, item in enumerate(self.values):
+            if not isinstance(item, list) or len(item) != len(self.name):
+                raise ValueError(
+                    f"`values[{position}]` must be a list of {len(self.name)} values, one for each "
+                    f"of {', '.join(self.name)}"
+                )
+        return self
+
+
+class ParameterVariationList(Variation):
+    """One configuration for each value of a list."""
+
+    CONFIG_CLASS = ParameterVariationListConfig
+
+    @classmethod
+    def most_of_each(cls, parameters: Any, base_path: str) -> int | None:
+        """As many as there are values."""
+        del base_path
+        return len(get_validated_config(parameters, ParameterVariationListConfig).values)
+
+    def variation(self, in_configs: Configs) -> Configs:
+        """Each configuration with each value."""
+        chosen = list(self._chosen())
+        return [self.update_config(c, values) for c in in_configs for values in chosen]
+
+    def _chosen(self) -> list[dict[str, Any]]:
+        name, values = self.parameters.name, self.parameters.values
+        if isinstance(name, list):
+            return [dict(zip(name, item, strict=True)) for item in values]
+        is_text = parameter_types(self.scenario_file).get(name) == "string"
+        return [{name: value if is_text else _number_in(value)} for value in values]
+
+
+def _number_in(value: Any) -> Any:
+    """The number or truth value that a text reads as; else the value itself."""
+    if not isinstance(value, str):
+        return value
+    try:
+        read = yaml.safe_load(value)
+    except yaml.YAMLError:
+        return value
+    return read if isinstance(read, bool | int | float) else value
+
+
+_KINDS: Mapping[str, str] = {
+    "int": "int", "integer": "int", "float": "float", "double": "float", "number": "float",
+    "bool": "bool",
+}  # fmt: skip
+_TEXT = frozenset({"string", "str", "text"})
+
+
+class _Number(VariationConfig):
+    model_config = ConfigDict(extra="ignore")
+
+    num_variations: Annotated[int, Field(ge=1)]
+
+
+class _DistributionConfig(VariationConfig):
+    name: str
+    """Scenario parameter."""
+    num_variations: Annotated[int, Field(ge=1)]
+    """Number of values to draw."""
+    type: str = "float"
+    """Type of the values: `int` or `integer`, `float`, `double` or `number`, `bool`; else text."""
+    seed: int | None = None
+    """Seed; without one it follows from the configuration's and the parameter's name."""
+
+    @property
+    def kind(self) -> str:
+        """`int`, `float`, `bool` or `text`."""
+        return _KINDS.get(self.type, "text")
+
+
+class ParameterVariationDistributionUniformConfig(_DistributionConfig):
+    """Parameters of ParameterVariationDistributionUniform."""
+
+    min: float
+    """One end of the values."""
+    max: float
+    """The other end; of `bool` the share of true values."""
+
+
+class ParameterVariationDistributionGaussianConfig(_DistributionConfig):
+    """Parameters of ParameterVariationDistributionGaussian."""
+
+    seed: Annotated[int, Field(ge=0, lt=2**32)] | None = None
+    """Seed; without one it follows from the configuration's and the parameter's name."""
+    mean: float
+    """Mean of the distribution; a `bool` is true from there on."""
+    std: Annotated[float, Field(ge=0, validation_alias=AliasChoices("std", "std_dev"))]
+    """Standard deviation."""
+    min: float | None = None
+    """Lower values are raised to this."""
+    max: float | None = None
+    """Higher values are lowered to this."""
+
+
+class _DistributionVariation(Variation):
+    @classmethod
+    def most_of_each(cls, parameters: Any, base_path: str) -> int | None:
+        """As many as values are drawn."""
+        del base_path
+        return _Number.model_validate(parameters).num_variations
+
+    def _with_each(self, in_configs: Configs, draw: Callable[[], Value]) -> Configs:
+        """Each configuration with each drawn value; all get the same values."""
+        name, kind = self.parameters.name, self.parameters.type
+        if self.parameters.kind == "text" and kind not in _TEXT:
+            self.progress_update(f"`type: {kind}` is no type that is known: the values are text")
+        values = [draw() for _ in range(self.parameters.num_variations)]
+        return [self.update_config(c, {name: value}) for c in in_configs for value in values]
+
+    def _seed(self) -> int:
+        if self.parameters.seed is not None:
+            return int(self.parameters.seed)
+        identity = f"{self.entry}/{self.parameters.name}".encode()
+        return int.from_bytes(hashlib.sha256(identity).digest()[:4])
+
+
+class ParameterVariationDistributionUniform(_DistributionVariation):
+    """Values drawn from a uniform distribution; integers include both ends, cut to whole numbers.
+
+    They are those of Python's `random` with the same seed.
+    """
+
+    CONFIG_CLASS = ParameterVariationDistributionUniformConfig
+
+    def variation(self, in_configs: Configs) -> Configs:
+        """Each configuration with each drawn value."""
+        generator = random.Random(self._seed())  # noqa: S311  # repeatable on purpose
+        return self._with_each(in_configs, lambda: self._draw(generator))
+
+    def _draw(self, generator: random.Random) -> Value:
+        kind, low, high = self.parameters.kind, self.parameters.min, self.parameters.max
+        if kind == "bool":
+            return bool(generator.random() < high)
+        ends_are_whole = low.is_integer() and high.is_integer()
+        if kind == "int" or (kind == "text" and ends_are_whole):
+            drawn: float = generator.randint(*sorted((int(low), int(high))))
+        else:
+            drawn = generator.uniform(low, high)
+        return str(drawn) if kind == "text" else drawn
+
+
+class ParameterVariationDistributionGaussian(_DistributionVariation):
+    """Values drawn from a normal distribution, those of `numpy.random.seed` and `.normal`."""
+
+    CONFIG_CLASS = ParameterVariationDistributionGaussianConfig
+
+    def variation(self, in_configs: Configs) -> Configs:
+        """Each configuration with each drawn value."""
+        generator = LegacyRandom(self._seed())
+        return self._with_each(in_configs, lambda: self._draw(generator))
+
+    def _draw(self, generator: LegacyRandom) -> Value:
+        settings: ParameterVariationDistributionGaussianConfig = self.parameters
+        value = generator.normal(settings.mean, settings.std)
+        low = -math.inf if settings.min is None else settings.min
+        high = math.inf if settings.max is None else settings.max
+        value = min(high, max(low, value))
+        match settings.kind:
+            case "int":
+                return int(value)
+            case "bool":
+                return bool(value >= settings.mean)
+            case "text":
+                return str(value)
+        return value

@@ -1,0 +1,143 @@
+"""Runs as they are in a bucket: what a record names, all of one execution, and nothing else."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from robovast.campaign.layout import RUN_RECORD
+from robovast.campaign.places import set_apart
+from robovast.campaign.run_files import (
+    FileList,
+    StoredFile,
+    is_inside,
+    is_key,
+    is_writers,
+    read_list,
+)
+from robovast.campaign.run_record import parse_run_record
+from robovast.storage.faults import ObjectError
+from robovast.storage.s3 import ObjectStore, StoredObject
+
+
+@dataclass(frozen=True)
+class RunObjects:
+    """A run that is stored, as the listing of a bucket has it."""
+
+    path: str
+    """`<variant>/<number>`."""
+    objects: tuple[StoredObject, ...]
+    """All that is below its path, also what nobody names."""
+
+
+@dataclass(frozen=True)
+class BucketFile:
+    """A file, and where its content is."""
+
+    path: str
+    """In the campaign's folder."""
+    item: StoredObject
+    content: bytes | None = None
+    """When it was read already."""
+
+    def bring(
+        self,
+        store: ObjectStore,
+        bucket: str,
+        target: Path,
+        received: Callable[[int], None] = lambda _: None,
+    ) -> None:
+        """Write it; see `ObjectStore.get_file`."""
+        if self.content is None:
+            store.get_file(bucket, self.item, target, received)
+            return
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(self.content)
+        os.utime(target, (self.item.modified, self.item.modified))
+        received(len(self.content))
+
+
+@dataclass(frozen=True)
+class OpenedRun:
+    """A run of which is known what belongs to it."""
+
+    path: str
+    """`<variant>/<number>`."""
+    files: tuple[BucketFile, ...]
+    """Its record last."""
+    lacks_files: bool
+    """Whether it wrote some that could not be stored."""
+    apart: Mapping[str, str]
+    """Files that are folders too, by where they were, and where they are."""
+
+    @property
+    def tag(self) -> str:
+        """Tells it from other executions of the run."""
+        return hashlib.sha256(repr(self.files).encode()).hexdigest()[:12]
+
+
+def open_run(store: ObjectStore, bucket: str, run: RunObjects) -> OpenedRun:
+    """Read what belongs to a run.
+
+    Raises:
+        ObjectError: its record or its list of files is damaged, or gone.
+        StorageError: the bucket cannot be read.
+    """
+    key = f"{run.path}/{RUN_RECORD}"
+    look = store.look(bucket, key)
+    if look is None:
+        raise ObjectError(f"{bucket}/{key} is gone: it was removed meanwhile.")
+    record = parse_run_record(look.content)
+    if record is None or record.files is None:
+        found = _files_beside(run)
+    else:
+        found = _named_files(store, bucket, run.path, record.files, look.modified)
+    apart = set_apart([*(file.path for file in found), key])
+    files = [replace(file, path=apart.get(file.path, file.path)) for file in found]
+    item = StoredObject(key, len(look.content), look.modified, look.etag)
+    own = BucketFile(key, item, look.content)
+    lacks_files = record is not None and bool(record.missing)
+    return OpenedRun(run.path, (*files, own), lacks_files, apart)
+
+
+def _files_beside(run: RunObjects) -> tuple[BucketFile, ...]:
+    """Of a run that an older version stored."""
+    below = len(run.path) + 1
+    others = (item for item in run.objects if item.key[below:] != RUN_RECORD)
+    return tuple(BucketFile(i.key, i) for i in others if not is_writers(i.key[below:]))
+
+
+def _named_files(
+    store: ObjectStore, bucket: str, run: str, files: FileList, modified: float
+) -> tuple[BucketFile, ...]:
+    return tuple(
+        BucketFile(
+            f"{run}/{file.path}",
+            StoredObject(f"{run}/{file.key}", file.size, modified, "", file.sha256),
+        )
+        for file in listed_files(store, bucket, run, files)
+    )
+
+
+def listed_files(store: ObjectStore, bucket: str, run: str, files: FileList) -> list[StoredFile]:
+    """What the list says that a record names.
+
+    Raises:
+        ObjectError: it is damaged, or gone.
+        StorageError: the bucket cannot be read.
+    """
+    name = f"{bucket}/{run}/{files.key}"
+    if not is_inside(files.key) or not is_key(files.key):
+        raise ObjectError(f"{bucket}/{run}/{RUN_RECORD} is damaged: it names no list of files.")
+    content = store.read(bucket, f"{run}/{files.key}")
+    if content is None:
+        raise ObjectError(f"{name} is gone, the list of the run's files.")
+    if hashlib.sha256(content).hexdigest() != files.sha256:
+        raise ObjectError(f"{name} is damaged: it is not the list that the run's record names.")
+    try:
+        return read_list(content)
+    except ValueError as error:
+        raise ObjectError(f"{name} is damaged: {error}.") from error

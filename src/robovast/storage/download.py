@@ -1,0 +1,394 @@
+"""Bringing a campaign home from S3: in parallel, resumed, verified, each run at once or not at all.
+
+```
+<campaign>/
+  <variant>/<run>/         a run, complete; its `run.json` has the time of the object in S3
+  .download/<variant>/…    executions of which files are still missing; gone at the end
+```
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from threading import Event, Lock
+from typing import Protocol, TypeVar
+
+from robovast.base.atomic import put_in_place
+from robovast.base.errors import RobovastError, StorageError
+from robovast.base.locks import exclusive_folder
+from robovast.campaign.layout import RUN_RECORD
+from robovast.campaign.places import run_of, set_apart, why_no_place
+from robovast.campaign.run_files import shown
+from robovast.storage.belonging import STAGE, occupy
+from robovast.storage.bucket_runs import BucketFile, OpenedRun, RunObjects, open_run
+from robovast.storage.faults import ObjectError
+from robovast.storage.ownership import owner_of
+from robovast.storage.s3 import ObjectStore, StoredObject
+
+T = TypeVar("T")
+
+THREADS = 8
+"""Files that are fetched at once."""
+MOST_TOLD = 5
+"""Broken runs that an error names."""
+MOST_SHOWN = 100
+"""Of a file's path, in an error."""
+
+_UNKEEPABLE = frozenset(
+    {errno.EEXIST, errno.EILSEQ, errno.EINVAL, errno.EISDIR, errno.ENAMETOOLONG, errno.ENOTDIR}
+)
+"""What a disk says of a file that it cannot have, whatever else it has."""
+_JOB = re.compile(r"[\w-][\w.-]*(/[\w-][\w.-]*)*")
+
+
+class DownloadObserver(Protocol):
+    """Is told what happens, from several threads, one at a time."""
+
+    def planned(self, files: int, size: int) -> None:
+        """So many files, and bytes, will be fetched."""
+
+    def received(self, size: int) -> None:
+        """So many bytes more arrived."""
+
+    def file_finished(self) -> None:
+        """One file more is here."""
+
+
+class Silent:
+    """Tells nobody."""
+
+    def planned(self, files: int, size: int) -> None:
+        """Say nothing."""
+
+    def received(self, size: int) -> None:
+        """Say nothing."""
+
+    def file_finished(self) -> None:
+        """Say nothing."""
+
+
+@dataclass(frozen=True)
+class DownloadPlan:
+    """What is to be fetched."""
+
+    runs: tuple[RunObjects, ...]
+    """Complete runs that are not here, or were repeated since."""
+    files: tuple[BucketFile, ...]
+    """Other files that are not here, or have changed since."""
+    present: int = 0
+    """Runs that are here."""
+    unfinished: tuple[str, ...] = ()
+    """Runs that are not stored yet."""
+    warnings: tuple[str, ...] = ()
+    """What of the bucket has no place in the folder, or another one."""
+
+
+@dataclass(frozen=True)
+class DownloadResult:
+    """What a download did."""
+
+    campaign: Path
+    fetched: int
+    """Runs that were fetched."""
+    present: int
+    """Runs that were here before."""
+    unfinished: tuple[str, ...]
+    """Runs that the cluster has not stored yet."""
+    size: int
+    """Bytes of the files that were fetched."""
+    lacking: tuple[str, ...] = ()
+    """Runs that were fetched, of which files could not be stored: their records say which."""
+    warnings: tuple[str, ...] = ()
+    """What of the bucket has no place in the folder, or another one."""
+
+
+def download_campaign(
+    store: ObjectStore,
+    bucket: str,
+    campaign: Path,
+    observer: DownloadObserver,
+    *,
+    force: bool = False,
+) -> DownloadResult:
+    """Bring what is stored of a campaign into its folder.
+
+    A run appears in the folder with all its files or not at all. What is here already is not
+    fetched again; files of which a part is here are continued.
+
+    Args:
+        store: where its bucket is.
+        bucket: the campaign's bucket.
+        campaign: the campaign's folder; made when it does not exist.
+        observer: is told of the progress.
+        force: fetch everything, also what is here.
+
+    Raises:
+        OtherOwnerError: what is in the folder is another campaign's.
+        StorageError: the bucket cannot be read, the folder cannot be written, or some files
+            could not be fetched; those that were stay.
+    """
+    refusal = f"{campaign}: another download writes into it. Wait until it has ended."
+    with _explained(campaign), exclusive_folder(campaign / STAGE, refusal):
+        occupy(campaign, owner_of(store, bucket))
+        plan = plan_download(store.objects(bucket), campaign, force=force)
+        runs = _Fetching(store, bucket, campaign, observer).fetch(plan)
+    return DownloadResult(
+        campaign=campaign,
+        fetched=len(runs),
+        present=plan.present,
+        unfinished=plan.unfinished,
+        size=_size(plan.files, runs),
+        lacking=tuple(run.path for run in runs if run.lacks_files),
+        warnings=(*plan.warnings, *(line for run in runs for line in told_apart(run.apart))),
+    )
+
+
+def _size(files: Iterable[BucketFile], runs: Iterable[OpenedRun]) -> int:
+    return sum(file.item.size for file in (*files, *(file for run in runs for file in run.files)))
+
+
+def plan_download(
+    objects: Iterable[StoredObject], campaign: Path, *, force: bool = False
+) -> DownloadPlan:
+    """What is to be fetched of the objects of a bucket."""
+    runs: dict[str, list[StoredObject]] = {}
+    files: list[StoredObject] = []
+    refused: dict[str, str] = {}
+    for item in objects:
+        run = run_of(item.key)
+        if reason := why_no_place(item.key):
+            refused[item.key] = reason
+        elif run:
+            runs.setdefault(run, []).append(item)
+        else:
+            files.append(item)
+    apart = set_apart([*(item.key for item in files), *(f"{run}/{RUN_RECORD}" for run in runs)])
+    placed = [BucketFile(apart.get(item.key, item.key), item) for item in files]
+    wanted, unfinished, present = [], [], 0
+    for path, parts in runs.items():
+        record = next((item for item in parts if item.key == f"{path}/{RUN_RECORD}"), None)
+        if record is None:
+            unfinished.append(path)
+        elif not force and _is_here(record, campaign / record.key):
+            present += 1
+        else:
+            wanted.append(RunObjects(path, tuple(parts)))
+    return DownloadPlan(
+        runs=tuple(wanted),
+        files=tuple(
+            file for file in placed if force or not _is_here(file.item, campaign / file.path)
+        ),
+        present=present,
+        unfinished=tuple(unfinished),
+        warnings=(
+            *(f"{shown(key)!r} is left in the bucket: {why}." for key, why in refused.items()),
+            *told_apart(apart),
+        ),
+    )
+
+
+def told_apart(apart: Mapping[str, str]) -> Iterator[str]:
+    """What to say of files that have another place; see `set_apart`."""
+    for path, place in apart.items():
+        yield f"{path!r} is a file in the bucket, and a folder: here the file is {place!r}."
+
+
+def _is_here(item: StoredObject, path: Path) -> bool:
+    try:
+        found = path.stat()
+    except OSError:
+        return False
+    return found.st_size == item.size and int(found.st_mtime) == int(item.modified)
+
+
+class _Stopped(Exception):  # noqa: N818 - no error: it ends a thread
+    """Another file could not be fetched, or the user has stopped it."""
+
+
+@dataclass
+class _Pending:
+    """A run of which files are still missing."""
+
+    run: OpenedRun
+    stage: Path
+    """Where its files are until all are here; those of other executions are elsewhere."""
+    left: int
+    lock: Lock = field(default_factory=Lock)
+    broken: bool = False
+    """One of its files cannot be had."""
+
+    def count_down(self) -> bool:
+        """One file less is to come; True when it was the last."""
+        with self.lock:
+            self.left -= 1
+            return not self.left
+
+
+class _Fetching:
+    """Fetches files in several threads, and moves each run that is complete into its place.
+
+    A broken object costs its run alone; what is in progress ends after any other fault, and is
+    continued another time.
+    """
+
+    def __init__(
+        self, store: ObjectStore, bucket: str, campaign: Path, observer: DownloadObserver
+    ) -> None:
+        self._store = store
+        self._bucket = bucket
+        self._campaign = campaign
+        self._observer = observer
+        self._lock = Lock()
+        self._stop = Event()
+        self._broken: dict[str, ObjectError] = {}
+        """What is wrong, by run or file."""
+
+    def fetch(self, plan: DownloadPlan) -> list[OpenedRun]:
+        """Fetch all; returns the runs.
+
+        Raises:
+            StorageError: some files could not be fetched.
+        """
+        with ThreadPoolExecutor(THREADS, "download") as pool:
+            found = self._do(pool, [partial(self._open, run) for run in plan.runs])
+            runs = [run for run in found if run is not None]
+            count = len(plan.files) + sum(len(run.files) for run in runs)
+            self._observer.planned(count, _size(plan.files, runs))
+            self._do(pool, list(self._tasks(plan.files, runs)))
+        self._refuse_broken()
+        return runs
+
+    def _do(self, pool: ThreadPoolExecutor, actions: Sequence[Callable[[], T]]) -> list[T]:
+        tasks = [pool.submit(action) for action in actions]
+        try:
+            for task in as_completed(tasks):
+                task.result()
+        except BaseException:
+            self._stop.set()
+            pool.shutdown(wait=True, cancel_futures=True)
+            raise
+        return [task.result() for task in tasks]
+
+    def _open(self, run: RunObjects) -> OpenedRun | None:
+        try:
+            return open_run(self._store, self._bucket, run)
+        except ObjectError as error:
+            self._broken[run.path] = error
+            return None
+
+    def _tasks(
+        self, files: Iterable[BucketFile], runs: Iterable[OpenedRun]
+    ) -> Iterator[Callable[[], None]]:
+        for own in files:
+            yield partial(self._get_file, own)
+        for run in runs:
+            stage = self._campaign / STAGE / f"{run.path}.{run.tag}"
+            pending = _Pending(run, stage, len(run.files))
+            for file in run.files:
+                yield partial(self._get_part, file, pending)
+
+    def _get_file(self, file: BucketFile) -> None:
+        try:
+            with _keeping(file.path):
+                target = self._campaign / file.path
+                file.bring(self._store, self._bucket, target, self._received)
+        except ObjectError as error:
+            self._broken[file.path] = error
+        self._finished()
+
+    def _get_part(self, file: BucketFile, pending: _Pending) -> None:
+        target = pending.stage / file.path[len(pending.run.path) + 1 :]
+        with self._costing(pending), _keeping(file.path):
+            if _is_here(file.item, target):
+                self._received(file.item.size)
+            elif not pending.broken:
+                file.bring(self._store, self._bucket, target, self._received)
+        self._finished()
+        if pending.count_down() and not pending.broken:
+            with self._costing(pending), _keeping(pending.run.path):
+                self._place(pending)
+
+    @contextlib.contextmanager
+    def _costing(self, pending: _Pending) -> Iterator[None]:
+        """Let a broken object cost its run."""
+        try:
+            yield
+        except ObjectError as error:
+            pending.broken = True
+            self._broken[pending.run.path] = error
+
+    def _finished(self) -> None:
+        with self._lock:
+            self._observer.file_finished()
+
+    def _received(self, size: int) -> None:
+        if self._stop.is_set():
+            raise _Stopped
+        with self._lock:
+            self._observer.received(size)
+
+    def _place(self, pending: _Pending) -> None:
+        """Move a complete run to its place."""
+        stage, target = pending.stage, self._campaign / pending.run.path
+        _link_job(stage)
+        put_in_place(stage, target, replace=True)
+
+    def _refuse_broken(self) -> None:
+        if self._broken:
+            names = sorted(self._broken)
+            told = " ".join(f"{name}: {self._broken[name]}" for name in names[:MOST_TOLD])
+            more = f" … and {len(names) - MOST_TOLD} more." if len(names) > MOST_TOLD else ""
+            raise StorageError(f"All is fetched but {len(names)} runs or files. {told}{more}")
+
+
+@contextlib.contextmanager
+def _keeping(path: str) -> Iterator[None]:
+    """What this disk cannot have, whatever else it has, is the fault of one object."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _UNKEEPABLE:
+            raise
+        told = f"`{path[:MOST_SHOWN]}` cannot be kept on this disk: {error.strerror}."
+        raise ObjectError(told) from error
+
+
+def _link_job(run: Path) -> None:
+    """Restore what S3 cannot hold: the link to the job that executed the run."""
+    target, link = job_link(run / RUN_RECORD), run / "job"
+    if target is not None and not os.path.lexists(link):
+        link.symlink_to(target)
+
+
+def job_link(record: Path) -> Path | None:
+    """Where the link `job` of a run leads to; None when its record does not say."""
+    try:
+        job = json.loads(record.read_text(encoding="utf-8"))["job"]
+    except (ValueError, TypeError, KeyError):
+        return None  # a record of another version; the files are all here
+    named = isinstance(job, str) and _JOB.fullmatch(job)
+    return Path("..", "..", "_jobs", job) if named else None
+
+
+@contextlib.contextmanager
+def _explained(campaign: Path) -> Iterator[None]:
+    try:
+        yield
+    except RobovastError as error:
+        raise type(error)(
+            f"{error} What was fetched stays; repeat the command to go on."
+        ) from error
+    except OSError as error:
+        raise StorageError(
+            f"{campaign}: cannot be written: {error.strerror} ({error.filename}). What was "
+            "fetched stays; repeat the command to go on."
+        ) from error

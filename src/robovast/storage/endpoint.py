@@ -1,0 +1,67 @@
+"""Where an S3 server is, and the keys of an account on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from robovast.base.errors import StorageError
+
+DEFAULT_REGION = "us-east-1"
+"""What servers other than Amazon's answer to."""
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """Where an S3 server is."""
+
+    host: str
+    """`HOST` or `HOST:PORT`."""
+    secure: bool = True
+    """Use TLS; CA certificates come from `$SSL_CERT_FILE`, else from certifi."""
+    region: str = DEFAULT_REGION
+
+    @classmethod
+    def parse(cls, text: str, region: str | None = None, *, secure: bool = True) -> Endpoint:
+        """From `https://host:port`, `http://host:port` or `host:port`.
+
+        Args:
+            text: the address.
+            region: `us-east-1` when there is none.
+            secure: counts when the address has no scheme.
+        """
+        scheme, separator, host = text.rstrip("/").rpartition("://")
+        return cls(host, scheme != "http" if separator else secure, region or DEFAULT_REGION)
+
+    def __str__(self) -> str:
+        return f"{'https' if self.secure else 'http'}://{self.host}"
+
+
+@dataclass(frozen=True)
+class Credentials:
+    """Keys of an account."""
+
+    access_key: str
+    secret_key: str = field(repr=False)
+
+    @classmethod
+    def from_folder(cls, folder: Path) -> Credentials:
+        """From the files `accessKey` and `secretKey`, as a mounted Secret has them.
+
+        Raises:
+            StorageError: one of them is missing or empty.
+        """
+        return cls(*(_read_key(folder / name) for name in ("accessKey", "secretKey")))
+
+
+def _read_key(path: Path) -> str:
+    try:
+        value = path.read_text(encoding="utf-8").strip()
+    except OSError as error:
+        raise StorageError(
+            f"{path}: cannot be read ({error.strerror}). The Secret with the S3 credentials needs "
+            "the keys `accessKey` and `secretKey`."
+        ) from None
+    if not value:
+        raise StorageError(f"{path}: is empty; it must hold a key of the S3 account.")
+    return value

@@ -1,0 +1,250 @@
+"""HTTP servers as RoboVAST uses them: patient, explained, and silent on credentials."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from typing import IO, Any
+from urllib.parse import urlsplit
+
+import certifi
+import urllib3
+from urllib3.exceptions import HTTPError, NewConnectionError, SSLError
+
+from robovast.base.backoff import BUSY, Pauses
+from robovast.base.errors import StorageError
+
+Body = bytes | IO[bytes] | None
+
+PATIENCE = 300.0
+"""For how long a server may be gone [s]."""
+FIRST_CONTACT = 5.0
+"""For how long a server may be gone that never answered: its address may be wrong [s]."""
+ATTEMPTS = 3
+"""How often a long upload is begun again."""
+SILENCE = 120.0
+"""For how long a server may say nothing to a request [s]."""
+CHUNK = 2**20
+"""How much of an answer is held in memory [byte]."""
+
+_NOT_TAKEN = frozenset({429, 503})
+"""Statuses of a request that was not begun."""
+_LONGEST_QUOTE = 300
+_SHORTEST_SECRET = 4
+"""What is shorter stands in any text."""
+
+
+class HttpError(StorageError):
+    """A server refused a request."""
+
+    def __init__(self, message: str, status: int) -> None:
+        super().__init__(message)
+        self.status = status
+
+
+class HttpClient:
+    """Requests to one server; a server that is busy or gone is asked again.
+
+    No method follows a redirection, so that credentials reach no other server.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        headers: Mapping[str, str],
+        *,
+        remedies: Mapping[int, str] | None = None,
+        secrets: Collection[str] = (),
+        insecure: bool = False,
+        patience: float = PATIENCE,
+        timeout: float = SILENCE,
+    ) -> None:
+        """
+        Args:
+            name: what a user calls the server.
+            headers: of every request.
+            remedies: what to do, by HTTP status.
+            secrets: what no message may contain.
+            insecure: accept any certificate.
+            patience: for how long to ask again [s].
+            timeout: for how long it may say nothing [s].
+        """
+        self.name = name
+        self._headers = dict(headers)
+        self._remedies = {**_REMEDIES, **(remedies or {})}
+        self._secrets = [secret for secret in secrets if len(secret) >= _SHORTEST_SECRET]
+        self._patience = patience
+        self._has_answered = False
+        if insecure:
+            urllib3.disable_warnings(urllib3.exceptions.InsecureRequestWarning)
+        self._pool = urllib3.PoolManager(
+            cert_reqs="CERT_NONE" if insecure else "CERT_REQUIRED",
+            ca_certs=None if insecure else os.environ.get("SSL_CERT_FILE") or certifi.where(),
+            timeout=urllib3.Timeout(connect=10, read=timeout),
+            retries=False,
+        )
+
+    def request(
+        self,
+        method: str,
+        url: str,
+        *,
+        attempt: str,
+        body: Callable[[], Body] = lambda: None,
+        headers: Mapping[str, str] | None = None,
+        accept: Collection[int] = (),
+        repeatable: bool = True,
+    ) -> urllib3.BaseHTTPResponse:
+        """The answer to a request, read.
+
+        Args:
+            method: of HTTP.
+            url: absolute.
+            attempt: what is tried, for messages: `make a draft`.
+            body: makes the body of each attempt anew.
+            headers: beside those of every request.
+            accept: statuses that are no error, beside 200 to 299.
+            repeatable: doing it twice is as good as once.
+
+        Raises:
+            HttpError: the server refused.
+            StorageError: it cannot be reached.
+        """
+        with self.opened(
+            method,
+            url,
+            attempt=attempt,
+            body=body,
+            headers=headers,
+            accept=accept,
+            repeatable=repeatable,
+            preload=True,
+        ) as answer:
+            return answer
+
+    @contextmanager
+    def opened(
+        self,
+        method: str,
+        url: str,
+        *,
+        attempt: str,
+        body: Callable[[], Body] = lambda: None,
+        headers: Mapping[str, str] | None = None,
+        accept: Collection[int] = (),
+        repeatable: bool = True,
+        preload: bool = False,
+    ) -> Iterator[urllib3.BaseHTTPResponse]:
+        """The answer to a request, to be read while the context lasts; as `request`."""
+        pauses = self._pauses()
+        while True:
+            try:
+                answer = self._pool.request(
+                    method,
+                    url,
+                    body=body(),
+                    headers={**self._headers, **(headers or {})},
+                    redirect=False,
+                    preload_content=preload,
+                )
+            except HTTPError as error:
+                fatal = isinstance(error, SSLError) or not (
+                    repeatable or isinstance(error, NewConnectionError)
+                )
+                if fatal or not pauses.wait():
+                    raise self._unreachable(attempt, url, error) from None
+                continue
+            self._has_answered = True
+            if 200 <= answer.status < 300 or answer.status in accept:
+                break
+            again = answer.status in (BUSY if repeatable else _NOT_TAKEN)
+            if not again or not pauses.wait(_retry_after(answer)):
+                raise self._refused(attempt, answer)
+            answer.drain_conn()
+        try:
+            yield answer
+        finally:
+            answer.close()
+            answer.release_conn()
+
+    def _pauses(self) -> Pauses:
+        if self._has_answered:
+            return Pauses(self._patience, ATTEMPTS)
+        return Pauses(min(self._patience, FIRST_CONTACT))
+
+    def _refused(self, attempt: str, answer: urllib3.BaseHTTPResponse) -> HttpError:
+        status = answer.status
+        said = self._quoted(answer)
+        location = answer.headers.get("Location")
+        if 300 <= status < 400 and location:
+            said = f"it has moved to {urlsplit(location)._replace(query='').geturl()}"
+        remedy = self._remedies.get(status) or self._remedies.get(status // 100 * 100, "")
+        wait = answer.headers.get("Retry-After")
+        if status == 429 and wait:
+            remedy = f"It asks to wait for {wait} s."
+        cause = f"{status}" + (f", {said}" if said else "")
+        return HttpError(
+            self._clean(f"{self.name}: cannot {attempt} ({cause}). {remedy}".rstrip()), status
+        )
+
+    def _unreachable(self, attempt: str, url: str, error: HTTPError) -> StorageError:
+        place = urlsplit(url)
+        reason = str(getattr(error, "reason", None) or error).rpartition(": ")[2]
+        return StorageError(
+            self._clean(
+                f"{self.name}: cannot {attempt}: {place.scheme}://{place.netloc} does not answer "
+                f"as it should ({reason}). Is the address right, and the network up?"
+            )
+        )
+
+    def _quoted(self, answer: urllib3.BaseHTTPResponse) -> str:
+        try:
+            text = answer.data.decode("utf-8", "replace").strip()
+        except HTTPError:
+            return ""
+        if text.startswith("{"):
+            text = _message(text)
+        return "" if text.startswith("<") else " ".join(text.split())[:_LONGEST_QUOTE]
+
+    def _clean(self, message: str) -> str:
+        for secret in self._secrets:
+            message = message.replace(secret, "…")
+        return message
+
+
+def _message(text: str) -> str:
+    """The message in a JSON answer, as servers of several kinds write it."""
+    try:
+        data = json.loads(text)
+    except ValueError:
+        return text
+    inner: Any = data.get("error")
+    message = data.get("message") or (inner.get("message") if isinstance(inner, dict) else inner)
+    details = data.get("errors")
+    if isinstance(details, list):
+        texts = [
+            f"{item.get('field', '')}: {item.get('message', item.get('messages', ''))}"
+            for item in details
+            if isinstance(item, dict)
+        ]
+        return "; ".join([str(message or ""), *texts]).strip("; ")
+    return str(message or text)
+
+
+def _retry_after(answer: urllib3.BaseHTTPResponse) -> float:
+    value = answer.headers.get("Retry-After", "")
+    return float(value) if value.isdigit() else 0.0
+
+
+_REMEDIES = {
+    300: "Give the address that it names.",
+    401: "It does not accept the credentials.",
+    403: "The account must be allowed to do that.",
+    404: "Is the address right?",
+    413: "It is larger than the server accepts.",
+    429: "Too many requests; try again later.",
+    500: "The server has a fault; try again later.",
+    507: "Make room on the server; what is stored stays.",
+}

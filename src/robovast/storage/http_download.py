@@ -1,0 +1,103 @@
+"""Files from HTTP servers, resumed where an earlier attempt ended."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from urllib3 import BaseHTTPResponse
+from urllib3.exceptions import HTTPError
+
+from robovast.base.backoff import Pauses
+from robovast.base.errors import StorageError
+from robovast.storage.http_client import CHUNK, PATIENCE, HttpClient
+
+_RANGE = re.compile(r"bytes (?P<first>\d+)-\d+/(?P<total>\d+)")
+_NO_SUCH_RANGE = 416
+
+
+def download(
+    client: HttpClient,
+    url: str,
+    dest: Path,
+    *,
+    attempt: str,
+    offset: int = 0,
+    headers: Mapping[str, str] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    """Download a file; a connection that is cut is made again for the rest.
+
+    Args:
+        client: of the server.
+        url: of the file.
+        dest: the local file.
+        attempt: what is tried, for messages.
+        offset: how many bytes of the file are here already.
+        headers: of the request.
+        progress: is told how many bytes are here, of how many.
+
+    Raises:
+        HttpError: the server refused.
+        StorageError: it cannot be reached.
+        OSError: the file cannot be written.
+    """
+    pauses = Pauses(PATIENCE)
+    etag = ""
+    with dest.open("r+b" if offset and dest.exists() else "wb") as file:
+        file.seek(offset)
+        file.truncate()
+        while True:
+            asked = _range_headers(file.tell(), etag)
+            with client.opened(
+                "GET",
+                url,
+                attempt=attempt,
+                headers={**(headers or {}), **asked},
+                accept={_NO_SUCH_RANGE},
+            ) as answer:
+                if answer.status == _NO_SUCH_RANGE:  # nothing is left of it, or it has changed
+                    if _total(answer, 0) == file.tell():
+                        return
+                    file.seek(0)
+                    file.truncate()
+                    continue
+                first, total = _place(answer)
+                etag = answer.headers.get("ETag", "")
+                file.seek(first)
+                file.truncate()
+                try:
+                    for chunk in answer.stream(CHUNK):
+                        file.write(chunk)
+                        pauses.reset()
+                        if progress:
+                            progress(file.tell(), total)
+                except HTTPError as error:
+                    cause: object = error
+                else:
+                    if file.tell() >= total:
+                        return
+                    cause = f"only {file.tell()} of {total} bytes arrived"
+            if not pauses.wait():
+                raise StorageError(f"{client.name}: cannot {attempt}: {cause}.")
+
+
+def _range_headers(offset: int, etag: str) -> dict[str, str]:
+    if not offset:
+        return {}
+    strong = {"If-Range": etag} if etag and not etag.startswith("W/") else {}
+    return {"Range": f"bytes={offset}-", **strong}
+
+
+def _place(answer: BaseHTTPResponse) -> tuple[int, int]:
+    """Where in the file an answer begins, and the file's size [byte]."""
+    match = _RANGE.fullmatch(answer.headers.get("Content-Range", ""))
+    if answer.status == 206 and match:
+        return int(match["first"]), int(match["total"])
+    return 0, int(answer.headers.get("Content-Length") or 0)
+
+
+def _total(answer: BaseHTTPResponse, default: int) -> int:
+    total = answer.headers.get("Content-Range", "").rpartition("/")[2]
+    return int(total) if total.isdigit() else default

@@ -1,0 +1,443 @@
+"""An S3 server as RoboVAST uses it: patient, checksummed, and never the same work twice.
+
+Every object carries the SHA-256 of its content. Writing is idempotent: what is there and equal is
+not sent again. A server that is restarted, or gone for a while, costs time and nothing else.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from email.utils import parsedate_to_datetime
+from pathlib import Path
+from typing import Any, BinaryIO, TypeVar
+
+from minio.deleteobjects import DeleteObject
+from minio.error import MinioException, S3Error
+from urllib3.exceptions import HTTPError, ProtocolError
+
+from robovast.base.atomic import put_in_place
+from robovast.base.backoff import Pauses
+from robovast.base.errors import StorageError
+from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.faults import ObjectError, explained, passes, persist
+from robovast.storage.s3_client import connect
+from robovast.storage.upload import ChangedError, Content, measured, of_bytes, send
+
+T = TypeVar("T")
+
+DIGEST = "sha256"
+"""Metadata key of the content's SHA-256, in hexadecimal digits."""
+MODE = "mode"
+"""Metadata key that executable files have."""
+EXECUTABLE = 0o755
+
+PARTS = 4
+"""How many parts of large files are sent at once, whatever the number of files."""
+SMALL = 256 * 1024 * 1024
+"""Larger objects are never read into memory, whoever made them [byte]."""
+
+CHUNK = 2**20
+"""How much of a download is held in memory [byte]."""
+PATIENCE = 600.0
+"""For how long a server may be gone by default [s]."""
+ATTEMPTS = 3
+"""How often a file is sent that changes while it is sent."""
+
+_ABSENT = frozenset({"NoSuchKey", "NoSuchBucket", "NotFound", "ResourceNotFound"})
+_REFUSED = frozenset({"PreconditionFailed", "NoSuchKey"})
+_TAKEN = frozenset({"BucketAlreadyOwnedByYou", "BucketAlreadyExists"})
+
+
+@dataclass(frozen=True)
+class StoredObject:
+    """What a listing says of an object."""
+
+    key: str
+    size: int
+    """[byte]"""
+    modified: float
+    """When it was stored [s since the epoch]; whole seconds on some servers."""
+    etag: str
+    """Empty when it is not known."""
+    sha256: str = ""
+    """Of its content, where more than its own metadata says it."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """A small object, all at one time."""
+
+    content: bytes
+    etag: str
+    modified: float
+    """When it was stored [s since the epoch], in whole seconds."""
+
+
+class ObjectStore:
+    """Buckets and objects of one account; several threads may share it.
+
+    Every method raises `StorageError` when the server refuses, or is gone for too long.
+    """
+
+    def __init__(
+        self,
+        endpoint: Endpoint,
+        credentials: Credentials,
+        *,
+        patience: float = PATIENCE,
+        connections: int = 8,
+    ) -> None:
+        """
+        Args:
+            endpoint: the server.
+            credentials: the account.
+            patience: for how long a server that does not answer is asked again [s].
+            connections: how many threads share the store.
+        """
+        self.endpoint = endpoint
+        self._patience = patience
+        self._client = connect(endpoint, credentials, patience, connections + PARTS)
+        self._parts = ThreadPoolExecutor(PARTS, "parts")
+
+    def buckets(self) -> list[str]:
+        """Names of all buckets of the account, sorted."""
+        with self._explained("list buckets"):
+            return sorted(bucket.name for bucket in self._persist(self._client.list_buckets))
+
+    def has_bucket(self, bucket: str) -> bool:
+        """Whether there is such a bucket."""
+        with self._explained(f"look for the bucket {bucket}"):
+            return self._has_bucket(bucket)
+
+    def make_bucket(self, bucket: str) -> None:
+        """Make a bucket; nothing happens when it is there."""
+        with self._explained(f"make the bucket {bucket}"):
+            if self._has_bucket(bucket):
+                return
+            try:
+                self._persist(lambda: self._client.make_bucket(bucket))
+            except S3Error as error:
+                if error.code not in _TAKEN or not self._has_bucket(bucket):
+                    raise
+
+    def delete_bucket(self, bucket: str) -> None:
+        """Remove a bucket with all that is in it; nothing happens when there is none."""
+        with self._explained(f"remove the bucket {bucket}"):
+            if self._has_bucket(bucket):
+                self._persist(lambda: self._empty(bucket))
+                self._persist(lambda: self._client.remove_bucket(bucket))
+
+    def _has_bucket(self, bucket: str) -> bool:
+        return self._persist(lambda: self._client.bucket_exists(bucket))
+
+    def _empty(self, bucket: str) -> None:
+        items = self._items(bucket, "", recursive=True)
+        self._delete(bucket, (item.object_name for item in items))
+
+    def delete(self, bucket: str, keys: Collection[str]) -> None:
+        """Remove objects; those that are not there count as removed."""
+        with self._explained(f"remove objects from {bucket}"):
+            self._persist(lambda: self._delete(bucket, keys))
+
+    def _delete(self, bucket: str, keys: Iterable[str]) -> None:
+        for error in self._client.remove_objects(bucket, map(DeleteObject, keys)):
+            raise StorageError(f"{bucket}/{error.name} cannot be removed: {error.message}")
+
+    def put_file(self, bucket: str, key: str, path: Path) -> bool:
+        """Store a file; False when an equal object was there.
+
+        Raises:
+            OSError: the file cannot be read.
+        """
+        with path.open("rb") as stream:
+            return self.put(bucket, key, stream)
+
+    def put_bytes(self, bucket: str, key: str, content: bytes) -> bool:
+        """Store a content; False when an equal object was there."""
+        with self._explained(f"store {bucket}/{key}"):
+            return self._put(bucket, key, of_bytes(content), {})
+
+    def put(self, bucket: str, key: str, file: BinaryIO) -> bool:
+        """Store the content of an open file; False when an equal one was there.
+
+        Raises:
+            OSError: the file cannot be read, or changes again and again.
+        """
+        with self._explained(f"store {bucket}/{key}"):
+            return self._steady(file, lambda content, mode: self._put(bucket, key, content, mode))
+
+    def put_new(self, bucket: str, key: str, file: BinaryIO) -> Content:
+        """Store the content of an open file where nothing is yet; returns what was stored.
+
+        Raises:
+            OSError: the file cannot be read, or changes again and again.
+        """
+
+        def store(content: Content, mode: Mapping[str, str]) -> Content:
+            self._send(bucket, key, content, mode)
+            return content
+
+        with self._explained(f"store {bucket}/{key}"):
+            return self._steady(file, store)
+
+    def _steady(self, file: BinaryIO, store: Callable[[Content, Mapping[str, str]], T]) -> T:
+        executable = os.fstat(file.fileno()).st_mode & 0o100
+        for _ in range(ATTEMPTS):
+            try:
+                return store(measured(file), {MODE: "executable"} if executable else {})
+            except ChangedError:
+                continue
+        raise OSError("it changes again and again while it is stored")
+
+    def _put(self, bucket: str, key: str, content: Content, metadata: Mapping[str, str]) -> bool:
+        if self._digest(bucket, key) == content.sha256:
+            return False
+        self._send(bucket, key, content, metadata)
+        return True
+
+    def _send(
+        self,
+        bucket: str,
+        key: str,
+        content: Content,
+        metadata: Mapping[str, str],
+        condition: Mapping[str, str] | None = None,
+    ) -> None:
+        noted = {f"x-amz-meta-{k}": v for k, v in {DIGEST: content.sha256, **metadata}.items()}
+        headers = {**noted, **(condition or {})}
+        self._persist(lambda: send(self._client, self._parts, bucket, key, content, headers))
+
+    def create(self, bucket: str, key: str, content: bytes) -> bool:
+        """Store a content unless there is an object of this name; False when there is another one.
+
+        Of several that try at once one succeeds, where the server knows conditional writes
+        (`If-None-Match`); where it does not, it is looked for first.
+        """
+        return self._store_if(bucket, key, content, None)
+
+    def replace(self, bucket: str, key: str, content: bytes, etag: str) -> bool:
+        """Store a content in place of the object of this ETag; False when there is another one.
+
+        Of several that try at once one succeeds, where the server knows conditional writes
+        (`If-Match`); where it does not, it is looked for first.
+        """
+        return self._store_if(bucket, key, content, etag)
+
+    def _store_if(self, bucket: str, key: str, content: bytes, etag: str | None) -> bool:
+        sent = of_bytes(content)
+        condition = {"If-None-Match": "*"} if etag is None else {"If-Match": f'"{etag}"'}
+        with self._explained(f"store {bucket}/{key}"):
+            try:
+                self._send(bucket, key, sent, {}, condition)
+            except S3Error as error:
+                if error.code == "NotImplemented":
+                    return self._store_unless(bucket, key, sent, etag)
+                if error.code not in _REFUSED:
+                    raise
+                return self._digest(bucket, key) == sent.sha256  # ours, when its answer was lost
+            return True
+
+    def _store_unless(self, bucket: str, key: str, content: Content, etag: str | None) -> bool:
+        found = self._stat(bucket, key)
+        if (_etag(found) if found else None) == etag:
+            self._send(bucket, key, content, {})
+            return True
+        return found is not None and _noted(found.metadata or {}, DIGEST) == content.sha256
+
+    def digest(self, bucket: str, key: str) -> str | None:
+        """SHA-256 that the writer of an object noted, empty without; None when there is none."""
+        with self._explained(f"look at {bucket}/{key}"):
+            return self._digest(bucket, key)
+
+    def _digest(self, bucket: str, key: str) -> str | None:
+        found = self._stat(bucket, key)
+        return _noted(found.metadata or {}, DIGEST) if found else None
+
+    def _stat(self, bucket: str, key: str) -> Any:
+        return self._unless_absent(lambda: self._client.stat_object(bucket, key))
+
+    def objects(self, bucket: str, prefix: str = "") -> Iterator[StoredObject]:
+        """All objects whose key begins so, sorted by key."""
+        with self._explained(f"list {bucket}/{prefix}"):
+            for item in self._items(bucket, prefix, recursive=True):
+                if item.size or not item.object_name.endswith("/"):  # which some show for folders
+                    modified = item.last_modified.timestamp()
+                    yield StoredObject(item.object_name, item.size, modified, _etag(item))
+
+    def folders(self, bucket: str, prefix: str = "") -> list[str]:
+        """Names of the folders directly below a prefix that is empty or ends with `/`."""
+        with self._explained(f"list {bucket}/{prefix}"):
+            items = self._items(bucket, prefix, recursive=False)
+            return [item.object_name[len(prefix) : -1] for item in items if item.is_dir]
+
+    def _items(self, bucket: str, prefix: str, *, recursive: bool) -> Iterator[Any]:
+        last: str | None = None
+        pauses = Pauses(self._patience)
+        while True:
+            try:
+                for item in self._client.list_objects(
+                    bucket, prefix, recursive=recursive, start_after=last
+                ):
+                    last = item.object_name
+                    yield item
+                return
+            except (MinioException, HTTPError) as error:
+                if not passes(error) or not pauses.wait():
+                    raise
+
+    def read(self, bucket: str, key: str, limit: int = SMALL) -> bytes | None:
+        """Content of a small object, verified; None when there is none."""
+        found = self.look(bucket, key, limit)
+        return found.content if found else None
+
+    def look(self, bucket: str, key: str, limit: int = SMALL) -> Look | None:
+        """A small object, verified; None when there is none.
+
+        Raises:
+            ObjectError: it has more bytes than the limit: others may have made it.
+        """
+
+        def read() -> Look:
+            with self._opened(bucket, key) as answer:
+                headers = answer.headers
+                size = int(headers.get("Content-Length") or 0)
+                if size > limit:
+                    raise ObjectError(
+                        f"{bucket}/{key} has {size:,} bytes, more than the {limit:,} that are read"
+                    )
+                content: bytes = answer.read()
+            _verify(f"{bucket}/{key}", _noted(headers, DIGEST), hashlib.sha256(content).hexdigest())
+            modified = parsedate_to_datetime(headers["Last-Modified"]).timestamp()
+            return Look(content, str(headers["ETag"]).strip('"'), modified)
+
+        with self._explained(f"read {bucket}/{key}"):
+            return self._unless_absent(read)
+
+    def get_file(
+        self,
+        bucket: str,
+        item: StoredObject,
+        target: Path,
+        received: Callable[[int], None] = lambda _: None,
+    ) -> None:
+        """Bring an object home: resumed where an earlier attempt ended, verified, then renamed.
+
+        The file gets the time at which the object was stored, so that it can be told later that
+        it is here.
+
+        Args:
+            bucket: its bucket.
+            item: the object, as listed.
+            target: the file; its folder is made.
+            received: is told how many bytes arrived, those of earlier attempts included.
+
+        Raises:
+            ObjectError: the object is not what it should be.
+            OSError: the file cannot be written.
+        """
+        target.parent.mkdir(parents=True, exist_ok=True)
+        part = _part(target, f"{item.key} {item.etag or item.sha256}")
+        meter = _Meter(received)
+        try:
+            with self._explained(f"fetch {bucket}/{item.key}"):
+                self._persist(lambda: self._fetch(bucket, item, part, meter))
+        except ObjectError:  # what arrived is not what was wanted
+            part.unlink(missing_ok=True)
+            raise
+        os.utime(part, (item.modified, item.modified))
+        put_in_place(part, target)
+
+    def _fetch(self, bucket: str, item: StoredObject, part: Path, meter: _Meter) -> None:
+        with part.open("ab+") as file:
+            if file.tell() >= item.size:
+                file.truncate(0)
+            file.seek(0)
+            hasher = hashlib.file_digest(file, "sha256")
+            with self._opened(bucket, item.key, file.tell(), item.etag) as answer:
+                headers = dict(answer.headers)
+                _verify_size(f"{bucket}/{item.key}", item.size, file.tell(), headers)
+                for chunk in answer.stream(CHUNK):
+                    hasher.update(chunk)
+                    file.write(chunk)
+                    meter.show(file.tell())
+            if file.tell() < item.size:
+                raise ProtocolError(f"only {file.tell()} of {item.size} bytes arrived")
+        noted = item.sha256 or _noted(headers, DIGEST)
+        _verify(f"{bucket}/{item.key}", noted, hasher.hexdigest())
+        if _noted(headers, MODE):
+            part.chmod(EXECUTABLE)
+
+    @contextmanager
+    def _opened(self, bucket: str, key: str, offset: int = 0, etag: str = "") -> Iterator[Any]:
+        headers: Any = {"If-Match": f'"{etag}"'} if etag else None
+        answer = self._client.get_object(bucket, key, offset, request_headers=headers)
+        try:
+            yield answer
+        finally:
+            answer.close()
+            answer.release_conn()
+
+    def _persist(self, action: Callable[[], T]) -> T:
+        return persist(action, self._patience)
+
+    def _unless_absent(self, action: Callable[[], T]) -> T | None:
+        try:
+            return self._persist(action)
+        except S3Error as error:
+            if error.code in _ABSENT:
+                return None
+            raise
+
+    def _explained(self, attempt: str) -> AbstractContextManager[None]:
+        return explained(f"{self.endpoint}: cannot {attempt}")
+
+
+class _Meter:
+    """Tells of each byte once, however often a download begins again."""
+
+    def __init__(self, received: Callable[[int], None]) -> None:
+        self._received = received
+        self._shown = 0
+
+    def show(self, position: int) -> None:
+        if position > self._shown:
+            self._received(position - self._shown)
+            self._shown = position
+
+
+def _part(target: Path, content: str) -> Path:
+    """Where a file is while it is incomplete: beside it, under a name of its content."""
+    tag = hashlib.sha256(content.encode("utf-8", "surrogateescape")).hexdigest()[:12]
+    name = os.fsdecode(os.fsencode(target.name)[:200])  # file systems count bytes
+    return target.with_name(f".{name}.{tag}.part")
+
+
+def _etag(found: Any) -> str:
+    return str(found.etag or "").strip('"')
+
+
+def _noted(headers: Mapping[str, Any], name: str) -> str:
+    wanted = f"x-amz-meta-{name}"
+    return next((str(value) for key, value in headers.items() if key.lower() == wanted), "")
+
+
+def _verify(name: str, noted: str, found: str) -> None:
+    if noted and noted != found:
+        raise ObjectError(
+            f"{name} is damaged: its SHA-256 is {found}, its writer noted {noted}. When that is "
+            "so again, the object in the bucket is broken."
+        )
+
+
+def _verify_size(name: str, expected: int, offset: int, headers: Mapping[str, str]) -> None:
+    length = next((int(v) for k, v in headers.items() if k.lower() == "content-length"), None)
+    if length is not None and offset + length != expected:
+        raise ObjectError(
+            f"{name} is damaged: it has {offset + length} bytes, its writer noted {expected}. When "
+            "that is so again, the object in the bucket is broken."
+        )

@@ -1,0 +1,258 @@
+"""Campaigns on a share: listed, brought home, removed."""
+
+from __future__ import annotations
+
+import fnmatch
+import logging
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from robovast.base.atomic import put_in_place
+from robovast.base.environment import dotenv_loaded
+from robovast.base.errors import CannotRunError, InputError, RobovastError, StorageError
+from robovast.base.plugins import load_plugin, plugins_of
+from robovast.campaign.importing import campaign_of_archive, import_archive
+from robovast.storage.shares.base import BaseShareProvider, check_variables
+
+GROUP = "robovast.share_providers"
+SHARE_TYPE = "ROBOVAST_SHARE_TYPE"
+SUFFIX = ".tar.gz"
+_GLOB = frozenset("*?[")
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class SharedCampaign:
+    """A campaign's archive on a share."""
+
+    archive: str
+    """Its file name."""
+    size: int
+    """[byte]"""
+
+    @property
+    def name(self) -> str:
+        """The campaign's name."""
+        return campaign_of_archive(self.archive)
+
+
+class NotOnShareError(InputError):
+    """A share has no campaign of this name."""
+
+
+class Share:
+    """A share through its provider; every fault is one for the user."""
+
+    def __init__(self, provider: BaseShareProvider) -> None:
+        self.provider = provider
+
+    def campaigns(self) -> list[SharedCampaign]:
+        """All campaigns on the share, sorted by name."""
+        with self._explained("list its archives"):
+            found = self.provider.list_campaign_archives_with_size()
+            return sorted(
+                (
+                    SharedCampaign(str(name), int(size))
+                    for name, size in found
+                    if _is_file_name(str(name))
+                ),
+                key=lambda item: item.archive,
+            )
+
+    def chosen(self, names: Sequence[str]) -> list[SharedCampaign]:
+        """The named campaigns, or all; a glob that matches none is told as a warning.
+
+        Raises:
+            NotOnShareError: one is not on the share.
+        """
+        known = {item.name: item for item in self.campaigns()}
+        found: list[str] = []
+        for name in (given.removesuffix(SUFFIX) for given in names):
+            matching = [name] if name in known else fnmatch.filter(known, name)
+            if not matching and not _GLOB.intersection(name):
+                raise NotOnShareError(
+                    f"there is no campaign `{name}` on the share; it has "
+                    f"{', '.join(known) or 'none'}."
+                )
+            if not matching:
+                _log.warning("no campaign on the share matches `%s`.", name)
+            found += matching
+        return [known[name] for name in dict.fromkeys(found)] if names else list(known.values())
+
+    def verify(self) -> None:
+        """Raise when archives cannot be uploaded, as far as that can be told before."""
+        with self._explained("be used"):
+            self.provider.verify_access()
+
+    def has(self, campaign: str) -> bool:
+        """True when the archive of a campaign is there."""
+        with self._explained(f"look for {campaign}"):
+            return self.provider.archive_exists_on_share(f"{campaign}{SUFFIX}")
+
+    def put(self, archive: Path, progress: Callable[[int, int], None]) -> None:
+        """Upload an archive under its own name, in place of one that is there.
+
+        Args:
+            archive: the file.
+            progress: is told how many bytes are sent, of how many.
+        """
+        with self._explained(f"take {archive.name}"):
+            self.provider.upload_archive(str(archive), archive.name, progress)
+
+    def remove(self, campaign: SharedCampaign) -> None:
+        """Remove a campaign from the share."""
+        with self._explained(f"remove {campaign.archive}"):
+            self.provider.remove_archive(campaign.archive)
+
+    def fetch(
+        self, campaign: SharedCampaign, target: Path, progress: Callable[[int, int], None]
+    ) -> None:
+        """Download a campaign's archive, resumed where an earlier attempt ended.
+
+        Raises:
+            StorageError: it is not here as a whole.
+        """
+        part = target.with_name(f".{target.name}.{campaign.size}.part")
+        here = part.stat().st_size if part.exists() else 0
+        with self._explained(f"download {campaign.archive}"):
+            if here < campaign.size:
+                self.provider.download_archive(campaign.archive, str(part), progress, here)
+            elif here > campaign.size:
+                part.unlink()
+        found = part.stat().st_size if part.exists() else 0
+        if found != campaign.size:
+            raise StorageError(
+                f"of {campaign.archive} {found} of {campaign.size} bytes are here. Try again: the "
+                "rest will be fetched."
+            )
+        put_in_place(part, target)
+
+    @contextmanager
+    def _explained(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except RobovastError:
+            raise
+        except Exception as error:
+            raise StorageError(
+                f"the share `{self.provider.SHARE_TYPE}` cannot {what}: "
+                f"{type(error).__name__}: {error}"
+            ) from error
+
+
+@contextmanager
+def open_share(folder: Path | None = None) -> Iterator[Share]:
+    """The share that the environment, or a `.env` file, describes.
+
+    Args:
+        folder: where to look for a `.env` file, there and above; the working directory when
+            omitted.
+
+    Raises:
+        InputError: none is described, or not completely.
+    """
+    with dotenv_loaded(folder):
+        kind = os.environ.get(SHARE_TYPE)
+        if not kind:
+            raise InputError(
+                f"there is no share: set {SHARE_TYPE} to one of "
+                f"{', '.join(sorted(plugins_of(GROUP)))}, in the environment or a `.env` file."
+            )
+        share = Share(load_provider(kind, folder or Path.cwd()))
+        check_variables(share.provider)
+        yield share
+
+
+def download_from_share(
+    share: Share,
+    names: Sequence[str],
+    output: Path,
+    *,
+    force: bool = False,
+    keep_archive: bool = False,
+    progress: Callable[[str, int, int], None] = lambda _name, _done, _total: None,
+) -> tuple[list[Path], list[Path]]:
+    """Bring campaigns home from a share, each complete or not at all.
+
+    Args:
+        share: the share.
+        names: the campaigns; all when empty.
+        output: folder for the campaigns' folders.
+        force: also fetch campaigns that are here.
+        keep_archive: leave `<campaign>.tar.gz` beside the campaign's folder.
+        progress: is told how many bytes of a campaign are here, of how many.
+
+    Returns:
+        Folders of the campaigns that were fetched, and of those that were here.
+
+    Raises:
+        InputError: one is not on the share, or its archive is damaged or unsafe.
+        StorageError: it cannot be fetched or written.
+    """
+    fetched, present = [], []
+    for campaign in share.chosen(names):
+        folder = output / campaign.name
+        if folder.exists() and not force:
+            present.append(folder)
+            continue
+        try:
+            fetched.append(_bring(share, campaign, output, force, keep_archive, progress))
+        except OSError as error:
+            raise StorageError(f"{output}: cannot be written: {error.strerror}.") from error
+    return fetched, present
+
+
+def _bring(
+    share: Share,
+    campaign: SharedCampaign,
+    output: Path,
+    force: bool,
+    keep_archive: bool,
+    progress: Callable[[str, int, int], None],
+) -> Path:
+    archive = output / campaign.archive
+    output.mkdir(parents=True, exist_ok=True)
+    share.fetch(campaign, archive, partial(progress, campaign.name))
+    try:
+        return import_archive(archive, output, force=force)
+    finally:
+        if not keep_archive:
+            archive.unlink()
+
+
+def load_provider(kind: str, folder: Path) -> BaseShareProvider:
+    """The provider of a kind of share.
+
+    Args:
+        kind: value of `ROBOVAST_SHARE_TYPE`: a plugin's name, or `<path>.py:<class>`.
+        folder: what such a path is relative to.
+
+    Raises:
+        InputError: there is no such provider, or it cannot be made.
+        CannotRunError: packages that it needs are missing.
+    """
+    try:
+        provider_class = load_plugin(kind, GROUP, folder)
+    except InputError as error:
+        if isinstance(error.__cause__, ImportError):
+            raise CannotRunError(f"{error} Built-in ones need `robovast[share]`.") from error
+        raise
+    if not (isinstance(provider_class, type) and issubclass(provider_class, BaseShareProvider)):
+        raise InputError(f"the share provider `{kind}` is no subclass of BaseShareProvider.")
+    try:
+        return provider_class()
+    except RobovastError:
+        raise
+    except Exception as error:
+        raise InputError(
+            f"the share provider `{kind}` cannot be made: {type(error).__name__}: {error}"
+        ) from error
+
+
+def _is_file_name(name: str) -> bool:
+    return Path(name).name == name and not name.startswith(".")

@@ -1,0 +1,344 @@
+"""Shares in Google Cloud Storage, by its JSON API."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import os
+import time
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import IO, Any, ClassVar
+from urllib.parse import quote, urlencode, urlsplit
+
+from robovast.base.errors import CannotRunError, InputError, StorageError
+from robovast.storage.http_client import HttpClient
+from robovast.storage.http_download import download
+from robovast.storage.shares.base import BaseShareProvider, ProgressCallback
+
+BUCKET = "ROBOVAST_GCS_BUCKET"
+PREFIX = "ROBOVAST_GCS_PREFIX"
+KEY_FILE = "ROBOVAST_GCS_KEY_FILE"
+KEY_JSON = "ROBOVAST_GCS_KEY_JSON"
+EMULATOR = "STORAGE_EMULATOR_HOST"
+"""Address of a server that stands for Google's, as Google's own libraries name it."""
+
+PART = 16 * 2**20
+"""How much is sent in one request [byte]; a multiple of 256 KiB."""
+
+_SERVER = "https://storage.googleapis.com"
+_SCOPE = "https://www.googleapis.com/auth/devstorage.read_write"
+_TOKEN_LIFE = 3600
+"""[s]"""
+_NOT_THERE = 404
+_GO_ON = 308
+
+
+class GcsShareProvider(BaseShareProvider):
+    """A bucket; reading a public one needs no key."""
+
+    SHARE_TYPE: ClassVar[str] = "gcs"
+
+    def __init__(self) -> None:
+        self._token = ""
+        self._token_ends = 0.0
+
+    def required_env_vars(self) -> dict[str, str]:
+        """The bucket; a key is needed for uploading and removing only."""
+        return {BUCKET: "name of the bucket"}
+
+    def build_pod_env(self) -> dict[str, str]:
+        """The variables, with the key itself in place of its file."""
+        names = (BUCKET, PREFIX, EMULATOR)
+        env = {name: os.environ[name] for name in names if name in os.environ}
+        key = _key()
+        return {**env, **({KEY_JSON: json.dumps(key)} if key else {})}
+
+    def verify_access(self) -> None:
+        """Ask whether the account may upload."""
+        right = "storage.objects.create"
+        answer = self._client.request(
+            "GET",
+            f"{self._api}/iam/testPermissions?permissions={right}",
+            attempt="ask what the account may do",
+            headers=self._authorization(needed=True),
+        )
+        if right not in _data(answer.data).get("permissions", []):
+            raise StorageError(
+                f"{self._client.name}: the account may not upload to the bucket; it needs the role "
+                "Storage Object Creator."
+            )
+
+    def upload_archive(
+        self,
+        archive_path: str,
+        object_name: str,
+        progress_callback: ProgressCallback | None = None,
+    ) -> None:
+        """Upload an archive in parts; after a cut, the rest is sent."""
+        path = Path(archive_path)
+        size = path.stat().st_size
+        session = self._begin_upload(object_name, size)
+        with path.open("rb") as stream:
+            stored = self._send(stream, session, object_name, size, progress_callback)
+        found = stored.get("md5Hash")
+        if found and found != _md5(path):
+            raise StorageError(
+                f"{self._client.name}: {object_name} arrived damaged, or was changed meanwhile. "
+                "Upload it again."
+            )
+
+    def list_campaign_archives_with_size(self) -> list[tuple[str, int]]:
+        """Archives directly below the prefix."""
+        found: list[tuple[str, int]] = []
+        query = {
+            "prefix": self._prefix,
+            "delimiter": "/",
+            "fields": "items(name,size),nextPageToken",
+        }
+        while True:
+            answer = self._client.request(
+                "GET",
+                f"{self._api}/o?{urlencode(query)}",
+                attempt="list the bucket",
+                headers=self._authorization(),
+            )
+            data = _data(answer.data)
+            for item in data.get("items", []):
+                name = str(item["name"]).removeprefix(self._prefix)
+                if name.endswith(".tar.gz"):
+                    found.append((name, int(item["size"])))
+            if "nextPageToken" not in data:
+                return sorted(found)
+            query["pageToken"] = data["nextPageToken"]
+
+    def download_archive(
+        self,
+        object_name: str,
+        dest: str,
+        progress_callback: ProgressCallback | None = None,
+        resume_offset: int = 0,
+    ) -> None:
+        """Download an archive; a connection that is cut is made again for the rest."""
+        download(
+            self._client,
+            f"{self._object(object_name)}?alt=media",
+            Path(dest),
+            attempt=f"download {object_name}",
+            offset=resume_offset,
+            headers=self._authorization(),
+            progress=progress_callback,
+        )
+
+    def remove_archive(self, name: str) -> None:
+        """Remove an archive."""
+        answer = self._client.request(
+            "DELETE",
+            self._object(name),
+            attempt=f"remove {name}",
+            headers=self._authorization(needed=True),
+            accept={_NOT_THERE},
+        )
+        if answer.status == _NOT_THERE:
+            raise InputError(f"{self._client.name}: there is no {name}.")
+
+    def archive_exists_on_share(self, name: str) -> bool:
+        """Ask for this one only."""
+        answer = self._client.request(
+            "GET",
+            self._object(name),
+            attempt=f"look for {name}",
+            headers=self._authorization(),
+            accept={_NOT_THERE},
+        )
+        return answer.status != _NOT_THERE
+
+    def _begin_upload(self, name: str, size: int) -> str:
+        """Address that takes the parts."""
+        query = urlencode({"uploadType": "resumable", "name": self._prefix + name})
+        answer = self._client.request(
+            "POST",
+            f"{self._server}/upload/storage/v1/b/{self._bucket}/o?{query}",
+            attempt=f"upload {name}",
+            headers={
+                **self._authorization(needed=True),
+                "X-Upload-Content-Type": "application/gzip",
+                "X-Upload-Content-Length": str(size),
+            },
+        )
+        return answer.headers.get("Location", "")
+
+    def _send(
+        self,
+        stream: IO[bytes],
+        session: str,
+        name: str,
+        size: int,
+        progress: ProgressCallback | None,
+    ) -> Mapping[str, Any]:
+        """Send what the server does not have yet, until it has everything."""
+        offset = 0
+        while True:
+            stream.seek(offset)
+            part = stream.read(PART)
+            last = offset + len(part) - 1
+            span = f"{offset}-{last}" if part else "*"
+            answer = self._client.request(
+                "PUT",
+                session,
+                attempt=f"upload {name}",
+                body=lambda part=part: part,  # type: ignore[misc]
+                headers={"Content-Range": f"bytes {span}/{size}"},
+                accept={_GO_ON},
+            )
+            arrived = answer.headers.get("Range", "").rpartition("-")[2]
+            offset = int(arrived) + 1 if arrived.isdigit() else 0
+            is_complete = answer.status != _GO_ON
+            if progress:
+                progress(size if is_complete else offset, size)
+            if is_complete:
+                return _data(answer.data)
+
+    def _authorization(self, *, needed: bool = False) -> dict[str, str]:
+        """Header with a token; empty without a key, as a public bucket needs none."""
+        key = _key()
+        if key is None:
+            if needed:
+                raise InputError(
+                    f"the share `gcs` needs the key of a service account for this: set {KEY_FILE} "
+                    f"or {KEY_JSON}, in the environment or a `.env` file."
+                )
+            return {}
+        if time.monotonic() > self._token_ends - 60:
+            self._token, life = self._fetch_token(key)
+            self._token_ends = time.monotonic() + life
+        return {"Authorization": f"Bearer {self._token}"}
+
+    def _fetch_token(self, key: Mapping[str, Any]) -> tuple[str, float]:
+        assertion = _assertion(key)
+        form = {
+            "grant_type": "urn:ietf:params:oauth:grant-type:jwt-bearer",
+            "assertion": assertion,
+        }
+        client = HttpClient(
+            urlsplit(str(key["token_uri"])).netloc,
+            {},
+            remedies={400: f"Check the key in {KEY_FILE}.", 401: f"Check the key in {KEY_FILE}."},
+            secrets=[assertion],
+        )
+        answer = client.request(
+            "POST",
+            str(key["token_uri"]),
+            attempt="get an access token",
+            body=lambda: urlencode(form).encode(),
+            headers={"Content-Type": "application/x-www-form-urlencoded"},
+        )
+        data = _data(answer.data)
+        return str(data.get("access_token")), float(data.get("expires_in") or _TOKEN_LIFE)
+
+    @cached_property
+    def _client(self) -> HttpClient:
+        name = f"gs://{os.environ.get(BUCKET, '')}"
+        return HttpClient(
+            name,
+            {},
+            remedies={
+                401: f"Reading needs a public bucket or a key in {KEY_FILE}.",
+                403: "The account needs the roles Storage Object Creator (to upload) and Storage "
+                "Object Viewer (to list and download).",
+                404: f"Check {BUCKET}.",
+            },
+        )
+
+    @property
+    def _server(self) -> str:
+        emulator = os.environ.get(EMULATOR, "")
+        if emulator and "://" not in emulator:
+            return f"http://{emulator}"
+        return emulator or _SERVER
+
+    @property
+    def _bucket(self) -> str:
+        return quote(os.environ[BUCKET], safe="")
+
+    @property
+    def _prefix(self) -> str:
+        return os.environ.get(PREFIX, "")
+
+    @property
+    def _api(self) -> str:
+        return f"{self._server}/storage/v1/b/{self._bucket}"
+
+    def _object(self, name: str) -> str:
+        return f"{self._api}/o/{quote(self._prefix + name, safe='')}"
+
+
+def _key() -> dict[str, Any] | None:
+    """The service account's key, from the variables."""
+    text, path = os.environ.get(KEY_JSON), os.environ.get(KEY_FILE)
+    if not text and not path:
+        return None
+    try:
+        key = json.loads(text or Path(str(path)).expanduser().read_text(encoding="utf-8"))
+        return {name: key[name] for name in ("client_email", "private_key", "token_uri")}
+    except OSError as error:
+        raise InputError(f"{KEY_FILE}: {path} cannot be read: {error.strerror}.") from None
+    except (ValueError, KeyError, TypeError):
+        raise InputError(
+            f"{KEY_JSON if text else KEY_FILE} holds no key of a service account: it is a JSON "
+            "file with `client_email`, `private_key` and `token_uri`, made in Google's console."
+        ) from None
+
+
+def _assertion(key: Mapping[str, Any]) -> str:
+    """What proves to Google's token service who asks (RFC 7523)."""
+    try:
+        from cryptography.hazmat.primitives import hashes, serialization
+        from cryptography.hazmat.primitives.asymmetric.padding import PKCS1v15
+        from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
+    except ImportError as error:
+        raise CannotRunError(
+            f"the share `gcs` needs the package {error.name}: install `robovast[share]`."
+        ) from None
+    try:
+        private = serialization.load_pem_private_key(str(key["private_key"]).encode(), None)
+    except (ValueError, TypeError):
+        raise InputError(f"the `private_key` in {KEY_FILE} or {KEY_JSON} is damaged.") from None
+    if not isinstance(private, RSAPrivateKey):
+        raise InputError(f"the `private_key` in {KEY_FILE} or {KEY_JSON} is no RSA key.")
+    now = int(time.time())
+    claims = {
+        "iss": key["client_email"],
+        "scope": _SCOPE,
+        "aud": key["token_uri"],
+        "iat": now,
+        "exp": now + _TOKEN_LIFE,
+    }
+    signed = ".".join(_base64(json.dumps(item).encode()) for item in (_HEADER, claims))
+    signature = private.sign(signed.encode(), PKCS1v15(), hashes.SHA256())
+    return f"{signed}.{_base64(signature)}"
+
+
+_HEADER = {"alg": "RS256", "typ": "JWT"}
+
+
+def _base64(content: bytes) -> str:
+    return base64.urlsafe_b64encode(content).rstrip(b"=").decode()
+
+
+def _md5(path: Path) -> str:
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, lambda: hashlib.md5(usedforsecurity=False)).digest()
+    return base64.b64encode(digest).decode()
+
+
+def _data(content: bytes) -> dict[str, Any]:
+    try:
+        data = json.loads(content)
+    except ValueError:
+        data = None
+    if not isinstance(data, dict):
+        raise StorageError("the server does not answer as Google Cloud Storage does.")
+    return data

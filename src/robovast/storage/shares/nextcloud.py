@@ -1,0 +1,48 @@
+"""Shares that are public links of a Nextcloud server."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from typing import ClassVar
+
+from robovast.base.errors import InputError
+from robovast.storage.shares.webdav import WebDavShareProvider
+
+URL = "ROBOVAST_SHARE_URL"
+
+_LINK = re.compile(r"(?P<server>https?://.+?)(/index\.php)?/s/(?P<token>[^/?#]+)/?")
+
+
+class NextcloudShareProvider(WebDavShareProvider):
+    """A public link without a password; it must allow uploading and editing."""
+
+    SHARE_TYPE: ClassVar[str] = "nextcloud"
+    PUT_IS_ATOMIC: ClassVar[bool] = True
+
+    def required_env_vars(self) -> dict[str, str]:
+        """The link."""
+        return {URL: "public link of the folder, as https://cloud.example.org/s/AbCdEf"}
+
+    def address(self) -> tuple[str, str, str]:
+        """The link's WebDAV folder, with its token as the user.
+
+        Raises:
+            InputError: it is no such link.
+        """
+        match = _LINK.fullmatch(os.environ[URL].strip())
+        if match is None:
+            raise InputError(
+                f"{URL} is no public link of a Nextcloud server: copy it from the sharing dialog, "
+                "as https://cloud.example.org/s/AbCdEf."
+            )
+        return f"{match['server']}/public.php/webdav/", match["token"], ""
+
+    def remedies(self) -> Mapping[int, str]:
+        """What to do, by HTTP status."""
+        return {
+            401: f"Check {URL}: the link may have ended, or have a password.",
+            403: "The link must allow uploading and editing.",
+            404: f"Check {URL}: the link may have ended.",
+        }
