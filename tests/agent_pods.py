@@ -21,11 +21,11 @@ from patience import eventually
 from robovast_testbed.s3 import Server
 
 from robovast.execution.local.process_environment import process_environment
-from robovast.kubeapi.names import bucket_name
 from robovast.model.document import load_document
 from robovast.model.expansion import compose, select_any
 from robovast.model.packs import CampaignPlan, Entry, Owner, PlanSpec, first_blocks, format_breaks
 from robovast.model.plan import breaks
+from robovast.storage.bucket_names import bucket_name
 from robovast.storage.bucket_runs import open_run
 from robovast.storage.download import plan_download
 from robovast.storage.endpoint import Credentials, Endpoint

@@ -80,7 +80,7 @@ app = new_app(
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from robovast import __version__
+        from robovast.base.version import __version__
 
         typer.echo(f"vast {__version__}")
         raise typer.Exit

@@ -1,3 +1,5 @@
 """RoboVAST: vary a scenario, run every variant, say what failed, where and why."""
 
-__version__ = "0.1.0"
+from robovast.base.version import __version__
+
+__all__ = ["__version__"]

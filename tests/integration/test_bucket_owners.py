@@ -15,9 +15,9 @@ from robovast_testbed.s3 import Server
 
 from robovast.base.errors import InputError
 from robovast.evaluation.mirror import mirror
-from robovast.kubeapi.names import bucket_name
 from robovast.model.packs import Owner
 from robovast.storage.belonging import folder_for
+from robovast.storage.bucket_names import bucket_name
 from robovast.storage.download import Silent, download_campaign
 from robovast.storage.ownership import OtherOwnerError, find_bucket, owner_of
 

@@ -14,7 +14,7 @@ from robovast_testbed.s3 import Server
 
 from robovast.base.errors import StorageError
 from robovast.execution.cluster_config.base import BaseConfig
-from robovast.kubeapi.names import bucket_name
+from robovast.storage.bucket_names import bucket_name
 from robovast.storage.download import DownloadResult, download_campaign
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from robovast.kubeapi.names import bucket_name, campaign_id, child_name
+from robovast.kubeapi.names import child_name
 from robovast.kubeapi.resources import (
     API_VERSION,
     CAMPAIGN_LABEL,
@@ -17,6 +17,7 @@ from robovast.kubeapi.resources import (
 )
 from robovast.model.document.model import Vast
 from robovast.model.packs import CampaignPlan, Entry, Owner, PlanSpec
+from robovast.storage.bucket_names import bucket_name, campaign_id
 from robovast_operator.kube.times import parse_time
 
 Object = dict[str, Any]

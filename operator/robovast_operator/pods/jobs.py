@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from robovast.kubeapi.names import BUNDLES_BUCKET
 from robovast.kubeapi.notice import Order
 from robovast.kubeapi.resources import ROLE_LABEL, SHARD_LABEL, Scheduling
 from robovast.model.packs import Bundle, CampaignPlan, Entry, GitSource, PlanSpec
 from robovast.model.quantities import cpus, memory
+from robovast.storage.bucket_names import BUNDLES_BUCKET
 from robovast_operator.kube.store import CONFIGURATION_LABEL, NOTIFY_ROLE, QUEUE_LABEL
 from robovast_operator.planning.campaign import Accepted, Identity, Object
 from robovast_operator.planning.shards import ShardPlan

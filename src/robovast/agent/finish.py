@@ -20,13 +20,13 @@ from robovast.base.serialization import dump_yaml
 from robovast.campaign.layout import Layout
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
-from robovast.common.execution import campaign_time
 from robovast.execution.generate import write_execution
 from robovast.kubeapi.exit_codes import AgentExit
 from robovast.kubeapi.messages import LIMIT, write_message
 from robovast.kubeapi.status import FAILING_LIMIT
 from robovast.model.document import Document
 from robovast.model.expansion import Variant
+from robovast.model.naming import campaign_time
 from robovast.model.plan import Run
 from robovast.model.repetition import GroupSizes, list_key, list_name, list_text, retry_groups
 

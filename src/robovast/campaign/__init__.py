@@ -1,1 +1,1 @@
-"""Results on disk: the layout of a campaign, the verdict and the record of a run."""
+"""A campaign's folder: where what is, the record and the verdict of a run."""

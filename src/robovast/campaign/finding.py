@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from robovast.base.errors import InputError
-from robovast.common.execution import is_campaign_dir
+from robovast.model.naming import is_campaign_dir
 
 
 def find_campaigns(results: Path) -> list[Path]:

@@ -27,6 +27,8 @@ TEST_RESULT = "test.xml"
 JOB_LINK = "job"
 """Link in a run's folder to the folder of the job that executed it."""
 RUNNING = ".running"
+STAGE = ".download"
+"""Folder of runs that are not complete yet, in the campaign's folder."""
 ASIDE = ".aside"
 OWN_NAMES = (RUN_RECORD, JOB_LINK)
 """What a run's folder has beside what the run wrote."""

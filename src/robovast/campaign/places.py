@@ -11,8 +11,7 @@ from itertools import count
 from pathlib import PurePosixPath
 
 from robovast.base.atomic import is_unfinished
-from robovast.campaign.layout import ASIDE, RUN_RECORD, RUNNING
-from robovast.storage.belonging import STAGE
+from robovast.campaign.layout import ASIDE, RUN_RECORD, RUNNING, STAGE
 
 ORIGIN = ".bucket"
 """File in a campaign's folder of the page's mirror that names its bucket."""

@@ -14,7 +14,7 @@ from pathlib import Path
 from robovast.base.atomic import discard, sweep
 from robovast.base.errors import StorageError
 from robovast.campaign.places import ORIGIN
-from robovast.common.execution import is_campaign_dir
+from robovast.model.naming import is_campaign_dir
 from robovast.storage.belonging import folder_for
 from robovast.storage.download import Silent, download_campaign
 from robovast.storage.endpoint import Credentials, Endpoint

@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from robovast import __version__
 from robovast.base.serialization import dump_yaml, to_plain
+from robovast.base.version import __version__
 from robovast.campaign.configurations import configuration_record
 from robovast.campaign.layout import Layout
 from robovast.execution.contract import contract_files

@@ -1,1 +1,1 @@
-"""Campaigns on a cluster: names, plan, storage. Knows no Kubernetes client."""
+"""What operator, agent and command line agree on: custom resources, status, names, messages."""

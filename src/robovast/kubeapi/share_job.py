@@ -10,7 +10,7 @@ from typing import Any
 
 from robovast.base.errors import InputError
 from robovast.base.plugins import split_file_reference
-from robovast.kubeapi.names import CREDENTIALS_SECRET, bucket_name
+from robovast.kubeapi.names import CREDENTIALS_SECRET
 from robovast.kubeapi.resources import (
     API_VERSION,
     CAMPAIGN_LABEL,
@@ -18,6 +18,7 @@ from robovast.kubeapi.resources import (
     UID_LABEL,
     Scheduling,
 )
+from robovast.storage.bucket_names import bucket_name
 from robovast.storage.shares.base import BaseShareProvider
 from robovast.storage.shares.campaigns import SHARE_TYPE
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from fastmcp import FastMCP
 
-from robovast import __version__
 from robovast.base.plugins import plugins_of
+from robovast.base.version import __version__
 from robovast.evaluation.library import Library
 from robovast.mcp.bounds import MOST_BYTES, page
 from robovast.mcp.question import MOST_ROWS, PATIENCE

@@ -9,8 +9,8 @@ from fastmcp import FastMCP
 from fastmcp.server.auth import AuthProvider
 from fastmcp.server.middleware.response_limiting import ResponseLimitingMiddleware
 
-from robovast import __version__
 from robovast.base.plugins import load_plugin, plugins_of
+from robovast.base.version import __version__
 from robovast.evaluation.library import Library
 from robovast.mcp.artifacts import ArtifactTools
 from robovast.mcp.campaigns import CampaignTools

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 from urllib.parse import quote
 
-from robovast import __version__
+from robovast.base.version import __version__
 from robovast.model.variations import ProvContribution
 
 Node = dict[Any, Any]

@@ -10,13 +10,11 @@ from pathlib import Path
 
 from robovast.base.atomic import write_atomically
 from robovast.base.errors import StorageError
-from robovast.common.execution import get_campaign_timestamp
-from robovast.kubeapi.names import uid_digits
+from robovast.campaign.layout import STAGE
+from robovast.model.naming import get_campaign_timestamp
 from robovast.model.packs import Owner
+from robovast.storage.bucket_names import uid_digits
 from robovast.storage.ownership import OWNER, OtherOwnerError, parse_owner
-
-STAGE = ".download"
-"""Folder of runs that are not complete yet, in the campaign's folder."""
 
 
 def folder_for(results: Path, campaign: str, owner: Owner | None) -> Path:

@@ -25,10 +25,10 @@ from typing import Protocol, TypeVar
 from robovast.base.atomic import put_in_place
 from robovast.base.errors import RobovastError, StorageError
 from robovast.base.locks import exclusive_folder
-from robovast.campaign.layout import RUN_RECORD
+from robovast.campaign.layout import RUN_RECORD, STAGE
 from robovast.campaign.places import run_of, set_apart, why_no_place
 from robovast.campaign.run_files import shown
-from robovast.storage.belonging import STAGE, occupy
+from robovast.storage.belonging import occupy
 from robovast.storage.bucket_runs import BucketFile, OpenedRun, RunObjects, open_run
 from robovast.storage.faults import ObjectError
 from robovast.storage.ownership import owner_of

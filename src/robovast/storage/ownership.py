@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from pydantic import ValidationError
 
 from robovast.base.errors import InputError, StorageError
-from robovast.kubeapi.names import buckets_of
 from robovast.model.packs import Owner
+from robovast.storage.bucket_names import buckets_of
 
 if TYPE_CHECKING:
     from robovast.storage.s3 import ObjectStore

@@ -7,7 +7,7 @@ from uuid import uuid4
 
 import pytest
 
-from robovast.kubeapi.names import BUCKET_LIMIT, bucket_name, buckets_of, campaign_id
+from robovast.storage.bucket_names import BUCKET_LIMIT, bucket_name, buckets_of, campaign_id
 
 NOW = datetime(2026, 3, 1, 10, 0, tzinfo=UTC)
 

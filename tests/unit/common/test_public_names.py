@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 import robovast.common
+from robovast.base import file_cache
 from robovast.base.errors import InputError
-from robovast.common import config, execution, file_cache, progress
+from robovast.common import config, execution, progress
 
 NAMES = [
     "VariationConfig",

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from robovast import __version__
 from robovast.analysis.postprocessing.content import combined, digests
 from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Observer, Options
 from robovast.analysis.postprocessing.state import State, Unit
 from robovast.analysis.postprocessing.survey import OWN, WHOLE, Survey
 from robovast.base.errors import RobovastError
+from robovast.base.version import __version__
 from robovast.campaign.layout import Layout
 
 TABLES = 1

@@ -6,10 +6,10 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
-from robovast import __version__
 from robovast.analysis.provenance.contributions import Node
 from robovast.analysis.provenance.vocabulary import SOFTWARE, encode_iri, is_iri, path_iri
 from robovast.base.serialization import to_plain
+from robovast.base.version import __version__
 
 _ORCID = re.compile(r"^(?:https?://orcid\.org/)?(\d{4}-\d{4}-\d{4}-\d{3}[\dX])$")
 _OWN_KEYS = frozenset({"id", "name", "type", "configuration_files"})

@@ -10,9 +10,9 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from robovast.analysis.provenance.findings import Findings
+from robovast.analysis.provenance.processor import MetadataProcessor
 from robovast.base.plugins import load_plugin, plugins_of, split_file_reference
 from robovast.base.serialization import to_plain
-from robovast.common.metadata import MetadataProcessor
 from robovast.model.document.model import Plugin, PluginCall
 from robovast.model.variations.base_variation import ProvContribution, Variation
 from robovast.model.variations.loader import GROUP, load_variation

@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from robovast import __version__
 from robovast.analysis.provenance.findings import Findings
 from robovast.analysis.provenance.graph import Graph
 from robovast.analysis.provenance.metadata import collect_metadata, read_configurations
@@ -22,6 +21,7 @@ from robovast.base.atomic import appearing_file, write_atomically
 from robovast.base.errors import InputError, StorageError
 from robovast.base.safe_paths import MOST_OF_ALL
 from robovast.base.serialization import dump_yaml
+from robovast.base.version import __version__
 
 METADATA = "metadata.yaml"
 GRAPH = "metadata.prov.json"

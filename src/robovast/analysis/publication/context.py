@@ -13,10 +13,10 @@ from pydantic import ValidationError
 from robovast.base.errors import DocumentError, InputError, StorageError
 from robovast.base.yaml_files import read_mapping
 from robovast.campaign.finding import find_campaigns
-from robovast.common.execution import campaign_time
 from robovast.model.document.model import PluginCall, ResultsProcessing
 from robovast.model.document.problems import problems_of
 from robovast.model.document.source import Source
+from robovast.model.naming import campaign_time
 
 
 @dataclass(frozen=True)

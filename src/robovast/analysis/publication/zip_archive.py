@@ -24,7 +24,7 @@ from robovast.base.progress_bar import fmt_size
 from robovast.base.safe_paths import MOST_OF_ALL, open_file, read_file
 from robovast.base.serialization import dump_yaml
 from robovast.base.yaml_files import read_mapping
-from robovast.common.execution import get_campaign_timestamp
+from robovast.model.naming import get_campaign_timestamp
 
 CHUNK = 2**20
 """How much of a file is held in memory [byte]."""

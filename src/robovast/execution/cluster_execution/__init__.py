@@ -1,1 +1,1 @@
-"""What happens to the results of campaigns on a cluster."""
+"""Import paths of plugins."""

@@ -17,7 +17,6 @@ from robovast.base.atomic import make_folder, sync_folder, sync_tree
 from robovast.base.errors import InputError, StorageError
 from robovast.campaign.configurations import read_variants
 from robovast.campaign.layout import Layout
-from robovast.common.execution import campaign_folder_name
 from robovast.execution.generate import write_configurations, write_execution
 from robovast.execution.local.campaign import execute_campaign
 from robovast.execution.local.choose import choose_runtime
@@ -28,6 +27,7 @@ from robovast.execution.local.store import explained
 from robovast.execution.local.variants import choose_variants
 from robovast.model.document import Document, load_document
 from robovast.model.expansion import Variant, select_variants
+from robovast.model.naming import campaign_folder_name
 from robovast.model.plan import plan_runs
 
 __all__ = [

@@ -13,7 +13,7 @@ from typing import Any
 from robovast.base.errors import CannotRunError, StorageError
 from robovast.base.serialization import dump_yaml
 from robovast.campaign.layout import Layout
-from robovast.common.execution import COMPAT_VERSION, campaign_prefix
+from robovast.common.execution import COMPAT_VERSION
 from robovast.execution.contract import contract_files
 from robovast.execution.generate import copy_file, write_configurations
 from robovast.execution.job_config import build_config_folder
@@ -26,6 +26,7 @@ from robovast.execution.local.session import Session
 from robovast.execution.local.variants import choose_variants
 from robovast.model.document import Document
 from robovast.model.inputs import container_files
+from robovast.model.naming import campaign_prefix
 from robovast.model.plan import Job, pack_runs, plan_runs
 from robovast.model.scenario import read_scenario
 

@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from robovast.common.execution import is_campaign_dir
+from robovast.model.naming import is_campaign_dir
 
 CONFIG_MOUNT = "/config/"
 """Where a container sees the folder of the .vast file."""

@@ -26,7 +26,7 @@ def load_variation(name: str, folder: str | Path) -> type[Variation]:
     if not (isinstance(found, type) and issubclass(found, Variation)):
         raise InputError(
             f"`{name}` is no variation type: it must be a class that inherits from "
-            "robovast.model.variations.Variation"
+            "robovast.common.variation.Variation"
         )
     return found
 

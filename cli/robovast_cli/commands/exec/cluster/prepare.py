@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from robovast.base.errors import StorageError
-from robovast.kubeapi.names import BUNDLES_BUCKET
 from robovast.kubeapi.submission import SubmitOptions, campaign_name, prepare_submission
 from robovast.model.document import Document
+from robovast.storage.bucket_names import BUNDLES_BUCKET
 from robovast_cli.commands.exec.cluster.run import campaign_yaml
 from robovast_cli.ui.output import say
 

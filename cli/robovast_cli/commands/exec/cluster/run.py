@@ -14,9 +14,9 @@ import yaml
 
 from robovast.base.environment import environment
 from robovast.base.errors import CannotRunError, ExitCode
-from robovast.kubeapi.names import BUNDLES_BUCKET
 from robovast.kubeapi.submission import Submission, SubmitOptions, campaign_name, prepare_submission
 from robovast.model.document import Document
+from robovast.storage.bucket_names import BUNDLES_BUCKET
 from robovast_cli.commands.exec.cluster.notifying import (
     create_secret,
     receivers,

@@ -1,4 +1,4 @@
-"""Another path of `BaseConfig`."""
+"""The base class of kinds of clusters, for plugins."""
 
 from robovast.kubeapi.cluster_config.base import BaseConfig
 

@@ -1,0 +1,1 @@
+"""`vast results`."""

@@ -1,0 +1,1 @@
+"""The cluster, as the user's kubeconfig leads to it."""

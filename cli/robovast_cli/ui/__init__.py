@@ -1,0 +1,1 @@
+"""What people see, shared by all commands."""

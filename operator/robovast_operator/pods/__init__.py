@@ -1,0 +1,1 @@
+"""From a plan to pods, and what pods say."""

@@ -1,0 +1,5 @@
+"""Sizes and progress for people, for plugins."""
+
+from robovast.base.progress_bar import ProgressBar, fmt_size
+
+__all__ = ["ProgressBar", "fmt_size"]

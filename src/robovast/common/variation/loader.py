@@ -1,0 +1,5 @@
+"""Finding a variation type by name, for plugins."""
+
+from robovast.model.variations.loader import load_variation
+
+__all__ = ["load_variation"]

@@ -1,0 +1,5 @@
+"""Alternatives, for plugins."""
+
+from robovast.model.variations.one_of_variation import OneOfVariation
+
+__all__ = ["OneOfVariation"]

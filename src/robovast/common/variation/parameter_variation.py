@@ -1,0 +1,13 @@
+"""Variations of parameters, for plugins."""
+
+from robovast.model.variations.parameter_variation import (
+    ParameterVariationDistributionGaussian,
+    ParameterVariationDistributionUniform,
+    ParameterVariationList,
+)
+
+__all__ = [
+    "ParameterVariationDistributionGaussian",
+    "ParameterVariationDistributionUniform",
+    "ParameterVariationList",
+]

@@ -1,0 +1,1 @@
+"""Kinds of clusters, where plugins look for their base class."""

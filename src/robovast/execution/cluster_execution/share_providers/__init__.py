@@ -1,0 +1,1 @@
+"""Shares, where plugins look for their base class."""

@@ -1,0 +1,5 @@
+"""The base class of shares, for plugins."""
+
+from robovast.storage.shares.base import BaseShareProvider, UploadProgressReader
+
+__all__ = ["BaseShareProvider", "UploadProgressReader"]

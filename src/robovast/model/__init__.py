@@ -1,0 +1,1 @@
+"""The document and what follows from it, pure: variants, plan, packs of runs."""

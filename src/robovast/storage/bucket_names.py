@@ -1,0 +1,62 @@
+"""Names of campaigns and of their buckets."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable
+from datetime import datetime
+
+from robovast.model.naming import campaign_folder_name
+
+BUCKET_LIMIT = 63
+UID_DIGITS = 10
+
+BUNDLES_BUCKET = "robovast-bundles"
+
+
+def campaign_id(name: str, created: datetime) -> str:
+    """Name of a campaign's results folder.
+
+    Args:
+        name: `metadata.name` of the document, else of the Campaign.
+        created: creation time of the Campaign (UTC).
+    """
+    return campaign_folder_name(name, created)
+
+
+def bucket_name(campaign: str, prefix: str = "", uid: str = "") -> str:
+    """A campaign's bucket: lower case, letters, digits and `-`, 3 to 63 characters.
+
+    What is too long is cut and made distinct again by a hash.
+
+    Args:
+        campaign: name of the results folder.
+        prefix: begins the name.
+        uid: of the Campaign, whose first digits end the name: two Campaigns may have one name and
+            be of one second. Buckets of older versions have none.
+    """
+    wanted = f"{prefix}{campaign}"
+    mark = f"-{uid_digits(uid)}" if uid else ""
+    limit = BUCKET_LIMIT - len(mark)
+    name = re.sub(r"[^a-z0-9]+", "-", wanted.lower()).strip("-")
+    if len(name) > limit:
+        cut = hashlib.sha256(wanted.encode()).hexdigest()[:8]
+        name = f"{name[: limit - 9].rstrip('-')}-{cut}"
+    return f"{name}{mark}".ljust(3, "0")
+
+
+def uid_digits(uid: str) -> str:
+    """As much of a uid as tells campaigns of one name and second apart."""
+    return uid.replace("-", "").lower()[:UID_DIGITS]
+
+
+def buckets_of(campaign: str, buckets: Iterable[str]) -> list[str]:
+    """The buckets that can be a campaign's, by the name of its results folder or of its bucket."""
+    stem = bucket_name(campaign, uid="0" * UID_DIGITS)[:-UID_DIGITS]
+    pattern = re.compile(re.escape(stem) + f"[0-9a-f]{{{UID_DIGITS}}}")
+    return [
+        name
+        for name in buckets
+        if name in {campaign, bucket_name(campaign)} or pattern.fullmatch(name)
+    ]
