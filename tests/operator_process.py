@@ -10,15 +10,17 @@ import sys
 import urllib.request
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
 import pytest
 import yaml
-from robovast_testbed import kwok
+from robovast_testbed import clocks, kwok
 from robovast_testbed.helm import helm
 from robovast_testbed.kubernetes import Cluster
+from robovast_testbed.outages import Process
 
 ROOT = Path(__file__).parents[1]
 SYSTEM = "robovast-system"
@@ -164,6 +166,13 @@ class OperatorProcess:
         """Send a signal: SIGSTOP pauses it, SIGCONT lets it go on."""
         assert self._process is not None
         self._process.send_signal(number)
+
+    @contextmanager
+    def shifted(self, seconds: int) -> Iterator[None]:
+        """Let it see another time of day."""
+        assert self._process is not None
+        with clocks.shifted(Process(self._process.pid, ()), seconds):
+            yield
 
     def memory(self) -> int:
         """Memory that it occupies now [byte]."""

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import platform
+import time
+from datetime import UTC, datetime, timedelta
 
 import pytest
 from operator_process import (
@@ -19,6 +22,8 @@ from operator_process import (
 )
 from patience import eventually
 from robovast_testbed.kubernetes import Cluster
+
+from robovast_operator.kube.times import parse_time
 
 
 @pytest.fixture
@@ -96,6 +101,23 @@ def test_a_namespace_goes_while_the_operator_is_down(
     operator.kill()
     fake_cluster.kubectl("delete", "namespace", namespace, "--timeout=60s")
     fake_cluster.kubectl("create", "namespace", namespace)
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="clocks are shifted by code for x86-64")
+def test_an_operator_whose_clock_jumps_goes_by_the_servers(
+    fake_cluster: Cluster, namespace: str, operator: OperatorProcess
+) -> None:
+    """Jobs that are kept for some time are not removed at once, and times in a status are right."""
+    fake_cluster.apply(campaign("few", namespace, 3, 2, ttlSecondsAfterFinished=600))
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    with operator.shifted(3600):
+        fake_cluster.kubectl("--namespace", namespace, "label", "campaign", "few", "looked=at")
+        fake_cluster.apply(campaign("later", namespace, 3, 2, suspend=True))
+        eventually(lambda: status(fake_cluster, namespace, "later").get("state") == "Suspended")
+        time.sleep(3)
+    assert fake_cluster.kubectl("--namespace", namespace, "get", "jobs", "--output=name")
+    told = condition(status(fake_cluster, namespace, "later"), "Succeeded")["lastTransitionTime"]
+    assert parse_time(told) - datetime.now(UTC) < timedelta(minutes=1)
 
 
 def test_a_job_that_somebody_deletes_is_made_again(

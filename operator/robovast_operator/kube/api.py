@@ -19,6 +19,7 @@ import kopf
 
 from robovast.base.errors import CannotRunError
 from robovast_operator.kube.lenient import shaped
+from robovast_operator.kube.times import hear
 from robovast_operator.planning.campaign import Object
 
 LOGGER = logging.getLogger(__name__)
@@ -218,6 +219,7 @@ class Api:
         ) as response:
             if self._metrics is not None:
                 self._metrics.request(method, path, response.status)
+            hear(response.headers.get("Date", ""))
             yield response
 
     def _authorization(self) -> dict[str, str]:
