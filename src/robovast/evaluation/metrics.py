@@ -18,7 +18,8 @@ AGGREGATES = {"mean": "avg", "least": "min", "most": "max", "sum": "sum"}
 """What can be made of a run's values, and SQLite's name of it."""
 MOST_COLUMNS = 400
 
-_KEYS = ("config", "run")
+_KEYS = {"config", "run"}
+_NAMES = {"config_name", "run_id", *_KEYS}
 
 
 def metric_columns(results: Path, campaign: str) -> dict[str, list[str]]:
@@ -71,18 +72,18 @@ def _tables(connection: sqlite3.Connection) -> dict[str, list[str]]:
     """Columns of the tables that have rows of runs; virtual tables and views are none."""
     found: dict[str, list[str]] = {}
     rows = connection.execute(
-        "SELECT m.name, c.name FROM sqlite_master m, pragma_table_info(m.name) c "
+        "SELECT m.name, c.name FROM sqlite_master m, pragma_table_xinfo(m.name) c "
         "WHERE m.type = 'table' AND m.sql LIKE 'CREATE TABLE%' LIMIT 100000"
     )
     for table, column in rows:
         found.setdefault(table, []).append(column)
-    return {table: names for table, names in found.items() if set(_KEYS) <= set(names)}
+    return {table: names for table, names in found.items() if set(names) >= _KEYS}
 
 
 def _numeric(connection: sqlite3.Connection, table: str, columns: list[str]) -> list[str]:
     """Columns whose first value is a number."""
     found = []
-    for name in [name for name in columns if name not in _KEYS][:MOST_COLUMNS]:
+    for name in [name for name in columns if name not in _NAMES][:MOST_COLUMNS]:
         kind = connection.execute(
             f"SELECT typeof({_quoted(name)}) FROM {_quoted(table)} "  # noqa: S608
             f"WHERE {_quoted(name)} IS NOT NULL LIMIT 1"

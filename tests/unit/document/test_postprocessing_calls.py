@@ -24,7 +24,6 @@ def load(folder: Path, commands: str, section: str = "results_processing") -> Do
 @pytest.mark.parametrize(
     ("command", "problem"),
     [
-        ("rosbags_tf_to_cvs", ": there is no command `rosbags_tf_to_cvs`\n    Did you mean `rosb"),
         ("rosbags_tf_to_csv: {frame: [a]}", "unknown key `frame`\n    Did you mean `frames`?"),
         ("rosbags_tf_to_csv: {frames: base_link}", "frames: must be a list, not 'base_link'"),
         ("rosbags_action_to_csv", "the key `action` is missing"),
@@ -51,6 +50,7 @@ def test_what_cannot_be_called_is_an_error_with_its_place(
         ("rosbags_to_csv", "`rosbags_to_csv` without `topics` does nothing"),
         ("rosbags_bt_to_csv: {colour: red}", "does not know the parameter `colour`; it has no eff"),
         ("their_own_metrics: {a: 1}", "no plugin `their_own_metrics` is installed here"),
+        ("rosbags_tf_to_cvs", "is installed here\n    Did you mean `rosbags_tf_to_csv`?"),
         ("tools/none.py:Metrics", "there is no file tools/none.py in"),
     ],
 )

@@ -290,3 +290,42 @@ def test_tables_of_older_versions_have_their_metrics(tmp_path: Path) -> None:
     answer = ask([campaign], "SELECT * FROM runs")
     assert "metrics_score" in answer.columns
     assert "path_x" not in answer.columns
+
+
+def test_the_rows_of_sqlite_are_found_by_either_name_of_a_run(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 2)
+    (campaign / "c-1/1/logs").mkdir()
+    (campaign / "c-1/1/logs/a b.csv").write_text("run_id,x\nown,1.5\n")
+    update(campaign)
+    found = sqlite_rows(campaign, "SELECT config_name, run_id, run_id_2, x FROM logs_a_b")
+    assert found == [("c-1", "1", "own", 1.5)]
+    assert sqlite_rows(campaign, "SELECT config, run FROM logs_a_b WHERE run_id = '1'") == [
+        ("c-1", 1)
+    ]
+    columns = sqlite_rows(campaign, "SELECT name FROM pragma_table_info('out')")
+    assert columns == [("config_name",), ("run_id",), ("v",)]
+    names = sqlite_rows(campaign, "SELECT display_name, sql_name FROM _table_name_map ORDER BY 1")
+    assert names == [("logs/a b", "logs_a_b"), ("out", "out")]
+
+
+def test_sqlite_has_the_times_of_every_run(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 2)
+    update(campaign)
+    update(campaign, c_1_0="another")
+    times = "SELECT * FROM scenario_timestamps WHERE run_id = '0' ORDER BY timestamp"
+    assert sqlite_rows(campaign, times) == [
+        ("c-1", "0", "1767225600.000000", "started", ""),
+        ("c-1", "0", "1767225602.000000", "passed", ""),
+    ]
+
+
+def test_a_sqlite_file_of_another_version_is_made_anew(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 1)
+    with closing(sqlite3.connect(campaign / "_execution/data.db")) as connection:
+        connection.executescript(
+            "CREATE TABLE _loaded (path PRIMARY KEY, version);"
+            "INSERT INTO _loaded VALUES ('c-1/0', 1);"
+            "CREATE TABLE out (config TEXT, run INTEGER, v NUMERIC);"
+        )
+    update(campaign)
+    assert sqlite_rows(campaign, "SELECT config_name, v FROM out") == [("c-1", 0)]

@@ -15,7 +15,7 @@ from robovast.base.errors import RobovastError
 from robovast.base.version import __version__
 from robovast.campaign.layout import Layout
 
-TABLES = 1
+TABLES = 2
 """Version of the tables' columns: with another one every run is read again."""
 
 

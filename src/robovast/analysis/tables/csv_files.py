@@ -6,7 +6,7 @@ import csv
 import os
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from io import TextIOWrapper
 from pathlib import Path
@@ -18,7 +18,7 @@ KEYS = ("config", "run")
 """Columns that say which run a row is of."""
 LONGEST_LINE = 32 << 20
 """Characters; a file of zeros has one line of its size."""
-_RESERVED = frozenset({"runs", "run_records", "loaded"})
+_RESERVED = frozenset({"runs", "run_records", "loaded", "scenario_timestamps"})
 
 csv.field_size_limit(sys.maxsize)
 
@@ -43,9 +43,9 @@ def table_name(path: str | os.PathLike[str]) -> str:
     return f"{name}_csv" if name.lower() in _RESERVED else name
 
 
-def column_names(header: Sequence[str]) -> list[str]:
+def column_names(header: Sequence[str], keys: Iterable[str] = ("campaign", *KEYS)) -> list[str]:
     """Names of columns that differ, also from the keys, whatever case is used."""
-    used = {"campaign", *KEYS}
+    used = set(keys)
     names = []
     for index, cell in enumerate(header, 1):
         base = cell.strip().replace('"', "'") or f"column_{index}"

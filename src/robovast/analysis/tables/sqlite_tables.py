@@ -1,13 +1,20 @@
-"""`_execution/data.db` (SQLite): one table for each CSV name, with the rows of all runs."""
+"""`_execution/data.db` (SQLite): one table for each CSV name, with the rows of all runs.
+
+Its rows begin with `config_name` and `run_id`, texts by which users of the existing tool know a
+run; `config` and `run`, a number, are the same. Which file is which table is in `_table_name_map`,
+when each run began and ended in `scenario_timestamps`.
+"""
 
 from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
+from datetime import UTC, datetime
 from pathlib import Path
 
 from robovast.analysis.tables.csv_files import KEYS, column_names, csv_files, read_header, read_rows
+from robovast.analysis.tables.runs import run_rows
 from robovast.analysis.tables.staging import quoted
 from robovast.base.errors import StorageError
 from robovast.campaign.layout import Layout
@@ -15,6 +22,10 @@ from robovast.campaign.layout import Layout
 FILE = "data.db"
 _LOADED = "_loaded"
 """Table that says which version of each run the others hold."""
+_NAMES = "_table_name_map"
+_TIMES = "scenario_timestamps"
+_FIRST = ("config_name", "run_id")
+_RUN = "config_name = ? AND run_id = ?"
 
 
 def update_sqlite(layout: Layout, versions: Mapping[str, str]) -> None:
@@ -46,11 +57,16 @@ def _connect(path: Path) -> sqlite3.Connection:
         known = connection.execute("SELECT name FROM sqlite_master").fetchall()
     except sqlite3.DatabaseError:
         known = [("damaged",)]
-    if known and (_LOADED,) not in known:
+    if known and not {(_LOADED,), (_NAMES,)} <= set(known):
         connection.close()
         path.unlink()
         connection = sqlite3.connect(path)
-    connection.execute(f"CREATE TABLE IF NOT EXISTS {_LOADED} (path PRIMARY KEY, version)")
+    connection.executescript(
+        f"CREATE TABLE IF NOT EXISTS {_LOADED} (path PRIMARY KEY, version);"
+        f"CREATE TABLE IF NOT EXISTS {_NAMES} (display_name TEXT, sql_name TEXT PRIMARY KEY);"
+        f"CREATE TABLE IF NOT EXISTS {_TIMES} "
+        "(config_name TEXT, run_id TEXT, timestamp TEXT, status TEXT, message TEXT);"
+    )
     return connection
 
 
@@ -58,10 +74,14 @@ def _update(connection: sqlite3.Connection, layout: Layout, versions: Mapping[st
     loaded = dict(connection.execute(f"SELECT path, version FROM {_LOADED}"))  # noqa: S608
     stale = [run for run, version in versions.items() if loaded.get(run) != version]
     tables = _tables(connection)
-    _remove(connection, tables, [run for run in loaded if versions.get(run) != loaded[run]])
+    gone = [run for run in loaded if versions.get(run) != loaded[run]]
+    _remove(connection, [*tables, _TIMES], gone)
     for run in stale:
         for table, path in csv_files(layout.run(run)).items():
+            shown = path.relative_to(layout.run(run)).with_suffix("").as_posix()
+            connection.execute(f"REPLACE INTO {_NAMES} VALUES (?, ?)", (shown, table))  # noqa: S608
             _load(connection, tables.setdefault(table.lower(), []), table, run, path)
+    _add_times(connection, layout, stale)
     connection.executemany(
         f"REPLACE INTO {_LOADED} VALUES (?, ?)",  # noqa: S608
         ((run, versions[run]) for run in stale),
@@ -72,8 +92,8 @@ def _tables(connection: sqlite3.Connection) -> dict[str, list[str]]:
     """Columns of every table, by its name in small letters."""
     rows = connection.execute(
         "SELECT m.name, c.name FROM sqlite_master m, pragma_table_info(m.name) c "
-        "WHERE m.type = 'table' AND m.name <> ?",
-        (_LOADED,),
+        "WHERE m.type = 'table' AND m.name NOT IN (?, ?, ?)",
+        (_LOADED, _NAMES, _TIMES),
     )
     found: dict[str, list[str]] = {}
     for table, column in rows:
@@ -82,35 +102,52 @@ def _tables(connection: sqlite3.Connection) -> dict[str, list[str]]:
 
 
 def _remove(connection: sqlite3.Connection, tables: Iterable[str], runs: Sequence[str]) -> None:
-    keys = [(variant, int(number)) for variant, _, number in (r.rpartition("/") for r in runs)]
+    keys = [_key(run) for run in runs]
     for table in tables if keys else ():
-        connection.executemany(
-            f"DELETE FROM {quoted(table)} WHERE config = ? AND run = ?",  # noqa: S608
-            keys,
-        )
+        connection.executemany(f"DELETE FROM {quoted(table)} WHERE {_RUN}", keys)  # noqa: S608
     connection.executemany(
         f"DELETE FROM {_LOADED} WHERE path = ?",  # noqa: S608
         ((run,) for run in runs),
     )
 
 
+def _key(run: str) -> tuple[str, str]:
+    """The variant's name, and the run's number."""
+    variant, _, number = run.rpartition("/")
+    return variant, number
+
+
+def _add_times(connection: sqlite3.Connection, layout: Layout, runs: Sequence[str]) -> None:
+    """Add when runs began and ended, as far as it is known."""
+    for run, row in zip(runs, run_rows(layout, runs), strict=True):
+        events = [
+            (row["started_at"], "started", ""),
+            (row["finished_at"], row["verdict"], row["reason"] or ""),
+        ]
+        connection.executemany(
+            f"INSERT INTO {_TIMES} VALUES (?, ?, ?, ?, ?)",  # noqa: S608
+            ((*_key(run), _seconds(time), *said) for time, *said in events if time),
+        )
+
+
+def _seconds(time: str) -> str:
+    """Since the epoch, of a time in UTC."""
+    return f"{datetime.fromisoformat(time).replace(tzinfo=UTC).timestamp():.6f}"
+
+
 def _load(
     connection: sqlite3.Connection, have: list[str], table: str, run: str, path: Path
 ) -> None:
-    columns = column_names(read_header(path))
+    columns = column_names(read_header(path), ("campaign", *KEYS, *_FIRST))
     if not columns:
         return
     for statement in _declared(have, table, columns):
         connection.execute(statement)
-    variant, _, number = run.rpartition("/")
     places = ", ".join("?" * (len(columns) + 2))
-    names = ", ".join(map(quoted, [*KEYS, *columns]))
+    names = ", ".join(map(quoted, [*_FIRST, *columns]))
     connection.executemany(
         f"INSERT INTO {quoted(table)} ({names}) VALUES ({places})",  # noqa: S608
-        (
-            [variant, number, *(cell or None for cell in row)]
-            for row in read_rows(path, len(columns))
-        ),
+        ([*_key(run), *(cell or None for cell in row)] for row in read_rows(path, len(columns))),
     )
 
 
@@ -123,8 +160,11 @@ def _declared(have: list[str], table: str, columns: Sequence[str]) -> Iterator[s
     new = [name for name in columns if name.lower() not in known]
     if not have:
         listed = ", ".join(f"{quoted(name)} NUMERIC" for name in columns)
-        yield f"CREATE TABLE {quoted(table)} (config TEXT, run INTEGER, {listed})"
-        yield f"CREATE INDEX {quoted(f'{table}_by_run')} ON {quoted(table)} (config, run)"
+        yield (
+            f"CREATE TABLE {quoted(table)} (config_name TEXT, run_id TEXT, {listed}, "
+            "config TEXT AS (config_name), run INTEGER AS (CAST(run_id AS INTEGER)))"
+        )
+        yield f"CREATE INDEX {quoted(f'{table}_by_run')} ON {quoted(table)} (config_name, run_id)"
     else:
         yield from (f"ALTER TABLE {quoted(table)} ADD {quoted(name)} NUMERIC" for name in new)
     have += new

@@ -256,22 +256,18 @@ def _wrong(
 
 
 def _check_postprocessing(parts: Parts) -> Iterator[Problem]:
-    """Commands that are misspelt, and built-in ones that could not be called."""
+    """Built-in commands that could not be called."""
     for path, call in _postprocessing(parts):
         model = BUILT_IN.get(call.name)
         if model is not None:
             base = _place_of_parameters(parts, path, call)
             yield from _misspelt(parts, base, model, call.parameters)
             yield from _wrong(parts, base, model, call.parameters)
-            continue
-        near = None if _is_installed(call) else nearest(call.name, plugins_of(GROUP))
-        if near is not None:
-            message = f"there is no command `{call.name}`"
-            yield parts.source.problem(path, message, f"Did you mean `{near}`?", at_key=True)
 
 
 def _doubtful_postprocessing(parts: Parts) -> Iterator[Problem]:
     """Commands that are not here, which they need not be before there are results."""
+    known = plugins_of(GROUP)
     for path, call in _postprocessing(parts):
         model = BUILT_IN.get(call.name)
         file = split_file_reference(call.name)
@@ -285,12 +281,10 @@ def _doubtful_postprocessing(parts: Parts) -> Iterator[Problem]:
                 yield parts.source.problem(path, message)
         elif file is not None and not (parts.folder / file[0]).is_file():
             yield parts.source.problem(path, f"there is no file {file[0]} in {parts.folder}")
-        elif not _is_installed(call):
-            yield parts.source.problem(path, f"no plugin `{call.name}` is installed here")
-
-
-def _is_installed(call: PluginCall) -> bool:
-    return split_file_reference(call.name) is not None or call.name in plugins_of(GROUP)
+        elif file is None and call.name not in known:
+            near = nearest(call.name, known)
+            message = f"no plugin `{call.name}` is installed here"
+            yield parts.source.problem(path, message, f"Did you mean `{near}`?" if near else "")
 
 
 def _postprocessing(parts: Parts) -> Iterator[tuple[KeyPath, PluginCall]]:
