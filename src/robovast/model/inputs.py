@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-from robovast.base.plugins import split_file_reference
+from robovast.base.errors import InputError
+from robovast.base.plugins import load_plugin, split_file_reference
 from robovast.model.document import Document
+from robovast.model.document.commands import BUILT_IN, GROUP
 from robovast.model.document.files import host_path, named_files, run_files
 from robovast.model.document.model import PluginCall
 from robovast.model.expansion import Composition
+
+_WANTED = "get_files_to_copy"
+"""Method of a postprocessing command."""
 
 
 def container_files(document: Document) -> list[Path]:
@@ -41,6 +48,47 @@ def _referenced(document: Document) -> Iterator[Path]:
             yield Path(parts[0])
     for call in document.vast.postprocessing:
         yield from named_files(document.folder, call.parameters)
+        yield from _wanted_files(document.folder, call)
+
+
+def _wanted_files(folder: Path, call: PluginCall) -> Iterator[Path]:
+    """What a postprocessing command that is a class asks to have beside the document.
+
+    Raises:
+        InputError: it fails, or asks for what is elsewhere.
+    """
+    plugin = _class_with_files(folder, call)
+    if plugin is None:
+        return
+    try:
+        made = plugin(**call.parameters) if inspect.signature(plugin).parameters else plugin()
+        wanted = [folder / path for path in made.get_files_to_copy(str(folder), call.parameters)]
+    except Exception as error:
+        raise InputError(
+            f"{call.name}: `{_WANTED}` raised {type(error).__name__}: {error}"
+        ) from error
+    for path in wanted:
+        if not path.is_relative_to(folder):
+            raise InputError(f"{call.name}: `{_WANTED}` names {path}, which is not in {folder}.")
+        below = sorted(path.rglob("*")) if path.is_dir() else [path]
+        yield from (file.relative_to(folder) for file in below if file.is_file())
+
+
+def _class_with_files(folder: Path, call: PluginCall) -> Any:
+    """The class, if the command is one that says which files it wants; without it being executed,
+    where its file shows that it does not."""
+    parts = split_file_reference(call.name)
+    if call.name in BUILT_IN or (parts and not _mentions(folder / parts[0], _WANTED)):
+        return None
+    try:
+        plugin = load_plugin(call.name, GROUP, folder)
+    except InputError:
+        return None  # it need not be here before there are results; a check warns of it
+    return plugin if inspect.isclass(plugin) and hasattr(plugin, _WANTED) else None
+
+
+def _mentions(path: Path, name: str) -> bool:
+    return path.is_file() and name in path.read_text(encoding="utf-8", errors="replace")
 
 
 def _plugin_calls(document: Document) -> Iterator[PluginCall]:

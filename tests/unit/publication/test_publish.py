@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,11 @@ class Upload:
     def __call__(self, results_dir, config_dir, context, overwrite=False):
         CALLED.append(("upload", [path.name for path in context.files], overwrite))
         return (True, "sent")
+
+class Looks:
+    def check(self, results_dir, config_dir, context, wish):
+        raise CannotRunError("there is no " + wish)
+    def __call__(self, results_dir, config_dir, wish, context): ...
 
 class Odd:
     plugin_type = "strange"
@@ -165,6 +171,34 @@ def test_a_wrong_call_is_refused_before_anything_is_published(tmp_path: Path, ca
     with pytest.raises(InputError, match=WRONG[call]):
         run([campaign])
     assert called(campaign) == []
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        ('zip: {filename: "{robot}.zip"}', "has the placeholder `{robot}`"),
+        ("zip: {filename: same.zip}", "would both be packed into"),
+        ("zip: {omit_hidden: true}", "two files would be `x.vast` in the archive"),
+        ("zenodo", "Zenodo needs an access token"),
+        ("s3: {bucket: b}", "S3 needs the keys of an account"),
+        ("p.py:Looks: {wish: moon}", "^there is no moon$"),
+        ("p.py:Looks: {wish: 1}", "`p.py:Looks` failed: TypeError"),
+    ],
+)
+def test_all_look_whether_they_can_before_the_first_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str, said: str
+) -> None:
+    for name in list(os.environ):
+        if name.startswith(("ROBOVAST_", "AWS_")):
+            monkeypatch.delenv(name)
+    monkeypatch.chdir(tmp_path)
+    campaigns = [make(tmp_path, name, f"p.py:some, {call}") for name in "ab"]
+    for campaign in campaigns:
+        (campaign / "_execution").mkdir()
+        (campaign / "_execution" / "x.vast").write_text("")
+    with pytest.raises(RobovastError, match=said):
+        run(campaigns)
+    assert called(campaigns[1]) == []
 
 
 FAULTS: dict[str, tuple[type[RobovastError], str]] = {

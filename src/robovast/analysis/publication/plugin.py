@@ -60,6 +60,24 @@ class PublicationPlugin:
         """True when it can publish some campaigns of a results folder, not only all."""
         return "context" in self._named
 
+    def check(self, results_dir: Path, config_dir: Path, context: PublicationContext) -> None:
+        """Let it look, if it can, whether it could do its work, before any plugin begins.
+
+        Raises:
+            RobovastError: it could not, for the reason that it says.
+        """
+        look = getattr(self.function, "check", None)
+        if look is None:
+            return
+        try:
+            look(str(results_dir), str(config_dir), context=context, **self.parameters)
+        except RobovastError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise StorageError(
+                f"the publication plugin `{self.name}` failed: {type(error).__name__}: {error}"
+            ) from error
+
     def publish(
         self, results_dir: Path, config_dir: Path, context: PublicationContext, *, force: bool
     ) -> tuple[str, list[Path]]:

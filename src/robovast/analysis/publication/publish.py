@@ -37,6 +37,16 @@ class Batch:
     plugins: tuple[PublicationPlugin, ...] = ()
     """In the order in which they are called."""
 
+    @property
+    def results_dir(self) -> Path:
+        """Folder of the campaigns."""
+        return self.campaigns[0].path.parent
+
+    @property
+    def config_dir(self) -> Path:
+        """Folder of the .vast file."""
+        return self.settings.vast_file.parent
+
 
 def plan_publication(
     campaigns: Sequence[Path], override: Path | None, known: int, options: PublishOptions
@@ -74,7 +84,7 @@ def publish(
     context: PublicationContext,
     report: Callable[[str], None],
 ) -> None:
-    """Call every plugin; the first that fails ends it.
+    """Call every plugin, after each has looked whether it can; the first that fails ends it.
 
     Args:
         batches: what to publish.
@@ -85,12 +95,16 @@ def publish(
     Raises:
         RobovastError: a plugin failed.
     """
-    for batch in batches:
-        results_dir = batch.campaigns[0].path.parent
-        config_dir = batch.settings.vast_file.parent
+    listed = list(batches)
+    for batch in listed:
+        about = replace(context, campaigns=batch.campaigns, files=())
+        for plugin in batch.plugins:
+            plugin.check(batch.results_dir, batch.config_dir, about)
+    for batch in listed:
         context = replace(context, campaigns=batch.campaigns, files=())
         for plugin in batch.plugins:
-            message, files = plugin.publish(results_dir, config_dir, context, force=options.force)
+            folders = (batch.results_dir, batch.config_dir)
+            message, files = plugin.publish(*folders, context, force=options.force)
             context = replace(context, files=(*context.files, *files))
             report(f"{plugin.name}: {message}")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from robovast.analysis.publication.context import PublicationContext, context_of
 from robovast.analysis.publication.selection import files_of
@@ -15,6 +15,8 @@ from robovast.base.errors import CannotRunError, InputError
 if TYPE_CHECKING:
     from robovast.storage.s3 import ObjectStore
 
+DEFAULT = "https://s3.amazonaws.com"
+"""Address of the server when none is given."""
 THREADS = 8
 """Files that are sent at once."""
 PATIENCE = 60.0
@@ -31,12 +33,30 @@ class S3Upload:
 
     plugin_type: ClassVar[str] = "upload"
 
+    def check(
+        self,
+        results_dir: str,
+        config_dir: str,
+        context: PublicationContext,
+        bucket: str,
+        endpoint: str = DEFAULT,
+        region: str | None = None,
+        **_others: Any,
+    ) -> None:
+        """Look whether there are keys for a server; it is not asked.
+
+        Raises:
+            RobovastError: there are none, the address is none, or a package is missing.
+        """
+        del results_dir, config_dir, context, bucket
+        _store(endpoint, region)
+
     def __call__(
         self,
         results_dir: str,
         config_dir: str,
         bucket: str,
-        endpoint: str = "https://s3.amazonaws.com",
+        endpoint: str = DEFAULT,
         region: str | None = None,
         prefix: str = "",
         unpacked: bool = False,

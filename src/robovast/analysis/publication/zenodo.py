@@ -32,6 +32,24 @@ class ZenodoUpload:
 
     plugin_type: ClassVar[str] = "upload"
 
+    def check(
+        self,
+        results_dir: str,
+        config_dir: str,
+        context: PublicationContext,
+        metadata: Mapping[str, Any] | None = None,
+        sandbox: bool = False,
+        **_others: Any,
+    ) -> None:
+        """Look whether there are a token and a description; the server is not asked.
+
+        Raises:
+            RobovastError: one is missing, or a package is.
+        """
+        del results_dir, config_dir
+        _api(sandbox=sandbox)
+        _metadata(context.campaigns, metadata or {})
+
     def __call__(
         self,
         results_dir: str,

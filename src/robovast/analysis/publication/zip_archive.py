@@ -46,47 +46,86 @@ class ZipOptions:
     metadata: Mapping[str, Any]
     """Goes into the `metadata:` section of metadata.yaml."""
 
+    @classmethod
+    def of(
+        cls,
+        include_filter: Sequence[str] | None = None,
+        exclude_filter: Sequence[str] = (),
+        omit_hidden: bool = False,
+        metadata: Mapping[str, Any] | None = None,
+        **_others: Any,
+    ) -> ZipOptions:
+        """The options in a document's parameters."""
+        return cls(Filter(include_filter, exclude_filter), omit_hidden, metadata or {})
 
-def zip_results(
-    results_dir: str,
-    config_dir: str,
-    filename: str | None = None,
-    include_filter: Sequence[str] | None = None,
-    exclude_filter: Sequence[str] = (),
-    destination: str | None = None,
-    overwrite: bool | None = None,
-    omit_hidden: bool = False,
-    metadata: Mapping[str, Any] | None = None,
-    context: PublicationContext | None = None,
-) -> tuple[bool, str, list[str]]:
-    """Pack every campaign into a zip file; equal files give equal bytes.
 
-    Args:
-        results_dir: folder of the campaigns.
-        config_dir: not used.
-        filename: template with `{timestamp}` and keys of the document's `metadata`; the name of
-            the campaign's folder when omitted.
-        include_filter: globs of the files to pack; all when omitted. One that begins with `/` is
-            matched from the campaign's folder on, one without `/` against the file's name.
-        exclude_filter: globs of files to leave out, also included ones.
-        destination: folder of the archives, relative to the results; the results when omitted.
-        overwrite: replace archives that exist (true), keep them (false), or ask.
-        omit_hidden: leave folders whose names begin with `_` out of the paths in the archive.
-        metadata: fields for the `metadata` section of the archive's metadata.yaml, as `title`.
-        context: what to publish; every campaign of the folder when omitted.
-    """
-    del config_dir  # everything is relative to the results
-    context = context or context_of(Path(results_dir))
-    options = ZipOptions(Filter(include_filter, exclude_filter), omit_hidden, metadata or {})
-    folder = Path(results_dir) / (destination or ".")
-    targets = _targets(context.campaigns, folder, filename)
-    said = []
-    for campaign, target in targets:
-        if target.exists() and overwrite is False:
-            said.append(f"{target.name} kept")
-            continue
-        said.append(_pack(campaign, target, options, context, ask=overwrite is None))
-    return True, "; ".join(said), [str(target.absolute()) for _, target in targets]
+class ZipArchives:
+    """Packs every campaign into a zip file; equal files give equal bytes."""
+
+    def check(
+        self,
+        results_dir: str,
+        config_dir: str,
+        context: PublicationContext,
+        filename: str | None = None,
+        destination: str | None = None,
+        **options: Any,
+    ) -> None:
+        """Look whether every archive has a name, and all that is to be in it a place.
+
+        Raises:
+            InputError: one has not.
+        """
+        del config_dir
+        chosen = ZipOptions.of(**options)
+        folder = Path(results_dir) / (destination or ".")
+        for campaign, _ in _targets(context.campaigns, folder, filename):
+            _Archive(campaign, chosen).members()
+
+    def __call__(
+        self,
+        results_dir: str,
+        config_dir: str,
+        filename: str | None = None,
+        include_filter: Sequence[str] | None = None,
+        exclude_filter: Sequence[str] = (),
+        destination: str | None = None,
+        overwrite: bool | None = None,
+        omit_hidden: bool = False,
+        metadata: Mapping[str, Any] | None = None,
+        context: PublicationContext | None = None,
+    ) -> tuple[bool, str, list[str]]:
+        """Pack every campaign into a zip file.
+
+        Args:
+            results_dir: folder of the campaigns.
+            config_dir: not used.
+            filename: template with `{timestamp}` and keys of the document's `metadata`; the name
+                of the campaign's folder when omitted.
+            include_filter: globs of the files to pack; all when omitted. One that begins with `/`
+                is matched from the campaign's folder on, one without `/` against the file's name.
+            exclude_filter: globs of files to leave out, also included ones.
+            destination: folder of the archives, relative to the results; the results when omitted.
+            overwrite: replace archives that exist (true), keep them (false), or ask.
+            omit_hidden: leave folders whose names begin with `_` out of the paths in the archive.
+            metadata: fields for the `metadata` section of the archive's metadata.yaml, as `title`.
+            context: what to publish; every campaign of the folder when omitted.
+        """
+        del config_dir  # everything is relative to the results
+        context = context or context_of(Path(results_dir))
+        options = ZipOptions.of(include_filter, exclude_filter, omit_hidden, metadata)
+        folder = Path(results_dir) / (destination or ".")
+        targets = _targets(context.campaigns, folder, filename)
+        said = []
+        for campaign, target in targets:
+            if target.exists() and overwrite is False:
+                said.append(f"{target.name} kept")
+                continue
+            said.append(_pack(campaign, target, options, context, ask=overwrite is None))
+        return True, "; ".join(said), [str(target.absolute()) for _, target in targets]
+
+
+zip_results = ZipArchives()
 
 
 def _targets(
@@ -152,8 +191,12 @@ class _Archive:
         # When a file was copied to here says nothing, and would make other bytes.
         self._time = (campaign.started or datetime(1980, 1, 1)).timetuple()[:6]
 
-    def write(self, path: Path) -> None:
-        """Write the whole archive."""
+    def members(self) -> tuple[dict[str, Path], dict[str, str]]:
+        """Files by their path in the archive, and the ends of links; empty of those that lead out.
+
+        Raises:
+            InputError: two files have one path.
+        """
         links: dict[str, str] = {}
         files: dict[str, Path] = {}
         for inside, source in self._chosen():
@@ -166,6 +209,11 @@ class _Archive:
                 links[inside] = self._link(source)
             else:
                 files[inside] = source
+        return files, links
+
+    def write(self, path: Path) -> None:
+        """Write the whole archive."""
+        files, links = self.members()
         outside = [inside for inside, target in links.items() if not target]
         if outside:
             self.remark = f", without {len(outside)} links that lead out of the campaign"
