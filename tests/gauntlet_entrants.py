@@ -11,7 +11,7 @@ from random import Random
 from typing import Any, TypeVar
 
 from cluster_lab import Lab
-from gauntlet_trace import SEND
+from gauntlet_trace import ADDRESS, sending
 from gauntlet_truth import Course
 from robovast_testbed.errors import StartFailed
 
@@ -215,7 +215,7 @@ def draw(
 def _course(chance: Random, salt: str) -> Course:
     return Course(
         salt=salt,
-        trace=SEND,
+        trace=sending(*ADDRESS),
         variants=chance.randint(2, 6),
         runs=chance.randint(1, 3),
         runs_per_job=chance.randint(1, 6),

@@ -16,12 +16,15 @@ from pathlib import Path
 from gauntlet_truth import Trace, read_trace
 
 ADDRESS = ("10.88.0.1", 7777)
-SEND = (
-    "{ IFS= read -r said; for _ in {1..50}; do"
-    f' {{ exec 3<>/dev/tcp/{ADDRESS[0]}/{ADDRESS[1]} && echo "$said" >&3 && read -r _ <&3; }}'
-    " 2>/dev/null && break; sleep 0.2; done; }"
-)
-"""Command of bash that sends its standard input, a line, and waits for the answer."""
+
+
+def sending(host: str, port: int) -> str:
+    """Command of bash that sends its standard input, a line, and waits for the answer."""
+    return (
+        "{ IFS= read -r said; for _ in {1..50}; do"
+        f' {{ exec 3<>/dev/tcp/{host}/{port} && echo "$said" >&3 && read -r _ <&3; }}'
+        " 2>/dev/null && break; sleep 0.2; done; }"
+    )
 
 
 def read_traces(path: Path) -> Iterator[tuple[float, Trace]]:
@@ -35,23 +38,30 @@ def read_traces(path: Path) -> Iterator[tuple[float, Trace]]:
 
 class _Handler(socketserver.StreamRequestHandler):
     timeout = 10
+    server: Sink
 
     def handle(self) -> None:
         line = self.rfile.readline(1000).decode(errors="replace").strip()
         if line:
-            with Path(sys.argv[1]).open("a") as file:
+            with self.server.path.open("a") as file:
                 file.write(f"{time.time():.3f} {line}\n")
             self.wfile.write(b"taken\n")
 
 
-class _Server(socketserver.ThreadingTCPServer):
+class Sink(socketserver.ThreadingTCPServer):
+    """Takes lines."""
+
     allow_reuse_address = True
     daemon_threads = True
     request_queue_size = 64
 
+    def __init__(self, address: tuple[str, int], path: Path) -> None:
+        super().__init__(address, _Handler)
+        self.path = path
+
 
 def main() -> None:
-    with _Server(ADDRESS, _Handler) as server:
+    with Sink(ADDRESS, Path(sys.argv[1])) as server:
         server.serve_forever()
 
 

@@ -31,11 +31,13 @@ from threading import Thread
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from gauntlet_trace import Sink, sending
 from gauntlet_truth import Course, Kind, look_at_files, read_trace
 from power_cut import CAN_CUT_POWER, PowerCutDisk, power_cut_disk
 
 from robovast.campaign.run_record import read_run_record
 from robovast.campaign.verdict import Verdict
+from robovast.execution.contract.monitor_resources import family
 
 VAST = Path(sys.executable).with_name("vast")
 DISK = "96M"
@@ -270,7 +272,7 @@ class Heat:
         found: dict[str, list[int]] = {}
         place = 0
         for line in self._trace.read_bytes().splitlines(keepends=True):
-            entry = read_trace(line.decode(errors="replace"))
+            entry = read_trace(line.decode(errors="replace").partition(" ")[2])
             if entry is not None and entry.event == "begin":
                 found.setdefault(entry.run, []).append(place)
             place += len(line)
@@ -286,7 +288,7 @@ def _files(folder: Path) -> Iterator[tuple[str, bytes]]:
 
 
 def _processes(out: Path) -> list[int]:
-    """Processes that work in a campaign's folder, or were told to."""
+    """Processes that work in a campaign's folder, or were told to, and what they started."""
     found = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit() and int(entry.name) != os.getpid():
@@ -296,7 +298,7 @@ def _processes(out: Path) -> list[int]:
                 continue
             if os.fsencode(out) + b"/" in told.replace(b"\0", b"/"):
                 found.append(int(entry.name))
-    return found
+    return family(found)  # what a launcher shows a run has other names
 
 
 def _run_of(process: int) -> str | None:
@@ -325,15 +327,30 @@ def _disk(folder: Path) -> Iterator[PowerCutDisk | None]:
         yield made
 
 
+@contextmanager
+def _sink(trace: Path) -> Iterator[Sink]:
+    """Where runs leave their trace, which they cannot write themselves."""
+    with Sink(("127.0.0.1", 0), trace) as sink:
+        Thread(target=sink.serve_forever).start()
+        try:
+            yield sink
+        finally:
+            sink.shutdown()
+
+
 def race(minutes: float, seed: int) -> Tally:
     """Let campaigns run for some minutes; the last one is brought to its end."""
     dice, tally = random.Random(seed), Tally()  # noqa: S311 - a seed repeats it
     until = time.monotonic() + 60 * minutes
     while time.monotonic() < until and len(tally.other) < 9:
-        with TemporaryDirectory(prefix="gauntlet-") as name, _disk(Path(name)) as disk:
+        with (
+            TemporaryDirectory(prefix="gauntlet-") as name,
+            _disk(Path(name)) as disk,
+            _sink(Path(name) / "trace") as sink,
+        ):
             course = Course(
                 salt=f"heat-{tally.campaigns}",
-                trace=f"cat >>{name}/trace",
+                trace=sending(*sink.server_address),
                 variants=dice.randint(2, 5),
                 runs=dice.randint(1, 3),
                 runs_per_job=dice.choice((1, 1, 3)),

@@ -8,7 +8,6 @@ import subprocess
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar
 
 from robovast.base.containers import call, check_engine, fetch_image, image_digest
 from robovast.base.errors import CannotRunError
@@ -17,7 +16,7 @@ from robovast.execution.compat import VERSION_PATH, check_compat
 from robovast.execution.local import process_tree
 from robovast.execution.local.compose import compose_model
 from robovast.execution.local.events import LocalOptions
-from robovast.execution.local.runtime import Identity, JobSpec
+from robovast.execution.local.runtime import CONFIG, OUT, Identity, JobSpec
 
 X11_SOCKETS = Path("/tmp/.X11-unix")  # noqa: S108  # where X servers listen
 LABEL = "robovast.job"
@@ -26,12 +25,11 @@ LABEL = "robovast.job"
 class ContainerRuntime:
     """Starts each job as one compose project."""
 
-    config_dir: ClassVar[str | None] = "/config"
-    out_dir: ClassVar[str | None] = "/out"
-
     def __init__(
         self, engine: str, image: str, options: LocalOptions, message: Callable[[str], None]
     ) -> None:
+        self.config_dir: str | None = CONFIG
+        self.out_dir: str | None = OUT
         self.name = engine
         self._image = image
         self._options = options

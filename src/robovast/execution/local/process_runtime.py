@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import ClassVar
 
 from robovast.execution.compat import check_compat
 from robovast.execution.local import process_tree
 from robovast.execution.local.process_environment import VERSION_FILE, process_environment
-from robovast.execution.local.runtime import Identity, JobSpec
+from robovast.execution.local.runtime import CONFIG, OUT, Identity, JobSpec
+from robovast.execution.local.sandbox import Sandbox, find_sandbox
 
 _INHERITED = ("HOME", "LANG", "LC_ALL", "LOGNAME", "TMPDIR", "TZ", "USER")
+_PRIVATE = {"HOME": "/tmp", "TMPDIR": "/tmp"}  # noqa: S108  # a run's own, see sandbox.py
+_SHARED_MEMORY = Path("/dev/shm")  # noqa: S108
 _MOUNTS = re.compile(r"(?<![\w./-])/(config|out)(?=[/\"'\s)])")
 
 
@@ -22,12 +25,13 @@ class ProcessRuntime:
     """Starts the run contract's entrypoint as a process of this machine."""
 
     name = "process"
-    config_dir: ClassVar[str | None] = None
-    out_dir: ClassVar[str | None] = None
 
     def __init__(self, message: Callable[[str], None]) -> None:
+        self.config_dir: str | None = None
+        self.out_dir: str | None = None
         self._message = message
         self._environment: Path | None = None
+        self._sandbox: Sandbox | None = None
         self._secondaries: dict[str, list[subprocess.Popen[bytes]]] = {}
 
     def check(self) -> Identity:
@@ -35,18 +39,26 @@ class ProcessRuntime:
         folder = process_environment(self._message)
         check_compat(str(folder), _read_version(folder))
         self._environment = folder
+        self._isolate(folder)
         return Identity(image=f"process:{folder.name}", digest="")
 
     def start(self, spec: JobSpec, console: Path) -> subprocess.Popen[bytes]:
         """Start the main entrypoint and one more for each secondary container."""
-        _localize_scenario(spec)
+        if self._sandbox is None:
+            _localize_scenario(spec)
+        elif spec.secondaries:
+            _shared_memory(spec.token).mkdir(mode=0o700, exist_ok=True)
         environment = self._process_environment(spec)
         main = self._spawn(spec, "entrypoint.sh", environment, console)
         self._secondaries[spec.token] = [
             self._spawn(
                 spec,
                 "secondary_entrypoint.sh",
-                {**environment, "CONTAINER_NAME": name, "ROS_LOG_DIR": f"{spec.job}/logs/{name}"},
+                {
+                    **environment,
+                    "CONTAINER_NAME": name,
+                    "ROS_LOG_DIR": f"{environment['OUTPUT_DIR']}/logs/{name}",
+                },
                 console.with_name(f"console_{name}.log"),
             )
             for name in spec.secondaries
@@ -56,24 +68,46 @@ class ProcessRuntime:
     def stop(self, spec: JobSpec, process: subprocess.Popen[bytes], grace: float) -> None:
         """End the main process; `clean_up` ends the rest."""
         del spec
-        process_tree.stop(process, grace)
+        self._end(process, grace)
 
     def clean_up(self, spec: JobSpec) -> None:
         """End the secondary processes and whatever the scenario left behind."""
         for process in self._secondaries.pop(spec.token, []):
-            process_tree.stop(process, grace=2.0)
-        process_tree.kill_marked(f"{spec.token}/")
+            self._end(process, grace=2.0)
+        if self._sandbox is None:
+            process_tree.kill_marked(f"{spec.token}/")
+        elif spec.secondaries:
+            shutil.rmtree(_shared_memory(spec.token), ignore_errors=True)
 
     def clean_up_campaign(self, prefix: str) -> None:
         """End processes of an execution that was killed."""
         process_tree.kill_marked(f"{prefix}.")
+        for folder in _SHARED_MEMORY.glob(f"{prefix}.*"):
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def _isolate(self, environment: Path) -> None:
+        """Choose how runs are kept from the rest of the machine."""
+        interpreter = (environment / "bin" / "python").resolve()
+        programs = map(Path, os.get_exec_path())
+        found = find_sandbox([environment, interpreter.parent.parent, *programs])
+        if isinstance(found, Sandbox):
+            self._sandbox, self.config_dir, self.out_dir = found, CONFIG, OUT
+            return
+        self._message(
+            "Runs are not isolated here: they may write wherever you may, and only the text of the "
+            f"scenario may name {CONFIG} and {OUT} ({found}). "
+            "Install bubblewrap, or allow user namespaces."
+        )
 
     def _spawn(
         self, spec: JobSpec, script: str, environment: Mapping[str, str], console: Path
     ) -> subprocess.Popen[bytes]:
+        command = ["bash", f"{environment['ROBOVAST_CONFIG_DIR']}/{script}"]
+        if self._sandbox is not None:
+            command = self._sandbox.command(console.with_suffix(""), _mounts(spec), command)
         with console.open("wb") as output:
             return subprocess.Popen(
-                ["bash", str(spec.config / script)],
+                command,
                 cwd=spec.out,
                 env=dict(environment),
                 stdin=subprocess.DEVNULL,
@@ -82,17 +116,34 @@ class ProcessRuntime:
                 start_new_session=True,
             )
 
+    def _end(self, process: subprocess.Popen[bytes], grace: float) -> None:
+        if self._sandbox is None:
+            process_tree.stop(process, grace)
+        else:
+            process_tree.stop_launched(process, grace)
+
     def _process_environment(self, spec: JobSpec) -> dict[str, str]:
         assert self._environment is not None, "check() comes first"  # noqa: S101
         path = f"{self._environment}/bin:{os.environ.get('PATH', os.defpath)}"
         inherited = {name: os.environ[name] for name in _INHERITED if name in os.environ}
         return {
             **inherited,
+            **(_PRIVATE if self._sandbox is not None else {}),
             "PATH": path,
             "ENABLE_X11": "false",
             **spec.environment,
             process_tree.MARKER: f"{spec.token}/",
         }
+
+
+def _mounts(spec: JobSpec) -> dict[str, Path]:
+    """Where a job's processes see which folder; they share memory as in one pod."""
+    shared = {"/dev/shm": _shared_memory(spec.token)} if spec.secondaries else {}  # noqa: S108
+    return {CONFIG: spec.config, OUT: spec.out, spec.environment["OUTPUT_DIR"]: spec.job, **shared}
+
+
+def _shared_memory(token: str) -> Path:
+    return _SHARED_MEMORY / token
 
 
 def _localize_scenario(spec: JobSpec) -> None:

@@ -42,6 +42,44 @@ def stop(process: subprocess.Popen[bytes], grace: float) -> None:
         process.wait()
 
 
+def stop_launched(process: subprocess.Popen[bytes], grace: float) -> None:
+    """Do so with the first process of a namespace, whose end is that of all others in it.
+
+    The process itself has only started that one, and ends when they all have.
+    """
+    deadline = time.monotonic() + grace
+    asked = False
+    while not asked and time.monotonic() < deadline and not wait(process, 0.01):
+        asked = any(map(_ask, _children(process.pid)))
+    if wait(process, max(0.0, deadline - time.monotonic())):
+        return
+    for pid in _children(process.pid):
+        _signal(pid, signal.SIGKILL)
+    if not wait(process, grace):
+        _signal_group(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def _ask(pid: int) -> bool:
+    """Ask a process to end, once it listens: else the first of a namespace never hears of it."""
+    try:
+        status = Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return False
+    caught = int(status.partition("SigCgt:")[2].split()[0], 16)
+    listens = bool(caught >> (signal.SIGTERM - 1) & 1)
+    if listens:
+        _signal(pid, signal.SIGTERM)
+    return listens
+
+
+def _children(pid: int) -> list[int]:
+    try:
+        return [int(text) for text in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    except OSError:
+        return []
+
+
 def kill_marked(token: str) -> None:
     """End every process whose token begins so, whatever group it moved to."""
     for _ in range(5):  # what starts while we look is found the next time

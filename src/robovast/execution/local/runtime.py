@@ -6,7 +6,10 @@ import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import Protocol
+
+CONFIG, OUT = "/config", "/out"
+"""Where a run finds its inputs and leaves its results, by the run contract."""
 
 
 @dataclass(frozen=True)
@@ -55,9 +58,9 @@ class Runtime(Protocol):
     """Starts and stops the processes of a job."""
 
     name: str
-    config_dir: ClassVar[str | None]
-    """Where a run sees its config folder; None when it sees the real path."""
-    out_dir: ClassVar[str | None]
+    config_dir: str | None
+    """Where a run sees its config folder; None when it sees the real path. Known after `check`."""
+    out_dir: str | None
     """Where a run sees its output folder; None when it sees the real path."""
 
     def check(self) -> Identity:
