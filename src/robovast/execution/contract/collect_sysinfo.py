@@ -93,7 +93,7 @@ def to_yaml(facts: dict[str, Any], indent: str = "") -> list[str]:
     return lines
 
 
-def main() -> None:
+def write(path: str) -> None:
     """Write the file; it appears complete or not at all."""
     facts = {
         "platform": platform_facts(),
@@ -102,10 +102,10 @@ def main() -> None:
         "available_cpus": number(os.environ.get("AVAILABLE_CPUS", "")) or available_cpus(),
         "available_mem": number(os.environ.get("AVAILABLE_MEM", "")) or available_mem(),
     }
-    with open(sys.argv[1] + ".part", "w", encoding="utf-8") as file:
+    with open(path + ".part", "w", encoding="utf-8") as file:
         file.write("\n".join(to_yaml(facts)) + "\n")
-    os.replace(sys.argv[1] + ".part", sys.argv[1])
+    os.replace(path + ".part", path)
 
 
 if __name__ == "__main__":
-    main()
+    write(sys.argv[1])

@@ -154,13 +154,18 @@ start_x() {
     exec {ready}<&-
 }
 
-# Without a container, only the descendants of this script belong to the job.
-start_monitor() { # NAME
+# Without a namespace, only the descendants of this script belong to the job.
+start_monitor() { # NAME [OPTION...]
     local root=()
     [[ $config == /config ]] || root=(--root-pid $$)
-    python3 -I -S "$contract/monitor_resources.py" "$OUTPUT_DIR/resource_usage_$1.csv" "${root[@]}" &
+    python3 -I -S "$contract/monitor_resources.py" "$OUTPUT_DIR/resource_usage_$1.csv" "${root[@]}" "${@:2}" &
     monitor_pid=$!
 }
+
+# A job can be over before Python has started.
+await_sysinfo() {
+    until [[ -e $sysinfo_file ]] || ! kill -0 "$monitor_pid"; do sleep 0.01; done
+} 2>/dev/null
 
 source_pre_command() {
     [[ $PRE_COMMAND ]] || return 0
@@ -222,7 +227,7 @@ end_job() { # CODE
         { sleep 10; kill -KILL "$recorder_pid"; } &
         wait "$recorder_pid"
     fi
-    wait "$sysinfo_pid"
+    await_sysinfo
     stop_all "$BASHPID"
     [[ ! $in_pre_command ]] || ((code > 128)) || fail 70 "the pre command left the shell with $code"
     exit "$code"
@@ -231,11 +236,9 @@ end_job() { # CODE
 # The pre command shares this shell, and may take whatever name it likes for its variables: what
 # follows it is in the arguments, in the environment, or has a name that it will not take.
 job() { # COMMAND...
-    sysinfo_pid='' monitor_pid='' recorder_pid='' in_pre_command=''
+    sysinfo_file=$OUTPUT_DIR/sysinfo.yaml monitor_pid='' recorder_pid='' in_pre_command=''
     trap 'end_job $?' EXIT
-    python3 -I -S "$contract/collect_sysinfo.py" "$OUTPUT_DIR/sysinfo.yaml" &
-    sysinfo_pid=$!
-    start_monitor main
+    start_monitor main --sysinfo "$sysinfo_file"
     start_x
     source_pre_command
     trap 'end_job $?' EXIT

@@ -1,10 +1,12 @@
 """Sample the CPU and memory of processes once a second.
 
-    monitor_resources.py OUT_CSV [--root-pid PID]
+    monitor_resources.py OUT_CSV [--root-pid PID] [--sysinfo OUT_YAML]
 
 Watches every process it can see, or, with a root, that process and its descendants (also those
 that lost their parent since they were first seen). Ends on SIGTERM, after a last sample, or when
-its parent has gone. Runs in images of any origin: standard library of Python 3.8, few imports.
+its parent has gone. Says first what the machine is, when told where (see collect_sysinfo.py), to
+save the start of another interpreter. Runs in images of any origin: standard library of Python 3.8,
+few imports.
 
 Columns: timestamp [s since the epoch], pid, name, cpu_percent [% of one CPU since the last
 sample, or since the process began], memory_rss_bytes.
@@ -122,10 +124,15 @@ def sample(file: TextIO, root: int | None, last: dict[Identity, Usage]) -> dict[
 
 def main() -> None:
     """Sample until told to stop."""
-    root = int(sys.argv[3]) if sys.argv[2:3] == ["--root-pid"] else None
+    words = iter(sys.argv[2:])
+    options = {name: next(words) for name in words}
+    root = int(options["--root-pid"]) if "--root-pid" in options else None
     parent = os.getppid()
     stop = (signal.SIGTERM, signal.SIGINT)
     signal.pthread_sigmask(signal.SIG_BLOCK, stop)
+    if "--sysinfo" in options:
+        sys.path.append(os.path.dirname(os.path.abspath(__file__)))
+        __import__("collect_sysinfo").write(options["--sysinfo"])
     with open(sys.argv[1], "a", encoding="utf-8") as file:
         if not file.tell():
             file.write(HEADER)
