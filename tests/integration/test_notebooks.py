@@ -39,6 +39,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "Dying": {"run": (f"{DATA}\nimport os\nos._exit(3)",)},
             "Evil": {"run": (DATA, f"from IPython.display import HTML\nHTML({EVIL!r})")},
             "Nothing": {"run": ("print(1)",)},
+            "Needing": {"run": (DATA, "import late")},
         },
     )
     return root
@@ -87,7 +88,7 @@ def test_a_notebook_is_executed_once_until_something_changes(page: ShownPage, ro
 def test_listing_executes_nothing_and_shows_what_is_known(page: ShownPage) -> None:
     scope = SCOPES["run"].replace("run=0", "run=1")
     before = {one["workload"]: one for one in page.get(f"api/notebooks?{scope}").data}
-    assert list(before) == ["Files", "Failing", "Endless", "Dying", "Evil", "Nothing"]
+    assert list(before) == ["Files", "Failing", "Endless", "Dying", "Evil", "Nothing", "Needing"]
     assert all(one["result"] is None and not one["running"] for one in before.values())
     assert page.get(f"api/notebook?{scope}&workload=Files").status == 405
     done = page.post(f"api/notebook?{scope}&workload=Files").data
@@ -101,6 +102,13 @@ def test_an_error_is_shown_with_its_cell(page: ShownPage) -> None:
     assert "of the helper" in shown  # cells before it, with modules beside the notebook
     assert "output_error" in shown
     assert "ZeroDivisionError" in shown
+
+
+def test_a_notebook_that_failed_is_executed_again(page: ShownPage, root: Path) -> None:
+    """It may have lacked what the key does not know of, as a package, or a module beside it."""
+    assert "ModuleNotFoundError" in execute(page, "Needing")["fault"]
+    write(root / "_config" / "analysis" / "late.py", "")
+    assert execute(page, "Needing")["fault"] == ""
 
 
 def test_a_kernel_that_ends_is_an_error_in_words(page: ShownPage) -> None:

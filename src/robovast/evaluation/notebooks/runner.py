@@ -134,7 +134,8 @@ class Runner:
             return file.read()
 
     def execute(self, task: Task, again: bool = False) -> Future[Result]:
-        """Execute a task as soon as others leave room; once, however often it is asked for.
+        """Execute a task as soon as others leave room; once, however often it is asked for, unless
+        it failed: what it lacked may be there now.
 
         Args:
             task: what to do.
@@ -149,7 +150,7 @@ class Runner:
             if waiting is not None:
                 return waiting
             kept = None if again else self.kept(task.key)
-            if kept is not None:
+            if kept is not None and not kept.fault:
                 return _done(kept)
             if self._closed:
                 raise CannotRunError("The server is about to end.")
