@@ -51,6 +51,8 @@ class Entrant:
     course: Course
     retention: str
     parallelism: int
+    keep: int
+    """For how long its Jobs stay once it has ended [s]."""
     destiny: Sequence[Deed]
     done: list[Deed] = field(default_factory=list)
     retries: list[float] = field(default_factory=list)
@@ -89,7 +91,11 @@ class Entrant:
         folder = self.lab.folder / self.course.salt
         path = folder / "course.vast" if folder.exists() else self.course.write(folder)
         made = self.lab.prepared(path, self.name)
-        spec = {"parallelism": self.parallelism, "storage": {"retention": self.retention}}
+        spec = {
+            "parallelism": self.parallelism,
+            "storage": {"retention": self.retention},
+            "ttlSecondsAfterFinished": self.keep,
+        }
         return {**made, "spec": {**made["spec"], **spec}}
 
     def see(self, campaigns: Mapping[tuple[str, str], dict[str, Any]]) -> None:
@@ -112,6 +118,12 @@ class Entrant:
                 return
         yield from self._until(self._is_complete)
         self.finished = True
+
+    def hurry(self) -> None:
+        """Let it execute what is left all at once."""
+        if self.there and not self.deleted and not self._is_complete():
+            for _ in self._patch({"parallelism": 6}):
+                time.sleep(1)
 
     def _until(self, condition: Callable[[], bool]) -> Iterator[None]:
         while not condition() and not self._is_complete():
@@ -205,7 +217,8 @@ def draw(
             f"g{number}",
             _course(chance, f"g{number}-{lab.namespace}"),
             chance.choice(["Retain", "Retain", "Delete"]),
-            chance.randint(1, 2),
+            chance.randint(1, 3),
+            chance.choice([1, 60]),
             next(destinies),
         )
         for lab in next(places)
@@ -217,7 +230,7 @@ def _course(chance: Random, salt: str) -> Course:
         salt=salt,
         trace=sending(*ADDRESS),
         variants=chance.randint(2, 6),
-        runs=chance.randint(1, 3),
+        runs=chance.randint(1, 2),
         runs_per_job=chance.randint(1, 6),
         pause=round(chance.uniform(0.1, 2), 1),
     )

@@ -95,6 +95,8 @@ class Gauntlet:
     def _await_end(self, playing: list[Iterator[None]]) -> None:
         """Give up once nothing has got any further for long."""
         limit = time.monotonic() + MOST
+        for entrant in self.entrants:
+            entrant.hurry()
         give_up, before = 0.0, ""
         while playing:
             now, seen = time.monotonic(), repr([entrant.seen for entrant in self.entrants])
