@@ -74,7 +74,7 @@ class _FloorplanVariation(NavigationVariation):
         self._drawn: set[Path] = set()
 
     def variation(self, in_configs: list[Config]) -> list[Config]:
-        """Each configuration with each floor plan."""
+        """Each configuration with each floor plan: plans by name, drawn ones as they are drawn."""
         with nav_extra(type(self).__name__):
             try:
                 made = list(self._made())
@@ -104,7 +104,7 @@ class _FloorplanVariation(NavigationVariation):
 
     def _made(self) -> Iterator[tuple[_Plan, Artefacts]]:
         make = self._generated if self.container_runner else self._made_here
-        for plan in self._plans():
+        for plan in sorted(self._plans(), key=lambda plan: (plan.base or plan.model).stem):
             self.progress_update(plan.name)
             yield plan, make(plan)
 

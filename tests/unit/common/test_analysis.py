@@ -156,6 +156,14 @@ def test_a_run_without_a_verdict_says_what_its_record_knows(campaign: Path) -> N
     assert get_run_status(folder) == ("unknown", "stopped after 8 s")
 
 
+def test_what_is_not_there_is_a_file_that_is_not_found(campaign: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        read_output_csv(campaign / "a-1" / "0", "absent.csv")
+    (campaign / "b" / "_config" / "scenario.config").unlink()
+    with pytest.raises(FileNotFoundError):
+        get_scenario_parameter(campaign / "b", "label")
+
+
 def test_parameters_and_each_run(campaign: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert get_scenario_parameter(campaign / "b" / "0", "label") == "x"
     assert get_scenario_parameter(campaign / "b", "none") is None
@@ -273,6 +281,7 @@ def test_a_campaign_in_plain_values(campaign: Path) -> None:
     assert "no path" in failed["failure_message"]
     assert campaign_data.aggregate_run_status(runs) == "mixed"
     assert campaign_data.aggregate_run_status(runs[:1]) == "passed"
+    assert campaign_data.aggregate_run_status(runs[1:2]) == "failed"
     assert campaign_data.aggregate_run_status(runs[2:]) == "no_runs"
     assert campaign_data.read_scenario_config(campaign / "a-1")["scenario"]["rate"] == 0.5
 
@@ -288,6 +297,11 @@ def test_what_a_campaign_lacks_is_a_file_that_is_not_found(campaign: Path) -> No
     ):
         with pytest.raises(FileNotFoundError):
             read_it(folder)
+    for name in ("_execution/execution.yaml", "_transient/configurations.yaml"):
+        (campaign / name).parent.mkdir()
+        (campaign / name).write_text("runs: 2\n")
+    assert campaign_data.read_execution_metadata(campaign) == {"runs": 2}
+    assert campaign_data.read_resolved_configurations(campaign) == {"runs": 2}
     (run / "job").symlink_to("../../_jobs/job-0")
     (campaign / "_jobs" / "job-0" / "sysinfo.yaml").write_text("cpu_count: 4\n")
     assert campaign_data.read_sysinfo(run) == {"cpu_count": 4}

@@ -112,6 +112,8 @@ def test_normal_numbers_are_those_of_numpy(seed: int) -> None:
 
 def test_a_parameter_that_is_not_known_has_no_effect_unless_it_is_misspelt() -> None:
     assert values(apply(ParameterVariationList, {"name": "x", "values": [1], "group": 7})) == [1]
+    inner = {"ParameterVariationList": {"name": "x", "values": [1]}}
+    assert values(apply(OneOfVariation, {"variations": [inner], "colour": "red"})) == [1]
 
 
 def test_without_a_seed_the_values_follow_from_the_names() -> None:

@@ -31,6 +31,6 @@ def test_variation_types_have_their_paths() -> None:
 def test_a_postprocessing_command_may_be_a_class(tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(PLUGIN)
     plugin = load_plugin("own.py:Copy", "robovast.postprocessing_commands", tmp_path)
-    request = {"parameters": {"text": "hi"}, "results_dir": "/c", "folder": "/f"}
+    request = {"parameters": {"text": "hi"}, "results_dir": "/c", "folder": "/f", "given": {}}
     assert prepare(plugin, request, Path("p.json"))() == (True, "/c /f hi ['provenance_file']")
     assert plugin().get_files_to_copy("/f", {}) == []

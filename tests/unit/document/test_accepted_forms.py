@@ -177,3 +177,8 @@ def test_patterns_take_what_is_below(tmp_path: Path, pattern: str, names: str) -
 def test_a_hidden_file_is_taken_where_it_is_named(tmp_path: Path) -> None:
     (tmp_path / ".rviz").write_text("")
     assert match_run_files(tmp_path, ".rviz") == [Path(".rviz")]
+
+
+def test_without_configurations_there_is_one_of_the_scenarios_defaults(folder: Path) -> None:
+    document = load(folder, execution(""))
+    assert [(v.name, v.parameters) for v in expand(document, folder)] == [("config1", {})]

@@ -114,6 +114,28 @@ def test_an_obstacle_triggers_where_it_is_and_goals_may_be_a_list(expanded) -> N
     assert variant.parameters["trigger_threshold"] == 2.0
 
 
+def test_amounts_distances_and_counts_are_counted_out_in_this_order(expanded) -> None:
+    short = {**PATH["PathVariationRandom"], "goal_poses": [{"x": 3.8, "y": 3.0}]}
+    path = {"PathVariationRandom": {**short, "path_length": 2.8}}
+    kind = {"amount_per_m": [0, 0.5], "max_distance": [0.2, 0.4]}
+    variants = expanded(path, obstacles(kind, count=2)).variants
+    assert [len(v.parameters["obstacles"]) for v in variants] == [0, 0, 0, 0, 1, 1, 1, 1]
+    trigger = triggered(
+        {"amount": 1, "max_distance": [0.0, 1.5]}, trigger_distance=[1.0, 3.0], count=2
+    )
+    variants = expanded(trigger).variants
+    assert [v.parameters["trigger_threshold"] for v in variants] == [1.0] * 4 + [3.0] * 4
+    on_path = [round(places(v)[0][1], 3) == 3.0 for v in variants]
+    assert on_path == [True, True, False, False] * 2
+
+
+@pytest.mark.parametrize("kind", ["ObstacleVariation", "ObstacleVariationWithDistanceTrigger"])
+def test_a_parameter_that_is_not_known_is_refused(expanded, kind: str) -> None:
+    call = obstacles() if kind == "ObstacleVariation" else triggered()
+    call[kind]["colour"] = "red"
+    assert "unknown key `colour`" in refusal(expanded, PATH, call)
+
+
 def test_equal_seeds_give_equal_obstacles(expanded) -> None:
     kind = {"amount": 2, "max_distance": 1.0}
     first, again, other = (

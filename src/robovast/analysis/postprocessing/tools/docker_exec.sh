@@ -2,7 +2,7 @@
 # Executes a script on results in a container of a run image.
 set -euo pipefail
 here=$(cd "$(dirname "$(readlink -f "${BASH_SOURCE[0]}")")" && pwd)
-package=$(dirname "$(dirname "$here")")
+package=$(cd "$here/../../.." && pwd)
 
 image=${ROBOVAST_IMAGE:-}
 compat_version=$(sed -n 's/^COMPAT_VERSION = //p' "$package/common/execution.py")
