@@ -1,7 +1,9 @@
 """A running cluster, as tests see it."""
 
 import json
-from collections.abc import Mapping
+import subprocess
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,8 +47,22 @@ class Cluster:
 
     def kubectl(self, *arguments: str | Path, stdin: str | None = None) -> str:
         """Run a kubectl command to its end; return its standard output."""
-        kubectl = (programs.kubelite(), "kubectl", f"--kubeconfig={self.kubeconfig}")
-        return run([*kubectl, *arguments], stdin=stdin)
+        return run([*self._kubectl, *arguments], stdin=stdin)
+
+    @contextmanager
+    def watching(self, *arguments: str) -> Iterator[Iterator[str]]:
+        """Start `kubectl get --watch ARGUMENTS`, for the lines that it shows."""
+        command = [*self._kubectl, "get", "--watch", *arguments]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            try:
+                yield (line.rstrip("\n") for line in process.stdout)
+            finally:
+                process.kill()
+
+    @property
+    def _kubectl(self) -> tuple[str | Path, ...]:
+        return (programs.kubelite(), "kubectl", f"--kubeconfig={self.kubeconfig}")
 
     def apply(self, *objects: Manifest) -> None:
         """Create or change objects by server-side apply."""
