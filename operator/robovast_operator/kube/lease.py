@@ -9,6 +9,7 @@ from math import inf
 
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api, ApiError
+from robovast_operator.kube.lenient import LARGEST, mapping, number
 from robovast_operator.kube.times import now
 from robovast_operator.planning.campaign import Object
 from robovast_operator.settings import Settings
@@ -19,6 +20,9 @@ NAME = "robovast-operator"
 
 RENEWALS = 3
 """How often the Lease is renewed within its duration; each is a write to the API server."""
+
+LONGEST = 300.0
+"""How long a holder is waited for at most, whatever somebody has written into the Lease [s]."""
 
 ATTEMPTS = 15
 """How often that is tried within its duration while it does not succeed."""
@@ -71,9 +75,10 @@ class Leadership:
         if self.leading:
             self._until = -inf
             lease = await self._read()
-            if lease is not None and lease["spec"].get("holderIdentity") == self._settings.identity:
-                lease["spec"]["holderIdentity"] = None
-                await self._api.update(f"{self._collection}/{NAME}", lease)
+            spec = mapping(mapping(lease).get("spec"))
+            if lease is not None and spec.get("holderIdentity") == self._settings.identity:
+                changed = {**lease, "spec": {**spec, "holderIdentity": None}}
+                await self._api.update(f"{self._collection}/{NAME}", changed)
 
     @property
     def _collection(self) -> str:
@@ -99,7 +104,7 @@ class Leadership:
             held = await self._api.create(self._collection, made) is not None
             self.term += held
             return held
-        spec = lease["spec"]
+        spec = mapping(lease.get("spec"))
         mine = spec.get("holderIdentity") == self._settings.identity
         if not mine and not self._expired(spec):
             return False
@@ -119,7 +124,8 @@ class Leadership:
         if told != self._read_first[0]:
             self._read_first = (told, time.monotonic())
             self._notice(str(told[0] or "nobody"))
-        duration = spec.get("leaseDurationSeconds") or 1
+        longest = max(LONGEST, self._settings.lease_seconds)
+        duration = min(number(spec.get("leaseDurationSeconds")) or 1, longest)
         return not told[0] or time.monotonic() - self._read_first[1] > duration
 
     def _notice(self, leader: str) -> None:
@@ -135,5 +141,5 @@ class Leadership:
             "leaseDurationSeconds": max(1, round(self._settings.lease_seconds)),
             "acquireTime": spec.get("acquireTime") if mine else moment,
             "renewTime": moment,
-            "leaseTransitions": spec.get("leaseTransitions", 0) + (0 if mine else 1),
+            "leaseTransitions": min(LARGEST, number(spec.get("leaseTransitions")) + (not mine)),
         }

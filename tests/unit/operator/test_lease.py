@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import copy
 from dataclasses import replace
 from typing import Any
 
+import pytest
 from operator_world import SETTINGS
 
+from robovast_operator.kube import lease as lease_module
 from robovast_operator.kube.api import ApiError
 from robovast_operator.kube.lease import Leadership
 
@@ -24,7 +27,7 @@ class Server:
             raise ApiError(0, "Unreachable", path)
         if self.lease is None:
             raise ApiError(404, "NotFound", path)
-        return {"spec": dict(self.lease["spec"])}
+        return copy.deepcopy(self.lease)
 
     async def create(self, path: str, obj: Any) -> Any:
         return await self.update(path, obj)
@@ -59,3 +62,33 @@ def test_a_term_ends_when_another_replica_leads_and_not_when_a_renewal_is_late()
         return found
 
     assert asyncio.run(asyncio.wait_for(terms(), 20)) == [1, 1, 2]
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        None,
+        {},
+        {"holderIdentity": "gone", "leaseDurationSeconds": 2**31 - 1},
+        {"holderIdentity": "", "leaseTransitions": 2**31 - 1},
+        {"holderIdentity": "gone", "renewTime": "2999-01-01T00:00:00.000000Z"},
+    ],
+)
+def test_whatever_stands_in_the_lease_somebody_leads(
+    spec: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Anybody who may write it may have: it is waited for no longer than five minutes."""
+    monkeypatch.setattr(lease_module, "LONGEST", 0.5)
+    server: Any = Server()
+    server.lease = {"spec": spec}
+    leadership = Leadership(server, replace(SETTINGS, lease_seconds=0.3))
+
+    async def lead() -> None:
+        keeping = asyncio.create_task(leadership.keep())
+        await leadership.wait()
+        keeping.cancel()
+        await leadership.release()
+
+    asyncio.run(asyncio.wait_for(lead(), 20))
+    assert server.lease["spec"]["holderIdentity"] is None
+    assert server.lease["spec"]["leaseTransitions"] < 2**31
