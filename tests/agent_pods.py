@@ -155,7 +155,8 @@ class Pod:
         self.campaign = campaign
         campaign.pods.append(self)
         self.number = next(self._numbers)
-        self.work = campaign.root / f"pod-{self.number}"
+        self.name = f"pod-{self.number}"
+        self.work = campaign.root / self.name
         self.work.mkdir()
         self.message_file = self.work / "termination-log"
         self.message_file.touch()
@@ -172,11 +173,14 @@ class Pod:
             f"{name}.log",
             [
                 *(sys.executable, "-m", "robovast.agent", name, *map(str, arguments)),
-                *(f"--{folder}={root / folder}" for folder in ("plan", "files", "credentials")),
+                *(
+                    f"--{folder}={root / folder}"
+                    for folder in ("plan", "files", "credentials", "pods")
+                ),
                 *(f"--work={self.work}", f"--message={self.message_file}"),
                 *(f"--config-seen={self.work / 'config'}", f"--out-seen={self.out}"),
             ],
-            {"JOB_COMPLETION_INDEX": str(index)},
+            {"JOB_COMPLETION_INDEX": str(index), "POD_NAME": self.name},
         )
 
     def task(self, name: str) -> int:

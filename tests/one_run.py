@@ -92,7 +92,7 @@ class Execution:
         self.files = {**own, **self.files}
         variant, number = self.run.split("/")
         self._run = Run(0, Variant(variant, "entry", {}), int(number))
-        self._results = Results(Bucket(self.store, self.bucket, None), self._pack())
+        self._results = Results(Bucket(self.store, self.bucket, None), self._pack(), pod="")
 
     def _pack(self) -> Pack:
         return Pack(

@@ -20,6 +20,7 @@ from robovast_operator.decide import (
     decide,
 )
 from robovast_operator.kube.store import JobState
+from robovast_operator.kube.times import format_time
 from robovast_operator.planning.accept import accept
 from robovast_operator.planning.campaign import Accepted, Revision
 from robovast_operator.planning.revisions import next_revision
@@ -89,6 +90,10 @@ class FakeJob:
     suspended: bool = False
     deleting: bool = False
     """It is still there because pods of it are."""
+    ended: str = ""
+    """When its last pod ended."""
+    ready: int | None = None
+    """Pods that are at work; all that are there when None."""
 
     @property
     def over(self) -> bool:
@@ -112,7 +117,7 @@ class FakeJob:
             parallelism=self.parallelism,
             suspended=self.suspended,
             active=active,
-            ready=active,
+            ready=active if self.ready is None else self.ready,
             failed_pods=len(bad),
             completed=format_ranges(spans(good)),
             failed=format_ranges(spans(bad)),
@@ -176,7 +181,6 @@ class World:
             self._act(action)
         for name in going:
             self.jobs.pop(name, None)
-            self.mute.discard(name)
         return decision
 
     def observed(self) -> Observed:
@@ -185,7 +189,7 @@ class World:
             generation=1,
             status=self.status,
             revisions=self.revisions,
-            jobs={name: job.state() for name, job in self.jobs.items()},
+            jobs={name: replace(job.state(), ended=job.ended) for name, job in self.jobs.items()},
             now=self.now,
             withdrawn=self.withdrawn,
             reports={name: self._reports(job) for name, job in self.jobs.items()},
@@ -204,6 +208,7 @@ class World:
         job = busy[which % len(busy)]
         index = next(i for i in range(job.size) if i not in job.done)
         job.done[index] = verdict if job.role == "shard" else "passed"
+        job.ended = format_time(self.now)
         for id_ in self._ids(job, index):
             attempted = (job.shard.attempt if job.shard else 1) > 1
             if id_ not in self.stored or (attempted and self.stored[id_] != "passed"):

@@ -174,13 +174,16 @@ def _last_jobs(picture: Picture) -> list[Action]:
     """When nothing more is to be executed: the index, then what the results are worked up to."""
     plan, jobs = picture.observed.revisions[-1].config_map, picture.observed.jobs
     if picture.final is None:
-        finish = jobs.get(picture.finish_name)
-        if finish is None:
-            return [CreateTask("finish", picture.finish_name, plan)]
-        lost = finish.finished == "Complete" and not finish.deleting
-        return [DeleteJob(finish.name)] if lost else []  # its words are gone with its pod
+        finish = picture.finish
+        due = finish.last is None or (picture.lost_words and not _pause(picture))
+        return [CreateTask("finish", finish.next_name, plan)] if due else []
     process = CreateTask("process", picture.process_name, plan)
     return [] if picture.process_name in jobs else [process]
+
+
+def _pause(picture: Picture) -> float | None:
+    """How long to wait before the results are indexed again [s]; None when that is not asked."""
+    return picture.finish.wait(picture.observed.now) if picture.lost_words else None
 
 
 def _cancel(picture: Picture) -> list[Action]:
@@ -203,7 +206,8 @@ def _tidy(picture: Picture) -> list[Action]:
         for shard in picture.shards
         if (job := picture.job(shard)) is not None and not job.open and picture.is_remembered(shard)
     ]
-    return [DeleteJob(job.name) for job in known[:-WINDOW] if not job.deleting]
+    old = [*known[:-WINDOW], *picture.finish.old]
+    return [DeleteJob(job.name) for job in old if not job.deleting]
 
 
 def _withdraw(picture: Picture) -> list[Action]:
@@ -237,5 +241,5 @@ def _expire(picture: Picture) -> list[Action]:
 def _again(picture: Picture) -> float | None:
     expiry = _expiry(picture)
     if expiry is None or not picture.observed.jobs:
-        return None
+        return _pause(picture)
     return max(1.0, (expiry - picture.observed.now).total_seconds())

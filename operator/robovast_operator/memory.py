@@ -7,10 +7,10 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from robovast.model.packs import CampaignPlan
+from robovast.model.packs import CampaignPlan, Entry
 from robovast_operator.kube.store import JobState
 from robovast_operator.planning.additions import Additions
-from robovast_operator.planning.campaign import Accepted, Rejected, Revision
+from robovast_operator.planning.campaign import Accepted, Object, Rejected, Revision
 from robovast_operator.pods.verdicts import Report
 from robovast_operator.queueing.waiting import Waiting
 from robovast_operator.snapshot import Final, Trouble
@@ -29,6 +29,8 @@ class Memory:
     """A plan that was fixed; all of them agree on where results are."""
     generation_as_planned: int = 0
     """Of the Campaign, whose document was found to be the one that was planned."""
+    source: Object | None = None
+    """The ConfigMap with the input files, until they are copied."""
     files_made: bool = False
     reports: dict[str, tuple[str, Mapping[int, Report]]] = field(default_factory=dict)
     """By Job: its failed indexes and what their pods said."""
@@ -51,8 +53,8 @@ class Memory:
     """What Configurations that were applied by hand add."""
     additions_for: tuple[object, ...] = ()
     """What `additions` was made from."""
-    expanded: dict[str, int | str] = field(default_factory=dict)
-    """By content of an entry that was added, how many variants it has, or what is wrong."""
+    expanded: dict[str, Entry | str] = field(default_factory=dict)
+    """By content of an entry that was added, what it expands to, or what is wrong."""
     withdrawn: set[str] = field(default_factory=set)
     """Configurations that asked for runs and are gone, by uid."""
     problems: dict[str, str] = field(default_factory=dict)
@@ -69,6 +71,8 @@ class Memory:
     status_written: float = 0.0
     failing: float | None = None
     """Since when looks at it fail; None when the last one did not."""
+    witnessed: set[str] = field(default_factory=set)
+    """Uids of Jobs that have ended, and whose pods were looked at."""
     undelivered: set[str] = field(default_factory=set)
     """Uids of the Jobs whose notices reached nobody, and were told to have."""
 

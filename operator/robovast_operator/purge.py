@@ -6,13 +6,15 @@ import logging
 from collections.abc import Mapping
 
 from robovast_operator.kube import paths
+from robovast_operator.kube.announce import announce
 from robovast_operator.kube.api import Api
-from robovast_operator.kube.events import Message, event
+from robovast_operator.kube.events import Message
 from robovast_operator.kube.store import JobState
-from robovast_operator.kube.times import format_time, now
 from robovast_operator.planning.campaign import Identity, Object, Rejected
 from robovast_operator.planning.inputs import Begun
+from robovast_operator.pods.diagnose import Diagnosis
 from robovast_operator.pods.jobs import plan_config_map, task_job
+from robovast_operator.pods.pod_status import trouble_of
 from robovast_operator.settings import Settings
 
 LOGGER = logging.getLogger(__name__)
@@ -23,9 +25,10 @@ FINALIZER = "robovast.io/purge"
 class Purge:
     """The finalizer of `retention: Delete`; every other Campaign has none."""
 
-    def __init__(self, api: Api, settings: Settings) -> None:
+    def __init__(self, api: Api, settings: Settings, diagnosis: Diagnosis) -> None:
         self._api = api
         self._settings = settings
+        self._diagnosis = diagnosis
 
     @staticmethod
     def holds(obj: Object) -> bool:
@@ -55,7 +58,7 @@ class Purge:
         others = [name for name in obj["metadata"]["finalizers"] if name != FINALIZER]
         if isinstance(begun, Rejected):
             if (obj.get("status") or {}).get("bucket"):
-                await self._tell_that_it_waits(obj, begun)
+                await self._tell_that_it_waits(obj, begun.message)
                 return 300.0
             await self._set(obj, others)  # it never had a bucket
             return None
@@ -66,6 +69,9 @@ class Purge:
         if job is not None and job.finished == "Complete":
             await self._set(obj, others)
             return None
+        if job is not None and job.finished:
+            await self._tell_that_it_waits(obj, await self._cause(job))
+            return 300.0
         at_work = [other for other in jobs.values() if other.name != name]
         for other in at_work:
             if not other.deleting:
@@ -88,13 +94,17 @@ class Purge:
             bucket = (obj.get("status") or {}).get("bucket")
             LOGGER.warning("the bucket %s stays: its namespace is being deleted", bucket)
 
-    async def _tell_that_it_waits(self, obj: Object, rejected: Rejected) -> None:
+    async def _cause(self, job: JobState) -> str:
+        """Why a Job could not remove the bucket, and how to try again."""
+        found = trouble_of([pod async for pod in self._diagnosis.pods_of(job)])
+        why = found.message if found is not None else job.message
+        return f"{why.rstrip('. ')}. To try again: `kubectl delete job {job.name}`."
+
+    async def _tell_that_it_waits(self, obj: Object, why: str) -> None:
         """Say by an Event why no Job can remove the bucket."""
-        text = f"its bucket stays, and so does the Campaign: {rejected.message}"
-        message = Message("Warning", "NotPurged", text)
-        identity = Identity.of(obj)
-        told = event(identity, message, format_time(now()), about=rejected.message)
-        await self._api.create(paths.events(identity.namespace), told)
+        text = f"its bucket stays, and so does the Campaign: {why}"
+        message = Message("Warning", "NotPurged", text, why)
+        await announce(self._api, Identity.of(obj), message)
 
     async def _set(self, obj: Object, finalizers: list[str]) -> None:
         meta = obj["metadata"]

@@ -31,6 +31,8 @@ from robovast_operator.pods.diagnose import PATIENCE, Diagnosis
 from robovast_operator.pods.jobs import shard_job, task_job
 from robovast_operator.pods.pod_status import trouble_of
 from robovast_operator.pods.reports import composed_of
+from robovast_operator.pods.tries import NO_WORD, Tries
+from robovast_operator.pods.witness import Witness
 from robovast_operator.purge import Purge
 from robovast_operator.queueing.queues import Queues
 from robovast_operator.settings import Settings
@@ -57,10 +59,11 @@ class Reconciler:
         self._memories: dict[Key, Memory] = {}
         self._inputs = Inputs(api, store, settings)
         self._diagnosis = Diagnosis(api, settings)
+        self._witness = Witness(api, self._diagnosis)
         self._notifier = Notifier(api, queue, settings, self._diagnosis)
         self._statuses = Statuses(api, store, queue, settings, self._notifier)
         self._queues = Queues(api, store, settings)
-        self._purge = Purge(api, settings)
+        self._purge = Purge(api, settings, self._diagnosis)
 
     def forget(self) -> None:
         """Forget what was found out about campaigns: another replica may have changed it."""
@@ -139,6 +142,8 @@ class Reconciler:
         accepted = await self._inputs.accepted(obj, memory)
         if isinstance(accepted, Accepted):
             await self._purge.protect(obj)
+            if not await self._inputs.make_files(accepted, memory):
+                accepted = await self._inputs.accepted(obj, memory)
         if isinstance(accepted, Accepted) and not (accepted.pure or accepted.entries):
             composed = await self._composed(obj, accepted, memory, jobs)
             if composed is None:
@@ -146,7 +151,7 @@ class Reconciler:
             accepted = composed
         if isinstance(accepted, Rejected):
             await self._statuses.rejected(obj, accepted, memory)
-            if accepted.reason == "SourceNotFound":  # nothing tells when it comes
+            if accepted.reason in {"SourceNotFound", "SourceChanged"}:  # nothing tells of a change
                 later = min(300.0, max(10.0, memory.still_for() / 2))
                 self._queue.add((obj["metadata"]["namespace"], obj["metadata"]["name"]), later)
             return
@@ -156,7 +161,6 @@ class Reconciler:
         self, obj: Object, accepted: Accepted, memory: Memory, jobs: dict[str, JobState]
     ) -> None:
         """Bring an accepted campaign further."""
-        await self._inputs.make_files(accepted, memory)
         additions = await self._inputs.additions(obj, accepted, memory)
         revisions = await self._inputs.revisions(accepted, additions, memory)
         if not _is_as_planned(obj, accepted, revisions[0], memory):
@@ -165,6 +169,7 @@ class Reconciler:
         memory.notice(jobs)
         status = read_status(CampaignStatus, obj.get("status"))
         again = await self._diagnosis.update(accepted, memory, jobs)
+        await self._witness.update(accepted, memory, jobs)
         queued = await self._queues.update(memory, jobs, suspended=accepted.spec.suspend)
         observed = Observed(
             accepted=accepted,
@@ -223,24 +228,35 @@ class Reconciler:
         planned = await self._inputs.planned(accepted, memory)
         if planned is not None:
             return planned
-        await self._inputs.make_files(accepted, memory)
-        name = identity.child("compose")
-        job = jobs.get(name)
-        if job is not None and job.finished:
-            pods = [pod async for pod in self._diagnosis.pods_of(job)]
-            found = trouble_of(pods)
-            reason = found.reason if found is not None and found.final else "InvalidDocument"
-            limit = self._settings.variant_limit
-            return with_composition(accepted, composed_of(pods), limit, reason)
-        if job is None:
+        tries = Tries.of(jobs.values(), identity.child("compose"))
+        ended = tries.last is not None and bool(tries.last.finished)
+        if tries.last is not None and ended:
+            found = await self._composition(accepted, tries.last)
+            if found is not None:
+                return found
+        memory.notice(jobs)
+        if tries.last is None or (ended and not tries.wait(now())):
             plan = identity.child("plan-compose")
             await self._inputs.prepare_composing(accepted, plan)
+            name = tries.next_name
             await self._create_job(task_job(accepted, self._settings, "compose", name, plan))
-        memory.notice(jobs)
+        for job in tries.old:
+            await self._api.delete(f"{paths.jobs(identity.namespace)}/{job.name}")
         again = await self._diagnosis.update(accepted, memory, jobs)
+        if ended and tries.told:
+            memory.trouble = Trouble(NO_WORD, tries.told)
         self._queue.add((identity.namespace, identity.name), again or self._settings.stall_seconds)
         await self._statuses.composing(obj, accepted, memory)
         return None
+
+    async def _composition(self, accepted: Accepted, job: JobState) -> Accepted | Rejected | None:
+        """The campaign with what a compose Job that ended has said; None when its pods are gone."""
+        pods = [pod async for pod in self._diagnosis.pods_of(job)]
+        if not pods:
+            return None
+        found = trouble_of(pods)
+        reason = found.reason if found is not None and found.final else "InvalidDocument"
+        return with_composition(accepted, composed_of(pods), self._settings.variant_limit, reason)
 
     async def _carry_out(
         self, obj: Object, accepted: Accepted, decision: Decision, memory: Memory
@@ -262,7 +278,9 @@ class Reconciler:
             case CreateTask("finish") if await self._diagnosis.is_storing(accepted.identity):
                 self._queue.add((namespace, accepted.identity.name), PAUSE)
             case CreateTask(command, name, plan):
-                await self._create_job(task_job(accepted, self._settings, command, name, plan))
+                seen = await self._witness.kept(accepted) if command == "finish" else ()
+                job = task_job(accepted, self._settings, command, name, plan, seen)
+                await self._create_job(job)
             case SuspendJob(job, suspend):
                 await self._suspend(accepted, job, suspend, memory)
             case ResizeJob(job, parallelism):

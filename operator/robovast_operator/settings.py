@@ -26,6 +26,8 @@ class Settings:
     """Secrets that Campaigns may name beside those with the prefix."""
     restricted_runs: bool = True
     """Whether run containers may not gain privileges."""
+    work_request: str = ""
+    """Room on its node's disk that a run's pod asks for; none when empty."""
     work_limit: str = ""
     """Most that a pod may hold on its disk, as Kubernetes writes amounts; unlimited when empty."""
     lease_namespace: str = "default"
@@ -83,6 +85,7 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         namespaces=names("ROBOVAST_NAMESPACES"),
         secret_names=names("ROBOVAST_SECRET_NAMES"),
         restricted_runs=environment.get("ROBOVAST_RESTRICTED_RUNS", "true") != "false",
+        work_request=environment.get("ROBOVAST_WORK_REQUEST", ""),
         work_limit=environment.get("ROBOVAST_WORK_LIMIT", ""),
         lease_namespace=environment.get("POD_NAMESPACE", "default"),
         identity=environment.get("POD_NAME", f"operator-{os.getpid()}"),

@@ -14,6 +14,7 @@ from robovast_operator.kube.lenient import ranges
 from robovast_operator.kube.store import JobState
 from robovast_operator.planning.campaign import Accepted, Revision
 from robovast_operator.planning.shards import ShardPlan, first_attempts, repetitions
+from robovast_operator.pods.tries import Tries, number_of
 from robovast_operator.pods.verdicts import Report, ShardRuns, Tally, tally_of, total
 from robovast_operator.queueing.waiting import Waiting
 from robovast_operator.status.conditions import is_true
@@ -198,9 +199,10 @@ class Picture:
         return self.observed.status.settled.shards + sum(self.ended(s) for s in self.shards)
 
     @property
-    def finish_name(self) -> str:
-        """The Job that makes the index; another set of shards needs another one."""
-        return self.observed.accepted.identity.child(f"finish-{self.ended_shards}")
+    def finish(self) -> Tries:
+        """The Jobs that make the index; another set of shards needs another one."""
+        task = self.observed.accepted.identity.child(f"finish-{self.ended_shards}")
+        return Tries.of(self.observed.jobs.values(), task)
 
     @property
     def indexed(self) -> bool:
@@ -224,8 +226,18 @@ class Picture:
     @property
     def final(self) -> Final | None:
         """What the finish Job of these shards found, if it has ended."""
-        final = self.observed.finals.get(self.finish_name) if self.quiet else None
-        return final if final is not None and final.runs.total == self.plan.total else None
+        if not self.quiet:
+            return None
+        task = self.finish.task
+        found = (f for name, f in self.observed.finals.items() if number_of(name, task) is not None)
+        return next((final for final in found if final.runs.total == self.plan.total), None)
+
+    @property
+    def lost_words(self) -> bool:
+        """Whether the finish Job ended well, and nobody could read what it found."""
+        last = self.finish.last
+        ended = last is not None and last.finished == "Complete" and not last.deleting
+        return ended and self.over and not self.indexed and self.final is None
 
     @property
     def bad(self) -> BadRuns | None:

@@ -292,3 +292,20 @@ def test_a_suspended_campaign_stops_and_goes_on(lab: Lab) -> None:
     )
     lab.wait("paused")
     assert len(lab.verdicts(lab.download("paused"))) == 12
+
+
+def test_the_record_of_each_run_names_the_image_that_its_pod_had(lab: Lab) -> None:
+    """The Campaign names it by a tag; what that stood for is what Kubernetes says of the pod."""
+    lab.quick("tagged", "true\n", "  runs: 2\n")
+    lab.wait("tagged")
+    pods = lab.get("pods", "--selector=robovast.io/role=shard")["items"]
+    images = {
+        pod["metadata"]["name"]: container["imageID"].rpartition("://")[2]
+        for pod in pods
+        for container in pod["status"]["containerStatuses"]
+        if container["name"] == "robovast"
+    }
+    records = [json.loads(p.read_text()) for p in lab.download("tagged").glob("*/*/run.json")]
+    assert {record["pod"]: record["image_digest"] for record in records} == images
+    assert all("sha256:" in image for image in images.values())
+    assert len(records) == 6

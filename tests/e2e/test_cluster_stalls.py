@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -148,3 +150,80 @@ def at_work(lab: Lab) -> bool:
     """Whether all pods of the campaign are ready."""
     jobs = lab.get("jobs", "--selector=robovast.io/campaign=cut-off")["items"]
     return any(job["status"].get("ready") == 3 for job in jobs)
+
+
+def test_an_agent_that_lacks_memory_is_told(lab: Lab) -> None:
+    """The run beside it ends when it hears nothing more."""
+    policies = json.dumps(list(shrink_fetch(lab)))
+    agent = policies.replace("/initContainers/1/", "/containers/1/").replace("small-fetch", "agent")
+    lab.cluster.apply(*json.loads(agent))
+    lab.quick("small", "sleep 30\n", "  runs: 5\n", parallelism=2)
+    assert "agent" in wait_stalled(lab, "small", "OutOfMemory", 180)
+
+
+EXIT = bytes.fromhex("31ff b83c000000 0f05")
+"""`exit(0)` for amd64."""
+
+
+def does_nothing() -> bytes:
+    """An executable that ends at once, and well."""
+    size = 64 + 56 + len(EXIT)
+    head = struct.pack(
+        "<16sHHIQQQIHHHHHH", b"\x7fELF\2\1\1", 2, 62, 1, 0x400078, 64, 0, 0, 64, 56, 1, 0, 0, 0
+    )
+    return head + struct.pack("<IIQQQQQQ", 1, 5, 0, 0x400000, 0x400000, size, size, 4096) + EXIT
+
+
+def test_an_image_without_bash_is_told(lab: Lab, tmp_path: Path) -> None:
+    """Its shell finds the right version of the contract, or would say so."""
+    shell = tmp_path / "without-bash" / "shell"
+    shell.parent.mkdir()
+    shell.write_bytes(does_nothing())
+    containerd.of(lab.cluster.bed).load(scratch.archive(shell, "bin/sh"))
+    apply(lab, "no-bash", scratch.image(shell.name))
+    told = wait_stalled(lab, "no-bash", "Container", 180)
+    assert "the container robovast cannot start" in told
+    assert '"bash"' in told
+
+
+@contextmanager
+def operator_with(lab: Lab, variable: str, value: str) -> Iterator[None]:
+    """The installed operator with another setting, for a while."""
+    deployment = ("--namespace", SYSTEM, "deployment/robovast-operator")
+
+    def change(*words: str) -> None:
+        lab.cluster.kubectl("set", "env", *deployment, *words)
+        lab.cluster.kubectl("rollout", "status", *deployment, "--timeout=60s")
+
+    (before,) = lab.cluster.kubectl(
+        *("get", *deployment, "--output"),
+        f"jsonpath={{..env[?(@.name=='{variable}')].value}}",
+    ).splitlines() or [""]
+    change(f"{variable}={value}")
+    try:
+        yield
+    finally:
+        change(f"{variable}={before}")
+
+
+def test_a_pod_that_outgrows_its_disk_is_evicted_and_that_is_told(lab: Lab) -> None:
+    """By the kubelet, for the limit of its volume; what it wrote is lost with it."""
+    fill = 'head -c 200M /dev/zero >"$3/large"\nsleep 120\n'
+    with operator_with(lab, "ROBOVAST_WORK_LIMIT", "32Mi"):
+        lab.quick("large", fill, "  runs: 1\n", parallelism=1)
+        told = wait_stalled(lab, "large", "Evicted", 240)
+    assert "32Mi" in told
+
+
+def test_a_run_that_needs_too_much_memory_says_so(lab: Lab) -> None:
+    """Whether the kernel kills its container, or only the process that is too large."""
+    take = 'python3 -c "a = bytearray(2 ** 30); input()"'
+    lab.quick("greedy", f'[ "$1" != 2 ] || {take}\n', "  resources: {memory: 300Mi}\n")
+    lab.wait("greedy")
+    records = {
+        path.parent.parent.name: json.loads(path.read_text())
+        for path in lab.download("greedy").glob("*/*/run.json")
+    }
+    told = "SIGKILL: out of memory|killed a process of its job for lack of memory"
+    assert re.search(told, records["one-2"]["reason"]), records["one-2"]
+    assert {records[name]["verdict"] for name in ("one-1", "one-3")} == {"passed"}

@@ -22,6 +22,7 @@ from robovast_testbed.s3 import Server
 
 from robovast.agent.claims import MOST_STARTS
 from robovast.campaign.configurations import variants_digest
+from robovast.kubeapi.sightings import Sightings
 from robovast.model.document import load_document
 from robovast.model.expansion import compose
 from robovast.model.repetition import list_key, list_name
@@ -143,6 +144,37 @@ def test_a_container_that_is_killed_costs_one_run(make: Make) -> None:
     assert later.run() == 11
     assert later.message() == {"passed": "0,2", "failed": "", "errored": "1", "counts": [2, 0, 1]}
     assert campaign.record("one-3/0")["job"] == "job-0-2"
+
+
+@one_server
+def test_what_kubernetes_alone_knows_of_pods_is_in_the_records_of_the_runs_that_they_executed(
+    make: Make,
+) -> None:
+    """Image and lack of memory, as the operator hands them to `finish`; nothing of other pods."""
+    campaign = make(PASS + '[ "$1" != 2 ] || touch here; [ "$1" != 2 ] || sleep 600\n', PACK)
+    pod = Pod(campaign)
+    container, agent = pod.start()
+    eventually(lambda: (pod.out / "one-2/0/out.csv").exists())
+    pod.kill(container)
+    agent.wait(30)
+    later = Pod(campaign)
+    assert later.run() == 11
+    assert campaign.record("one-1/0")["image_digest"] == ""
+    folder = campaign.root / "pods"
+    folder.mkdir()
+    image = "registry/image@sha256:" + "5" * 64
+    seen = Sightings({pod.name: image}, frozenset({pod.name, later.name}))
+    (folder / "of-a-job").write_text(seen.dump())
+    (folder / "no-sense").write_bytes(b"\xff{")
+    task = Pod(campaign)
+    assert task.task("finish") == 0, task.log("finish")
+    digests = {run: campaign.record(run)["image_digest"] for run in campaign.verdicts()}
+    assert digests == {"one-1/0": image, "one-2/0": image, "one-3/0": ""}
+    assert "SIGKILL: out of memory; its log ends" in campaign.record("one-2/0")["reason"]
+    assert campaign.record("one-3/0")["verdict"] == "passed"
+    index = json.loads(campaign.read("_execution/index.json"))["runs"]
+    assert "SIGKILL: out of memory" in index[1]["reason"]
+    assert campaign.read("one-2/0/out.csv") == "2,a\n"
 
 
 @one_server

@@ -268,6 +268,9 @@ def test_the_queue_is_as_large_as_the_nodes_that_take_pods(fake_cluster: Cluster
         values = {"kueue": {"enabled": True, "share": 50}}
         expected = {"cpu": f"{len(left) * 32_000}m", "memory": f"{len(left) * 128 * 1024}Mi"}
         assert quota(values, fake_cluster) == expected
+        asking = {**values, "agent": {"diskRequest": "5Gi"}}
+        disk = {"ephemeral-storage": f"{len(left) * 512 * 1024}Mi"}
+        assert quota(asking, fake_cluster) == expected | disk
     finally:
         fake_cluster.kubectl("uncordon", names[0])
         fake_cluster.kubectl("taint", "node", names[1], "gpu-")
@@ -280,6 +283,8 @@ def test_the_queue_is_as_large_as_it_is_said_to_be(fake_cluster: Cluster) -> Non
         "nvidia.com/gpu": "4",
     }
     assert quota({"kueue": {"enabled": True}}, None) == {"cpu": "4", "memory": "8Gi"}
+    asking = {"kueue": {"enabled": True}, "agent": {"diskRequest": "5Gi"}}
+    assert "ephemeral-storage" in quota(asking, None)
 
 
 def nodes(cluster: Cluster) -> list[Any]:

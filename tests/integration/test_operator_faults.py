@@ -7,6 +7,7 @@ import json
 import re
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
@@ -15,7 +16,6 @@ from aiohttp import web
 from faulty_api import (
     Action,
     Answer,
-    Fault,
     FaultyApi,
     Forward,
     cut_answer,
@@ -259,7 +259,7 @@ LOST: dict[str, tuple[str, str, Action, int]] = {
     "a Job is made, a time-out told": ("POST", "/jobs", fail_after(504), 2),
     "a plan's answer is cut off": ("POST", "/configmaps", cut_answer, 2),
     "a plan is made, an error told": ("POST", "/configmaps", fail_after(500), 2),
-    "a status' answer is cut off": ("PATCH", "/status", cut_answer, 1),
+    "a status' answer is cut off": ("PATCH", "/status", cut_answer, 2),
     "a status is written, an error told": ("PATCH", "/status", fail_after(500), 1),
     "an event's answer breaks off": ("POST", "/events", cut_in_the_middle, 2),
     "the Lease's answer breaks off": ("PUT", "/leases", cut_in_the_middle, 2),
@@ -273,13 +273,62 @@ def test_writes_whose_answers_are_lost_make_nothing_twice(
     operator = start()
     fake_cluster.apply(campaign("few", namespace, 3, 2))
     eventually(lambda: finished(fake_cluster, namespace, "few"), 90, operator.told)
-    # Events follow the status that they tell of.
-    eventually(lambda: all(fault.hits for fault in faults), 30, lambda: _missed(faults))
+    missed = [name for name, fault in zip(LOST, faults, strict=True) if not fault.hits]
+    assert not missed
     assert_right(fake_cluster, namespace)
+    assert events(fake_cluster, namespace) == Counter(["Valid", "Finished", "Accepted", "Indexed"])
 
 
-def _missed(faults: list[Fault]) -> str:
-    return ", ".join(name for name, fault in zip(LOST, faults, strict=True) if not fault.hits)
+def events(cluster: Cluster, namespace: str) -> Counter[str]:
+    """What Events tell of Campaigns, by reason."""
+    about = "--field-selector=involvedObject.kind=Campaign"
+    found = cluster.get("events", f"--namespace={namespace}", about)["items"]
+    return Counter(item["reason"] for item in found)
+
+
+def test_an_event_that_may_not_be_made_keeps_nothing_from_being_done(
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: NewOperator
+) -> None:
+    proxy.break_("POST", "/events", refuse(403))
+    operator = start()
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    assert_right(fake_cluster, namespace)
+    assert "no Event" in operator.told()
+
+
+async def no_pods(request: web.Request, forward: Forward) -> Answer:
+    """The pods are gone already."""
+    return web.json_response({"kind": "PodList", "apiVersion": "v1", "items": []})
+
+
+def test_last_words_that_are_gone_before_they_are_read_are_asked_for_again(
+    fake_cluster: Cluster, namespace: str, proxy: FaultyApi, start: NewOperator
+) -> None:
+    """Each Job later than the one before, with another name."""
+    lost = proxy.break_("GET", "/pods.*controller-uid", no_pods)
+    operator = start()
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+
+    def finishes() -> list[str]:
+        return [name for name in created(fake_cluster, namespace, "jobs") if "-finish-" in name]
+
+    eventually(lambda: len(finishes()) == 3, 60, operator.told)
+
+    def told() -> bool:
+        stalled = condition(status(fake_cluster, namespace, "few"), "Stalled")
+        return (stalled["status"], stalled["reason"]) == ("True", "NoWord")
+
+    eventually(told, 30, operator.told)
+    assert lost.hits >= 3
+    assert [name[-len("finish-1-2") :] for name in sorted(finishes())][-2:] == [
+        "finish-1-1",
+        "finish-1-2",
+    ]
+    proxy.mend()
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    state = status(fake_cluster, namespace, "few")
+    assert (state["progress"], condition(state, "Stalled")["status"]) == ("6/6", "False")
 
 
 def test_a_slow_server_makes_it_slow_and_nothing_else(

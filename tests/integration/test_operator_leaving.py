@@ -113,7 +113,8 @@ def test_a_bucket_goes_when_its_campaign_is_not_accepted_any_more(
     eventually(lambda: status(place.cluster, place.namespace, "few").get("bucket"), 30)
     bucket = status(place.cluster, place.namespace, "few")["bucket"]
     operator.kill()
-    place.delete("configmap/files")
+    copies = {name for name in place.names("configmaps") if name.endswith("-files")}
+    place.delete("configmap/files", *(f"configmap/{name}" for name in copies))
     operator.start()
 
     def rejected() -> bool:
@@ -190,3 +191,28 @@ def ended(place: Place, operator: OperatorProcess) -> None:
     eventually(over, 60, operator.told)
     found = place.get("configuration", "extra")
     assert "ownerReferences" not in found["metadata"], "a GitOps tool does not prune what has one"
+
+
+def test_a_bucket_that_may_not_be_removed_is_told_and_tried_again_when_that_is_asked(
+    place: Place, operator: OperatorProcess
+) -> None:
+    """The Job that removes it comes to its end in vain, as one does that the server refuses."""
+    made = campaign("few", place.namespace, 3, 2, **DELETE)
+    place.cluster.apply(made)
+    eventually(lambda: finished(place.cluster, place.namespace, "few"), 60, operator.told)
+    with place.no_pods():
+        place.delete("campaign/few")
+        eventually(lambda: any("purge" in name for name in place.names("jobs")), 30, operator.told)
+        (job,) = (name for name in place.names("jobs") if "purge" in name)
+        place.kubectl("patch", "job", job, "--patch", '{"spec": {"activeDeadlineSeconds": 1}}')
+        told = eventually(lambda: not_purged(place), 60, operator.told)
+    assert f"kubectl delete job {job}" in told
+    assert not place.gone("few")
+    place.delete(f"job/{job}")
+    eventually(lambda: place.gone("few"), 60, operator.told)
+
+
+def not_purged(place: Place) -> str:
+    """Why a bucket is still there, as an Event tells."""
+    events = place.get("events", "--field-selector=reason=NotPurged")["items"]
+    return str(events[0]["message"]) if events else ""

@@ -132,7 +132,7 @@ def test_lasting_trouble_is_told_once_and_so_is_that_nobody_could_be_told(
     assert stalled_since(fake_cluster, namespace) == since
     assert failures(fake_cluster, namespace) == [told]
     assert len(made_notices(fake_cluster, begin, namespace)) == 1
-    assert status(fake_cluster, namespace, "few")["state"] == "Running"
+    assert status(fake_cluster, namespace, "few")["state"] == "Stalled"
 
 
 def end_badly(cluster: Cluster, namespace: str, pod: str) -> None:

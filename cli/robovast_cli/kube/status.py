@@ -109,12 +109,19 @@ class CampaignState:
         return self._is("Succeeded", "False") and not self.status.runs.stored
 
     def counts(self) -> str:
-        """`12 of 260 done: 11 passed, 1 failed; 4 pods' runs are active`."""
+        """`12 of 260 done: 11 passed, 1 failed; 4 running, 2 waiting`."""
         runs = self.status.runs
         numbers = {"passed": runs.passed, "failed": runs.failed, "errored": runs.errored}
         parts = [f"{count} {word}" for word, count in numbers.items() if count]
         text = f"{self.done} of {runs.total} done" + (f": {', '.join(parts)}" if parts else "")
-        return text + (f"; {runs.active} running" if runs.active and not self.finished else "")
+        pods = ", ".join(self.pods())
+        return f"{text}; {pods}" if pods else text
+
+    def pods(self) -> list[str]:
+        """`4 running`, `2 waiting`: pods of runs that are there now."""
+        runs = self.status.runs
+        numbers = {"running": runs.active, "waiting": runs.waiting}
+        return [f"{n} {word}" for word, n in numbers.items() if n and not self.finished]
 
     def elapsed(self, now: datetime) -> float | None:
         """Time since its first Job, until its end [s]; None before."""

@@ -74,7 +74,17 @@ def line(campaign: CampaignState) -> str:
 
 def table(campaigns: Sequence[CampaignState]) -> str:
     """Campaigns as a table."""
-    columns = ["CAMPAIGN", "STATE", "DONE", "PASSED", "FAILED", "ERRORED", "RUNNING", "TIME"]
+    columns = [
+        "CAMPAIGN",
+        "STATE",
+        "DONE",
+        "PASSED",
+        "FAILED",
+        "ERRORED",
+        "RUNNING",
+        "WAITING",
+        "TIME",
+    ]
     text = format_table(columns, [_cells(campaign) for campaign in campaigns])
     notes = [f"{c.name}: {message}\n" for c in campaigns for message in c.messages]
     return "".join([text, *notes])
@@ -90,7 +100,7 @@ def _cells(campaign: CampaignState) -> list[str]:
         str(runs.passed),
         str(runs.failed),
         str(runs.errored),
-        str(0 if campaign.finished else runs.active),
+        *(str(0 if campaign.finished else pods) for pods in (runs.active, runs.waiting)),
         "" if elapsed is None else clock_time(elapsed),
     ]
 
@@ -152,8 +162,7 @@ def _row(campaign: CampaignState) -> list[RenderableType]:
     styles = {"passed": "green", "failed": "red", "errored": "yellow"}
     counts = {"passed": runs.passed, "failed": runs.failed, "errored": runs.errored}
     parts = [Text(f"{count} {word}", styles[word]) for word, count in counts.items() if count]
-    if runs.active and not campaign.finished:
-        parts.append(Text(f"{runs.active} running", "cyan"))
+    parts += [Text(text, "cyan") for text in campaign.pods()]
     return [
         Text(campaign.name),
         Text(campaign.status.state, "dim"),

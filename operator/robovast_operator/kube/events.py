@@ -1,4 +1,8 @@
-"""Kubernetes Events: what a person wants to know, once for each change of a condition. Pure."""
+"""Kubernetes Events: what a person wants to know, once for each change of a condition. Pure.
+
+An Event is made before what it tells is written, under a name that follows from the change: when
+an answer is lost, or the operator dies in between, it is made again, and is there already.
+"""
 
 from __future__ import annotations
 
@@ -31,32 +35,29 @@ class Message:
     """`Normal` or `Warning`."""
     reason: str
     text: str
+    about: str
+    """What it is about: of one reason each such thing is told once."""
 
 
 def messages(old: Iterable[Condition], new: Iterable[Condition]) -> Iterator[Message]:
     """What changed from one state to the next."""
-    before = {c.type: (c.status, c.reason) for c in old}
+    before = {c.type: (c.status, c.reason, c.last_transition_time) for c in old}
     conditions = list(new)
     rejected = {c.reason for c in conditions if c.type == "Accepted" and c.status == "False"}
     for condition in conditions:
         kind = _TOLD.get((condition.type, condition.status))
-        if kind is None or before.get(condition.type) == (condition.status, condition.reason):
+        was = before.get(condition.type, ("", "", ""))
+        if kind is None or was[:2] == (condition.status, condition.reason):
             continue
         if condition.type == "Stalled" and condition.reason in rejected:
             continue  # the same was told as `Accepted`
-        yield Message(kind, condition.reason, condition.message or condition.type)
+        change = " ".join((condition.type, condition.status, *was))
+        yield Message(kind, condition.reason, condition.message or condition.type, change)
 
 
-def event(identity: Identity, message: Message, now: str, about: str = "") -> Object:
-    """The Event object of a message about a Campaign.
-
-    Args:
-        identity: of the Campaign.
-        message: what is told.
-        now: the time.
-        about: what it is about, where that is told once whenever it is noticed.
-    """
-    text = f"{identity.uid}{message.reason}{about or now}"
+def event(identity: Identity, message: Message, now: str) -> Object:
+    """The Event object of a message about a Campaign."""
+    text = f"{identity.uid}{message.reason}{message.about}"
     mark = hashlib.sha256(text.encode()).hexdigest()[:12]
     return {
         "apiVersion": "v1",

@@ -85,7 +85,7 @@ def _metadata(given: dict[str, Any]) -> dict[str, Any]:
     return made
 
 
-_BEGINNING = "1970-01-01T00:00:00Z"
+BEGINNING = "1970-01-01T00:00:00Z"
 
 
 def time(value: object) -> str:
@@ -93,7 +93,7 @@ def time(value: object) -> str:
     try:
         return check_time(text(value))
     except ValueError:
-        return _BEGINNING
+        return BEGINNING
 
 
 def _status(given: dict[str, Any]) -> dict[str, Any]:

@@ -95,7 +95,7 @@ class Metrics:
         self._objects.labels("Campaign").set(len(store.campaigns))
         self._objects.labels("Configuration").set(len(store.configurations))
         self._objects.labels("Job").set(sum(len(jobs) for jobs in store.jobs.values()))
-        for state in ("active", "passed", "failed", "errored", "undecided"):
+        for state in ("active", "waiting", "passed", "failed", "errored", "undecided"):
             self._runs.labels(state).set(_runs(store, state))
         self._campaigns.clear()
         for status in _statuses(store):

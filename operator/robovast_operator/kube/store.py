@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from robovast.base.ranges import count
 from robovast.kubeapi.names import child_name
 from robovast.kubeapi.resources import CAMPAIGN_LABEL, ROLE_LABEL, UID_LABEL
-from robovast_operator.kube.lenient import metadata, number, ranges, shaped, text, time
+from robovast_operator.kube.lenient import BEGINNING, metadata, number, ranges, shaped, text, time
 from robovast_operator.planning.campaign import Key, Object
 
 NOTIFY_ROLE = "notify"
@@ -57,6 +57,8 @@ class JobState:
     """When its pods were last allowed to start; empty while they are not."""
     configuration: str = ""
     """Uid of the Configuration applied by hand that asked for its runs, if one did."""
+    ended: str = BEGINNING
+    """When it finished."""
 
     @property
     def key(self) -> Key:
@@ -67,6 +69,11 @@ class JobState:
     def open(self) -> bool:
         """Whether it may still change."""
         return not self.finished
+
+    @property
+    def at_work(self) -> int:
+        """Pods whose containers have all begun."""
+        return min(self.ready, self.active)
 
     @property
     def left(self) -> int:
@@ -103,6 +110,7 @@ class JobState:
             queue=labels.get(QUEUE_LABEL, ""),
             started=time(status.get("startTime")) if "startTime" in status else "",
             configuration=labels.get(CONFIGURATION_LABEL, ""),
+            ended=time(end.get("lastTransitionTime")),
         )
 
 

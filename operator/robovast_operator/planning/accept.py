@@ -25,7 +25,7 @@ from robovast.model.document.model import Vast
 from robovast.model.document.source import Source
 from robovast.model.expansion import Variant, compose, select_any
 from robovast.model.expansion.expand import DEFAULT_ENTRY
-from robovast.model.packs import RUNS_LIMIT, Entry, format_breaks, is_breaks
+from robovast.model.packs import RUNS_LIMIT, CampaignPlan, Entry, format_breaks, is_breaks
 from robovast.model.plan import breaks
 from robovast.model.quantities import cpus, memory
 from robovast.model.variations import Variation
@@ -265,6 +265,20 @@ DOCUMENT_CHANGED = Rejected(
     "spec.vast has changed after its runs were planned; only `execution.runs` may. Undo the "
     "change, or create another Campaign for it. What runs already goes on.",
 )
+
+
+def source_changed(planned: CampaignPlan | None, accepted: Accepted) -> Rejected | None:
+    """Why a campaign cannot go on whose input files are others than those it was planned with."""
+    before, now = planned.inputs if planned is not None else {}, accepted.inputs
+    names = [name for name in before if now.get(name) != before[name]]
+    if not names:
+        return None
+    return Rejected(
+        "SourceChanged",
+        f"spec.source: the file `{names[0]}` is not the one that the runs were planned with, whose "
+        f"SHA-256 is {before[names[0]]}. All runs of a campaign have one input: put it back, or "
+        "create another Campaign. What runs already goes on.",
+    )
 
 
 def same_document(planned: str, vast: Mapping[str, object]) -> bool:

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from pydantic import ValidationError
 
 from robovast.base.errors import InputError
-from robovast.base.serialization import dump_yaml
+from robovast.model.packs import Entry
 from robovast_operator.planning.accept import Files, accept
 from robovast_operator.planning.campaign import Accepted, Object, Rejected
 from robovast_operator.planning.configurations import added_entries, entry_name, reference
-from robovast_operator.planning.revisions import Addition
+from robovast_operator.planning.revisions import Addition, Planned
 from robovast_operator.settings import Settings
 
-Call = Callable[..., int | str]
+Call = Callable[..., Entry | str]
 """Calls a function with the arguments that follow."""
 
 
-def _here(function: Callable[..., int | str], *arguments: object) -> int | str:
+def _here(function: Callable[..., Entry | str], *arguments: object) -> Entry | str:
     return function(*arguments)
 
 
@@ -29,8 +29,6 @@ class Additions:
     """What Configurations add."""
 
     found: tuple[Addition, ...] = ()
-    accepted: Accepted | None = None
-    """The campaign with their entries in its document."""
     problems: Mapping[str, str] = field(default_factory=dict)
     """By Configuration, why it adds nothing."""
 
@@ -41,7 +39,8 @@ def with_additions(
     added: Sequence[Object],
     files: Files | Rejected | None,
     settings: Settings,
-    known: dict[str, int | str],
+    known: dict[str, Entry | str],
+    planned: Planned,
     call: Call = _here,
 ) -> Additions:
     """What Configurations add to a campaign; one that is wrong does not harm the others.
@@ -52,7 +51,8 @@ def with_additions(
         added: the Configurations, oldest first.
         files: the campaign's input files, or why they cannot be read.
         settings: of the installation.
-        known: variants by content of an entry, from the last time, or what is wrong with it.
+        known: what each entry expands to by its content, from the last time, or what is wrong.
+        planned: what was planned before: it stays as it is, whatever becomes of Configurations.
         call: what calls the function that expands an entry.
     """
     if not accepted.pure:
@@ -60,25 +60,20 @@ def with_additions(
         return Additions(problems={item["metadata"]["name"]: told for item in added})
     taken = {str(entry["name"]) for entry in _written(obj)}
     found: list[Addition] = []
-    good: list[Object] = []
     problems: dict[str, str] = {}
-    expanded = _expand_new(obj, added, files, settings, known, call)
-    for item, variants in zip(added, expanded, strict=True):
+    expanded = _expand_new(obj, added, files, settings, known, planned, call)
+    for item, entry in zip(added, expanded, strict=True):
         name = entry_name(item)
         if name in taken:
-            variants = f"the campaign has an entry `{name}` already; results are kept by name"
-        if isinstance(variants, str):
-            problems[item["metadata"]["name"]] = variants
+            entry = f"the campaign has an entry `{name}` already; results are kept by name"
+        if isinstance(entry, str):
+            problems[item["metadata"]["name"]] = entry
             continue
         taken.add(name)
-        good.append(item)
         runs = item["spec"].get("runs") or accepted.runs
-        found.append(Addition(name, variants, runs, reference(item)))
-    vast = _document(obj, [*_written(obj), *added_entries(good)])
-    select = accepted.spec.select and [*accepted.spec.select, *(one.name for one in found)]
-    spec = accepted.spec.model_copy(update={"vast": vast, "select": select})
-    whole = replace(accepted, spec=spec, document_text=dump_yaml(vast))
-    return Additions(tuple(found), whole, problems)
+        (content,) = added_entries([item])
+        found.append(Addition(entry, runs, reference(item), content))
+    return Additions(tuple(found), problems)
 
 
 def _expand_new(
@@ -86,27 +81,42 @@ def _expand_new(
     added: Sequence[Object],
     files: Files | Rejected | None,
     settings: Settings,
-    known: dict[str, int | str],
+    known: dict[str, Entry | str],
+    planned: Planned,
     call: Call,
-) -> list[int | str]:
-    """Variants of each Configuration, or what is wrong; what is known is not expanded again."""
+) -> list[Entry | str]:
+    """What each Configuration expands to, or what is wrong; what is known is not expanded again."""
     generation = obj["metadata"]["generation"]
     marks = [json.dumps([generation, entry_name(item), item["spec"]]) for item in added]
     for mark in known.keys() - set(marks):
         del known[mark]
-    if isinstance(files, Rejected):
-        return [known.get(mark, files.message) for mark in marks]
-    for mark, item in zip(marks, added, strict=True):
-        if mark not in known:
-            try:
-                known[mark] = call(_variants, obj, item, files, settings)
-            except InputError as error:
-                known[mark] = str(error)
-    return [known[mark] for mark in marks]
+    return [
+        planned.of(item) or _expand(obj, item, mark, files, settings, known, call)
+        for mark, item in zip(marks, added, strict=True)
+    ]
 
 
-def _variants(obj: Object, item: Object, files: Files | None, settings: Settings) -> int | str:
-    """How many variants an entry has, expanded as the only one of the document; or what is wrong.
+def _expand(
+    obj: Object,
+    item: Object,
+    mark: str,
+    files: Files | Rejected | None,
+    settings: Settings,
+    known: dict[str, Entry | str],
+    call: Call,
+) -> Entry | str:
+    if mark not in known and isinstance(files, Rejected):
+        return files.message
+    if mark not in known:
+        try:
+            known[mark] = call(_entry, obj, item, files, settings)
+        except InputError as error:
+            known[mark] = str(error)
+    return known[mark]
+
+
+def _entry(obj: Object, item: Object, files: Files | None, settings: Settings) -> Entry | str:
+    """What an entry expands to as the only one of the document; or what is wrong.
 
     So each is expanded once, however many others come and go.
     """
@@ -115,18 +125,13 @@ def _variants(obj: Object, item: Object, files: Files | None, settings: Settings
     except ValidationError as error:
         return str(error)
     scenario = {k: v for e in _written(obj) for k, v in e.items() if k == "scenario_file"}
-    spec = {**obj["spec"], "select": [], "vast": _document(obj, [scenario | entry])}
-    alone = accept({**obj, "spec": spec}, files, settings)
+    vast = {**obj["spec"]["vast"], "configuration": [scenario | entry]}
+    alone = accept({**obj, "spec": {**obj["spec"], "select": [], "vast": vast}}, files, settings)
     if isinstance(alone, Rejected):
         return alone.message
-    return sum(found.variants for found in alone.entries)
+    return alone.entries[0] if alone.entries else "it expands to no configuration"
 
 
 def _written(obj: Object) -> list[Object]:
     """The entries of a campaign's own document."""
     return obj["spec"]["vast"].get("configuration") or [{"name": "config1"}]
-
-
-def _document(obj: Object, entries: list[Object]) -> Object:
-    """A campaign's document with these entries."""
-    return {**obj["spec"]["vast"], "configuration": entries}

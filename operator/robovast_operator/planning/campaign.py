@@ -48,6 +48,11 @@ class Identity:
         return child_name(self.name, self.uid, suffix)
 
     @property
+    def files(self) -> str:
+        """Name of the ConfigMap with its input files."""
+        return self.child("files")
+
+    @property
     def labels(self) -> dict[str, str]:
         """Labels of every object that is made for the Campaign."""
         return {CAMPAIGN_LABEL: self.name, UID_LABEL: self.uid, MANAGED_LABEL: MANAGED_BY}

@@ -12,16 +12,25 @@ from robovast.model.packs import CampaignPlan, Entry
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.kube.few_at_once import few_at_once
+from robovast_operator.kube.lenient import metadata
 from robovast_operator.kube.store import Store
 from robovast_operator.memory import Memory
-from robovast_operator.planning.accept import Files, accept, config_map_files, inline_files
+from robovast_operator.planning.accept import (
+    Files,
+    accept,
+    config_map_files,
+    inline_files,
+    source_changed,
+)
 from robovast_operator.planning.additions import Additions, with_additions
 from robovast_operator.planning.apart import Apart
 from robovast_operator.planning.campaign import Accepted, Identity, Object, Rejected, Revision
 from robovast_operator.planning.configurations import is_own, own_configurations
 from robovast_operator.planning.revisions import (
     NO_PLAN,
+    Planned,
     any_plan,
+    as_planned,
     next_revision,
     owners_note,
     read_revisions,
@@ -46,17 +55,22 @@ class Inputs:
         """The Campaign as far as it can be checked here; once for each change of its spec."""
         mark = str(obj["metadata"]["generation"])
         if memory.accepted is None or memory.accepted_for != mark:
-            files = await self._files(obj)
-            if isinstance(files, Rejected):
-                return files
+            source = await self._source(obj)
+            if isinstance(source, Rejected):
+                return source
             try:
+                files = _files(obj, source)
                 accepted = await self._apart(accept, obj, files, self._settings)
             except InputError as error:
                 accepted = Rejected("TooLarge", str(error))
             if isinstance(accepted, Accepted):
                 planned = await self._where(accepted.identity, memory)
+                other = source_changed(planned, accepted)
+                if other is not None:
+                    return other
                 accepted = replace(accepted, planned=planned)
             memory.accepted, memory.accepted_for = accepted, mark
+            memory.source = None if memory.files_made else source
         return memory.accepted
 
     async def begun(self, obj: Object, memory: Memory) -> Begun | Rejected:
@@ -78,27 +92,30 @@ class Inputs:
             where["owner"] = None  # an older version has named it
         return accepted, plan.model_copy(update=where)
 
-    async def _files(self, obj: Object) -> Files | Rejected | None:
-        """The input files, as far as the operator can read them."""
+    async def _source(self, obj: Object) -> Object | Rejected | None:
+        """The ConfigMap with the input files: our copy, or the one that is to be copied."""
         try:
-            source = CampaignSpec.model_validate(obj["spec"]).source
-            if source.bundle is not None or source.git is not None:
-                return None
-            if source.config_map is None:
-                return inline_files(obj["spec"])
+            source = CampaignSpec.model_validate(obj["spec"]).source.config_map
         except ValueError:
-            return {}  # checking the spec says what is wrong
-        name, namespace = source.config_map.name, obj["metadata"]["namespace"]
+            return None  # checking the spec says what is wrong
+        if source is None:
+            return None
+        identity = Identity.of(obj)
+        copy = await self._config_map(identity.namespace, identity.files)
+        found = copy or await self._config_map(identity.namespace, source.name)
+        return found or Rejected(
+            "SourceNotFound",
+            f"spec.source.configMap: the namespace {identity.namespace} has no ConfigMap "
+            f"`{source.name}`",
+        )
+
+    async def _config_map(self, namespace: str, name: str) -> Object | None:
         try:
-            data = await self._api.get(f"{paths.config_maps(namespace)}/{name}")
+            return await self._api.get(f"{paths.config_maps(namespace)}/{name}")
         except ApiError as error:
-            if error.code != 404:
-                raise
-            return Rejected(
-                "SourceNotFound",
-                f"spec.source.configMap: the namespace {namespace} has no ConfigMap `{name}`",
-            )
-        return config_map_files(data, {item.key: item.path for item in source.config_map.items})
+            if error.code == 404:
+                return None
+            raise
 
     async def planned(self, accepted: Accepted, memory: Memory) -> Accepted | None:
         """A campaign with what its compose Job once found out; None when it has not yet."""
@@ -113,13 +130,26 @@ class Inputs:
         """What the compose Job mounts."""
         await self._create_plan(accepted, Revision(-1, plan, NO_PLAN), ())
 
-    async def make_files(self, accepted: Accepted, memory: Memory) -> None:
-        """The inline files, where pods can mount them."""
-        if not memory.files_made:
-            config_map = files_config_map(accepted)
-            if config_map is not None:
-                await self._api.create(paths.config_maps(accepted.identity.namespace), config_map)
-            memory.files_made = True
+    async def make_files(self, accepted: Accepted, memory: Memory) -> bool:
+        """The input files, where pods can mount them and nobody changes them.
+
+        Returns:
+            False when another replica was faster: its copy of a ConfigMap may be of another moment.
+        """
+        identity = accepted.identity
+        if memory.files_made:
+            return True
+        config_map = files_config_map(accepted, memory.source)
+        made = config_map is None or bool(
+            await self._api.create(paths.config_maps(identity.namespace), config_map)
+        )
+        memory.files_made, source = True, memory.source
+        memory.source = None
+        is_copy = source is not None and metadata(source).get("name") == identity.files
+        if made or source is None or is_copy:
+            return True
+        memory.forget_inputs()
+        return False
 
     async def make_configurations(self, accepted: Accepted) -> None:
         """The Configurations of the document's own entries; nothing waits for them."""
@@ -150,13 +180,15 @@ class Inputs:
         if not added:
             return Additions()
         each = ((item["metadata"]["uid"], item["metadata"].get("generation")) for item in added)
-        mark = (obj["metadata"]["generation"], *each)
+        revisions = await self._load_revisions(identity, memory)
+        mark = (obj["metadata"]["generation"], len(revisions), *each)
         if memory.additions is None or memory.additions_for != mark:
-            files = await self._files(obj)
+            source = await self._source(obj)
+            files = source if isinstance(source, Rejected) else _files(obj, source)
             memory.additions = await asyncio.to_thread(
                 with_additions,
                 *(obj, accepted, added, files, self._settings, memory.expanded),
-                self._apart.call,
+                *(Planned.of_revisions(revisions), self._apart.call),
             )
             memory.additions_for = () if isinstance(files, Rejected) else mark
         return memory.additions
@@ -170,10 +202,7 @@ class Inputs:
         name = accepted.identity.child(f"plan-{len(revisions)}")
         new = next_revision(accepted, revisions, additions.found, name)
         if new is not None:
-            # The first plan is the document's own: that is compared with it for ever.
-            whole = additions.accepted if revisions else None
-            told = replace(whole or accepted, planned=accepted.planned)
-            if not await self._create_plan(told, new, new.entries):
+            if not await self._create_plan(as_planned(accepted, new), new, new.entries):
                 memory.forget_inputs()  # another replica was faster: read what it wrote
                 return await self.revisions(accepted, additions, memory)
             revisions.append(new)
@@ -225,3 +254,21 @@ class Inputs:
         obj["metadata"]["annotations"] = owners_note(revision)
         made = await self._api.create(paths.config_maps(accepted.identity.namespace), obj)
         return made is not None
+
+
+def _files(obj: Object, source: Object | None) -> Files | None:
+    """The input files, as far as the operator can read them.
+
+    Args:
+        obj: the Campaign.
+        source: the ConfigMap that they stand in, if they stand in one.
+    """
+    try:
+        given = CampaignSpec.model_validate(obj["spec"]).source
+        if given.bundle is not None or given.git is not None:
+            return None
+        if given.config_map is None or source is None:
+            return inline_files(obj["spec"])
+        return config_map_files(source, {item.key: item.path for item in given.config_map.items})
+    except ValueError:
+        return {}  # checking the spec says what is wrong

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
-from pydantic import BaseModel, ConfigDict
+import yaml
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from robovast.base.errors import InputError
+from robovast.base.serialization import dump_yaml
+from robovast.model.expansion.expand import DEFAULT_ENTRY
 from robovast.model.packs import Block, CampaignPlan, Entry, PlanSpec, first_blocks
 from robovast_operator.kube.lenient import mapping, text
 from robovast_operator.planning.campaign import Accepted, Object, Revision
+from robovast_operator.planning.configurations import added_entries, entry_name
 
 OWNERS_ANNOTATION = "robovast.io/owners"
 """References to the Configurations that blocks belong to, by number of the block, as JSON."""
@@ -26,12 +30,79 @@ NO_PLAN = PlanSpec(blocks=())
 class Addition:
     """A Configuration that was applied by hand, and what it expands to."""
 
-    name: str
-    """Of the entry."""
-    variants: int
+    expanded: Entry
+    """What it expands to."""
     runs: int
     owner: Object
     """Reference to the object."""
+    content: Object
+    """The entry, as a document has it."""
+
+    @property
+    def name(self) -> str:
+        """Of the entry."""
+        return self.expanded.name
+
+
+CHANGED = (
+    "its runs were planned with other parameters, and go on with these; only `runs` may be raised. "
+    "Undo the change, or apply it as another Configuration."
+)
+
+
+@dataclass(frozen=True)
+class Planned:
+    """The entries that the newest plan has, which stay as they are."""
+
+    contents: Mapping[str, Object] = field(default_factory=dict)
+    """As its document has them, by name."""
+    expanded: Mapping[str, Entry] = field(default_factory=dict)
+
+    @classmethod
+    def of_revisions(cls, revisions: Sequence[Revision]) -> Planned:
+        """Those of the newest plan, if there is one."""
+        if not revisions:
+            return cls()
+        contents = {str(entry["name"]): entry for entry in _entries(revisions[-1])}
+        return cls(contents, {entry.name: entry for entry in revisions[-1].entries})
+
+    def of(self, item: Object) -> Entry | str | None:
+        """What a Configuration was planned as, or that it is another now; None when it was not."""
+        name = entry_name(item)
+        if name not in self.contents or name not in self.expanded:
+            return None
+        try:
+            (now,) = added_entries([item])
+        except ValidationError as error:
+            return str(error)
+        return self.expanded[name] if now == self.contents[name] else CHANGED
+
+
+def _entries(revision: Revision) -> list[Object]:
+    """The entries of a plan's document.
+
+    Raises:
+        InputError: it is none.
+    """
+    found = _document(revision).get("configuration") or [{"name": DEFAULT_ENTRY.name}]
+    if not isinstance(found, list) or not all(text(mapping(e).get("name")) for e in found):
+        raise _no_plan(revision.config_map, "its document has no list of configurations")
+    return found
+
+
+def _document(revision: Revision) -> Object:
+    """The document of a plan.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        found = yaml.safe_load(revision.document)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise _no_plan(revision.config_map, f"its document is none: {error}") from error
+    if not isinstance(found, dict):
+        raise _no_plan(revision.config_map, "its document is none")
+    return found
 
 
 def any_plan(config_maps: Iterable[Object], prefix: str) -> CampaignPlan | None:
@@ -124,6 +195,7 @@ def next_revision(
         text, composed = accepted.document_text, accepted.composed
         return Revision(0, name, plan, accepted.entries, {}, text, composed)
     newest = revisions[-1]
+    document = _with_entries(newest, additions)
     owners = dict(newest.owners)
     blocks = list(newest.plan.blocks)
     entries = list(newest.entries)
@@ -134,8 +206,30 @@ def next_revision(
         return None
     plan = newest.plan.model_copy(update={"blocks": tuple(blocks)})
     plan = PlanSpec.model_validate(plan.model_dump())
-    number, text = newest.number + 1, accepted.document_text
-    return Revision(number, name, plan, tuple(entries), owners, text)
+    return Revision(newest.number + 1, name, plan, tuple(entries), owners, document)
+
+
+def as_planned(accepted: Accepted, revision: Revision) -> Accepted:
+    """A campaign whose document is that of a plan, of which no added entry is left out."""
+    added = [entry.name for entry in revision.entries[len(accepted.entries) :]]
+    select = accepted.spec.select and [*accepted.spec.select, *added]
+    spec = accepted.spec.model_copy(update={"select": select})
+    return replace(accepted, spec=spec, document_text=revision.document)
+
+
+def _with_entries(newest: Revision, additions: Sequence[Addition]) -> str:
+    """The document of the newest plan with what is added: what was planned stays in its place.
+
+    Configurations may have gone since, or be others: run ids follow from the order of all entries.
+    """
+    if not additions:
+        return newest.document
+    known = _entries(newest)
+    names = {entry["name"] for entry in known}
+    new = [addition.content for addition in additions if addition.name not in names]
+    if not new:
+        return newest.document
+    return dump_yaml({**_document(newest), "configuration": [*known, *new]})
 
 
 def _raise_runs(blocks: list[Block], variants: int, runs: int) -> None:
@@ -153,7 +247,7 @@ def _add(
     known = next((i for i, entry in enumerate(entries) if entry.name == addition.name), None)
     if known is None:
         first, planned = sum(entry.variants for entry in entries), 0
-        entries.append(Entry(name=addition.name, variants=addition.variants))
+        entries.append(addition.expanded)
     else:
         first = sum(entry.variants for entry in entries[:known])
         own = [b for b in blocks if b.first_variant == first]
@@ -163,7 +257,7 @@ def _add(
         blocks.append(
             Block(
                 first_variant=first,
-                variants=addition.variants,
+                variants=addition.expanded.variants,
                 first_run=planned,
                 runs=addition.runs - planned,
             )

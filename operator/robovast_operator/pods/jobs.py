@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from robovast.kubeapi.notice import Order
 from robovast.kubeapi.resources import ROLE_LABEL, SHARD_LABEL, Scheduling
+from robovast.kubeapi.sightings import FILE, Sightings
 from robovast.model.packs import Bundle, CampaignPlan, Entry, GitSource, PlanSpec
 from robovast.model.quantities import cpus, memory
 from robovast.storage.bucket_names import BUNDLES_BUCKET
+from robovast_operator.kube.lenient import mapping
 from robovast_operator.kube.store import CONFIGURATION_LABEL, NOTIFY_ROLE, QUEUE_LABEL
 from robovast_operator.planning.campaign import Accepted, Identity, Object
 from robovast_operator.planning.shards import ShardPlan
@@ -65,8 +69,15 @@ def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Objec
     return job
 
 
-def task_job(accepted: Accepted, settings: Settings, command: str, name: str, plan: str) -> Object:
-    """The Job of our own work on a whole campaign: compose, finish or purge."""
+def task_job(
+    accepted: Accepted,
+    settings: Settings,
+    command: str,
+    name: str,
+    plan: str,
+    sightings: Sequence[str] = (),
+) -> Object:
+    """The Job of our own work on a whole campaign: compose, finish, process or purge."""
     job = _job(accepted.identity, name, command, {})
     job["spec"] |= {
         "backoffLimit": TASK_RETRIES,
@@ -79,7 +90,7 @@ def task_job(accepted: Accepted, settings: Settings, command: str, name: str, pl
             ]
         },
     }
-    job["spec"]["template"]["spec"] = task_pod(accepted, settings, plan, command)
+    job["spec"]["template"]["spec"] = task_pod(accepted, settings, plan, command, sightings)
     return job
 
 
@@ -150,24 +161,78 @@ def plan_config_map(accepted: Accepted, name: str, plan: CampaignPlan) -> Object
     }
 
 
-def files_config_map(accepted: Accepted) -> Object | None:
-    """The ConfigMap with a Campaign's inline files; None when it has none."""
-    inline = accepted.spec.source.inline
-    if inline is None:
-        return None
-    keys = {item["path"]: item["key"] for item in inline_items(accepted)}
+SIGHTINGS_ROLE = "pods"
+"""Of ConfigMaps that say what was seen of a Job's pods."""
+
+
+def sightings_config_map(identity: Identity, job: str, seen: Sightings) -> Object:
+    """The ConfigMap that says what was seen of a Job's pods; it never changes.
+
+    Args:
+        identity: of the Campaign.
+        job: uid of the Job: one that is made anew has other pods.
+        seen: what was seen.
+    """
     return {
         "apiVersion": "v1",
         "kind": "ConfigMap",
         "metadata": {
-            "name": accepted.identity.child("files"),
+            "name": identity.child(f"pods-{job}"),
+            "namespace": identity.namespace,
+            "labels": {**identity.labels, ROLE_LABEL: SIGHTINGS_ROLE},
+            "ownerReferences": [identity.owner],
+        },
+        "immutable": True,
+        "data": {FILE: seen.dump()},
+    }
+
+
+def files_config_map(accepted: Accepted, source: Object | None) -> Object | None:
+    """The ConfigMap with a Campaign's input files, which never change; None when it has none.
+
+    Args:
+        accepted: the campaign.
+        source: the ConfigMap that they come from, if they come from one.
+    """
+    if source is not None:
+        content = _copied(source, accepted)
+    elif accepted.spec.source.inline is not None:
+        content = _inline(accepted)
+    else:
+        return None
+    return {
+        "apiVersion": "v1",
+        "kind": "ConfigMap",
+        "metadata": {
+            "name": accepted.identity.files,
             "namespace": accepted.identity.namespace,
             "labels": accepted.identity.labels,
             "ownerReferences": [accepted.identity.owner],
         },
         "immutable": True,
-        "data": {keys[path]: text for path, text in inline.files.items()},
-        "binaryData": {keys[path]: data for path, data in inline.binary_files.items()},
+        **content,
+    }
+
+
+def _inline(accepted: Accepted) -> Object:
+    inline = accepted.spec.source.inline
+    keys = {item["path"]: item["key"] for item in inline_items(accepted)}
+    texts = inline.files if inline is not None else {}
+    data = inline.binary_files if inline is not None else {}
+    return {
+        "data": {keys[path]: text for path, text in texts.items()},
+        "binaryData": {keys[path]: content for path, content in data.items()},
+    }
+
+
+def _copied(source: Object, accepted: Accepted) -> Object:
+    """The keys of a ConfigMap that the campaign wants."""
+    given = accepted.spec.source.config_map
+    wanted = {item.key for item in given.items} if given is not None else set()
+    kinds = {kind: mapping(source.get(kind)) for kind in ("data", "binaryData")}
+    return {
+        kind: {key: value for key, value in found.items() if not wanted or key in wanted}
+        for kind, found in kinds.items()
     }
 
 

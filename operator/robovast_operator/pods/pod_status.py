@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Iterator
 from datetime import datetime, timedelta
 
+from robovast.kubeapi.sightings import Sightings
 from robovast_operator.kube.lenient import LARGEST, mapping, number, ranges, text
 from robovast_operator.kube.times import parse_time
 from robovast_operator.planning.campaign import Object
@@ -184,6 +186,25 @@ def ending_of(pod: Object, container: str) -> Object:
         if status["name"] == container:
             return mapping(mapping(status.get("state")).get("terminated"))
     return {}
+
+
+RUN = "robovast"
+"""The container of the runs."""
+
+
+def sighted(pod: Object) -> Sightings:
+    """What a pod's status says of its run's image, and of its end."""
+    name = text(pod["metadata"].get("name"))
+    for container in containers_of(pod):
+        if container["name"] == RUN:
+            image = text(container.get("imageID")).rpartition("://")[2]
+            images = {name: image} if _IMAGE.fullmatch(image) else {}
+            killed = ending_of(pod, RUN).get("reason") == "OOMKilled"
+            return Sightings(images, frozenset({name} if killed else ()))
+    return Sightings()
+
+
+_IMAGE = re.compile(r"([\w.:/-]{1,400}@)?sha256:[0-9a-f]{64}", re.ASCII)
 
 
 def index_of(pod: Object) -> int:

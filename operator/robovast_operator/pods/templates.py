@@ -15,6 +15,7 @@ from robovast.execution.compat import COMPAT_SCRIPT
 from robovast.kubeapi.notice import NOTICE_VARIABLE, Order
 from robovast.kubeapi.resources import Scheduling
 from robovast.kubeapi.secret_names import may_be_named, refusal
+from robovast.kubeapi.sightings import FILE
 from robovast.model.document.model import Nodes, Resources
 from robovast.model.expansion.limit import VARIABLE
 from robovast.model.quantities import cpus, memory, resolve_per_context
@@ -32,13 +33,21 @@ CREDENTIALS: Object = {
 
 GIT: Object = {"name": "git", "mountPath": "/robovast/git", "readOnly": True}
 
+SIGHTINGS: Object = {"name": "pods", "mountPath": "/robovast/pods", "readOnly": True}
+
 RECEIVERS: Object = {"name": "receivers", "mountPath": "/robovast/receivers", "readOnly": True}
+
+UNLIMITED: Object = {"name": "work", "emptyDir": {}}
 
 OWN_RESOURCES: Object = {
     "requests": {"cpu": "10m", "memory": "64Mi"},
     "limits": {"memory": "512Mi"},
 }
-"""Of our own containers beside a run; a request of CPU as small as can be, since it idles."""
+"""Of our own containers beside a run; a request of CPU as small as can be, since it idles.
+
+None has a limit of ephemeral storage: those of a pod's containers are added up, and its volumes
+count, so that a small limit here would be one for what the run writes.
+"""
 
 TASK_RESOURCES: Object = {
     "requests": {"cpu": "100m", "memory": "256Mi"},
@@ -86,18 +95,45 @@ def run_pod(
     return spec
 
 
-def task_pod(accepted: Accepted, settings: Settings, plan: str, command: str) -> Object:
-    """The pod spec of our own work on a whole campaign: compose, finish or purge."""
+def task_pod(
+    accepted: Accepted,
+    settings: Settings,
+    plan: str,
+    command: str,
+    sightings: Sequence[str] = (),
+) -> Object:
+    """The pod spec of our own work on a whole campaign: compose, finish, process or purge.
+
+    Args:
+        accepted: the campaign.
+        settings: of the installation.
+        plan: name of the ConfigMap with the plan.
+        command: of the agent.
+        sightings: names of the ConfigMaps that say what was seen of pods.
+    """
     spec = _pod(accepted, plan, accepted.vast.execution.kubernetes.control)
     container = _own(settings, command, [command], [WORK, PLAN, FILES, CREDENTIALS])
     spec["containers"] = [container | {"resources": TASK_RESOURCES}]
-    spec["volumes"] = [{"name": "work", "emptyDir": {}}, *spec["volumes"]]
+    # Results that are worked up are all of the campaign, which nobody knows the size of.
+    work = UNLIMITED if command == "process" else _work(settings)
+    spec["volumes"] = [work, *spec["volumes"]]
+    if sightings:
+        container["volumeMounts"].append(SIGHTINGS)
+        spec["volumes"].append({"name": "pods", "projected": {"sources": _kept(sightings)}})
     git = accepted.spec.source.git
     if command == "compose" and git is not None and git.secret_name is not None:
         container["volumeMounts"].append(GIT)
         secret = {"secretName": git.secret_name, "defaultMode": 0o440}
         spec["volumes"].append({"name": "git", "secret": secret})
     return spec
+
+
+def _kept(sightings: Sequence[str]) -> list[Object]:
+    """ConfigMaps as files; one that is gone by then keeps nothing from being done."""
+    return [
+        {"configMap": {"name": name, "items": [{"key": FILE, "path": name}], "optional": True}}
+        for name in sightings
+    ]
 
 
 def notify_pod(settings: Settings, scheduling: Scheduling, order: Order) -> Object:
@@ -112,7 +148,7 @@ def notify_pod(settings: Settings, scheduling: Scheduling, order: Order) -> Obje
     sources = _receiver_sources(order, allowed)
     projected = {"sources": sources, "defaultMode": 0o440}
     spec["volumes"] = [
-        {"name": "work", "emptyDir": {}},
+        _work(settings),
         {"name": "receivers", "projected": projected},
     ]
     return spec
@@ -178,17 +214,15 @@ def _confined_pod(user: int, scheduling: Scheduling, node_labels: Mapping[str, s
 
 
 def _file_sources(accepted: Accepted) -> list[Object]:
-    """The ConfigMaps that the input files stand in: none, our own, or the user's."""
+    """Our own ConfigMap with the input files, if they are in one."""
     source = accepted.spec.source
-    if source.inline is not None:
-        items = inline_items(accepted)
-        return [{"configMap": {"name": accepted.identity.child("files"), "items": items}}]
+    if source.inline is None and source.config_map is None:
+        return []
+    items = inline_items(accepted)
     if source.config_map is not None:
         items = [item.model_dump() for item in source.config_map.items]
-        return [
-            {"configMap": {"name": source.config_map.name, **({"items": items} if items else {})}}
-        ]
-    return []
+    named = {"items": items} if items else {}
+    return [{"configMap": {"name": accepted.identity.files, **named}}]
 
 
 def inline_items(accepted: Accepted) -> list[Object]:
@@ -263,6 +297,7 @@ def _own(settings: Settings, name: str, arguments: list[str], mounts: list[Objec
         "env": [
             {"name": "HOME", "value": WORK["mountPath"]},
             {"name": "TMPDIR", "value": WORK["mountPath"]},
+            {"name": "POD_NAME", "valueFrom": {"fieldRef": {"fieldPath": "metadata.name"}}},
             {"name": "NODE_NAME", "valueFrom": {"fieldRef": {"fieldPath": "spec.nodeName"}}},
             {"name": VARIABLE, "value": str(settings.variant_limit)},
         ],
@@ -273,17 +308,22 @@ def _own(settings: Settings, name: str, arguments: list[str], mounts: list[Objec
 
 def _agent(settings: Settings, mounts: list[Object]) -> Object:
     """What stores the runs; its pod is not ready while a run writes nothing to its log."""
+    requests = {**OWN_RESOURCES["requests"]}
+    if settings.work_request:
+        requests["ephemeral-storage"] = settings.work_request
+    resources = {"resources": {**OWN_RESOURCES, "requests": requests}}
     if not settings.silence_minutes:
-        return _own(settings, "agent", ["agent"], mounts)
+        return _own(settings, "agent", ["agent"], mounts) | resources
     arguments = ["agent", "--silence", f"{settings.silence_minutes * 60:g}"]
     marker = f"{WORK['mountPath']}/{SILENT}"
     return _own(settings, "agent", arguments, mounts) | {
+        **resources,
         "readinessProbe": {
             "exec": {"command": ["test", "!", "-e", marker]},
             "periodSeconds": 60,
             "timeoutSeconds": 20,
             "failureThreshold": 1,
-        }
+        },
     }
 
 

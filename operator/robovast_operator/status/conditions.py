@@ -142,7 +142,13 @@ def campaign_state(facts: Facts, conditions: Iterable[Condition]) -> str:
         return "Suspended"
     if by_type["QuotaReserved"].status == "False":
         return "Queued"
-    return "Running" if facts.active else "Pending"
+    if not facts.active:
+        return "Pending"
+    if facts.runs.active:
+        return "Running"
+    if by_type["Stalled"].status == "True":
+        return "Stalled"
+    return "Running" if facts.runs.decided else "Pending"
 
 
 def _quota(facts: Facts) -> Found:

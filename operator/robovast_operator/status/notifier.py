@@ -14,11 +14,11 @@ from pydantic.alias_generators import to_camel
 from robovast.kubeapi.notice import Order
 from robovast.kubeapi.resources import Notification, Scheduling
 from robovast.kubeapi.status import CampaignStatus
-from robovast_operator.kube import paths
+from robovast_operator.kube.announce import announce
 from robovast_operator.kube.api import Api
-from robovast_operator.kube.events import Message, event
+from robovast_operator.kube.events import Message
 from robovast_operator.kube.store import NOTIFY_ROLE, JobState
-from robovast_operator.kube.times import format_time, now
+from robovast_operator.kube.times import now
 from robovast_operator.kube.work_queue import WorkQueue
 from robovast_operator.memory import Memory
 from robovast_operator.planning.campaign import Identity, Object
@@ -67,9 +67,8 @@ class Notifier:
                 continue
             pods = [pod async for pod in self._diagnosis.pods_of(job)]
             causes = last_words(pods, NOTIFY_ROLE, job.failed) or [job.message]
-            message = Message("Warning", "NotificationFailed", "\n".join(causes))
-            told = event(identity, message, format_time(now()), about=job.uid)
-            await self._api.create(paths.events(identity.namespace), told)
+            message = Message("Warning", "NotificationFailed", "\n".join(causes), job.uid)
+            await announce(self._api, identity, message)
             memory.undelivered.add(job.uid)
 
 

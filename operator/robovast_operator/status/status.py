@@ -12,6 +12,7 @@ from robovast.kubeapi.status import RANGES_LIMIT, SHARDS_LIMIT, CampaignStatus, 
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time
 from robovast_operator.planning.shards import ShardPlan
+from robovast_operator.pods.tries import NO_WORD
 from robovast_operator.pods.verdicts import Tally
 from robovast_operator.snapshot import Picture, Trouble
 from robovast_operator.status.conditions import Facts, Why, campaign_conditions, campaign_state
@@ -66,7 +67,7 @@ def _facts(picture: Picture, runs: Runs, *, active: bool) -> Facts:
         over=picture.over,
         indexed=picture.indexed,
         aborted=None if picture.repeats else _why(picture.aborted),
-        trouble=_why(observed.trouble or _unrepeatable(picture)),
+        trouble=_why(observed.trouble or _unrepeatable(picture) or _speechless(picture)),
         quota=None if held is None else (held.reason, held.message),
         helpless=held is not None and held.helpless,
         unprocessed=_why(observed.failures.get(picture.process_name)),
@@ -81,6 +82,12 @@ def _unrepeatable(picture: Picture) -> Trouble | None:
         "the finish Job has stored no list of the bad runs: are operator and agent of one version?"
     )
     return Trouble("NoList", message)
+
+
+def _speechless(picture: Picture) -> Trouble | None:
+    """Why the index is made again and again, if it is."""
+    told = picture.finish.told if picture.lost_words else ""
+    return Trouble(NO_WORD, told) if told else None
 
 
 def _why(trouble: Trouble | None) -> Why | None:
@@ -183,7 +190,8 @@ def _numbers(picture: Picture) -> _Numbers:
     tally = picture.tally
     runs = Runs(
         total=picture.plan.total,
-        active=sum(job.active for job in picture.open),
+        active=sum(job.at_work for job in picture.open),
+        waiting=sum(job.active - job.at_work for job in picture.open),
         **_counts(tally),
         stored=tally.passed + tally.failed,
         undecided=picture.undecided,

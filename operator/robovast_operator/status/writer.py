@@ -7,8 +7,9 @@ import time
 from robovast.kubeapi.resources import API_VERSION
 from robovast.kubeapi.status import CampaignStatus, ConfigurationStatus, compact, read_status
 from robovast_operator.kube import paths
+from robovast_operator.kube.announce import announce
 from robovast_operator.kube.api import Api
-from robovast_operator.kube.events import Message, event, messages
+from robovast_operator.kube.events import Message, messages
 from robovast_operator.kube.few_at_once import few_at_once
 from robovast_operator.kube.store import Store
 from robovast_operator.kube.times import format_time, now
@@ -93,10 +94,8 @@ class Statuses:
 
     async def tell(self, identity: Identity, trouble: Trouble, generation: int) -> None:
         """Say what is wrong by an Event; once for each cause and generation."""
-        message = Message("Warning", trouble.reason, trouble.message)
-        about = f"{trouble.reason}{generation}"
-        told = event(identity, message, format_time(now()), about=about)
-        await self._api.create(paths.events(identity.namespace), told)
+        message = Message("Warning", trouble.reason, trouble.message, str(generation))
+        await announce(self._api, identity, message)
 
     async def write(self, obj: Object, status: CampaignStatus, memory: Memory) -> bool:
         """Write a status that has changed; False when it is put off."""
@@ -111,6 +110,8 @@ class Statuses:
             return False
         if notice is not None:
             await self._api.create(paths.jobs(identity.namespace), notice)
+        for message in messages(old.conditions, status.conditions):
+            await announce(self._api, identity, message)
         path = f"{paths.campaigns(identity.namespace)}/{identity.name}"
         body = {
             "apiVersion": API_VERSION,
@@ -122,9 +123,6 @@ class Statuses:
         memory.status_written = time.monotonic()
         if written is not None:
             self._store.put_campaign(written)
-        for message in messages(old.conditions, status.conditions):
-            told = event(identity, message, format_time(now()))
-            await self._api.create(paths.events(identity.namespace), told)
         return True
 
     async def configurations(

@@ -85,6 +85,7 @@ def _parser() -> argparse.ArgumentParser:
             "git",
             "share",
             "receivers",
+            "pods",
             "work",
             "message",
         ):

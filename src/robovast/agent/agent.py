@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -51,7 +52,7 @@ def agent(folders: Folders, silence: float = 0.0) -> AgentExit:
             with call_on_signals(stop.set), Background() as background:
                 bucket = Bucket(store, pack.bucket, pack.owner)
                 bucket.claim()
-                results = Results(bucket, pack)
+                results = Results(bucket, pack, os.environ.get("POD_NAME", ""))
                 keeper = _Keeper(folders, results, background, verdicts)
                 watched = Silence(folders.work / SILENT, silence)
                 _follow_jobs(folders, pack, container, keeper, stop, watched)

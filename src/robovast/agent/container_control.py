@@ -74,6 +74,10 @@ class RunContainer:
         found = self._answer(rf"{job}\.code\.(\d{{1,3}})")
         return int(found[1]) if found else None
 
+    def lacked_memory(self, job: int) -> bool:
+        """True when the kernel killed processes of a job that ended for lack of memory."""
+        return self._says(f"{job}.oom")
+
     def _answer(self, pattern: str) -> re.Match[str] | None:
         """The answer whose name matches."""
         answers = safe_paths.names(self._answers, self._out)

@@ -164,7 +164,7 @@ def _claimed(campaign: Campaign, pack: Pack) -> Pack:
     if stuck is not None:
         folder = campaign.folders.scratch / "nothing"
         folder.mkdir(parents=True, exist_ok=True)
-        verdict = Results(campaign.bucket, pack).store_run(
+        verdict = Results(campaign.bucket, pack, pod="").store_run(
             dataclasses.replace(stuck, folder=folder)
         )
         pack = dataclasses.replace(pack, done={**pack.done, stuck.run.id: verdict})

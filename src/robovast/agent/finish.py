@@ -14,6 +14,7 @@ from robovast.agent.check import check_runs
 from robovast.agent.compose import store_inputs
 from robovast.agent.composed import Composed
 from robovast.agent.mounts import Folders
+from robovast.agent.sightings import completed, read_sightings
 from robovast.agent.upload import SIDE_BY_SIDE, store_own_tree
 from robovast.base.ranges import format_ranges, spans, truncate
 from robovast.base.serialization import dump_yaml
@@ -51,8 +52,9 @@ def finish(folders: Folders) -> AgentExit:
     bucket.claim()
     document, variants = _complete_inputs(campaign)
     runs = _runs(campaign, variants)
+    sightings = read_sightings(folders.pods)
     with ThreadPoolExecutor(SIDE_BY_SIDE) as pool:
-        seen = list(pool.map(lambda run: bucket.seen(run.path), runs))
+        seen = list(pool.map(lambda run: completed(bucket, run.path, sightings), runs))
     damaged = check_runs(bucket, {run.path: s for run, s in zip(runs, seen, strict=True)})
     for run, damage in damaged.items():
         print(f"{run}: {damage}")  # noqa: T201

@@ -22,6 +22,8 @@ class Folders:
     """What a share's provider needs: each variable is a file."""
     receivers: Path = Path("/robovast/receivers")
     """`0/url`, `0/token`, `1/url`, …: what a notice's receivers keep in Secrets."""
+    pods: Path = Path("/robovast/pods")
+    """What Kubernetes says of the pods of runs, a file for each Job; need not exist."""
     work: Path = Path("/robovast/work")
     """The pod's own volume."""
     message: Path = Path("/dev/termination-log")

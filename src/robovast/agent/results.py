@@ -44,8 +44,15 @@ class Results:
     Every method raises `StorageError` when the server refuses, or is gone for too long.
     """
 
-    def __init__(self, bucket: Bucket, pack: Pack) -> None:
+    def __init__(self, bucket: Bucket, pack: Pack, pod: str) -> None:
+        """
+        Args:
+            bucket: the campaign's.
+            pack: of the pod.
+            pod: name of the pod that executes the runs; empty when none does.
+        """
         self._bucket = bucket
+        self._pod = pod
         self._pack = pack
         self._host = os.environ.get("NODE_NAME") or socket.gethostname()
         self._names: dict[int, str] = {}
@@ -91,6 +98,7 @@ class Results:
             image=self._pack.image,
             image_digest=named_digest(self._pack.image),
             host=self._host,
+            pod=self._pod,
         )
         return make_record(ended.run, ended.result, ended.observed, ended.exit_code, circumstances)
 

@@ -6,6 +6,7 @@
 # agent lives) beside this script, and reads the answers in $ROBOVAST_OUT_DIR/.job:
 #   lock             held while the main container lives
 #   N.started.UPTIME job N has begun, so long after the machine [s]
+#   N.oom            the kernel has killed processes of job N for lack of memory
 #   N.code.CODE      it has ended with this exit code
 #   N.over.NAME      it has ended in the secondary container NAME
 #   terminated       somebody else told the main container to end
@@ -27,6 +28,17 @@ read_uptime() {
     read -r uptime _ </proc/uptime
     uptime=${uptime%%.*}
 }
+
+# Sets kills: how many processes the kernel has killed in this container for lack of memory.
+read_kills() {
+    local events key value
+    kills=0
+    for events in memory.events memory/memory.oom_control; do # control groups of version 2, and 1
+        while read -r key value; do
+            [[ $key == oom_kill ]] && kills=$value
+        done <"/sys/fs/cgroup/$events"
+    done
+} 2>/dev/null
 
 agent_lives() {
     local now='' uptime
@@ -82,7 +94,9 @@ watch_orders() {
 }
 
 run_job() {
-    local watcher code begun
+    local watcher code begun kills before
+    read_kills
+    before=$kills
     [[ $held ]] && { read -r begun _ </proc/uptime; answer "$job.started.$begun"; }
     set -m # a process group of its own for the job
     enter_job &
@@ -97,6 +111,8 @@ run_job() {
     # In a container that is all that the job left behind; elsewhere it is not ours.
     (($$ == 1)) && kill -KILL -- -1
     wait "$watcher" 2>/dev/null
+    read_kills
+    [[ $name ]] || ((kills == before)) || answer "$job.oom"
     if [[ $name ]]; then answer "$job.over.$name"; else answer "$job.code.$code"; fi
 }
 

@@ -130,10 +130,10 @@ class JobWatch:
             self._stopwatch = container.started(number)
         code = container.exit_code(number)
         if code is not None:
-            return Ending(code)
+            return Ending(code, lacked_memory=container.lacked_memory(number))
         if self._stopwatch is not None and container.is_gone(number):
             time.sleep(KILL_DELAY)
-            return Ending(KILLED)
+            return Ending(KILLED, container_killed=True)
         if self._is_overdue():
             container.stop(number)
             self._wait_for(lambda: container.exit_code(number) is not None)

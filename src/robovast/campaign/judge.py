@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from robovast.campaign.verdict import TestResult, Verdict
 
@@ -16,6 +16,10 @@ class Ending:
     """None while it still runs (an earlier run of a pack)."""
     timed_out: bool = False
     interrupted: bool = False
+    container_killed: bool = False
+    """True when all of its container was killed, and only others can know why."""
+    lacked_memory: bool = False
+    """True when the kernel killed a process of the job for lack of memory."""
 
     @property
     def from_outside(self) -> bool:
@@ -37,12 +41,19 @@ def judge(result: TestResult, ending: Ending, timeout: int | None, log: bytes) -
         return TestResult(Verdict.ERRORED, reason, result.started_at, None)
     if ending.interrupted and result.verdict is not Verdict.PASSED:
         return TestResult(Verdict.INTERRUPTED, "stopped by the user", result.started_at, None)
+    if ending.lacked_memory and result.verdict is not Verdict.PASSED:
+        result = replace(result, reason=f"{result.reason}; {_LACKED_MEMORY}")
     if result.verdict is not Verdict.ERRORED or ending.exit_code is None:
         return result
-    cause = f"{result.reason}; {_explain(ending.exit_code)}"
+    explained = CONTAINER_KILLED if ending.container_killed else _explain(ending.exit_code)
+    cause = f"{result.reason}; {explained}"
     last = _last_line(log)
     return TestResult(Verdict.ERRORED, f"{cause}; its log ends: {last}" if last else cause)
 
+
+CONTAINER_KILLED = "its container was ended by SIGKILL (out of memory?)"
+OUT_OF_MEMORY = "its container was ended by SIGKILL: out of memory"
+_LACKED_MEMORY = "the kernel has killed a process of its job for lack of memory"
 
 _MEANINGS = {
     69: "the image lacks what the run contract needs",

@@ -21,6 +21,8 @@ class Circumstances:
     image: str
     image_digest: str
     host: str
+    pod: str = ""
+    """On a cluster: which pod executed it."""
 
 
 def make_record(

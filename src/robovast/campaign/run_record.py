@@ -52,6 +52,8 @@ class RunRecord:
     image: str
     image_digest: str
     host: str
+    pod: str = ""
+    """On a cluster: the pod that executed it; empty where there is none."""
     parameters: dict[str, Any] = field(default_factory=dict)
     files: FileList | None = None
     """In a bucket: where its files are listed; None where they are beside it."""
@@ -78,7 +80,7 @@ class RunRecord:
         data = with_unknown(asdict(self))
         if data[PLACE]:
             data[PLACE] = with_unknown(data[PLACE])
-        left_out = {key for key in (PLACE, "missing") if not data[key]}
+        left_out = {key for key in (PLACE, "missing", "pod") if not data[key]}
         return {key: value for key, value in data.items() if key not in left_out}
 
 

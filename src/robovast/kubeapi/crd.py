@@ -70,6 +70,7 @@ def campaign_crd() -> Schema:
             _column("State", "string", ".status.state"),
             _column("Progress", "string", ".status.progress"),
             _column("Active", "integer", ".status.runs.active"),
+            _column("Waiting", "integer", ".status.runs.waiting"),
             _column("Passed", "integer", ".status.runs.passed"),
             _column("Failed", "integer", ".status.runs.failed"),
             _column("Errored", "integer", ".status.runs.errored"),

@@ -99,7 +99,9 @@ class Runs(_Status):
     total: int = 0
     """All runs."""
     active: int = 0
-    """Runs in pods that are there now."""
+    """Pods that are at work now, with one run at a time."""
+    waiting: int = 0
+    """Pods that are there and not at work: without a node or an image yet, or just starting."""
     passed: int = 0
     """Runs whose scenario succeeded."""
     failed: int = 0

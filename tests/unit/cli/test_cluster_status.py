@@ -106,19 +106,21 @@ def test_table_and_bars_show_every_campaign() -> None:
     from rich.console import Console
 
     both = [
-        campaign("one", runs={"passed": 5, "active": 3}),
+        campaign("one", runs={"passed": 5, "active": 3, "waiting": 2}),
         campaign("two", conditions=[condition("Stalled", "True", "no image")]),
     ]
     text = table(both)
-    assert text.splitlines()[1].split()[:6] == ["one", "Running", "5/10", "5", "0", "0"]
+    assert text.splitlines()[0].split()[6:8] == ["RUNNING", "WAITING"]
+    assert text.splitlines()[1].split()[:8] == ["one", "Running", "5/10", *"50032"]
     assert "two: no image" in text
     view = LiveCampaigns()
     view.update(both)
     console = Console(width=120, force_terminal=False)
     with console.capture() as capture:
         console.print(view.render())
-    assert "5 passed  3 running" in capture.get()
+    assert "5 passed  3 running  2 waiting" in capture.get()
     assert "two: no image" in capture.get()
+    assert line(both[0]) == "one  Running  5 of 10 done: 5 passed; 3 running, 2 waiting"
     assert line(both[1]) == "two  Running  0 of 10 done\n    no image"
 
 

@@ -48,3 +48,12 @@ def test_a_signal_is_named_as_a_shell_or_python_reports_it() -> None:
 def test_a_missing_log_is_no_fault() -> None:
     result = judge(NOTHING, Ending(1), None, b"")
     assert result.reason == "the run wrote no test.xml; exit code 1"
+
+
+def test_lack_of_memory_is_told_as_far_as_it_is_known() -> None:
+    gone = judged(NOTHING, Ending(137, container_killed=True)).reason
+    assert "its container was ended by SIGKILL (out of memory?)" in gone
+    seen = judged(NOTHING, Ending(1, lacked_memory=True)).reason
+    assert "the kernel has killed a process of its job for lack of memory; exit code 1" in seen
+    assert "lack of memory" in judged(FAILED, Ending(1, lacked_memory=True)).reason
+    assert judged(PASSED, Ending(0, lacked_memory=True)) == PASSED

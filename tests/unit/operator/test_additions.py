@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 from operator_world import SCENARIO, SETTINGS, accepted, campaign
 
+from robovast.base.errors import InputError
+from robovast.campaign.configurations import variants_digest
 from robovast.kubeapi.status import (
     CampaignStatus,
     Condition,
@@ -15,13 +20,15 @@ from robovast.kubeapi.status import (
     compact,
     read_status,
 )
+from robovast.model.document import load_document
+from robovast.model.expansion import compose
 from robovast.model.packs import Block, Entry, PlanSpec
 from robovast_operator.kube.lenient import shaped
 from robovast_operator.planning.accept import Files
 from robovast_operator.planning.additions import Additions, with_additions
 from robovast_operator.planning.campaign import Object, Rejected, Revision
 from robovast_operator.planning.configurations import ConfigurationStatuses
-from robovast_operator.planning.revisions import next_revision
+from robovast_operator.planning.revisions import Planned, as_planned, next_revision
 from robovast_operator.planning.shards import first_attempts
 from robovast_operator.pods.jobs import shard_job
 
@@ -36,11 +43,32 @@ def configuration(name: str, **spec: Any) -> Object:
 
 
 def added(
-    *items: Object, files: Files | Rejected | None = FILES, known: Any = None, **spec: Any
+    *items: Object,
+    files: Files | Rejected | None = FILES,
+    known: Any = None,
+    planned: Sequence[Revision] = (),
+    **spec: Any,
 ) -> Additions:
     """What Configurations add to the campaign."""
     known = {} if known is None else known
-    return with_additions(campaign(**spec), accepted(**spec), items, files, SETTINGS, known)
+    before = Planned.of_revisions(planned)
+    return with_additions(campaign(**spec), accepted(**spec), items, files, SETTINGS, known, before)
+
+
+def planned_with(*steps: Sequence[Object], text: str = "") -> list[Revision]:
+    """A campaign's plans after Configurations were there, one set of them after the other."""
+    made = accepted()
+    made = replace(made, document_text=text or made.document_text)
+    revisions: list[Revision] = []
+    for items in ((), *steps):
+        found = added(*items, planned=revisions).found
+        new = next_revision(made, revisions, found, f"plan-{len(revisions)}")
+        revisions += [] if new is None else [new]
+    return revisions
+
+
+def names_in(revision: Revision) -> list[str]:
+    return [entry["name"] for entry in yaml.safe_load(revision.document)["configuration"]]
 
 
 def test_each_adds_its_runs_and_a_wrong_one_harms_no_other() -> None:
@@ -53,36 +81,87 @@ def test_each_adds_its_runs_and_a_wrong_one_harms_no_other() -> None:
         configuration("b", parameters=[{"speed": 9}], runs=4),
     ]
     found = added(*items)
-    assert [(one.name, one.variants, one.runs) for one in found.found] == [("a", 2, 1), ("b", 1, 4)]
+    numbers = [(one.name, one.expanded.variants, one.runs) for one in found.found]
+    assert numbers == [("a", 2, 1), ("b", 1, 4)]
     assert found.problems.keys() == {"wrong", "hall"}
     assert "no_such" in found.problems["wrong"]
     assert "`hall`" in found.problems["hall"]
-    assert found.accepted is not None
-    written = yaml.safe_load(found.accepted.document_text)["configuration"]
-    assert [entry["name"] for entry in written] == ["hall", "a", "b"]
+    assert names_in(planned_with(items)[-1]) == ["hall", "a", "b"]
+
+
+def test_what_was_planned_keeps_its_place_whatever_becomes_of_configurations(
+    tmp_path: Path,
+) -> None:
+    """Run ids follow from the order of all entries: one that is left out would shift the others."""
+    first, other = configuration("a"), configuration("b", parameters=[{"speed": 9}])
+    newest = planned_with([first], [other])[-1]
+    assert names_in(newest) == ["hall", "a", "b"]
+    assert [(b.first_variant, b.variants) for b in newest.plan.blocks] == [(0, 3), (3, 2), (5, 1)]
+    (tmp_path / "scenario.osc").write_text(SCENARIO)
+    (tmp_path / "drive.vast").write_text(newest.document)
+    variants = compose(load_document(tmp_path / "drive.vast"), tmp_path / "out").variants
+    by_entry = {
+        entry.name: [variant for variant in variants if variant.entry == entry.name]
+        for entry in newest.entries
+    }
+    assert [variant for found in by_entry.values() for variant in found] == list(variants)
+    for entry in newest.entries:
+        assert entry.digest == variants_digest(by_entry[entry.name])
+    whole = as_planned(accepted(select=["hall-1"]), newest)
+    assert whole.spec.select == ["hall-1", "a", "b"]
+    assert whole.document_text == newest.document
+
+
+def test_a_configuration_that_is_another_now_adds_nothing() -> None:
+    before = planned_with([configuration("a")])
+    changed = configuration("a", parameters=[{"speed": 9}], runs=5)
+    found = added(changed, planned=before)
+    assert not found.found
+    assert "other parameters" in found.problems["a"]
+    more = configuration("a")
+    more["spec"]["runs"] = 5
+    (again,) = added(more, planned=before, files=Rejected("SourceNotFound", "gone")).found
+    assert (again.runs, again.expanded.variants) == (5, 2)
+    grown = next_revision(accepted(), before, [again], "plan-2")
+    assert grown is not None
+    assert (grown.plan.blocks[-1].first_run, grown.plan.blocks[-1].runs) == (1, 4)
+    assert grown.document == before[-1].document
+
+
+def test_numbers_stay_as_their_author_wrote_them() -> None:
+    """The API keeps `1.0` as `1`, of which other variants may come."""
+    text = accepted().document_text
+    assert "1.0" in text
+    revisions = planned_with([configuration("a")], text=text)
+    assert "1.0" in revisions[-1].document
+
+
+@pytest.mark.parametrize("text", ["{", "[1]", "configuration: 3", "configuration: [3]", "[" * 900])
+def test_a_plan_whose_document_is_none_is_told_by_its_name(text: str) -> None:
+    (first,) = planned_with()
+    with pytest.raises(InputError, match="plan-0"):
+        Planned.of_revisions([replace(first, document=text)])
 
 
 def test_what_was_expanded_once_is_not_expanded_again() -> None:
     """However many there are, one more costs its own expansion; nothing new costs none."""
-    known: dict[str, int | str] = {}
+    known: dict[str, Entry | str] = {}
     many = [configuration(f"c{number}") for number in range(5)]
     added(*many, known=known)
-    assert list(known.values()) == [2] * 5
-    known.update(dict.fromkeys(known, 3))  # so that another expansion shows
+    assert [entry.variants for entry in known.values() if isinstance(entry, Entry)] == [2] * 5
+    known.update(dict.fromkeys(known, Entry(name="c", variants=3)))  # so that another shows
     found = added(*many, configuration("more"), known=known)
-    assert [one.variants for one in found.found] == [3, 3, 3, 3, 3, 2]
+    assert [one.expanded.variants for one in found.found] == [3, 3, 3, 3, 3, 2]
     gone = Rejected("SourceNotFound", "the ConfigMap is not there")
     again = added(*many[1:], configuration("late"), files=gone, known=known)
-    assert [one.variants for one in again.found] == [3, 3, 3, 3]
+    assert [one.expanded.variants for one in again.found] == [3, 3, 3, 3]
     assert again.problems == {"late": "the ConfigMap is not there"}
     assert len(known) == 4, "what is gone is not remembered"
 
 
 def test_a_selection_does_not_leave_out_what_was_added() -> None:
     found = added(configuration("a"), select=["hall-1"])
-    assert [(one.name, one.variants) for one in found.found] == [("a", 2)]
-    assert found.accepted is not None
-    assert found.accepted.spec.select == ["hall-1", "a"]
+    assert [(one.name, one.expanded.variants) for one in found.found] == [("a", 2)]
 
 
 def test_jobs_of_what_was_added_belong_to_the_campaign() -> None:

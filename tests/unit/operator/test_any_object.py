@@ -157,7 +157,12 @@ def _pod() -> Object:
             "containerStatuses": [
                 {"name": "agent", "image": "a", "state": {"terminated": ended}},
                 {"name": "finish", "image": "a", "state": {"terminated": ended}},
-                {"name": "robovast", "image": "a", "state": {"waiting": waiting}},
+                {
+                    "name": "robovast",
+                    "image": "a",
+                    "imageID": "docker-pullable://a@sha256:" + "a" * 64,
+                    "state": {"waiting": waiting},
+                },
             ],
         },
     }

@@ -14,6 +14,7 @@ from robovast.kubeapi.resources import Acceptance, FailFast
 from robovast_operator import snapshot as picture_module
 from robovast_operator.decide import CreateShard, CreateTask, DeleteJob, decide
 from robovast_operator.planning import shards as shards_module
+from robovast_operator.snapshot import Trouble
 from robovast_operator.status import status as tell_module
 
 
@@ -291,12 +292,35 @@ def test_all_that_was_bad_is_repeated_and_nothing_else(
 def test_the_words_of_the_finish_job_are_asked_for_again_when_its_pod_is_gone() -> None:
     world = World(accepted(runs=1))
     world.mute = {"drive-0123-finish-1"}
-    world.settle()
-    for _ in range(3):
+    for _ in range(20):
         world.look()
         world.work()
-    assert world.created.count("drive-0123-finish-1") == 2
+    assert world.created[-2:] == ["drive-0123-finish-1", "drive-0123-finish-1-1"]
     assert world.status.state == "Finished"
+    assert "drive-0123-finish-1" not in world.jobs, "one of them is enough"
+
+
+def test_a_finish_job_whose_pods_vanish_is_made_anew_ever_more_slowly_and_that_is_told() -> None:
+    """Whoever dies in between: how many there were stands in the name of the last."""
+    world = World(accepted(runs=1))
+    world.mute = {f"drive-0123-finish-1{suffix}" for suffix in ("", *(f"-{n}" for n in range(99)))}
+    begin = world.now
+    again: set[float | None] = set()
+    while world.now < begin + timedelta(hours=1):
+        again.add(world.look().again)
+        world.work()
+    finishes = [name for name in world.created if "finish" in name]
+    assert 8 <= len(finishes) <= 14
+    assert len(world.jobs) <= 4, "of all that were made the last is kept"
+    found = next(c for c in world.status.conditions if c.type == "Stalled")
+    assert (found.status, found.reason) == ("True", "NoWord")
+    assert "gone before" in found.message
+    assert max(wait for wait in again if wait) > 300, "nobody looks all the while"
+    world.mute = set()
+    world.now += timedelta(minutes=10)
+    world.settle()
+    assert world.status.state == "Finished"
+    assert world.truth("Stalled") == "False"
 
 
 def test_a_campaign_that_was_given_up_can_be_repeated() -> None:
@@ -457,3 +481,31 @@ def test_a_campaign_ends_without_the_runs_of_a_configuration_that_is_gone() -> N
     assert world.status.state == "Finished"
     assert world.status.progress == "6/6"
     assert world.status.runs.errored == 5
+
+
+def test_pods_that_are_not_at_work_are_told_to_wait() -> None:
+    world = World(accepted(runs=1, parallelism=12))
+    world.look()
+    world.look()
+    (job,) = world.jobs.values()
+    job.ready = 0
+    world.look()
+    assert (world.status.runs.active, world.status.runs.waiting) == (0, 3)
+    assert world.status.state == "Pending"
+    job.ready = 2
+    world.look()
+    assert (world.status.runs.active, world.status.runs.waiting) == (2, 1)
+    assert world.status.state == "Running"
+
+
+def test_a_campaign_none_of_whose_pods_is_at_work_is_said_to_stall_with_the_cause() -> None:
+    world = World(accepted(runs=1, parallelism=12))
+    world.look()
+    world.look()
+    (job,) = world.jobs.values()
+    job.ready = 0
+    stalled = replace(world.observed(), trouble=Trouble("ImagePull", "no image"))
+    assert decide(stalled).status.state == "Stalled"
+    job.ready = 1
+    dying = replace(world.observed(), trouble=Trouble("Evicted", "again", repeated=True))
+    assert decide(dying).status.state == "Running"

@@ -11,7 +11,7 @@ import pytest
 from operator_world import SCENARIO, SETTINGS, accepted, campaign
 
 from robovast.model.packs import CampaignPlan, Owner
-from robovast_operator.planning.accept import accept, inline_files, same_document
+from robovast_operator.planning.accept import accept, inline_files, same_document, source_changed
 from robovast_operator.planning.campaign import Accepted, Rejected
 from robovast_operator.planning.configurations import own_configurations
 from robovast_operator.planning.revisions import next_revision
@@ -23,7 +23,7 @@ from robovast_operator.pods.jobs import (
     shard_job,
     task_job,
 )
-from robovast_operator.pods.templates import inline_items
+from robovast_operator.pods.templates import inline_items, run_pod
 
 FILES = {"scenario.osc": SCENARIO.encode()}
 
@@ -179,7 +179,7 @@ def test_inline_files_are_mounted_as_the_tree_that_they_are() -> None:
     obj = campaign(source={"inline": {"files": files, "binaryFiles": binary}})
     made = accept(obj, inline_files(obj["spec"]), SETTINGS)
     assert isinstance(made, Accepted)
-    config_map = files_config_map(made)
+    config_map = files_config_map(made, None)
     assert config_map is not None
     keys = {item["path"]: item["key"] for item in inline_items(made)}
     assert keys.keys() == {"scenario.osc", "files/deep/a.py", "map.pgm"}
@@ -214,7 +214,27 @@ def test_the_disk_of_a_runs_pod_is_limited() -> None:
     assert revision is not None
     (shard, *_) = first_attempts(accepted().identity, [revision])
     pod = shard_job(accepted(), settings, shard)["spec"]["template"]["spec"]
-    assert {"name": "work", "emptyDir": {"sizeLimit": "20Gi"}} in pod["volumes"]
+    limited = {"name": "work", "emptyDir": {"sizeLimit": "20Gi"}}
+    assert limited in pod["volumes"]
+    made = accepted()
+    tasks = {c: task_job(made, settings, c, c, "plan") for c in ("compose", "finish", "process")}
+    volumes = {c: job["spec"]["template"]["spec"]["volumes"] for c, job in tasks.items()}
+    assert [limited in found for found in volumes.values()] == [True, True, False]
+
+
+def test_a_runs_pod_asks_for_room_on_the_disk_when_that_is_set() -> None:
+    """By one container, and no limit of any: that would count what runs write to the volume."""
+    (plain, asking) = (
+        run_pod(accepted(), replace(SETTINGS, work_request=request), "plan-0", [])
+        for request in ("", "5Gi")
+    )
+
+    def amounts(pod: dict[str, Any], kind: str) -> list[str]:
+        found = [c["resources"].get(kind, {}) for c in (*pod["initContainers"], *pod["containers"])]
+        return [one["ephemeral-storage"] for one in found if "ephemeral-storage" in one]
+
+    assert [amounts(pod, "requests") for pod in (plain, asking)] == [[], ["5Gi"]]
+    assert [amounts(pod, "limits") for pod in (plain, asking)] == [[], []]
 
 
 def test_an_account_on_a_git_server_is_mounted_where_the_checkout_is_made() -> None:
@@ -289,3 +309,30 @@ def test_packs_are_spread_evenly_over_a_bounded_number_of_shards(packs: int) -> 
     assert [begin for begin, _ in cut] == [sum(s for _, s in cut[:i]) for i in range(len(cut))]
     assert max(size for _, size in cut) - min(size for _, size in cut) <= 1
     assert len(cut) <= 400
+
+
+def test_a_config_map_is_copied_as_far_as_it_is_wanted() -> None:
+    """Pods mount the copy, which nobody changes, under the paths that the Campaign says."""
+    items = [{"key": "scenario", "path": "scenario.osc"}]
+    obj = campaign(source={"configMap": {"name": "theirs", "items": items}})
+    made = accept(obj, {"scenario.osc": SCENARIO.encode()}, SETTINGS)
+    assert isinstance(made, Accepted)
+    theirs = {"data": {"scenario": SCENARIO, "other": "x"}, "binaryData": {"more": "AAAA"}}
+    copy = files_config_map(made, theirs)
+    assert copy is not None
+    assert (copy["data"], copy["binaryData"]) == ({"scenario": SCENARIO}, {})
+    assert (copy["immutable"], copy["metadata"]["name"]) == (True, made.identity.files)
+    mounted = run_pod(made, SETTINGS, "plan-0", [])["volumes"]
+    (source,) = next(v["projected"]["sources"] for v in mounted if v["name"] == "files")
+    assert source["configMap"] == {"name": made.identity.files, "items": items}
+
+
+def test_a_campaign_whose_files_are_others_than_planned_is_told_so() -> None:
+    made = accepted()
+    planned = campaign_plan(replace(made, inputs={"a.osc": "1" * 64}), None, ())
+    assert source_changed(None, made) is None
+    assert source_changed(planned, replace(made, inputs={"a.osc": "1" * 64, "b": "2"})) is None
+    for now in ({"a.osc": "3" * 64}, {}):
+        told = source_changed(planned, replace(made, inputs=now))
+        assert told is not None
+        assert (told.reason, "`a.osc`" in told.message) == ("SourceChanged", True)

@@ -11,10 +11,12 @@ import pytest
 
 from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.messages import verdict_ranges
+from robovast.kubeapi.sightings import Sightings
+from robovast.kubeapi.status import Condition
 from robovast_operator.kube.events import messages
 from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.work_queue import WorkQueue, work
-from robovast_operator.pods.pod_status import is_stuck, trouble_of, trouble_of_events
+from robovast_operator.pods.pod_status import is_stuck, sighted, trouble_of, trouble_of_events
 from robovast_operator.pods.reports import Composition, composed_of, final_of, reports_of
 from robovast_operator.pods.verdicts import Report
 from robovast_operator.status.conditions import dated
@@ -163,6 +165,11 @@ def test_a_compose_job_gives_counts_or_its_message() -> None:
     assert composed_of([]) is None
 
 
+def later(condition: Condition) -> Condition:
+    """The same, found out on another day."""
+    return condition.model_copy(update={"last_transition_time": "2026-01-03T00:00:00Z"})
+
+
 def test_each_change_of_a_condition_is_told_once() -> None:
     before = dated(
         [("Accepted", "True", "Valid", "fine"), ("Passed", "Unknown", "Running", "")],
@@ -179,6 +186,8 @@ def test_each_change_of_a_condition_is_told_once() -> None:
     assert [(m.kind, m.reason, m.text) for m in messages(before, after)] == [
         ("Warning", "TooMany", "2 of 3")
     ]
+    (again,) = messages(before, [later(c) for c in after])
+    assert again.about == next(messages(before, after)).about, "of one change there is one Event"
     assert list(messages(after, after)) == []
     assert after[0].last_transition_time == "2026-01-01T00:00:00Z"
     assert after[1].last_transition_time == "2026-01-02T00:00:00Z"
@@ -219,3 +228,19 @@ def test_what_only_events_tell_is_told(reason: str, message: str, told: str) -> 
     assert found is not None
     assert (found.reason, found.message) == (told, message)
     assert trouble_of_events([{"reason": "BackOff"}]) is None
+
+
+def test_what_is_seen_of_a_pod_is_the_image_of_its_run_and_that_it_lacked_memory() -> None:
+    def seen(image: object, reason: str = "Completed", container: str = "robovast") -> Sightings:
+        status = {"name": container, "imageID": image, "state": {"terminated": {"reason": reason}}}
+        pod = {"metadata": {"name": "p"}, "status": {"containerStatuses": [status]}}
+        return sighted(shaped(pod))
+
+    image = "localhost:5000/runs@sha256:" + "1" * 64
+    assert seen(image) == Sightings({"p": image})
+    assert seen(f"docker-pullable://{image}") == Sightings({"p": image})
+    assert seen("sha256:" + "2" * 64) == Sightings({"p": "sha256:" + "2" * 64})
+    assert seen(image, "OOMKilled").out_of_memory == {"p"}
+    assert not seen(image, "OOMKilled", "agent")
+    for nonsense in ("", None, 3, "runs:latest", "sha256:12", "a b@sha256:" + "1" * 64):
+        assert not seen(nonsense)

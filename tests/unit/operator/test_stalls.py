@@ -20,6 +20,7 @@ from robovast_operator.memory import Memory
 from robovast_operator.pods.diagnose import Diagnosis
 from robovast_operator.pods.pod_status import trouble_of_events
 from robovast_operator.pods.stalls import cause_of
+from robovast_operator.pods.tries import NO_WORD
 from robovast_operator.snapshot import Trouble
 
 DOCS = Path(__file__).parents[3] / "docs/kubernetes.md"
@@ -168,7 +169,7 @@ def test_each_cause_is_told(reason: str, told: Any) -> None:
 
 
 def test_the_table_of_causes_names_all_of_them() -> None:
-    """Quota and Refused are told by events alone."""
+    """Quota and Refused are told by events alone, lost words by what becomes of Jobs."""
     table = DOCS.read_text().partition("### Why nothing moves")[2].partition("\n## ")[0]
     rows = re.findall(r"^\| (`.*?) \|", table, re.MULTILINE)
     documented = set(re.findall(r"\w+", " ".join(rows)))
@@ -177,7 +178,7 @@ def test_the_table_of_causes_names_all_of_them() -> None:
         for reason in ("exceeded quota", "violates PodSecurity")
         if (found := trouble_of_events([{"reason": "FailedCreate", "message": reason}]))
     }
-    assert {reason for reason, _ in CAUSES.values()} | by_events == documented
+    assert {reason for reason, _ in CAUSES.values()} | by_events | {NO_WORD} == documented
 
 
 def test_what_was_in_the_way_of_pods_before_is_over() -> None:

@@ -1,0 +1,33 @@
+"""Making Events; one that the API server refuses keeps nothing from being done."""
+
+from __future__ import annotations
+
+import logging
+
+from robovast_operator.kube import paths
+from robovast_operator.kube.api import Api, ApiError
+from robovast_operator.kube.events import Message, event
+from robovast_operator.kube.times import format_time, now
+from robovast_operator.planning.campaign import Identity
+
+LOGGER = logging.getLogger(__name__)
+
+
+def is_refusal(error: ApiError) -> bool:
+    """Whether the server will not do it, though it would do other things in the namespace."""
+    return 400 <= error.code < 500 and not error.terminating
+
+
+async def announce(api: Api, identity: Identity, message: Message) -> None:
+    """Tell something of a Campaign by an Event; of two about the same, the first stays.
+
+    Raises:
+        ApiError: nobody knows whether it was made, or the namespace is being deleted.
+    """
+    try:
+        told = event(identity, message, format_time(now()))
+        await api.create(paths.events(identity.namespace), told)
+    except ApiError as error:
+        if not is_refusal(error):
+            raise
+        LOGGER.warning("%s/%s: no Event: %s", identity.namespace, identity.name, error)

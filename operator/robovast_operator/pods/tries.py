@@ -1,0 +1,89 @@
+"""The Jobs of a task of our own whose last words nobody could read: they are made again. Pure.
+
+A Job ends, and its pod is gone before the operator has looked at it: a cleaner removes pods at
+once, or the cluster keeps few of them. What it found is not known, so another Job finds it out,
+each after a longer pause. How many there were stands in the name of the last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+from robovast_operator.kube.store import JobState
+from robovast_operator.kube.times import parse_time
+
+FIRST_PAUSE = timedelta(seconds=5)
+"""Between the end of the first Job and the second; twice as long each further time."""
+LONGEST_PAUSE = timedelta(minutes=10)
+TOLD = 3
+"""So many Jobs end without a word before that is told."""
+
+
+def number_of(name: str, task: str) -> int | None:
+    """Which Job of a task has a name, from 0: `finish-3`, `finish-3-1`, …; None when none has."""
+    if name == task:
+        return 0
+    number = name.removeprefix(f"{task}-")
+    is_number = number != name and number.isdecimal() and number.isascii() and len(number) < 6
+    return int(number) if is_number else None
+
+
+@dataclass(frozen=True)
+class Tries:
+    """The Jobs of a task."""
+
+    task: str
+    """Name of the first."""
+    jobs: tuple[JobState, ...]
+    """Those that are there, oldest first."""
+
+    @classmethod
+    def of(cls, jobs: Iterable[JobState], task: str) -> Tries:
+        """Those among a campaign's Jobs."""
+        mine = [job for job in jobs if number_of(job.name, task) is not None]
+        return cls(task, tuple(sorted(mine, key=lambda job: number_of(job.name, task) or 0)))
+
+    @property
+    def last(self) -> JobState | None:
+        """The one that counts."""
+        return self.jobs[-1] if self.jobs else None
+
+    @property
+    def old(self) -> tuple[JobState, ...]:
+        """Those that another has taken the place of."""
+        return self.jobs[:-1]
+
+    @property
+    def _number(self) -> int:
+        return 0 if self.last is None else (number_of(self.last.name, self.task) or 0) + 1
+
+    @property
+    def next_name(self) -> str:
+        """Name of the one that is to be made next."""
+        return f"{self.task}-{self._number}" if self.jobs else self.task
+
+    def wait(self, moment: datetime) -> float:
+        """How long to wait before the next one is made, when the last has left no word [s]."""
+        if self.last is None:
+            return 0.0
+        pause = min(LONGEST_PAUSE, FIRST_PAUSE * (1 << min(self._number - 1, 20)))
+        waited = max(timedelta(), moment - parse_time(self.last.ended))
+        return max(0.0, (pause - waited).total_seconds())
+
+    @property
+    def told(self) -> str:
+        """What is told of tasks that come to nothing, again and again; empty before."""
+        if self.last is None or self._number < TOLD:
+            return ""
+        return (
+            f"{self._number} Jobs have ended, the last of them {self.last.name}, and their pods "
+            "were gone before the operator could read what they found. What removes pods as soon "
+            "as they end (a cleaner, --terminated-pod-gc-threshold) must leave those of campaigns "
+            "for a minute; another Job is made every ten minutes at least."
+        )
+
+
+NO_WORD = "NoWord"
+"""Reason of the condition that tells it."""
