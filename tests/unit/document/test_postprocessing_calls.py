@@ -48,6 +48,7 @@ def test_what_cannot_be_called_is_an_error_with_its_place(
     ("command", "warning"),
     [
         ("rosbags_to_csv", "`rosbags_to_csv` without `topics` does nothing"),
+        ("rosbags_process: {workers: 2}", "workers: `workers` has no effect: runs are worked on"),
         ("rosbags_bt_to_csv: {colour: red}", "does not know the parameter `colour`; it has no eff"),
         ("their_own_metrics: {a: 1}", "no plugin `their_own_metrics` is installed here"),
         ("rosbags_tf_to_cvs", "is installed here\n    Did you mean `rosbags_tf_to_csv`?"),
@@ -67,7 +68,7 @@ def test_what_is_right_is_not_spoken_of(tmp_path: Path) -> None:
   - rosbags_to_csv: {topics: [/odom]}
   - rosbags_tf_to_csv
   - rosbags_rosout_to_csv: {min_level: error, bag_dir: logs/rosout_bag}
-  - rosbags_process: {plugins: [{type: tf_to_csv, frames: [a]}], workers: 2}
+  - rosbags_process: {plugins: [{type: tf_to_csv, frames: [a]}], bag_dir: x/y}
   - command: {script: docker_exec.sh, args: [1, --x]}
   - compress: {overwrite: true}
   - m.py:Metrics: {anything: 1}

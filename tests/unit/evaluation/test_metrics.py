@@ -48,6 +48,17 @@ def test_a_number_for_each_run_that_has_one(results: Path, aggregate: str, value
     assert found == {"a-1/0": value, "a-1/1": -2}
 
 
+def test_tables_of_an_older_version_are_read(results: Path) -> None:
+    altered(
+        results,
+        "DROP TABLE poses",
+        "CREATE TABLE poses (config TEXT, run INTEGER, x NUMERIC)",
+        "INSERT INTO poses VALUES ('a-1', 0, 3), ('a-1', 0, 5)",
+    )
+    assert metric_columns(results, "hall") == {"poses": ["x"]}
+    assert metric(results, "hall", "poses", "x", "mean") == {"a-1/0": 4.0}
+
+
 def test_a_campaign_without_tables_has_none(results: Path) -> None:
     (results / "hall" / "_execution" / "data.db").unlink()
     assert metric_columns(results, "hall") == {}

@@ -14,7 +14,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from robovast.base.errors import InputError, Problem
 from robovast.base.plugins import plugins_of, split_file_reference
-from robovast.model.document.commands import BUILT_IN, GROUP, TopicsToCsv
+from robovast.model.document.commands import BUILT_IN, GROUP, PROCESS, TopicsToCsv
 from robovast.model.document.files import host_path, match_run_files
 from robovast.model.document.model import (
     ConfigurationEntry,
@@ -266,25 +266,32 @@ def _check_postprocessing(parts: Parts) -> Iterator[Problem]:
 
 
 def _doubtful_postprocessing(parts: Parts) -> Iterator[Problem]:
-    """Commands that are not here, which they need not be before there are results."""
+    """What has no effect, and commands that are not here, as they need not be before there are
+    results."""
     known = plugins_of(GROUP)
     for path, call in _postprocessing(parts):
         model = BUILT_IN.get(call.name)
         file = split_file_reference(call.name)
         if model is not None:
             base = _place_of_parameters(parts, path, call)
-            for key in unknown_parameters(call.parameters, model):
-                message = f"`{call.name}` does not know the parameter `{key}`; it has no effect"
-                yield parts.source.problem((*base, key), message, at_key=True)
-            if call.name == TopicsToCsv.command and not call.parameters.get("topics"):
-                message = f"`{call.name}` without `topics` does nothing"
-                yield parts.source.problem(path, message)
+            for key, message in _without_effect(call, model):
+                yield parts.source.problem((*base, *key), message, at_key=bool(key))
         elif file is not None and not (parts.folder / file[0]).is_file():
             yield parts.source.problem(path, f"there is no file {file[0]} in {parts.folder}")
         elif file is None and call.name not in known:
             near = nearest(call.name, known)
             message = f"no plugin `{call.name}` is installed here"
             yield parts.source.problem(path, message, f"Did you mean `{near}`?" if near else "")
+
+
+def _without_effect(call: PluginCall, model: type[BaseModel]) -> Iterator[tuple[KeyPath, str]]:
+    """Parameters of a built-in command, or the command itself, that do nothing."""
+    for key in unknown_parameters(call.parameters, model):
+        yield (key,), f"`{call.name}` does not know the parameter `{key}`; it has no effect"
+    if call.name == PROCESS and "workers" in call.parameters:
+        yield ("workers",), "`workers` has no effect: runs are worked on side by side anyhow"
+    if call.name == TopicsToCsv.command and not call.parameters.get("topics"):
+        yield (), f"`{call.name}` without `topics` does nothing"
 
 
 def _postprocessing(parts: Parts) -> Iterator[tuple[KeyPath, PluginCall]]:
