@@ -10,6 +10,7 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
+from robovast.printable import PrintableFormatter
 from robovast_cli.lazy import Lazy, add_lazy, new_app
 from robovast_cli.ui.report import errors_reported
 from robovast_cli.workspace import Workspace, set_log_level
@@ -119,6 +120,8 @@ def vast(
     """Take the global options."""
     del version  # its callback has done the work
     logging.basicConfig(format="%(levelname)s: %(message)s")
+    for handler in logging.getLogger().handlers:
+        handler.setFormatter(PrintableFormatter("%(levelname)s: %(message)s"))
     set_log_level(log_level or "warning")
     ctx.obj = Workspace(vast_file, log_level)
 

@@ -6,7 +6,6 @@ used, never for the help of `vast`. What is broken is reported and left out.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterable
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
@@ -17,6 +16,7 @@ from typer.core import TyperCommand
 from typer.main import get_command
 
 from robovast.base.errors import CannotRunError
+from robovast_cli.ui.report import tell
 
 GROUPS = ("robovast.cli_plugins", "vast.plugins")
 
@@ -94,7 +94,7 @@ def find_plugins(taken: Iterable[str], report: Callable[[str], None]) -> dict[st
 
 def report_on_stderr(line: str) -> None:
     """Print a warning."""
-    print(f"warning: {line}", file=sys.stderr)  # noqa: T201
+    tell(f"warning: {line}")
 
 
 def _problem(entry: EntryPoint, other: EntryPoint | None, taken: Iterable[str]) -> str | None:

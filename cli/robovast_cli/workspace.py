@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import logging
-import sys
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robovast.base.errors import InputError
+from robovast_cli.ui.report import tell
 
 if TYPE_CHECKING:
     from robovast.model.document import Document
@@ -66,7 +66,7 @@ class Workspace:
         del project
         document = load_document(self.path)
         for warning in document.warnings:
-            print(f"warning: {warning}", file=sys.stderr)  # noqa: T201
+            tell(f"warning: {warning}")
         return document
 
     @property

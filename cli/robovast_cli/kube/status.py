@@ -11,6 +11,7 @@ from typing import Any
 from robovast.base.errors import ExitCode, InputError
 from robovast.kubeapi.resources import Scheduling, Storage
 from robovast.kubeapi.status import CampaignStatus, Condition, read_status
+from robovast.printable import printable
 
 _TROUBLE = {"Accepted": "False", "Succeeded": "False", "Stalled": "True"}
 """Conditions, and their status, whose message a person wants to read."""
@@ -85,7 +86,7 @@ class CampaignState:
         found = (c for c in self.status.conditions if _TROUBLE.get(c.type) == c.status)
         waiting = (c for c in self.status.conditions if _waits(c))
         shown = [*found, *(() if self.finished else waiting)]
-        return list(dict.fromkeys(c.message or c.reason for c in shown))
+        return list(dict.fromkeys(printable(c.message or c.reason) for c in shown))
 
     @property
     def exit_code(self) -> ExitCode:

@@ -13,6 +13,7 @@ from robovast.analysis.provenance.vocabulary import PREFIXES
 from robovast.base.errors import InputError
 from robovast.campaign.finding import find_campaigns
 from robovast_cli.ui.listing import format_table
+from robovast_cli.ui.output import say_data
 
 Format = Literal["table", "csv", "json"]
 
@@ -51,7 +52,7 @@ def _read(query: str) -> str:
 
 def _print_csv(answer: Answer, graphs: Graphs) -> None:
     del graphs
-    sys.stdout.write(answer.csv())
+    say_data(answer.csv())
 
 
 def _print_json(answer: Answer, graphs: Graphs) -> None:
@@ -60,7 +61,7 @@ def _print_json(answer: Answer, graphs: Graphs) -> None:
         json.dumps(dict(zip(answer.columns, row, strict=True)), ensure_ascii=False)
         for row in answer
     )
-    sys.stdout.write("[\n" + ",\n".join(lines) + "\n]\n")
+    say_data("[\n" + ",\n".join(lines) + "\n]\n")
 
 
 def _print_table(answer: Answer, graphs: Graphs) -> None:
@@ -83,7 +84,7 @@ def _shortener(graphs: Graphs) -> Callable[[Any], str]:
         if base is not None:
             return short[base] + value.removeprefix(base) or "."
         prefix = next((p for p, iri in PREFIXES.items() if value.startswith(iri)), None)
-        return f"{prefix}:{value.removeprefix(PREFIXES[prefix])}" if prefix else _one_line(value)
+        return f"{prefix}:{value.removeprefix(PREFIXES[prefix])}" if prefix else value
 
     return shorten
 
@@ -92,10 +93,6 @@ def _text(value: Any) -> str:
     if value is None:
         return ""
     return f"{value:.10g}" if isinstance(value, float) else str(value).lower()
-
-
-def _one_line(text: str) -> str:
-    return text.replace("\n", "⏎")
 
 
 _FORMATS: Mapping[Format, Callable[[Answer, Graphs], None]] = {

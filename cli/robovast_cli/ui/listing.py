@@ -16,6 +16,7 @@ from robovast.base.serialization import dump_yaml
 from robovast.campaign.configurations import configuration_record
 from robovast.model.document import Document
 from robovast.model.expansion import Variant, expand
+from robovast.printable import one_line
 
 Format = Literal["table", "name", "json", "yaml"]
 
@@ -95,13 +96,13 @@ def _cells(variant: Variant, internal: bool) -> dict[str, str]:
 
 
 def _cell(value: Any) -> str:
-    text = value.replace("\n", "⏎") if isinstance(value, str) else _to_json(value)
+    text = value if isinstance(value, str) else _to_json(value)
     return text if len(text) <= WIDEST_CELL else text[: WIDEST_CELL - 1] + "…"
 
 
 def format_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Text in columns as wide as their widest cell."""
-    lines = [columns, *rows]
+    lines = [columns, *([one_line(cell) for cell in row] for row in rows)]
     widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
     template = "  ".join(f"{{:<{width}}}" for width in widths)
     return "".join(f"{template.format(*line).rstrip()}\n" for line in lines)

@@ -14,6 +14,7 @@ from rich.text import Text
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.model.plan import Run
+from robovast.printable import printable
 from robovast_cli.ui.progress import Progress, clock_time
 
 MOST_RUNNING = 8
@@ -63,11 +64,11 @@ class LiveView(Progress):
         super().run_finished(run, record)
         if record.verdict is not Verdict.PASSED:
             line = Text(f"{record.verdict:<7} ", _STYLES[record.verdict])
-            self._console.print(line.append(f"{run.path}: {record.reason}", "default"))
+            self._console.print(line.append(f"{run.path}: {printable(record.reason)}", "default"))
 
     def message(self, text: str) -> None:
         """Leave a line."""
-        self._console.print(Text(text))
+        self._console.print(Text(printable(text)))
 
     def render(self) -> RenderableType:
         """What is shown now."""

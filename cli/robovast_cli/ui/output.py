@@ -6,16 +6,22 @@ import sys
 
 import typer
 
+from robovast.printable import printable
 from robovast_cli.ui.report import silence_stdout
 
 
 def say(line: str) -> None:
     """Print a line at once; nothing when the reader of stdout has gone."""
     try:
-        sys.stdout.write(line + "\n")
+        sys.stdout.write(printable(line) + "\n")
         sys.stdout.flush()
     except BrokenPipeError:
         silence_stdout()
+
+
+def say_data(text: str) -> None:
+    """Print what programs read: as it is, but to a terminal as it can be shown there."""
+    sys.stdout.write(printable(text) if sys.stdout.isatty() else text)
 
 
 def asked(question: str, *, default: bool) -> bool:

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import typer
 
 from robovast.base.errors import DocumentError, ExitCode, RobovastError
+from robovast.printable import printable
 
 BROKEN_PIPE = 141
 """Exit code when the reader of the output has gone, as of every program that SIGPIPE ends."""
@@ -29,10 +30,10 @@ def errors_reported() -> Iterator[None]:
         sys.stdout.flush()
     except RobovastError as error:
         _show_traceback()
-        _print(_message(error))
+        tell(_message(error))
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt:
-        _print("interrupted")
+        tell("interrupted")
         raise typer.Exit(ExitCode.INTERRUPTED) from None
     except BrokenPipeError:
         silence_stdout()
@@ -42,7 +43,7 @@ def errors_reported() -> Iterator[None]:
     except Exception as error:
         _show_traceback()
         cause = f"{type(error).__name__}: {error}".rstrip(": ").replace("\n", " ")
-        _print(f"error: a fault of RoboVAST: {cause} (`vast -l debug …` shows where)")
+        tell(f"error: a fault of RoboVAST: {cause} (`vast -l debug …` shows where)")
         raise typer.Exit(ExitCode.INTERNAL) from None
 
 
@@ -66,6 +67,7 @@ def _show_traceback() -> None:
         traceback.print_exc()
 
 
-def _print(text: str) -> None:
+def tell(text: str) -> None:
+    """Print a line on stderr, as it can be shown; nothing when its reader has gone."""
     with contextlib.suppress(BrokenPipeError):
-        print(text, file=sys.stderr, flush=True)  # noqa: T201
+        print(printable(text), file=sys.stderr, flush=True)  # noqa: T201

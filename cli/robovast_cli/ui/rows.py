@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
 import sys
@@ -13,6 +14,7 @@ from typing import Any, Literal
 from robovast.analysis.tables.query import Answer, ask, tables
 from robovast.campaign.finding import find_campaigns
 from robovast_cli.ui.listing import format_table
+from robovast_cli.ui.output import say_data
 
 Format = Literal["table", "csv", "json"]
 
@@ -38,9 +40,11 @@ def print_answer(sql: str, results: Path, output: Format) -> None:
 
 
 def _print_csv(answer: Answer) -> None:
-    writer = csv.writer(sys.stdout, lineterminator="\n")
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
     writer.writerow(answer.columns)
     writer.writerows([_text(value) for value in row] for row in answer.rows)
+    say_data(text.getvalue())
 
 
 def _print_json(answer: Answer) -> None:
@@ -52,7 +56,7 @@ def _print_json(answer: Answer) -> None:
         )
         for row in answer.rows
     )
-    sys.stdout.write("[\n" + ",\n".join(lines) + "\n]\n")
+    say_data("[\n" + ",\n".join(lines) + "\n]\n")
 
 
 def _jsonable(value: Any) -> Any:
@@ -73,8 +77,7 @@ def _text(value: Any) -> str:
 
 
 def _cell(value: Any) -> str:
-    text = f"{value:.10g}" if isinstance(value, float) else _text(value)
-    return text.replace("\n", "⏎")
+    return f"{value:.10g}" if isinstance(value, float) else _text(value)
 
 
 _FORMATS: Mapping[Format, Callable[[Answer], None]] = {

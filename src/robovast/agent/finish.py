@@ -30,6 +30,7 @@ from robovast.model.expansion import Variant
 from robovast.model.naming import campaign_time
 from robovast.model.plan import Run
 from robovast.model.repetition import GroupSizes, list_key, list_name, list_text, retry_groups
+from robovast.printable import printable
 
 RANGES_LIMIT = 1500
 """Longest text of failed runs, and of errored ones, in the termination message."""
@@ -57,7 +58,7 @@ def finish(folders: Folders) -> AgentExit:
         seen = list(pool.map(lambda run: completed(bucket, run.path, sightings), runs))
     damaged = check_runs(bucket, {run.path: s for run, s in zip(runs, seen, strict=True)})
     for run, damage in damaged.items():
-        print(f"{run}: {damage}")  # noqa: T201
+        print(printable(f"{run}: {damage}"))  # noqa: T201
     index = [_entry(run, record, damaged) for run, (record, _) in zip(runs, seen, strict=True)]
     _store_execution(campaign, document, bucket, index)
     repeat = _store_bad_runs(campaign, bucket, index)

@@ -7,6 +7,7 @@ from pathlib import Path
 from robovast.base.atomic import explained, put_in_place, scratch_folder
 from robovast.base.errors import InputError
 from robovast.campaign.archive import refuse_links_out, unpack
+from robovast.printable import one_line
 
 _SUFFIXES = (".tar.gz", ".tgz", ".tar.xz", ".tar.bz2", ".tar", ".zip")
 _CAMPAIGN_FOLDERS = ("_config", "_execution")
@@ -33,14 +34,25 @@ def import_archive(archive: Path, output: Path, *, force: bool = False) -> Path:
         whole.mkdir()
         links = unpack(archive, whole)
         campaign = _campaign_in(archive, whole)
-        if campaign.name.startswith("."):
-            raise InputError(
-                f"{archive}: refused, because its campaign is called `{campaign.name}`: what is "
-                "hidden is no campaign. Nothing was imported."
-            )
+        _check_names(archive, campaign)
         refuse_links_out(archive, links, campaign)
         put_in_place(campaign, output / campaign.name, replace=force)
     return output / campaign.name
+
+
+def _check_names(archive: Path, campaign: Path) -> None:
+    """Refuse names that no campaign has, and that are to deceive who reads them."""
+    if campaign.name.startswith("."):
+        raise InputError(
+            f"{archive}: refused, because its campaign is called `{campaign.name}`: what is "
+            "hidden is no campaign. Nothing was imported."
+        )
+    for path in (campaign, *campaign.iterdir()):
+        if one_line(path.name) != path.name:
+            raise InputError(
+                f"{archive}: refused, because the name `{one_line(path.name)}` in it has "
+                "characters that terminals obey instead of showing them. Nothing was imported."
+            )
 
 
 def campaign_of_archive(name: str) -> str:

@@ -12,6 +12,7 @@ from pathlib import PurePosixPath
 
 from robovast.base.atomic import is_unfinished
 from robovast.campaign.layout import ASIDE, RUN_RECORD, RUNNING, STAGE
+from robovast.printable import one_line
 
 ORIGIN = ".bucket"
 """File in a campaign's folder of the page's mirror that names its bucket."""
@@ -34,6 +35,8 @@ def why_no_place(key: str) -> str:
     first = key.partition("/")[0]
     if first in _OWN or is_unfinished(first):
         return f"`{first}` is what commands keep their own files in"
+    if one_line(first) != first:
+        return "no configuration has such a name"
     if key.startswith(f"{run_of(key)}/{RUN_RECORD}/"):
         return f"the run's {RUN_RECORD} is no folder"
     return ""

@@ -161,6 +161,17 @@ def test_a_campaign_with_a_name_of_unfinished_work_is_refused(tmp_path: Path) ->
     assert list((tmp_path / "results").iterdir()) == []
 
 
+@pytest.mark.parametrize("name", ["x\x1b[2J", "x\nall passed", "x\u202e", "x\x9b31m"])
+def test_a_name_that_terminals_obey_is_refused_and_shown_safely(tmp_path: Path, name: str) -> None:
+    for place in (f"{name}/_config/x.vast", f"{NAME}/{name}/0/test.xml"):
+        others = GOOD if place.startswith(NAME) else []
+        archive = archive_of(tmp_path, *others, member(place))
+        with pytest.raises(InputError, match="terminals obey") as caught:
+            import_archive(archive, tmp_path / "results")
+        assert name not in str(caught.value)
+    assert list((tmp_path / "results").iterdir()) == []
+
+
 def test_a_campaign_that_is_here_is_replaced_on_demand_only(tmp_path: Path) -> None:
     archive = archive_of(tmp_path, *GOOD)
     kept = tmp_path / "results" / NAME / "mine"

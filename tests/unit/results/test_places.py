@@ -31,6 +31,10 @@ def test_places_that_commands_keep_for_themselves_are_not_for_a_bucket(key: str)
     assert "keep their own files" in why_no_place(key)
 
 
+def test_a_name_that_terminals_obey_is_no_configurations() -> None:
+    assert "no configuration" in why_no_place("hall\n\x1b[31m/0/run.json")
+
+
 def test_a_record_is_no_folder() -> None:
     assert "run.json is no folder" in why_no_place("hall/0/run.json/x")
 

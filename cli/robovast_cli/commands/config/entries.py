@@ -22,6 +22,7 @@ from robovast.model.document.loader import Document, check_source
 from robovast.model.document.source import Source
 from robovast.model.expansion import Variant, expand, select_variants
 from robovast_cli.ui.output import asked
+from robovast_cli.ui.report import tell
 from robovast_cli.workspace import shown
 
 
@@ -105,7 +106,7 @@ def _is_usable(document: Document, entry: Any, source: Path) -> bool:
     else:
         return True
     name = entry.get("name") if isinstance(entry, dict) else entry
-    typer.echo(f"{source}: `{name}` is left out: {cause}", err=True)
+    tell(f"{source}: `{name}` is left out: {cause}")
     return False
 
 

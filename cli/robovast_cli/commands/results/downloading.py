@@ -11,6 +11,7 @@ from typing import Any
 
 from robovast.base.errors import CannotRunError, InputError, StorageError
 from robovast.base.progress_bar import fmt_size
+from robovast.printable import printable
 from robovast.storage.belonging import folder_for
 from robovast.storage.download import DownloadObserver, DownloadResult, Silent, download_campaign
 from robovast.storage.ownership import find_bucket, is_owned, owner_of
@@ -18,6 +19,7 @@ from robovast_cli.kube.api import Kubernetes, connect
 from robovast_cli.kube.status import CampaignState, find_campaign, lookup
 from robovast_cli.kube.store import StorePlace, installed_place, open_store, place_of
 from robovast_cli.ui.output import say
+from robovast_cli.ui.report import tell
 from robovast_cli.workspace import shown
 
 MOST_TOLD = 20
@@ -113,7 +115,7 @@ def _try(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> bo
     try:
         _download(kube, results, output, force=force)
     except StorageError as error:
-        print(f"error: {error}", file=sys.stderr)  # noqa: T201
+        tell(f"error: {error}")
         return False
     return True
 
@@ -171,7 +173,7 @@ def _bar(title: str) -> Iterator[DownloadObserver]:
     )
 
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         DownloadColumn(),
         TransferSpeedColumn(),
@@ -187,7 +189,7 @@ class _Bar:
 
     def __init__(self, progress: Any, title: str) -> None:
         self._progress = progress
-        self._task = progress.add_task(title, total=None, files=0, count=0)
+        self._task = progress.add_task(printable(title), total=None, files=0, count=0)
         self._files = 0
 
     def planned(self, files: int, size: int) -> None:

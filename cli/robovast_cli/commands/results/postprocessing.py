@@ -15,8 +15,10 @@ from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Op
 from robovast.analysis.postprocessing.session import postprocess
 from robovast.base.errors import ExitCode
 from robovast.model.document.commands import GROUP
+from robovast.printable import printable
 from robovast_cli.commands.results.plugin_list import described_plugins
 from robovast_cli.ui.output import say
+from robovast_cli.ui.report import tell
 
 MOST_LISTED = 20
 """Failures that the summary names at most."""
@@ -68,15 +70,26 @@ class _Bar:
 
     def __init__(self) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeRemainingColumn,
+        )
 
-        columns = ("{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+        columns = (
+            TextColumn("{task.description}", markup=False),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+        )
         self._progress = Progress(*columns, console=Console(stderr=True), transient=True)
         self._task: Any = None
 
     def start(self, title: str, total: int) -> None:
         self.stop()
-        self._task = self._progress.add_task(title, total=total)
+        self._task = self._progress.add_task(printable(title), total=total)
         self._progress.start()
 
     def advance(self) -> None:
@@ -100,7 +113,7 @@ def run(results: Path, options: Options) -> ExitCode:
     failures = [failure for summary in summaries for failure in summary.failures]
     told = _told_once(failures)
     for text in told[:MOST_LISTED]:
-        typer.echo(f"failed: {text}", err=True)
+        tell(f"failed: {text}")
     if len(told) > MOST_LISTED:
         typer.echo(f"… and {len(told) - MOST_LISTED} more failures.", err=True)
     if any(summary.interrupted for summary in summaries):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from robovast.base.errors import InputError
 from robovast.campaign.executables import warn_of_executables
+from robovast.printable import printable
 from robovast.storage.shares.campaigns import NotOnShareError, download_from_share, open_share
 from robovast_cli.ui.output import say
 from robovast_cli.workspace import shown
@@ -57,7 +58,7 @@ def _view() -> Iterator[Callable[[str, int, int], None]]:
     )
 
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         DownloadColumn(),
         TransferSpeedColumn(),
@@ -68,7 +69,7 @@ def _view() -> Iterator[Callable[[str, int, int], None]]:
 
         def progress(name: str, done: int, total: int) -> None:
             if name not in tasks:
-                tasks[name] = bars.add_task(name, total=total)
+                tasks[name] = bars.add_task(printable(name), total=total)
             bars.update(tasks[name], completed=done)
 
         yield progress

@@ -1,0 +1,24 @@
+"""What others wrote does nothing to the terminal that it is shown on."""
+
+import logging
+
+import pytest
+
+from robovast.printable import PrintableFormatter, one_line, printable
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("plain text, 名, ü, 🙂, a\u00a0b", "plain text, 名, ü, 🙂, a\u00a0b"),
+        ("\x1b[2J\x9b31m\x07\r", "\\x1b[2J\\x9b31m\\x07\\r"),
+        ("a\tb\nc", "a\tb\nc"),
+        ("\u202edessap", "\\u202edessap"),
+        ("caf\udce9", "caf\\udce9"),
+    ],
+)
+def test_controls_are_shown_and_not_obeyed(text: str, shown: str) -> None:
+    assert printable(text) == shown
+    assert one_line(text) == shown.replace("\n", "⏎")
+    record = logging.LogRecord("", 0, "", 0, text, (), None)
+    assert PrintableFormatter().format(record) == shown
