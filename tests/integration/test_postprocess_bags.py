@@ -65,7 +65,6 @@ def test_bags_become_tables_that_can_be_asked(campaign: Path) -> None:
     record_ = yaml.safe_load((campaign / "c-1/0/postprocessing.yaml").read_text())
     found = {e["output"]: (e["plugin"], e["sources"]) for e in record_["entries"]}
     assert found == {
-        "c-1/0/rosout.csv": ("rosbags_rosout_to_csv", ["c-1/0/rosbag2"]),
         "c-1/0/poses.csv": ("rosbags_tf_to_csv", ["c-1/0/rosbag2"]),
         "c-1/0/rosbag2_text.csv": ("rosbags_to_csv", ["c-1/0/rosbag2"]),
     }
@@ -153,6 +152,19 @@ def test_logs_are_converted_unless_that_is_skipped(
     assert (campaign / "c-1/0/poses.csv").exists() is not bool(skipped)
     again = vast("results", "postprocess", *arguments, *options)
     assert again.stdout.endswith("1 run, nothing changed\n")
+
+
+def test_logs_that_nobody_asked_for_are_not_missed(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 2, "  - rosbags_tf_to_csv\n")
+    record(campaign / "c-1/0", "a")
+    arguments = ["-r", campaign, "--skip-db", "--skip-metadata"]
+    done = vast("results", "postprocess", *arguments)
+    assert "/rosout" not in done.stdout
+    assert not list(campaign.rglob("rosout.csv"))
+    document = campaign / "_config/c.vast"
+    document.write_text(document.read_text() + "  - rosbags_rosout_to_csv\n")
+    done = vast("results", "postprocess", *arguments, "--force")
+    assert "neither its bag nor its job's recording has /rosout (c-1/0" in done.stdout
 
 
 def test_logs_that_nobody_asked_for_need_no_extra(

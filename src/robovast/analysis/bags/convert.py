@@ -138,8 +138,7 @@ def convert_run(
         for bag, task in found:
             tasks.setdefault(bag, []).append(task)
         if not found:
-            name = BAG if job.bag_dir == JOB_LOGS else job.bag_dir
-            conversion.remarks[None, f"there is no bag: no folder `{name}` in it"] = None
+            conversion.remarks[_missing(run_dir, job)] = None
     for bag, of_bag in tasks.items():
         with _unmoved([task.folder for task in of_bag if task.shared]):
             _convert(bag, of_bag, definitions, conversion)
@@ -152,13 +151,20 @@ def _tasks(run_dir: Path, job: BagCommand) -> Iterator[tuple[Path, _Task]]:
     recording = _recording(run_dir, job.bag_dir)
     if isinstance(job, RosoutToCsv):
         if job.bag_dir == JOB_LOGS:
-            bags = _bags(run_dir, BAG)
-            own += [bag for bag in bags if _has_rosout(bag)] if recording else bags
+            own += [bag for bag in _bags(run_dir, BAG) if _may_have_rosout(bag, recording)]
         if recording and not own:
             yield recording, _Task(job, run_dir, _window(run_dir))
     yield from ((bag, _Task(job, bag.parent)) for bag in own)
     if recording:
         yield recording, _Task(job, recording.parent, shared=True)
+
+
+def _missing(run_dir: Path, job: BagCommand) -> tuple[BagCommand | None, str]:
+    """The remark that there is no bag for a job."""
+    name = BAG if job.bag_dir == JOB_LOGS else job.bag_dir
+    if _bags(run_dir, name):
+        return job, f"neither its bag nor its job's recording has {ROSOUT}"
+    return None, f"there is no bag: no folder `{name}` in it"
 
 
 def _bags(run_dir: Path, bag_dir: str) -> list[Path]:
@@ -287,9 +293,12 @@ class _Work:
         self._worker = None
 
 
-def _has_rosout(bag: Path) -> bool:
+def _may_have_rosout(bag: Path, recording: Path | None) -> bool:
+    """Whether a bag has logs; where it does not say which topics it has, and there is no other
+    recording, it is read."""
     ignored: list[str] = []
-    return ROSOUT in read_info(bag, ignored.append).topics
+    topics = read_info(bag, ignored.append).topics
+    return ROSOUT in topics or not (topics or recording)
 
 
 def _window(run_dir: Path) -> tuple[int, int] | None:

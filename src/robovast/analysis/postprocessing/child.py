@@ -16,7 +16,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import Any, TextIO
 
 from robovast.analysis.postprocessing.guard import Guard
 from robovast.analysis.postprocessing.outcome import (
@@ -28,9 +28,6 @@ from robovast.analysis.postprocessing.outcome import (
 from robovast.base.errors import InputError, RobovastError
 from robovast.base.plugins import load_plugin
 from robovast.model.document.commands import GROUP, BagCommand, bag_command
-
-if TYPE_CHECKING:
-    from robovast.analysis.bags.convert import Conversion
 
 GIVEN = ("provenance_file", "execution_image", "debug", "force")
 """What a plugin is given beside its parameters, when it takes it."""
@@ -122,15 +119,14 @@ def _convert_bags(calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
     jobs = [bag_command(call["name"], call["parameters"]) for call in calls]
     done = convert_run(run, jobs, Path(calls[0]["folder"]))
     entries = read_entries(done.provenance(run), "", run, campaign)
-    # What is said of a bag as a whole, and where files come from, is told once.
-    outcomes = [_outcome(done, job, [None, job] if n == 0 else [job]) for n, job in enumerate(jobs)]
+    outcomes = []
+    for number, (job, call) in enumerate(zip(jobs, calls, strict=True)):
+        # What is said of a bag as a whole is told once.
+        about: list[BagCommand | None] = [None, job] if number == 0 else [job]
+        said = "" if call["quiet"] else "\n".join(t for of, t in done.remarks if of in about)
+        failure = done.failures.get(job)
+        outcomes.append(Outcome(failure is None, failure or said))
     return [replace(outcomes[0], entries=entries), *outcomes[1:]]
-
-
-def _outcome(done: Conversion, job: BagCommand, about: list[BagCommand | None]) -> Outcome:
-    if job in done.failures:
-        return Outcome(False, done.failures[job])
-    return Outcome(True, "\n".join(text for of, text in done.remarks if of in about))
 
 
 _OUTSIDE = "it is outside of the campaign; results belong below `results_dir`"

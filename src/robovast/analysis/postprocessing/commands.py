@@ -42,6 +42,8 @@ class Command:
     """Equal for equal names, parameters, code and, where they matter, commands before."""
     given: Mapping[str, Any] = field(default_factory=dict)
     """What it gets beside its parameters, when it takes it."""
+    quiet: bool = False
+    """Nobody asked for it: that it found nothing is not worth a word."""
 
     @property
     def reads_bags(self) -> bool:
@@ -86,7 +88,10 @@ def read_calls(path: Path) -> list[PluginCall]:
 
 
 def resolve(
-    calls: Iterable[PluginCall], folder: Path, given: Mapping[str, Any] | None = None
+    calls: Iterable[PluginCall],
+    folder: Path,
+    given: Mapping[str, Any] | None = None,
+    quiet: Sequence[PluginCall] = (),
 ) -> list[Command]:
     """Commands in the order in which they are worked off.
 
@@ -97,6 +102,7 @@ def resolve(
         calls: as the document has them, each of which can be called.
         folder: of the document.
         given: what commands get beside their parameters.
+        quiet: those of the calls that nobody asked for.
     """
     commands: list[Command] = []
     for call in _ordered(calls):
@@ -104,7 +110,8 @@ def resolve(
         before = [c.key for c in commands if not (reads_bags and c.reads_bags)]
         key = _key(call, folder, before)
         if key not in {command.key for command in commands}:
-            commands.append(Command(call.name, dict(call.parameters), folder, key, given or {}))
+            parameters = dict(call.parameters)
+            commands.append(Command(call.name, parameters, folder, key, given or {}, call in quiet))
     return commands
 
 

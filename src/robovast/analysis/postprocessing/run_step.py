@@ -32,6 +32,7 @@ def request(command: Command, campaign: Path, results: Path) -> dict[str, Any]:
         "name": command.name,
         "parameters": command.parameters,
         "given": dict(command.given),
+        "quiet": command.quiet,
         "folder": str(command.folder),
         "campaign": str(campaign),
         "results_dir": str(results),

@@ -79,9 +79,11 @@ def _postprocess(
     document = options.override or _document(layout, observer)
     survey = Survey(campaign, document)
     runs = survey.runs()
-    calls = _calls(document, options, survey, runs, _Tell(observer, summary))
+    asked = read_calls(document) if document else []
+    calls = _calls(asked, options, _Tell(observer, summary))
+    implied = _implied(asked, options, survey, runs, observer)
     folder = document.absolute().parent if document else layout.config
-    commands = resolve(calls, folder, _given(layout, options))
+    commands = resolve([*calls, *implied], folder, _given(layout, options), quiet=implied)
     summary.runs, summary.commands = len(runs), len(commands)
     observer.campaign_started(campaign, len(runs))
     with opened(campaign) as state:
@@ -115,28 +117,39 @@ def _document(layout: Layout, observer: Observer) -> Path | None:
     )
 
 
-def _calls(
-    document: Path | None, options: Options, survey: Survey, runs: Sequence[str], tell: _Tell
-) -> list[PluginCall]:
-    """What is to be called: what the document asks for, and the conversion of logs.
+def _calls(asked: Sequence[PluginCall], options: Options, tell: _Tell) -> list[PluginCall]:
+    """The calls of a document that are to be made, and can be.
 
     Raises:
         InputError: a name that the user skips is none of the document's.
     """
-    asked = read_calls(document) if document else []
-    logs = PluginCall(name=ROSOUT)
-    implied = all(call.name != ROSOUT for call in unfolded(asked))
-    names = [name for name in options.skip if not (implied and name == ROSOUT)]
+    names = [name for name in options.skip if not (name == ROSOUT and _logs_are_implied(asked))]
+    calls = unfolded(skipped(asked, names))
     if options.skip_rosout:
-        asked = [call for call in unfolded(asked) if call.name != ROSOUT]
-    calls = [call for call in unfolded(skipped(asked, names)) if tell.can_be_called(call)]
-    wanted = implied and not options.skip_rosout and ROSOUT not in options.skip
-    if wanted and survey.has_recording(runs):
-        reason = why_not(logs)
-        if reason is None:
-            return [*calls, logs]
-        tell.observer.message(f"Logs are not converted: {reason}")
-    return calls
+        calls = [call for call in calls if call.name != ROSOUT]
+    return [call for call in calls if tell.can_be_called(call)]
+
+
+def _implied(
+    asked: Sequence[PluginCall],
+    options: Options,
+    survey: Survey,
+    runs: Sequence[str],
+    observer: Observer,
+) -> list[PluginCall]:
+    """The conversion of logs, which a document need not ask for."""
+    skips = options.skip_rosout or ROSOUT in options.skip
+    if skips or not _logs_are_implied(asked) or not survey.has_recording(runs):
+        return []
+    logs = PluginCall(name=ROSOUT)
+    reason = why_not(logs)
+    if reason is not None:
+        observer.message(f"Logs are not converted: {reason}")
+    return [logs] if reason is None else []
+
+
+def _logs_are_implied(asked: Sequence[PluginCall]) -> bool:
+    return all(call.name != ROSOUT for call in unfolded(asked))
 
 
 def _given(layout: Layout, options: Options) -> dict[str, Any]:
