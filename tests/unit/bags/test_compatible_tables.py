@@ -148,6 +148,19 @@ def test_the_table_of_a_jobs_recording_is_beside_it_and_the_job_stays_as_it_was(
     assert logs.stat().st_mtime == 1
 
 
+def test_a_link_to_the_job_of_another_campaign_leads_nowhere(tmp_path: Path) -> None:
+    for name in ("mine", "other"):
+        with Bag(tmp_path / name / "_jobs" / "job-0" / "logs" / "rosout_bag") as bag:
+            log(bag, 20)
+    run = tmp_path / "mine" / "a" / "0"
+    run.mkdir(parents=True)
+    other = tmp_path / "other" / "_jobs" / "job-0"
+    (run / "job").symlink_to(other)
+    assert convert(run, "rosbags_rosout_to_csv") == {"rosout.csv"}
+    assert [path.name for path in (other / "logs").iterdir()] == ["rosout_bag"]
+    assert (tmp_path / "mine" / "_jobs" / "job-0" / "logs" / "rosout.csv").is_file()
+
+
 def test_a_process_is_the_commands_that_it_holds(run: Path) -> None:
     plugins = [{"type": "tf_to_csv", "frames": ["base_link"]}, {"type": "to_csv"}]
     success, _, entries = commands.rosbags_process(str(run), str(run), plugins, workers=2)

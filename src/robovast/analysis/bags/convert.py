@@ -90,6 +90,8 @@ class _Task:
     """From when to when the run took place [ns], for bags of several runs."""
     shared: bool = False
     """The files are of all runs of a job, so none of the run's."""
+    source: Path | None = None
+    """What the files are said to be made from, where that is not the bag's own path."""
 
 
 def convert_bag(
@@ -153,7 +155,8 @@ def _tasks(run_dir: Path, job: BagCommand) -> Iterator[tuple[Path, _Task]]:
         if job.bag_dir == JOB_LOGS:
             own += [bag for bag in _bags(run_dir, BAG) if _may_have_rosout(bag, recording)]
         if recording and not own:
-            yield recording, _Task(job, run_dir, _window(run_dir))
+            shown = run_dir / JOB_LINK / job.bag_dir
+            yield recording, _Task(job, run_dir, _window(run_dir), source=shown)
     yield from ((bag, _Task(job, bag.parent)) for bag in own)
     if recording:
         yield recording, _Task(job, recording.parent, shared=True)
@@ -175,10 +178,9 @@ def _bags(run_dir: Path, bag_dir: str) -> list[Path]:
 
 
 def _recording(run_dir: Path, bag_dir: str) -> Path | None:
-    """The recording of a run's job, by way of the run's link to it."""
+    """The recording of a run's job: in the run's campaign, wherever its link to the job leads."""
     job = job_folder(run_dir) if bag_dir.startswith("logs/") else None
-    there = job is not None and is_folder(job / bag_dir, job)
-    return run_dir / JOB_LINK / bag_dir if there else None
+    return job / bag_dir if job is not None and is_folder(job / bag_dir, job) else None
 
 
 @contextmanager
@@ -279,7 +281,8 @@ class _Work:
         except Exception as error:
             self._fail(error)
             return []
-        return [] if self._task.shared else [Output(path, bag, self._task.job) for path in paths]
+        source = self._task.source or bag
+        return [] if self._task.shared else [Output(p, source, self._task.job) for p in paths]
 
     def discard(self) -> None:
         """Leave nothing behind."""
