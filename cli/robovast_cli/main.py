@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from robovast.printable import PrintableFormatter
+from robovast.base.printable import PrintableFormatter
 from robovast_cli.lazy import Lazy, add_lazy, new_app
 from robovast_cli.ui.report import errors_reported
 from robovast_cli.workspace import Workspace, set_log_level

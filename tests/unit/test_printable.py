@@ -4,7 +4,7 @@ import logging
 
 import pytest
 
-from robovast.printable import PrintableFormatter, one_line, printable
+from robovast.base.printable import PrintableFormatter, one_line, printable
 
 
 @pytest.mark.parametrize(

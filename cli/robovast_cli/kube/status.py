@@ -9,9 +9,9 @@ from functools import cached_property
 from typing import Any
 
 from robovast.base.errors import ExitCode, InputError
+from robovast.base.printable import printable
 from robovast.kubeapi.resources import Scheduling, Storage
 from robovast.kubeapi.status import CampaignStatus, Condition, read_status
-from robovast.printable import printable
 
 _TROUBLE = {"Accepted": "False", "Succeeded": "False", "Stalled": "True"}
 """Conditions, and their status, whose message a person wants to read."""

@@ -12,11 +12,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
+from robovast.base.printable import one_line
 from robovast.base.serialization import dump_yaml
 from robovast.campaign.configurations import configuration_record
 from robovast.model.document import Document
 from robovast.model.expansion import Variant, expand
-from robovast.printable import one_line
 
 Format = Literal["table", "name", "json", "yaml"]
 

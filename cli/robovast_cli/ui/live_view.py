@@ -11,10 +11,10 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from robovast.base.printable import printable
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.model.plan import Run
-from robovast.printable import printable
 from robovast_cli.ui.progress import Progress, clock_time
 
 MOST_RUNNING = 8

@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from robovast.printable import printable
+from robovast.base.printable import printable
 from robovast_cli.ui.report import silence_stdout
 
 

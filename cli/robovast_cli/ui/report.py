@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import typer
 
 from robovast.base.errors import DocumentError, ExitCode, RobovastError
-from robovast.printable import printable
+from robovast.base.printable import printable
 
 BROKEN_PIPE = 141
 """Exit code when the reader of the output has gone, as of every program that SIGPIPE ends."""

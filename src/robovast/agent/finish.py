@@ -16,6 +16,7 @@ from robovast.agent.composed import Composed
 from robovast.agent.mounts import Folders
 from robovast.agent.sightings import completed, read_sightings
 from robovast.agent.upload import SIDE_BY_SIDE, store_own_tree
+from robovast.base.printable import printable
 from robovast.base.ranges import format_ranges, spans, truncate
 from robovast.base.serialization import dump_yaml
 from robovast.campaign.layout import Layout
@@ -30,7 +31,6 @@ from robovast.model.expansion import Variant
 from robovast.model.naming import campaign_time
 from robovast.model.plan import Run
 from robovast.model.repetition import GroupSizes, list_key, list_name, list_text, retry_groups
-from robovast.printable import printable
 
 RANGES_LIMIT = 1500
 """Longest text of failed runs, and of errored ones, in the termination message."""

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 from robovast.base.errors import InputError
+from robovast.base.printable import is_printable, one_line
 from robovast.model.naming import is_campaign_dir
+
+LOGGER = logging.getLogger(__name__)
 
 
 def find_campaigns(results: Path) -> list[Path]:
@@ -13,6 +17,8 @@ def find_campaigns(results: Path) -> list[Path]:
 
     A campaign is told by its `_execution` folder or the .vast file in its `_config` folder, or by
     its name alone when it was aborted early. A hidden folder is none: it is still being written.
+    What is called as no campaign or configuration can be (escapes of terminals, line ends, bytes
+    that are no UTF-8) is left out, with a warning.
 
     Raises:
         InputError: there is no such folder, or no campaign in it.
@@ -20,6 +26,7 @@ def find_campaigns(results: Path) -> list[Path]:
     if not results.is_dir():
         raise InputError(f"{results}: there is no such folder of results.")
     if _holds_campaign(results):
+        _warn_of_names(results)
         return [results]
     visible = (path for path in sorted(results.iterdir()) if not path.name.startswith("."))
     folders = (path for path in visible if path.is_dir())
@@ -29,7 +36,19 @@ def find_campaigns(results: Path) -> list[Path]:
             f"{results} holds no campaign: neither it nor a folder in it has a .vast file in "
             "`_config`. Name the results folder with `-r`."
         )
+    found = [path for path in found if is_printable(path.name)]
+    for folder in (results, *found):
+        _warn_of_names(folder)
     return found
+
+
+def _warn_of_names(folder: Path) -> None:
+    for path in sorted(folder.iterdir()):
+        if path.is_dir() and not is_printable(path.name):
+            LOGGER.warning(
+                "%s: left out: no campaign or configuration has such a name. Rename it.",
+                one_line(str(path)),
+            )
 
 
 def _holds_campaign(path: Path) -> bool:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from robovast.base.atomic import explained, put_in_place, scratch_folder
 from robovast.base.errors import InputError
+from robovast.base.printable import one_line
 from robovast.campaign.archive import refuse_links_out, unpack
-from robovast.printable import one_line
 
 _SUFFIXES = (".tar.gz", ".tgz", ".tar.xz", ".tar.bz2", ".tar", ".zip")
 _CAMPAIGN_FOLDERS = ("_config", "_execution")

@@ -20,6 +20,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from robovast.base.printable import is_printable
 from robovast.base.safe_paths import is_folder
 
 RUN_RECORD = "run.json"
@@ -90,7 +91,7 @@ class Layout:
     def run_folders(self) -> Iterator[Path]:
         """Folders of all runs that were stored, sorted by variant and number."""
         for variant in _folders(self.root):
-            if not variant.startswith(("_", ".")):
+            if is_variant(variant):
                 yield from self.run_folders_of(variant)
 
     def run_folders_of(self, variant: str) -> list[Path]:
@@ -98,6 +99,11 @@ class Layout:
         folder = self.variant(variant)
         numbers = (name for name in _folders(folder) if name.isdecimal() and name.isascii())
         return [folder / name for name in sorted(numbers, key=int)]
+
+
+def is_variant(name: str) -> bool:
+    """True for a name that a variant's folder can have."""
+    return not name.startswith(("_", ".")) and is_printable(name)
 
 
 def job_folder(run: Path) -> Path | None:

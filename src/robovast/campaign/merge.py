@@ -18,7 +18,7 @@ from robovast.base.atomic import appearing_folder
 from robovast.base.errors import InputError
 from robovast.base.serialization import dump_yaml, fingerprint
 from robovast.base.yaml_files import read_mapping
-from robovast.campaign.layout import RUN_RECORD, Layout
+from robovast.campaign.layout import RUN_RECORD, Layout, is_variant
 from robovast.campaign.run_record import copy_run_record, read_run_record
 from robovast.campaign.verdict import read_test_result
 
@@ -154,7 +154,7 @@ def _execution(campaign: Layout) -> dict[str, Any]:
 
 def _parts(layout: Layout) -> Iterator[_Part]:
     for folder in sorted(layout.root.iterdir()):
-        if (folder / "_config").is_dir() and not folder.name.startswith(("_", ".")):
+        if (folder / "_config").is_dir() and is_variant(folder.name):
             identity = read_mapping(folder / "_config" / "config.yaml")
             yield _Part(layout, folder.name, identity.get("config_identifier"))
 

@@ -11,8 +11,8 @@ from itertools import count
 from pathlib import PurePosixPath
 
 from robovast.base.atomic import is_unfinished
+from robovast.base.printable import one_line
 from robovast.campaign.layout import ASIDE, RUN_RECORD, RUNNING, STAGE
-from robovast.printable import one_line
 
 ORIGIN = ".bucket"
 """File in a campaign's folder of the page's mirror that names its bucket."""

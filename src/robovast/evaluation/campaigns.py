@@ -8,6 +8,7 @@ import re
 from pathlib import Path
 
 from robovast.base.errors import InputError
+from robovast.campaign.layout import is_variant
 from robovast.evaluation.summaries import ActiveJob
 
 _JOB = re.compile(r"job-([0-9]{1,9})")
@@ -37,13 +38,9 @@ def find_campaigns(results: Path) -> list[str]:
 def is_own_folder(entry: os.DirEntry[str]) -> bool:
     """Whether an entry is a folder, no link, for results: `_` and `.` begin other names.
 
-    A name that is no UTF-8 has no address.
+    A name that is no UTF-8 has no address; others that cannot be shown are nobody's either.
     """
-    return (
-        entry.name[0] not in "._"
-        and entry.is_dir(follow_symlinks=False)
-        and not any("\ud800" <= character <= "\udfff" for character in entry.name)
-    )
+    return is_variant(entry.name) and entry.is_dir(follow_symlinks=False)
 
 
 def active_jobs(results: Path, campaign: str) -> tuple[ActiveJob, ...] | None:

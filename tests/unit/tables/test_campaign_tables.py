@@ -173,6 +173,14 @@ def test_queries_are_explained_and_can_change_nothing(
         ask([campaign], sql)
 
 
+def test_a_file_whose_name_is_no_utf_8_is_a_table_too(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 1)
+    (campaign / "c-1/0/caf\udce9.csv").write_text("a\n1\n")
+    update(campaign)
+    assert sqlite_rows(campaign, "SELECT a FROM caf") == [(1,)]
+    assert rows(campaign, "SELECT a FROM caf") == [(1,)]
+
+
 def test_without_tables_the_remedy_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="vast results postprocess"):
         ask([finished_campaign(tmp_path, 1)], "SELECT 1")

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import CannotRunError, InputError, StorageError
+from robovast.base.printable import printable
 from robovast.base.progress_bar import fmt_size
-from robovast.printable import printable
 from robovast.storage.belonging import folder_for
 from robovast.storage.download import DownloadObserver, DownloadResult, Silent, download_campaign
 from robovast.storage.ownership import find_bucket, is_owned, owner_of

@@ -14,8 +14,8 @@ from robovast.analysis.postprocessing.child import GIVEN
 from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Options
 from robovast.analysis.postprocessing.session import postprocess
 from robovast.base.errors import ExitCode
+from robovast.base.printable import printable
 from robovast.model.document.commands import GROUP
-from robovast.printable import printable
 from robovast_cli.commands.results.plugin_list import described_plugins
 from robovast_cli.ui.output import say
 from robovast_cli.ui.report import tell

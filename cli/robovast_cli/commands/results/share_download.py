@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from robovast.base.errors import InputError
+from robovast.base.printable import printable
 from robovast.campaign.executables import warn_of_executables
-from robovast.printable import printable
 from robovast.storage.shares.campaigns import NotOnShareError, download_from_share, open_share
 from robovast_cli.ui.output import say
 from robovast_cli.workspace import shown

@@ -12,7 +12,7 @@ from robovast.analysis.provenance.reading import list_files, read_mapping, subfo
 from robovast.analysis.provenance.runs import describe_run
 from robovast.analysis.provenance.times import as_utc, later
 from robovast.base.safe_paths import MOST_OF_ALL
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import Layout, is_variant
 
 
 def collect_metadata(
@@ -88,11 +88,11 @@ def _configurations(layout: Layout, configurations: dict[str, Any]) -> Iterator[
 
 def _is_configuration(item: Any) -> bool:
     name = item.get("name") if isinstance(item, dict) else None
-    return isinstance(name, str) and name not in {"", ".", ".."} and "/" not in name
+    return isinstance(name, str) and name != "" and "/" not in name and is_variant(name)
 
 
 def _is_configuration_folder(folder: Path) -> bool:
-    if folder.name.startswith("_"):
+    if not is_variant(folder.name):
         return False
     inside = subfolders(folder)
     return "_config" in inside or any(name.isdigit() for name in inside)

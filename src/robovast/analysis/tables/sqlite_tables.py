@@ -18,6 +18,7 @@ from robovast.analysis.tables.runs import run_rows
 from robovast.analysis.tables.staging import quoted
 from robovast.base.errors import StorageError
 from robovast.campaign.layout import Layout
+from robovast.campaign.run_files import shown
 
 FILE = "data.db"
 _LOADED = "_loaded"
@@ -78,8 +79,8 @@ def _update(connection: sqlite3.Connection, layout: Layout, versions: Mapping[st
     _remove(connection, [*tables, _TIMES], gone)
     for run in stale:
         for table, path in csv_files(layout.run(run)).items():
-            shown = path.relative_to(layout.run(run)).with_suffix("").as_posix()
-            connection.execute(f"REPLACE INTO {_NAMES} VALUES (?, ?)", (shown, table))  # noqa: S608
+            name = shown(path.relative_to(layout.run(run)).with_suffix("").as_posix())
+            connection.execute(f"REPLACE INTO {_NAMES} VALUES (?, ?)", (name, table))  # noqa: S608
             _load(connection, tables.setdefault(table.lower(), []), table, run, path)
     _add_times(connection, layout, stale)
     connection.executemany(

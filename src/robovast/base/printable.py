@@ -21,6 +21,11 @@ def one_line(text: str) -> str:
     return printable(text).replace("\n", "⏎")
 
 
+def is_printable(name: str) -> bool:
+    """True for a name that is shown as it is, in one line."""
+    return one_line(name) == name
+
+
 class PrintableFormatter(logging.Formatter):
     """Formats what is logged as it can be shown."""
 
