@@ -40,7 +40,7 @@ while [ $# -gt 0 ] && [ -z "$script" ]; do
   esac
   shift
 done
-[ -n "$script" ] && [ $# -gt 0 ] || { usage >&2; fail 2 "SCRIPT and FOLDER are needed."; }
+if [ -z "$script" ] || [ $# -eq 0 ]; then usage >&2; fail 2 "SCRIPT and FOLDER are needed."; fi
 input=${*: -1}
 set -- "${@:1:$#-1}"
 [ -d "$input" ] || fail 2 "$input: there is no such folder."
