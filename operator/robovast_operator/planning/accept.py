@@ -14,7 +14,6 @@ import yaml
 from pydantic import ValidationError
 
 from robovast.base.errors import DocumentError, RobovastError
-from robovast.base.plugins import split_file_reference
 from robovast.base.serialization import dump_yaml
 from robovast.campaign.configurations import variants_digest
 from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
@@ -28,17 +27,13 @@ from robovast.model.expansion.expand import DEFAULT_ENTRY
 from robovast.model.packs import RUNS_LIMIT, CampaignPlan, Entry, format_breaks, is_breaks
 from robovast.model.plan import breaks
 from robovast.model.quantities import cpus, memory
-from robovast.model.variations import Variation
-from robovast.model.variations.loader import load_variation
+from robovast.model.variations.loader import is_pure
 from robovast_operator.planning.campaign import Accepted, Identity, Object, Rejected
 from robovast_operator.pods.reports import Composition
 from robovast_operator.settings import Settings
 
 Files = Mapping[str, bytes]
 """Input files by path, relative to the document; None when only pods can read them."""
-
-PURE = "robovast.model.variations"
-"""Variation types of this package compute only; others may read files or start containers."""
 
 
 def accept(obj: Object, files: Files | None, settings: Settings) -> Accepted | Rejected:
@@ -181,26 +176,16 @@ def _checked(
 
 
 def _is_pure(spec: CampaignSpec) -> bool:
-    """Whether all variation types of a document are built in and compute only."""
+    """Whether all variation types of a document only compute, so that no code of users is run."""
     entries = (e for e in _items(spec.vast.get("configuration")) if isinstance(e, dict))
     calls = (call for entry in entries for call in _items(entry.get("variations")))
-    names = (next(iter(call), "") if isinstance(call, dict) else call for call in calls)
-    return all(_is_pure_name(str(name)) for name in names)
+    pairs = ([*call.items()] if isinstance(call, dict) else [(call, {})] for call in calls)
+    return all(is_pure(str(name), parameters or {}) for call in pairs for name, parameters in call)
 
 
 def _items(value: object) -> list[object]:
     """A list as it is; anything else, which checking the document refuses, as none."""
     return value if isinstance(value, list) else []
-
-
-def _is_pure_name(name: str) -> bool:
-    if split_file_reference(name) is not None:
-        return False
-    try:
-        variation: type[Variation] = load_variation(name, Path())
-    except RobovastError:
-        return True  # unknown: checking the document says so
-    return variation.__module__.startswith(PURE)
 
 
 def _expanded(document: Document, accepted: Accepted) -> Accepted | Rejected:

@@ -48,7 +48,13 @@ def as_list(value: FloatOrList) -> list[float]:
 
 
 class NavigationVariation(Variation):
-    """Base of the variations of this package."""
+    """Base of the variations of this package.
+
+    None of them is pure: they read maps and models of users, make files that runs need, and take
+    seconds over it; once, in a Job, and not in the operator and again in each pod.
+    """
+
+    pure = False
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,44 @@ from robovast.common.variation import (
     Variation,
 )
 from robovast.common.variation.loader import load_variation
+from robovast.model.variations import BUILT_IN_TYPES
 from robovast.model.variations.legacy_random import LegacyRandom
+from robovast.model.variations.loader import GROUP
+from robovast.navigation.base import NavigationVariation
+
+
+class Inherits(ParameterVariationList):
+    """As a plugin's class may."""
+
+
+class InheritsAlternatives(OneOfVariation):
+    """As a plugin's class may."""
+
+
+def test_only_a_type_that_says_so_itself_only_computes() -> None:
+    alternatives = {"variations": [{"ParameterVariationList": {"name": "x", "values": [1]}}]}
+    assert OneOfVariation.is_pure(alternatives)
+    assert ParameterVariationList.is_pure({})
+    assert not Variation.is_pure({})
+    assert not Inherits.is_pure({})
+    assert not InheritsAlternatives.is_pure(alternatives)
+
+
+def test_what_is_installed_says_of_each_type_whether_it_only_computes() -> None:
+    """A type that is added here must not cost a Job, nor be expanded in the operator, by chance."""
+    points = entry_points(group=GROUP)
+    kinds = {point.load() for point in points if point.dist and point.dist.name == "robovast"}
+    assert {kind for kind in kinds if kind.is_pure({"variations": ["x"]})} == {*BUILT_IN_TYPES}
+    assert all(issubclass(kind, NavigationVariation) for kind in kinds - {*BUILT_IN_TYPES})
+    assert {kind.__name__ for kind in kinds} == {point.name for point in points}
+
+
+def test_an_alternative_is_one_type_and_no_more() -> None:
+    """Which of two comes first is no question of the order in which somebody wrote them."""
+    for wrong in ({}, {"ParameterVariationList": {}, "other.py:Other": {}}):
+        with pytest.raises(ValueError, match="variations"):
+            apply(OneOfVariation, {"variations": [wrong]})
+
 
 START = [{"name": "two", "config": {}, "_config_files": []}]
 

@@ -198,10 +198,22 @@ def test_every_entry_has_a_configuration() -> None:
     assert [item["spec"]["name"] for item in own_configurations(made)] == ["hall", "Main_Hall"]
 
 
-def test_a_plugin_is_never_executed_here() -> None:
+EVIL = {"evil.py:Evil": {}}
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        EVIL,
+        {"OneOfVariation": {"variations": [EVIL]}},
+        {"OneOfVariation": {"variations": [{"OneOfVariation": {"variations": ["evil.py:Evil"]}}]}},
+        {"OneOfVariation": {"variations": [{"unknown": {}}, EVIL]}},
+    ],
+)
+def test_a_plugin_is_never_executed_here(call: dict[str, Any]) -> None:
     obj = campaign()
     entry = obj["spec"]["vast"]["configuration"][0]
-    entry["variations"] = [{"evil.py:Evil": {}}]
+    entry["variations"] = [call]
     files = {**FILES, "evil.py": b"raise SystemExit('executed')"}
     made = accept(obj, files, SETTINGS)
     assert isinstance(made, Accepted)

@@ -28,7 +28,7 @@ from robovast.model.document.problems import nearest, problems_of, suggest
 from robovast.model.document.source import KeyPath, Source
 from robovast.model.scenario import Scenario, read_scenario
 from robovast.model.variation_config import unknown_parameters
-from robovast.model.variations import Variation
+from robovast.model.variations import BUILT_IN_TYPES, Variation
 from robovast.model.variations.loader import load_variation
 
 _PLUGIN: TypeAdapter[PluginCall] = TypeAdapter(Plugin)
@@ -227,7 +227,7 @@ def _check_variation_parameters(
         if wrong:
             return
     # A plugin's `name` may mean anything; of the built-in ones it is a scenario parameter.
-    if not variation.__module__.startswith("robovast.model.variations."):
+    if variation not in BUILT_IN_TYPES:
         return
     named = parameters.get("name")
     for name in [named] if isinstance(named, str) else named or []:

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import json
-from importlib.metadata import entry_points
 from typing import Any
 
 from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema
 
 from robovast.model.document.model import Vast
-from robovast.model.variations import Variation
+from robovast.model.variations import BUILT_IN_TYPES, Variation
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
-
-BUILT_IN = "robovast.model.variations"
 
 
 class _Schema(GenerateJsonSchema):
@@ -48,16 +45,6 @@ def schema_text() -> str:
     return json.dumps(document_schema(), indent=2, ensure_ascii=False) + "\n"
 
 
-def built_in_variations() -> dict[str, type[Variation]]:
-    """The variation types that come with RoboVAST, by name."""
-    points = entry_points(group="robovast.variation_types")
-    return {
-        point.name: point.load()
-        for point in sorted(points)
-        if point.module.partition(":")[0].startswith(BUILT_IN)
-    }
-
-
 def _model_schema(model: type[BaseModel]) -> dict[str, Any]:
     schema = model.model_json_schema(schema_generator=_Schema)
     for definition in (schema, *schema.get("$defs", {}).values()):
@@ -68,10 +55,10 @@ def _model_schema(model: type[BaseModel]) -> dict[str, Any]:
 def _variation(definitions: dict[str, Any]) -> dict[str, Any]:
     """A variation by name, or with parameters; those of plugins may be any."""
     known = {}
-    for name, variation in built_in_variations().items():
+    for variation in BUILT_IN_TYPES:
         schema = _parameters(variation, definitions)
         summary = (variation.__doc__ or "").strip().partition("\n")[0]
-        known[name] = {"description": summary, **schema} if summary else schema
+        known[variation.__name__] = {"description": summary, **schema} if summary else schema
     return {
         "description": "A variation type, built in or of a plugin, with its parameters.",
         "anyOf": [

@@ -8,7 +8,16 @@ from robovast.model.variations.parameter_variation import (
     ParameterVariationList,
 )
 
+BUILT_IN_TYPES = (
+    OneOfVariation,
+    ParameterVariationDistributionGaussian,
+    ParameterVariationDistributionUniform,
+    ParameterVariationList,
+)
+"""The types that need nothing but a scenario; they are called as their classes are."""
+
 __all__ = [
+    "BUILT_IN_TYPES",
     "OneOfVariation",
     "ParameterVariationDistributionGaussian",
     "ParameterVariationDistributionUniform",

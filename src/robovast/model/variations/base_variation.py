@@ -47,6 +47,11 @@ class Variation:
 
     entry: str = ""
 
+    pure: ClassVar[bool] = False
+    """Whether the type only computes: it runs no code of users, starts no container and reads no
+    file but the scenario. Such types are expanded by the operator itself, without a Job.
+
+    It holds for the class that says it, and for none that inherits from it."""
     CONFIG_CLASS: ClassVar[type[BaseModel] | None] = None
     """Model of the parameters."""
     CACHE_ID: ClassVar[str | None] = None
@@ -80,6 +85,16 @@ class Variation:
     def variation(self, in_configs: list[dict[str, Any]]) -> list[dict[str, Any]]:
         """The configurations that this variation makes of others."""
         raise NotImplementedError(f"{type(self).__name__} does not implement `variation`")
+
+    @classmethod
+    def is_pure(cls, parameters: Any) -> bool:
+        """Whether the type only computes, with these parameters.
+
+        Args:
+            parameters: as written.
+        """
+        del parameters
+        return bool(vars(cls).get("pure", False))
 
     @classmethod
     def most_of_each(cls, parameters: Any, base_path: str) -> int | None:

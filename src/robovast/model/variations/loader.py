@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError, RobovastError
-from robovast.base.plugins import load_plugin
+from robovast.base.plugins import load_plugin, split_file_reference
 from robovast.model.variations.base_variation import Variation
 
 GROUP = "robovast.variation_types"
@@ -29,6 +29,19 @@ def load_variation(name: str, folder: str | Path) -> type[Variation]:
             "robovast.common.variation.Variation"
         )
     return found
+
+
+def is_pure(name: str, parameters: Any) -> bool:
+    """Whether a variation type only computes; one of a file does not, and none is loaded.
+
+    One that is unknown, or refuses its parameters, counts as such: it cannot be applied at all.
+    """
+    if split_file_reference(name) is not None:
+        return False
+    try:
+        return load_variation(name, Path()).is_pure(parameters)
+    except (RobovastError, ValueError, TypeError):
+        return True
 
 
 def most_of_each(name: str, parameters: Any, folder: str | Path) -> int:

@@ -9,11 +9,13 @@ from pydantic import Field
 from robovast.model.variation_config import VariationConfig, get_validated_config
 from robovast.model.variations.base_variation import Variation
 
+_OneCall = Annotated[dict[str, Any], Field(min_length=1, max_length=1)]
+
 
 class OneOfVariationConfig(VariationConfig):
     """Parameters of OneOfVariation."""
 
-    variations: Annotated[list[str | dict[str, Any]], Field(min_length=1)]
+    variations: Annotated[list[str | _OneCall], Field(min_length=1)]
     """The alternatives, each as in `configuration[].variations`."""
 
 
@@ -24,6 +26,15 @@ class OneOfVariation(Variation):
     """
 
     CONFIG_CLASS = OneOfVariationConfig
+    pure = True
+
+    @classmethod
+    def is_pure(cls, parameters: Any) -> bool:
+        """As far as all alternatives are."""
+        from robovast.model.variations.loader import is_pure
+
+        given = get_validated_config(parameters, OneOfVariationConfig)
+        return super().is_pure(parameters) and all(is_pure(*_call(c)) for c in given.variations)
 
     @classmethod
     def most_of_each(cls, parameters: Any, base_path: str) -> int | None:

@@ -45,6 +45,7 @@ class ParameterVariationList(Variation):
     """One configuration for each value of a list."""
 
     CONFIG_CLASS = ParameterVariationListConfig
+    pure = True
 
     @classmethod
     def most_of_each(cls, parameters: Any, base_path: str) -> int | None:
@@ -158,6 +159,7 @@ class ParameterVariationDistributionUniform(_DistributionVariation):
     """
 
     CONFIG_CLASS = ParameterVariationDistributionUniformConfig
+    pure = True
 
     def variation(self, in_configs: Configs) -> Configs:
         """Each configuration with each drawn value."""
@@ -180,6 +182,7 @@ class ParameterVariationDistributionGaussian(_DistributionVariation):
     """Values drawn from a normal distribution, those of `numpy.random.seed` and `.normal`."""
 
     CONFIG_CLASS = ParameterVariationDistributionGaussianConfig
+    pure = True
 
     def variation(self, in_configs: Configs) -> Configs:
         """Each configuration with each drawn value."""
