@@ -62,6 +62,23 @@ def test_what_need_not_be_here_before_there_are_results_is_a_warning(
     assert warning in told
 
 
+@pytest.mark.parametrize(
+    ("lists", "warnings"),
+    [
+        ("publication: [zip, zenodo: {sandbox: true}]", []),
+        ("publication: [zipp]", ["no plugin `zipp` is installed here\n    Did you mean `zip`?"]),
+        ("metadata_processing: [theirs]", ["no plugin `theirs` is installed here"]),
+        ("metadata_processing: ['none.py:Own']", ["there is no file none.py in"]),
+    ],
+)
+def test_other_plugins_for_results_are_looked_for_too(
+    tmp_path: Path, lists: str, warnings: list[str]
+) -> None:
+    told = load(tmp_path, f"  - rosbags_bt_to_csv\n  {lists}\n").warnings
+    assert len(told) == len(warnings)
+    assert all(part in str(warning) for part, warning in zip(warnings, told, strict=True))
+
+
 def test_what_is_right_is_not_spoken_of(tmp_path: Path) -> None:
     (tmp_path / "m.py").write_text("raise SystemExit  # it is not executed\n")
     commands = """\

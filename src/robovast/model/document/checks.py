@@ -32,6 +32,14 @@ from robovast.model.variations import BUILT_IN_TYPES, Variation
 from robovast.model.variations.loader import load_variation
 
 _PLUGIN: TypeAdapter[PluginCall] = TypeAdapter(Plugin)
+_OF_RESULTS = (
+    ("results_processing", "postprocessing", GROUP),
+    ("analysis", "postprocessing", GROUP),
+    ("search", "postprocessing", GROUP),
+    ("results_processing", "publication", "robovast.publication_plugins"),
+    ("results_processing", "metadata_processing", "robovast.metadata_processing"),
+)
+"""Lists of plugins for results, with the groups of their entry points."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +84,7 @@ def check_parts(parts: Parts) -> list[Problem]:
         *_check_parameters(parts),
         *_check_variations(parts),
         *_check_commands(parts),
-        *_check_postprocessing(parts),
+        *_check_processing(parts),
     ]
 
 
@@ -96,7 +104,7 @@ def warnings_of(parts: Parts) -> Iterator[Problem]:
             for key in unknown_parameters(parameters, variation.CONFIG_CLASS):
                 message = f"`{base[-1]}` does not know the parameter `{key}`; it has no effect"
                 yield parts.source.problem((*base, key), message, at_key=True)
-    yield from _doubtful_postprocessing(parts)
+    yield from _doubtful_processing(parts)
 
 
 def _missing_notebooks(parts: Parts) -> Iterator[Problem]:
@@ -255,23 +263,23 @@ def _wrong(
     return []
 
 
-def _check_postprocessing(parts: Parts) -> Iterator[Problem]:
+def _check_processing(parts: Parts) -> Iterator[Problem]:
     """Built-in commands that could not be called."""
-    for path, call in _postprocessing(parts):
-        model = BUILT_IN.get(call.name)
+    for path, call, group in _processing(parts):
+        model = BUILT_IN.get(call.name) if group == GROUP else None
         if model is not None:
             base = _place_of_parameters(parts, path, call)
             yield from _misspelt(parts, base, model, call.parameters)
             yield from _wrong(parts, base, model, call.parameters)
 
 
-def _doubtful_postprocessing(parts: Parts) -> Iterator[Problem]:
-    """What has no effect, and commands that are not here, as they need not be before there are
+def _doubtful_processing(parts: Parts) -> Iterator[Problem]:
+    """What has no effect, and plugins that are not here, as they need not be before there are
     results."""
-    known = plugins_of(GROUP)
-    for path, call in _postprocessing(parts):
-        model = BUILT_IN.get(call.name)
+    for path, call, group in _processing(parts):
+        model = BUILT_IN.get(call.name) if group == GROUP else None
         file = split_file_reference(call.name)
+        known = plugins_of(group)
         if model is not None:
             base = _place_of_parameters(parts, path, call)
             for key, message in _without_effect(call, model):
@@ -294,14 +302,14 @@ def _without_effect(call: PluginCall, model: type[BaseModel]) -> Iterator[tuple[
         yield (), f"`{call.name}` without `topics` does nothing"
 
 
-def _postprocessing(parts: Parts) -> Iterator[tuple[KeyPath, PluginCall]]:
-    """Every postprocessing command of proper form, with its place."""
-    for section in ("results_processing", "analysis", "search"):
+def _processing(parts: Parts) -> Iterator[tuple[KeyPath, PluginCall, str]]:
+    """Every call of a plugin for results that has a proper form: its place, and its group."""
+    for section, key, group in _OF_RESULTS:
         inner = parts.source.data.get(section)
-        listed = inner.get("postprocessing") if isinstance(inner, dict) else None
+        listed = inner.get(key) if isinstance(inner, dict) else None
         for position, item in enumerate(listed if isinstance(listed, list) else ()):
             with suppress(ValidationError):  # told where the document's form is checked
-                yield (section, "postprocessing", position), _PLUGIN.validate_python(item)
+                yield (section, key, position), _PLUGIN.validate_python(item), group
 
 
 def _value_at(data: Any, path: KeyPath) -> Any:
