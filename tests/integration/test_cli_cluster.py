@@ -357,6 +357,27 @@ def test_who_may_not_is_told_what_is_missing(
     assert token not in outcome.err
 
 
+@pytest.mark.parametrize("works", [True, False])
+def test_a_program_that_the_kubeconfig_names_gives_the_token(
+    vast: Vast, known_cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, works: bool
+) -> None:
+    token = known_cluster.kubectl("create", "token", "default", "--namespace=default").strip()
+    version = "client.authentication.k8s.io/v1"
+    answer = {"apiVersion": version, "kind": "ExecCredential", "status": {"token": token}}
+    said = f"echo '{json.dumps(answer)}'" if works else "echo your session has ended >&2; exit 1"
+    plugin = {"apiVersion": version, "command": "sh", "args": ["-c", said]}
+    config = json.loads(known_cluster.kubeconfig.read_text())
+    config["users"][0]["user"] = {"exec": plugin | {"interactiveMode": "Never"}}
+    (tmp_path / "plugin.kubeconfig").write_text(json.dumps(config))
+    monkeypatch.setenv("KUBECONFIG", str(tmp_path / "plugin.kubeconfig"))
+    outcome = vast("monitor", "--once")
+    assert outcome.code == 3
+    expected = "system:serviceaccount:default:default" if works else "`sh`"
+    assert expected in outcome.err
+    assert ("no login" in outcome.err) is not works
+    assert token not in outcome.err
+
+
 def test_an_api_server_that_is_not_there_is_named(
     vast: Vast, known_cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -367,7 +388,7 @@ def test_an_api_server_that_is_not_there_is_named(
     outcome = vast("monitor", "--once")
     assert outcome.code == 3
     assert "`robovast-testbed` (https://127.0.0.1:1)" in outcome.err
-    assert "cannot be reached" in outcome.err
+    assert "cannot be reached: [Errno 111] Connect call failed" in outcome.err
 
 
 def test_a_cluster_without_robovast_says_how_to_install_it(

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Callable, Coroutine, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from robovast.base.errors import CannotRunError, RobovastError
 from robovast.kubeapi.resources import API_VERSION
 from robovast_cli.kube.api_errors import NotFoundError, NotInstalledError, refusal, unreachable
-from robovast_cli.kube.kubeconfig import choose
+from robovast_cli.kube.kubeconfig import choose, files, login_program
 from robovast_cli.kube.port_forward import PortForward
 
 if TYPE_CHECKING:
@@ -26,6 +26,9 @@ Json = dict[str, Any]
 
 BATCH = "batch/v1"
 
+SERVICE_ACCOUNT = Path("/var/run/secrets/kubernetes.io/serviceaccount")
+"""What a pod is given to log in with."""
+
 KUEUE = "kueue.x-k8s.io"
 """API group of Kueue, which admits Jobs when there is room for them."""
 
@@ -36,17 +39,19 @@ class Kubernetes:
     Methods raise `RobovastError` when the server refuses or cannot be reached.
     """
 
-    def __init__(self, api: Any, portal: BlockingPortal) -> None:
-        self._api = api
+    def __init__(
+        self, client: Any, portal: BlockingPortal, context: str | None, namespace: str
+    ) -> None:
+        self._client = client
         self._portal = portal
-        self.context = str(api.auth.active_context)
+        self.context = context or ""
         """Name of the kubeconfig's context; empty inside a pod."""
-        self.namespace = str(api.auth.namespace)
+        self.namespace = namespace
 
     @property
     def where(self) -> str:
         """The API server, as messages name it."""
-        return _where(self.context, str(self._api.auth.server))
+        return _where(self.context, str(self._client.configuration.host))
 
     def campaigns(self) -> list[Json]:
         """All Campaigns of the namespace, the oldest first."""
@@ -154,7 +159,7 @@ class Kubernetes:
             items: list[Json] = answer["items"]
             return items
 
-        forward = PortForward(self._api, pods, target)
+        forward = PortForward(self._client.configuration, pods, target)
         port = self._run(forward.start)
         try:
             yield port
@@ -192,19 +197,25 @@ class Kubernetes:
         body: Any = None,
         params: Mapping[str, str] | None = None,
     ) -> str:
+        from aiohttp import ClientTimeout
+
+        root = f"/{'apis' if '/' in version else 'api'}/{version}" if version else "/apis"
+        space = self.namespace if namespace is None else namespace
         kind = "merge-patch+json" if method == "PATCH" else "json"
-        async with self._api.call_api(
+        request = await self._client.param_serialize(
             method,
-            version=version,
-            base="" if version else "/apis",
-            namespace=self.namespace if namespace is None else namespace,
-            url=url,
-            content=None if body is None else json.dumps(body),
-            headers={"content-type": f"application/{kind}"},
-            params=params,
-        ) as response:
-            text: str = response.text
-            return text
+            f"{root}/namespaces/{space}/{url}" if space else f"{root}/{url}",
+            query_params=dict(params or {}),
+            header_params={"Content-Type": f"application/{kind}"},
+            body=body,
+            auth_settings=["BearerToken"],
+        )
+        timeout = ClientTimeout(total=PATIENCE)
+        response = await self._client.call_api(*request, _request_timeout=timeout)
+        text: str = (await response.read()).decode()
+        if response.status >= 400:
+            raise refusal(response.status, _status(text), self.where)
+        return text
 
     def _run(self, action: Callable[[], Coroutine[Any, Any, Any]]) -> Any:
         try:
@@ -229,34 +240,45 @@ def connect(context: str | None = None, namespace: str | None = None) -> Iterato
     """
     with cluster_extra():
         from anyio.from_thread import start_blocking_portal
-        from kr8s.asyncio import Api
+        from kubernetes.aio.client import ApiClient
     context, namespace = choose(context, namespace)
-    with _no_keys_left_behind(), start_blocking_portal() as portal:
-
-        async def log_in() -> Api:
-            # kr8s's own factory also asks for the server's version, and warns of younger ones.
-            made = Api(bypass_factory=True, context=context, namespace=namespace)
-            await made.auth
-            made.timeout = PATIENCE
-            return made
-
+    try:
+        client = ApiClient(_login(context))
+        namespace = namespace or (SERVICE_ACCOUNT / "namespace").read_text(encoding="utf-8")
+    except Exception as error:
+        cause = str(error).rstrip(".") or type(error).__name__
+        raise CannotRunError(
+            f"{_where(context, '')}: no login: {cause}. `kubectl config get-contexts` shows the "
+            "contexts of your kubeconfig ($KUBECONFIG, else ~/.kube/config)."
+        ) from error
+    with start_blocking_portal() as portal:
         try:
-            api = portal.call(log_in)
-        except Exception as error:
-            raise CannotRunError(
-                f"{_where(context, '')}: no login: {error or type(error).__name__}. `kubectl "
-                "config get-contexts` shows the contexts of your kubeconfig ($KUBECONFIG, else "
-                "~/.kube/config)."
-            ) from error
-        try:
-            yield Kubernetes(api, portal)
+            yield Kubernetes(client, portal, context, namespace)
         finally:
-            portal.call(_close, api)
+            portal.call(client.close)
 
 
-async def _close(api: Any) -> None:
-    if api._session is not None:  # kr8s itself never closes it
-        await api._session.aclose()
+def _login(context: str | None) -> Any:
+    """How to reach an API server as whom: by the kubeconfig's context, without one as a pod."""
+    from kubernetes import config
+    from kubernetes.aio.client import Configuration
+
+    made = Configuration()
+    if context is None:
+        try:
+            config.load_incluster_config(client_configuration=made)
+        except config.ConfigException as error:
+            cause = "no kubeconfig has a current context, and this is no pod"
+            raise CannotRunError(cause) from error
+        return made
+    # Not the loader of kubernetes.aio: that one does not renew tokens, nor keep renewed ones.
+    config.load_kube_config(files(), context, client_configuration=made)
+    program = login_program(context)
+    if program and not (made.api_key or made.cert_file):
+        raise CannotRunError(f"`{program}`, which the kubeconfig names, gives no key")
+    if made.proxy:
+        made.client_session_kwargs = {"proxy": made.proxy}  # for port forwarding, too
+    return made
 
 
 @contextmanager
@@ -270,18 +292,6 @@ def cluster_extra() -> Iterator[None]:
         ) from None
 
 
-@contextmanager
-def _no_keys_left_behind() -> Iterator[None]:
-    """Temporary files go at the end: kr8s writes keys of a kubeconfig into some."""
-    before = tempfile.tempdir
-    with tempfile.TemporaryDirectory(prefix="robovast-") as folder:
-        tempfile.tempdir = folder
-        try:
-            yield
-        finally:
-            tempfile.tempdir = before
-
-
 def _with(labels: Mapping[str, str]) -> dict[str, str]:
     return {"labelSelector": ",".join(f"{key}={value}" for key, value in labels.items())}
 
@@ -292,19 +302,17 @@ def _where(context: str | None, server: str) -> str:
 
 
 def _explained(error: Exception, where: str) -> RobovastError:
-    import httpx
-    import kr8s
+    from aiohttp import ClientError
 
-    if isinstance(error, kr8s.ServerError) and error.response is not None:
-        return refusal(error.response.status_code, _status(error.response), where)
-    if isinstance(error, httpx.TransportError | kr8s.APITimeoutError | OSError):
-        return unreachable(str(error) or type(error).__name__, where)
+    if isinstance(error, ClientError | OSError):
+        cause = getattr(error, "os_error", error)  # without what aiohttp says of its own objects
+        return unreachable(str(cause) or type(error).__name__, where)
     return CannotRunError(f"{where}: {type(error).__name__}: {error}")
 
 
-def _status(response: Any) -> Json:
+def _status(text: str) -> Json:
     try:
-        answer = response.json()
+        answer = json.loads(text)
     except ValueError:
         return {}
     return answer if isinstance(answer, dict) else {}

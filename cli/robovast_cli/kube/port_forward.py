@@ -1,4 +1,8 @@
-"""A port of this machine that leads to the pods of a Service."""
+"""A port of this machine that leads to the pods of a Service.
+
+`kubernetes.stream.portforward` serves one connection to one pod, by a thread that ends without
+closing its socket when the API server resets the connection: whoever reads from it waits for ever.
+"""
 
 from __future__ import annotations
 
@@ -24,15 +28,17 @@ class PortForward:
     """
 
     def __init__(
-        self, api: Any, pods: Callable[[], Awaitable[Sequence[Pod]]], target: int | str
+        self, server: Any, pods: Callable[[], Awaitable[Sequence[Pod]]], target: int | str
     ) -> None:
         """
         Args:
-            api: kr8s's.
+            server: the API server, as a `Configuration` of kubernetes.aio.
             pods: asks for the pods.
             target: their port, by number or by name.
         """
-        self._api = api
+        from kubernetes.aio.stream import WsApiClient
+
+        self._client = WsApiClient(server)
         self._pods = pods
         self._target = target
         self._tasks: set[asyncio.Task[None]] = set()
@@ -54,6 +60,7 @@ class PortForward:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self._client.close()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         task = asyncio.create_task(self._connect(reader, writer))
@@ -63,18 +70,20 @@ class PortForward:
     async def _connect(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
             pod, port = choose(await self._pods(), self._target)
-            async with self._api.open_websocket(
-                version="v1",
-                namespace=pod["metadata"]["namespace"],
-                url=f"pods/{pod['metadata']['name']}/portforward",
-                params={"ports": str(port)},
-            ) as socket:
+            async with await self._open(pod["metadata"], port) as socket:
                 ways = [_send(reader, socket), _receive(socket, writer)]
                 await _until_one_ends([asyncio.create_task(way) for way in ways])
         except Exception as error:  # the user of the port notices, and tells
             _log.debug("a forwarded connection has ended: %r", error)
         finally:
             writer.close()
+
+    async def _open(self, pod: Mapping[str, str], port: int) -> Any:
+        path = f"/api/v1/namespaces/{pod['namespace']}/pods/{pod['name']}/portforward"
+        method, url, headers, *_ = await self._client.param_serialize(
+            "GET", path, query_params={"ports": str(port)}, auth_settings=["BearerToken"]
+        )
+        return await self._client.request(method, url, headers=headers, _preload_content=False)
 
 
 def choose(pods: Sequence[Pod], target: int | str) -> tuple[Pod, int]:

@@ -48,6 +48,23 @@ def test_help_imports_no_command_and_nothing_heavy() -> None:
     }  # fmt: skip
 
 
+@pytest.mark.parametrize("module", ["local", "cluster.app"])
+def test_only_what_talks_to_a_cluster_imports_its_client(module: str) -> None:
+    arguments = ["exec", module.partition(".")[0], "run", "--help"]
+    script = (
+        "import sys, contextlib\n"
+        "from robovast_cli.main import command\n"
+        f"with contextlib.suppress(SystemExit): command()({arguments})\n"
+        "print('LOADED', *sys.modules)\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    loaded = set(result.stdout.partition("LOADED ")[2].split())
+    assert f"robovast_cli.commands.exec.{module}" in loaded
+    assert not loaded & {"kubernetes", "aiohttp"}
+
+
 def test_version(vast) -> None:
     assert vast("--version").out == f"vast {__version__}\n"
 
