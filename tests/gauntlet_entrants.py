@@ -57,6 +57,8 @@ class Entrant:
     done: list[Deed] = field(default_factory=list)
     retries: list[float] = field(default_factory=list)
     """When its bad runs were asked for again [s since the epoch]."""
+    late: dict[int, int] = field(default_factory=dict)
+    """How often that had been asked when runs of a number were first asked for."""
     last: dict[str, Any] = field(default_factory=dict)
     """What the API server said of it last."""
     there: bool = False
@@ -71,6 +73,11 @@ class Entrant:
     @property
     def attempts(self) -> int:
         return 1 + len(self.retries)
+
+    def attempt_of(self, run: str) -> int:
+        """In which attempt a bad run was executed last: those that came later are not repeated."""
+        number = int(run.partition("/")[2])
+        return self.attempts if len(self.retries) > self.late.get(number, 0) else 1
 
     @property
     def status(self) -> dict[str, Any]:
@@ -159,6 +166,7 @@ class Entrant:
     def _more(self) -> Iterator[None]:
         course = self.course.with_runs(self.course.runs + 1)
         yield from self._patch({"runs": course.runs})
+        self.late[self.course.runs] = len(self.retries)
         self.course = course
 
     def _delete(self) -> Iterator[None]:

@@ -32,7 +32,8 @@ def judge(entrant: Entrant, where: Arena, home: Path) -> Iterator[Violation]:
             yield Violation(Fault.MISJUDGED, course.salt, "its bucket is still there")
         return
     kept = read_results(bucket)
-    yield from compare_runs(course, kept, excuses, entrant.attempts if entrant.finished else None)
+    attempt_of = entrant.attempt_of if entrant.finished else None
+    yield from compare_runs(course, kept, excuses, attempt_of)
     if entrant.finished or not entrant.deleted:
         yield from missing_runs(course, kept)
     if entrant.deleted:

@@ -18,7 +18,7 @@ from robovast_testbed.errors import StartFailed
 
 ROUND = 1.5
 """How often campaigns are looked at [s]."""
-PATIENCE = 300.0
+PATIENCE = 900.0
 """For how long nothing may get any further once nothing is done to the cluster any more [s]."""
 MOST = 1800.0
 """For how long all campaigns may then take to end [s]."""
@@ -54,8 +54,8 @@ class Faults:
                 FAULTS[name](self._arena, Random(self._chance.random()))  # noqa: S311
             except MissedError:
                 say("  nobody was there to suffer it")
-            except (StartFailed, OSError) as error:
-                say(f"  it could not be done: {str(error).splitlines()[0]}")
+            except Exception as error:  # whatever it is: hours of others shall not be lost
+                say(f"  it could not be done: {str(error).partition(chr(10))[0] or repr(error)}")
             else:
                 self.done[name] += 1
 

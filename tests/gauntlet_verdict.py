@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
@@ -119,7 +119,10 @@ def _contents(folder: Path) -> Iterator[tuple[str, bytes]]:
 
 
 def compare_runs(
-    course: Course, kept: Kept, excuses: Sequence[Excuse], attempts: int | None = 1
+    course: Course,
+    kept: Kept,
+    excuses: Sequence[Excuse],
+    attempt_of: Callable[[str], int] | None,
 ) -> list[Violation]:
     """Compare every run's record and files with the truth.
 
@@ -127,7 +130,8 @@ def compare_runs(
         course: the campaign, with as many runs as it was asked for.
         kept: its results.
         excuses: what was done to runs.
-        attempts: how often its bad runs were executed; None when that did not come to its end.
+        attempt_of: in which attempt a run was executed last, if it is bad; None when that did not
+            come to its end.
     """
     truth = course.truth()
     found = []
@@ -136,7 +140,7 @@ def compare_runs(
         if run not in truth:
             found.append(Violation(Fault.MISJUDGED, f"{course.salt} {run}", "there is no such run"))
             continue
-        faults = list(_compare_run(course, run, kept, attempts))
+        faults = list(_compare_run(course, run, kept, attempt_of))
         if not any(fault.fault is not Fault.MIXED for fault in faults):
             found += faults
             continue
@@ -155,16 +159,17 @@ def compare_runs(
     return found
 
 
-def _compare_run(course: Course, run: str, kept: Kept, attempts: int | None) -> Iterator[Violation]:
+def _compare_run(
+    course: Course, run: str, kept: Kept, attempt_of: Callable[[str], int] | None
+) -> Iterator[Violation]:
     where = f"{course.salt} {run} ({course.kind(run)})"
     record, right = kept.records[run], course.truth()[run]
     if record["verdict"] != right:
         text = f"{record['verdict']} ({record['reason']}), {right} is right"
         yield Violation(Fault.MISJUDGED, where, text)
-    elif attempts and right is not Verdict.PASSED and record["attempt"] != attempts:
-        yield Violation(
-            Fault.MISJUDGED, where, f"attempt {record['attempt']} of {attempts}, it was bad"
-        )
+    elif attempt_of and right is not Verdict.PASSED and record["attempt"] != attempt_of(run):
+        text = f"attempt {record['attempt']} of {attempt_of(run)}, it was bad"
+        yield Violation(Fault.MISJUDGED, where, text)
     seen = look_at_files(course, run, kept.files[run])
     for text in seen.missing:
         yield Violation(Fault.LOST, where, text)

@@ -70,7 +70,7 @@ def _write(
     for _ in range(100):
         process.signal(signal.SIGSTOP)
         try:
-            if not _is_executing(process.pid, span):
+            if not any(span[0] <= at < span[1] for at in _places(process.pid)):
                 file.seek(place)
                 file.write(code)
                 return
@@ -80,10 +80,12 @@ def _write(
     raise StartFailed(f"{process.command} does nothing but read clocks")
 
 
-def _is_executing(pid: int, span: tuple[int, int]) -> bool:
-    begin, end = span
+def _places(pid: int) -> Iterator[int]:
+    """Return what each thread executes next, once it has stopped: one without CPU takes a while."""
+    give_up = time.monotonic() + 10
     for thread in Path(f"/proc/{pid}/task").iterdir():
-        told = (thread / "syscall").read_text().split()
-        if told == ["running"] or begin <= int(told[-1], 16) < end:
-            return True
-    return False
+        while (told := (thread / "syscall").read_text().split()) == ["running"]:
+            if time.monotonic() > give_up:
+                raise StartFailed(f"process {pid} does not stop")
+            time.sleep(0.01)
+        yield int(told[-1], 16)
