@@ -275,7 +275,7 @@ class Reconciler:
         match action:
             case CreateShard(shard):
                 await self._create_job(shard_job(accepted, self._settings, shard))
-            case CreateTask("finish") if await self._diagnosis.is_storing(accepted.identity):
+            case CreateTask("finish") if await self._diagnosis.hold_back(accepted.identity, memory):
                 self._queue.add((namespace, accepted.identity.name), PAUSE)
             case CreateTask(command, name, plan):
                 seen = await self._witness.kept(accepted) if command == "finish" else ()

@@ -85,7 +85,8 @@ def test_every_field_is_explained(server: Cluster) -> None:
 def test_the_table_says_what_a_person_asks(server: Cluster) -> None:
     table = server.kubectl("get", "vcamp")
     assert table.split("\n")[0].split() == [
-        "NAME", "STATE", "PROGRESS", "ACTIVE", "PASSED", "FAILED", "ERRORED", "VERDICT", "AGE",
+        "NAME", "STATE", "PROGRESS", "ACTIVE", "WAITING",
+        "PASSED", "FAILED", "ERRORED", "VERDICT", "AGE",
     ]  # fmt: skip
     assert "QUEUE" in server.kubectl("get", "campaigns", "--output=wide")
     assert "there" in server.kubectl("get", "robovast", "--output=name")

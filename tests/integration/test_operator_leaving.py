@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import random
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -216,3 +218,35 @@ def not_purged(place: Place) -> str:
     """Why a bucket is still there, as an Event tells."""
     events = place.get("events", "--field-selector=reason=NotPurged")["items"]
     return str(events[0]["message"]) if events else ""
+
+
+@pytest.mark.parametrize("retention", ["Retain", "Delete"])
+def test_campaigns_of_one_name_that_come_and_go_in_every_phase_end_as_the_last_one(
+    place: Place, new_operator: NewOperator, retention: str
+) -> None:
+    """Deleted while planned, executed, indexed; a leader dies amid it."""
+    chance = random.Random(retention)  # noqa: S311
+    names = ("first", "second")
+    replicas = [new_operator(f"{name}-{place.namespace}") for name in names]
+    for replica in replicas:
+        replica.start()
+    made = campaign("few", place.namespace, 3, 2, storage={"retention": retention})
+    for number in range(6):
+        place.cluster.apply(made)
+        time.sleep(chance.uniform(0, 4))
+        if number == 3:
+            replicas[0].kill()
+        cascade = chance.choice(["background", "foreground"])
+        place.delete("campaign/few", cascade=cascade)
+        eventually(lambda: place.gone("few"), 120, replicas[1].told)
+    place.cluster.apply(made)
+    eventually(lambda: finished(place.cluster, place.namespace, "few"), 120, replicas[1].told)
+    (last,) = place.get("campaigns")["items"]
+    assert last["status"]["progress"] == "6/6"
+
+    def owners() -> set[str]:
+        objects = [*place.get("jobs")["items"], *place.get("configmaps")["items"]]
+        labels = (item["metadata"].get("labels", {}) for item in objects)
+        return {found["robovast.io/campaign-uid"] for found in labels if len(found) > 1}
+
+    eventually(lambda: owners() == {last["metadata"]["uid"]}, 60, lambda: str(owners()))

@@ -17,6 +17,7 @@ from operator_process import (
     finished,
     free_port,
     page,
+    status,
 )
 from patience import eventually
 from robovast_testbed.errors import StartFailed
@@ -197,3 +198,32 @@ def test_malformed_objects_leave_nothing_and_hinder_nobody(
     finally:
         requests.close()
     assert after <= before + 10 * MIB
+
+
+def test_a_config_map_that_has_the_name_of_a_plan_is_told_and_others_go_on(
+    fake_cluster: Cluster, namespace: str, new_operator: NewOperator
+) -> None:
+    """Somebody was faster, as who restores a backup; once it is gone the campaign goes on."""
+    operator = new_operator(ROBOVAST_STALL_SECONDS="1")
+    held = campaign("hunted", namespace, 3, 2)
+    fake_cluster.apply(held)
+    uid = fake_cluster.kubectl(
+        "get", "campaign", "hunted", f"--namespace={namespace}", "--output=jsonpath={.metadata.uid}"
+    )
+    name = f"hunted-{uid[:4]}-plan-0"
+    fake_cluster.kubectl("create", "configmap", name, f"--namespace={namespace}")
+    operator.start()
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+
+    def told() -> bool:
+        found = condition(status(fake_cluster, namespace, "hunted"), "Stalled")
+        return name in found.get("message", "") and found["reason"] == "Invalid"
+
+    eventually(told, 60, operator.told)
+    fake_cluster.kubectl("delete", "configmap", name, f"--namespace={namespace}")
+    eventually(
+        lambda: status(fake_cluster, namespace, "hunted").get("progress") == "6/6",
+        120,
+        operator.told,
+    )

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pydantic import ValidationError
 
 from robovast.base.errors import InputError
-from robovast.model.packs import Entry
+from robovast.model.packs import RUNS_LIMIT, Entry
 from robovast_operator.planning.accept import Files, accept
 from robovast_operator.planning.campaign import Accepted, Object, Rejected
 from robovast_operator.planning.configurations import added_entries, entry_name, reference
@@ -61,16 +61,23 @@ def with_additions(
     taken = {str(entry["name"]) for entry in _written(obj)}
     found: list[Addition] = []
     problems: dict[str, str] = {}
+    total = planned.total
     expanded = _expand_new(obj, added, files, settings, known, planned, call)
     for item, entry in zip(added, expanded, strict=True):
         name = entry_name(item)
         if name in taken:
             entry = f"the campaign has an entry `{name}` already; results are kept by name"
+        runs = item["spec"].get("runs") or accepted.runs
+        if isinstance(entry, Entry):
+            more = entry.variants * max(0, runs - planned.runs.get(name, 0))
+            if total + more > RUNS_LIMIT:
+                entry = f"the campaign would have {total + more:,} runs, more than {RUNS_LIMIT:,}"
+            else:
+                total += more
         if isinstance(entry, str):
             problems[item["metadata"]["name"]] = entry
             continue
         taken.add(name)
-        runs = item["spec"].get("runs") or accepted.runs
         (content,) = added_entries([item])
         found.append(Addition(entry, runs, reference(item), content))
     return Additions(tuple(found), problems)

@@ -203,10 +203,23 @@ class Inputs:
         new = next_revision(accepted, revisions, additions.found, name)
         if new is not None:
             if not await self._create_plan(as_planned(accepted, new), new, new.entries):
-                memory.forget_inputs()  # another replica was faster: read what it wrote
+                await self._read_theirs(accepted.identity, len(revisions), name, memory)
                 return await self.revisions(accepted, additions, memory)
             revisions.append(new)
         return revisions
+
+    async def _read_theirs(self, identity: Identity, known: int, name: str, memory: Memory) -> None:
+        """Read what another replica, which was faster, has planned.
+
+        Raises:
+            InputError: nobody has: something else has the plan's name.
+        """
+        memory.forget_inputs()
+        if len(await self._load_revisions(identity, memory)) <= known:
+            raise InputError(
+                f"there is a ConfigMap {name} already, which is none of this campaign's plans. "
+                f"Remove it: `kubectl delete configmap {name} -n {identity.namespace}`."
+            )
 
     async def withdrawn(
         self, accepted: Accepted, revisions: Sequence[Revision], memory: Memory

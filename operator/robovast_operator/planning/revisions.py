@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import takewhile
 
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -13,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from robovast.base.errors import InputError
 from robovast.base.serialization import dump_yaml
 from robovast.model.expansion.expand import DEFAULT_ENTRY
-from robovast.model.packs import Block, CampaignPlan, Entry, PlanSpec, first_blocks
+from robovast.model.packs import RUNS_LIMIT, Block, CampaignPlan, Entry, PlanSpec, first_blocks
 from robovast_operator.kube.lenient import mapping, text
 from robovast_operator.planning.campaign import Accepted, Object, Revision
 from robovast_operator.planning.configurations import added_entries, entry_name
@@ -44,6 +45,10 @@ class Addition:
         return self.expanded.name
 
 
+TAKEN = (
+    "runs of this name are in the campaign, of a Configuration that was deleted, and results are "
+    "kept by name: set another `spec.name`."
+)
 CHANGED = (
     "its runs were planned with other parameters, and go on with these; only `runs` may be raised. "
     "Undo the change, or apply it as another Configuration."
@@ -57,20 +62,39 @@ class Planned:
     contents: Mapping[str, Object] = field(default_factory=dict)
     """As its document has them, by name."""
     expanded: Mapping[str, Entry] = field(default_factory=dict)
+    runs: Mapping[str, int] = field(default_factory=dict)
+    """Of each variant, by entry."""
+    owners: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    """Uids of the Configurations that asked for them, by entry."""
+    total: int = 0
+    """All runs."""
 
     @classmethod
     def of_revisions(cls, revisions: Sequence[Revision]) -> Planned:
         """Those of the newest plan, if there is one."""
         if not revisions:
             return cls()
-        contents = {str(entry["name"]): entry for entry in _entries(revisions[-1])}
-        return cls(contents, {entry.name: entry for entry in revisions[-1].entries})
+        newest = revisions[-1]
+        contents = {str(entry["name"]): entry for entry in _entries(newest)}
+        blocks = {entry.name: _blocks_of(entry.name, newest) for entry in newest.entries}
+        return cls(
+            contents,
+            {entry.name: entry for entry in newest.entries},
+            {name: _planned_runs(own.values()) for name, own in blocks.items()},
+            {
+                name: frozenset(newest.owners[n]["uid"] for n in own if n in newest.owners)
+                for name, own in blocks.items()
+            },
+            newest.plan.total,
+        )
 
     def of(self, item: Object) -> Entry | str | None:
         """What a Configuration was planned as, or that it is another now; None when it was not."""
         name = entry_name(item)
         if name not in self.contents or name not in self.expanded:
             return None
+        if self.owners[name] and item["metadata"]["uid"] not in self.owners[name]:
+            return TAKEN
         try:
             (now,) = added_entries([item])
         except ValidationError as error:
@@ -204,6 +228,12 @@ def next_revision(
         _add(addition, blocks, entries, owners)
     if len(blocks) == len(newest.plan.blocks):
         return None
+    total = sum(block.size for block in blocks)
+    if total > RUNS_LIMIT:
+        raise InputError(
+            f"with those of its Configurations the campaign would have {total:,} runs, more than "
+            f"{RUNS_LIMIT:,}: `runs` cannot be raised so far."
+        )
     plan = newest.plan.model_copy(update={"blocks": tuple(blocks)})
     plan = PlanSpec.model_validate(plan.model_dump())
     return Revision(newest.number + 1, name, plan, tuple(entries), owners, document)
@@ -234,24 +264,33 @@ def _with_entries(newest: Revision, additions: Sequence[Addition]) -> str:
 
 def _raise_runs(blocks: list[Block], variants: int, runs: int) -> None:
     """More runs of the document's own variants."""
-    planned = max((b.first_run + b.runs for b in blocks if b.first_variant == 0), default=0)
+    planned = _planned_runs(b for b in blocks if b.first_variant == 0)
     if runs > planned:
         more = Block(first_variant=0, variants=variants, first_run=planned, runs=runs - planned)
         blocks.append(more)
+
+
+def _planned_runs(blocks: Iterable[Block]) -> int:
+    """Runs of each variant that the blocks of one entry have."""
+    return max((block.first_run + block.runs for block in blocks), default=0)
+
+
+def _blocks_of(name: str, revision: Revision) -> dict[int, Block]:
+    """The blocks of an entry that a Configuration has added, by their number."""
+    before = takewhile(lambda entry: entry.name != name, revision.entries)
+    first = sum(entry.variants for entry in before)
+    return {n: b for n, b in enumerate(revision.plan.blocks) if b.first_variant == first}
 
 
 def _add(
     addition: Addition, blocks: list[Block], entries: list[Entry], owners: dict[int, Object]
 ) -> None:
     """Runs of a Configuration: its variants come after all others."""
-    known = next((i for i, entry in enumerate(entries) if entry.name == addition.name), None)
-    if known is None:
-        first, planned = sum(entry.variants for entry in entries), 0
+    if all(entry.name != addition.name for entry in entries):
         entries.append(addition.expanded)
-    else:
-        first = sum(entry.variants for entry in entries[:known])
-        own = [b for b in blocks if b.first_variant == first]
-        planned = max((b.first_run + b.runs for b in own), default=0)
+    before = takewhile(lambda entry: entry.name != addition.name, entries)
+    first = sum(entry.variants for entry in before)
+    planned = _planned_runs(b for b in blocks if b.first_variant == first)
     if addition.runs > planned:
         owners[len(blocks)] = addition.owner
         blocks.append(

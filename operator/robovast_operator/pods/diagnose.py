@@ -27,6 +27,10 @@ MOST = 1000
 PATIENCE = 4
 """So many times as long nothing may come of pods that are at work, before others are looked at."""
 
+STORING = "Storing"
+STORING_PATIENCE = 900.0
+"""Agents bridge ten minutes without the S3 server [s]."""
+
 GIVEN_UP = frozenset({"PodFailurePolicy", "BackoffLimitExceeded", "DeadlineExceeded"})
 """Reasons of a Job that failed as a whole."""
 
@@ -53,8 +57,8 @@ class Diagnosis:
         selector = f"batch.kubernetes.io/controller-uid={job.uid}"
         return self._api.list(paths.pods(job.namespace), labelSelector=selector, **parameters)
 
-    async def is_storing(self, identity: Identity) -> bool:
-        """Whether pods of runs may still store something, though their Jobs may be gone."""
+    async def storing(self, identity: Identity) -> str:
+        """A pod of runs that may still store something, though its Job may be gone; or nothing."""
         labels = {**identity.labels, ROLE_LABEL: "shard"}
         selector = ",".join(f"{name}={value}" for name, value in labels.items())
         pods = self._api.list(
@@ -62,7 +66,20 @@ class Diagnosis:
             labelSelector=selector,
             fieldSelector="status.phase=Running",
         )
-        return any([may_store(pod, now()) async for pod in pods])
+        found = [pod["metadata"]["name"] async for pod in pods if may_store(pod, now())]
+        return min(found, default="")
+
+    async def hold_back(self, identity: Identity, memory: Memory) -> bool:
+        """Whether the index has to wait for a pod, which is told when that lasts."""
+        pod = await self.storing(identity)
+        if pod and memory.still_for() > STORING_PATIENCE:
+            logs = f"kubectl logs -n {identity.namespace} {pod} -c agent"
+            message = (
+                f"all Jobs have ended, but the pod {pod} may still store results, and the index "
+                f"waits for it: see `{logs}`, or delete the pod."
+            )
+            memory.trouble = Trouble(STORING, message)
+        return bool(pod)
 
     async def _reports(self, memory: Memory, job: JobState) -> float | None:
         """The verdicts of failed indexes."""

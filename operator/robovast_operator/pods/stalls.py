@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
 
-from robovast_operator.kube.lenient import ranges
+from robovast_operator.kube.lenient import mapping, ranges
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import parse_time
 from robovast_operator.planning.campaign import Object
@@ -115,8 +115,11 @@ def _causes(pod: Object, moment: datetime, silence: float) -> Iterator[Trouble]:
 
 
 def may_store(pod: Object, moment: datetime) -> bool:
-    """Whether the agent of a pod may still store something."""
-    return bool(pod["status"].get("phase") == "Running") and not _is_lost(pod, moment)
+    """Whether the agent of a pod may still store something; a pod without one is none of ours."""
+    agents = (c for c in containers_of(pod) if c["name"] == "agent")
+    at_work = any("terminated" not in mapping(agent.get("state")) for agent in agents)
+    running = bool(pod["status"].get("phase") == "Running")
+    return at_work and running and not _is_lost(pod, moment)
 
 
 def _is_lost(pod: Object, moment: datetime) -> bool:

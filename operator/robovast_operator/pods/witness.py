@@ -63,4 +63,5 @@ class Witness:
         labels = {**identity.labels, ROLE_LABEL: SIGHTINGS_ROLE}
         selector = ",".join(f"{name}={value}" for name, value in labels.items())
         found = self._api.list(paths.config_maps(identity.namespace), labelSelector=selector)
-        return sorted([obj["metadata"]["name"] async for obj in found])
+        names = [obj["metadata"]["name"] async for obj in found]
+        return sorted(name for name in names if name.startswith(identity.child("pods-")))

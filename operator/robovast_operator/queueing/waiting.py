@@ -97,6 +97,7 @@ def _is_about(workload: Object, condition: Object, pods: int) -> bool:
 def pods_that_fit(message: str, pods: int) -> int | None:
     """How many of a Job's pods a queue can hold, from Kueue's refusal of all of them.
 
+    No field of a Workload says so, up to v1beta2 of Kueue 0.16: its words are all there is.
     Kueue's maximum counts what can be borrowed, too. Of several flavors the roomiest counts.
 
     Args:

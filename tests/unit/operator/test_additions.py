@@ -224,3 +224,26 @@ def test_a_status_that_is_there_is_not_written_again() -> None:
     told = tell.of(obj)
     kept = shaped({**obj, "status": compact(told.model_dump(by_alias=True, exclude_none=True))})
     assert tell.of(kept) == told == read_status(ConfigurationStatus, kept["status"])
+
+
+def test_a_configuration_that_asks_for_too_many_runs_harms_no_other() -> None:
+    values = {"ParameterVariationList": {"name": "speed", "values": list(range(99))}}
+    many = configuration("many", variations=[values], runs=100_000)
+    more = configuration("more", variations=[values], runs=100_000)
+    before = planned_with([])
+    found = added(many, more, configuration("few"), planned=before)
+    assert [one.name for one in found.found] == ["many", "few"]
+    assert "19,800,003 runs" in found.problems["more"]
+    full = planned_with([many])
+    assert [one.name for one in added(many, planned=full).found] == ["many"]
+    with pytest.raises(InputError, match="cannot be raised so far"):
+        next_revision(accepted(runs=100_000), full, (), "plan-2")
+
+
+def test_a_configuration_that_is_made_anew_under_its_name_is_told_to_take_another() -> None:
+    before = planned_with([configuration("a")])
+    again = configuration("a")
+    again["metadata"]["uid"] = "another"
+    assert "another `spec.name`" in added(again, planned=before).problems["a"]
+    again["spec"]["name"] = "b"
+    assert [one.name for one in added(again, planned=before).found] == ["b"]

@@ -17,7 +17,7 @@ from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time, now
 from robovast_operator.memory import Memory
-from robovast_operator.pods.diagnose import Diagnosis
+from robovast_operator.pods.diagnose import STORING, Diagnosis
 from robovast_operator.pods.pod_status import trouble_of_events
 from robovast_operator.pods.stalls import cause_of
 from robovast_operator.pods.tries import NO_WORD
@@ -178,7 +178,7 @@ def test_the_table_of_causes_names_all_of_them() -> None:
         for reason in ("exceeded quota", "violates PodSecurity")
         if (found := trouble_of_events([{"reason": "FailedCreate", "message": reason}]))
     }
-    assert {reason for reason, _ in CAUSES.values()} | by_events | {NO_WORD} == documented
+    assert {reason for reason, _ in CAUSES.values()} | by_events | {NO_WORD, STORING} == documented
 
 
 def test_what_was_in_the_way_of_pods_before_is_over() -> None:
@@ -256,6 +256,8 @@ class Campaign:
         ((pod("Running", READY, robovast=RUNNING, agent=RUNNING),), True),
         ((pod("Running", UNREADY, robovast=DONE, agent=RUNNING),), True),
         ((CAUSES["pod cannot end on a lost node"][1],), False),
+        ((pod("Running", UNREADY, robovast=RUNNING, agent=DONE),), False),
+        ((pod("Running", READY, debugger=RUNNING),), False),
     ],
 )
 def test_the_index_waits_for_agents_whose_jobs_are_gone(
@@ -263,7 +265,12 @@ def test_the_index_waits_for_agents_whose_jobs_are_gone(
 ) -> None:
     server: Any = Server(*left)
     identity = accepted().identity
-    assert asyncio.run(Diagnosis(server, SETTINGS).is_storing(identity)) == storing
+    diagnosis, memory = Diagnosis(server, SETTINGS), Memory("uid")
+    assert bool(asyncio.run(diagnosis.storing(identity))) == storing
+    for seconds, told in ((0, False), (1000, storing)):
+        memory.moved -= seconds
+        assert asyncio.run(diagnosis.hold_back(identity, memory)) == storing
+        assert (memory.trouble is not None) == told
 
 
 def test_a_stall_neither_flaps_nor_stays() -> None:
