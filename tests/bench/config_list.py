@@ -4,15 +4,16 @@
     python tests/bench/config_list.py [--repeat 7]
 
 Prints wall time (median, least, largest) and peak memory of `vast --help` and of `vast config
-list` with 10, 10,000 and 100,000 configurations, each over a bare `python -c pass` of the same
-session, and how far 100,000 are from ten times 10,000 in CPU time, start-up left out. All commands
-alternate, so that they see the same machine.
+list` with 10, 10,000 and 100,000 configurations and of `vast config generate` with 10,000, each
+over a bare `python -c pass` of the same session, and how far 100,000 are from ten times 10,000 in
+CPU time, start-up left out. All commands alternate, so that they see the same machine.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import statistics
 import subprocess
 import sys
@@ -47,6 +48,8 @@ class Measured:
     command: list[str]
     goal: float | None = None
     """Largest wall time that is promised [s]."""
+    output: Path | None = None
+    """Folder that it makes, removed before."""
     wall: list[float] = field(default_factory=list)
     cpu: list[float] = field(default_factory=list)
     """User and system time [s]."""
@@ -55,6 +58,8 @@ class Measured:
 
     def run(self) -> None:
         """Execute it once more."""
+        if self.output is not None:
+            shutil.rmtree(self.output, ignore_errors=True)
         begin = time.perf_counter()
         process = subprocess.Popen(self.command, stdout=subprocess.DEVNULL)
         _, status, usage = os.wait4(process.pid, 0)
@@ -89,6 +94,13 @@ def documents(folder: Path) -> dict[str, Path]:
     return files
 
 
+def generation(folder: Path) -> Measured:
+    """Writing what a campaign of 10,000 configurations has before its first run."""
+    output = folder / "out"
+    command = [VAST, "-V", str(documents(folder)["10,000"]), "config", "generate", str(output)]
+    return Measured("config generate 10,000", command, 2.0, output)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeat", type=int, default=7)
@@ -101,6 +113,7 @@ def main() -> None:
         lists["10,000"].goal = 1.0
         bare = Measured("python -c pass", [sys.executable, "-c", "pass"])
         shown = [bare, Measured("vast --help", [VAST, "--help"], 0.25), *lists.values()]
+        shown.append(generation(Path(name)))
         for measured in shown * (repeat + 1):
             measured.run()
     for measured in shown:

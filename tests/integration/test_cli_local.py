@@ -202,3 +202,33 @@ def test_campaigns_that_start_in_one_second_both_work(tmp_path: Path) -> None:
     ]
     assert [process.wait(timeout=120) for process in processes] == [0] * 4
     assert len(list((tmp_path / "out").iterdir())) == 4
+
+
+SLEEPER = """\
+import time
+from robovast.common.variation import Variation
+
+
+class Sleep(Variation):
+    def variation(self, in_configs):
+        self.progress_update("measuring the floor")
+        time.sleep(2.5)
+        return [self.update_config(config, {"x": 1}) for config in in_configs]
+"""
+
+
+def test_what_takes_its_time_is_shown_on_a_terminal_alone(tmp_path: Path) -> None:
+    file = make_campaign(tmp_path / "in", PASS)
+    (file.parent / "sleep.py").write_text(SLEEPER)
+    file.write_text(file.read_text().replace("ParameterVariationList: {name: x, values: [1, 2, 3]}",
+                                             "sleep.py:Sleep"))  # fmt: skip
+    command = [VAST, "-V", file, "config", "list", "-o", "name"]
+    main, other = pty.openpty()
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=other)
+    os.close(other)
+    shown = read_all(main)
+    assert process.communicate(timeout=60)[0] == b"one-1\n"
+    assert re.search(r"Expanding test\.vast … \d s  Sleep: measuring the floor", shown)
+    assert shown.endswith("\r\x1b[K")
+    silent = subprocess.run(command, cwd=tmp_path, capture_output=True, check=True)
+    assert (silent.stdout, silent.stderr) == (b"one-1\n", b"")

@@ -5,18 +5,16 @@ from __future__ import annotations
 import contextlib
 import gc
 import json
-import logging
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 from robovast.base.printable import one_line
 from robovast.base.serialization import dump_yaml
 from robovast.campaign.configurations import configuration_record
 from robovast.model.document import Document
-from robovast.model.expansion import Variant, expand
+from robovast.model.expansion import Variant
+from robovast_cli.expanding import expanded
 
 Format = Literal["table", "name", "json", "yaml"]
 
@@ -33,8 +31,7 @@ def print_configurations(document: Document, output: Format, *, internal: bool) 
         output: how.
         internal: also show keys that begin with `_`.
     """
-    with TemporaryDirectory(prefix="robovast-") as folder, _no_garbage_collection():
-        variants = expand(document, Path(folder), logging.getLogger(__name__).info)
+    with _no_garbage_collection(), expanded(document) as variants:
         text = _FORMATS[output](variants, internal)
     if output == "table":
         text += f"\n{_count(document, variants)}\n"

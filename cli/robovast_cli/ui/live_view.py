@@ -42,6 +42,7 @@ class LiveView(Progress):
         )
 
     def __enter__(self) -> LiveView:
+        self._live.start()
         return self
 
     def __exit__(
@@ -57,7 +58,6 @@ class LiveView(Progress):
         """Begin to show."""
         super().campaign_started(campaign, total, done, how)
         self._console.print(Text(self.title))
-        self._live.start()
 
     def run_finished(self, run: Run, record: RunRecord) -> None:
         """Leave a line when the run did not pass."""
@@ -72,6 +72,8 @@ class LiveView(Progress):
 
     def render(self) -> RenderableType:
         """What is shown now."""
+        if not self.title:
+            return Text(f"preparing … {clock_time(self.elapsed)}", "dim")
         bar = Table.grid(padding=(0, 1))
         bar.add_row(
             ProgressBar(

@@ -152,6 +152,13 @@ def sweep(folder: Path) -> None:
                 shutil.rmtree(path, ignore_errors=True)
 
 
+def refuse_file(folder: Path) -> None:
+    """Raise a StorageError when a file stands where a folder is to be, or one above it."""
+    file = next((path for path in (folder, *folder.parents) if path.is_file()), None)
+    if file is not None:
+        raise StorageError(f"{file} is a file, and results go into a folder. Choose another place.")
+
+
 def make_folder(folder: Path) -> None:
     """Make a folder and those above it, for good."""
     if folder.is_dir():

@@ -11,6 +11,8 @@ from typing import Any
 
 import yaml
 
+from robovast.plain_yaml import NotSimpleError, dump_simple
+
 try:
     from yaml import CSafeDumper as _SafeDumper
 except ImportError:  # PyYAML built without libyaml: slower, same result
@@ -63,6 +65,13 @@ class _Dumper(_SafeDumper):
 
 def dump_yaml(data: Any) -> str:
     """YAML in the order of the data, block style, without line folding."""
+    try:
+        return dump_simple(data)
+    except NotSimpleError:
+        return _dump_any(data)
+
+
+def _dump_any(data: Any) -> str:
     text: str = yaml.dump(
         data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=2**31 - 1
     )
@@ -76,5 +85,7 @@ def dump_yaml_documents(documents: Iterable[Any]) -> str:
 
 def fingerprint(data: Any) -> str:
     """SHA-256 of plain data, the same for equal data on any machine."""
-    text = json.dumps(data, sort_keys=True, separators=(",", ":"), default=str)
-    return hashlib.sha256(text.encode()).hexdigest()
+    return hashlib.sha256(_ENCODER.encode(data).encode()).hexdigest()
+
+
+_ENCODER = json.JSONEncoder(sort_keys=True, separators=(",", ":"), default=str)

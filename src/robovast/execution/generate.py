@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -21,7 +23,12 @@ from robovast.model.scenario import read_scenario
 
 
 def write_configurations(
-    document: Document, composition: Composition, output: Path, *, timings: bool
+    document: Document,
+    composition: Composition,
+    output: Path,
+    *,
+    timings: bool,
+    tell: Callable[[str], None] = lambda _: None,
 ) -> None:
     """Write `_config`, `_transient` and every `<variant>/_config` of a campaign.
 
@@ -31,6 +38,7 @@ def write_configurations(
         output: the campaign's folder; made when it does not exist.
         timings: also record when each variation was applied and how long it took; without, equal
             input gives equal bytes.
+        tell: is told which variant is written, now and then.
     """
     layout = Layout(output)
     for folder in (layout.config, layout.transient):
@@ -43,7 +51,9 @@ def write_configurations(
         copy_file(script, layout.transient / script.name)
     scenario = read_scenario(document.scenario).name
     identities = Identities(document)
-    for variant in composition.variants:
+    for number, variant in enumerate(composition.variants):
+        if number % 100 == 0:
+            tell(variant.name)
         _write_variant(layout, variant, scenario, identities.of(variant))
     with (layout.transient / "configurations.yaml").open("w", encoding="utf-8") as record:
         record.writelines(_configurations(document, composition.variants, timings=timings))
@@ -81,13 +91,21 @@ def copy_file(source: Path, target: Path) -> None:
 
 
 def _write_variant(layout: Layout, variant: Variant, scenario: str, identity: Any) -> None:
-    folder = layout.variant_config(variant.name)
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "config.yaml").write_text(dump_yaml(identity), encoding="utf-8")
-    parameters = dump_yaml({scenario: dict(variant.parameters)})
-    (folder / "scenario.config").write_text(parameters, encoding="utf-8")
+    folder = str(layout.variant_config(variant.name))  # there may be very many: no Path for each
+    for path in (os.path.dirname(folder), folder):
+        with contextlib.suppress(FileExistsError):
+            os.mkdir(path)
+    _write_text(f"{folder}/config.yaml", dump_yaml(identity))
+    _write_text(f"{folder}/scenario.config", dump_yaml({scenario: dict(variant.parameters)}))
     for file in variant.files:
-        copy_file(file.source, folder / file.name)
+        copy_file(file.source, Path(folder) / file.name)
+
+
+def _write_text(path: str, text: str) -> None:
+    """Write a small file with as few calls of the system as it takes."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+    with open(descriptor, "wb", buffering=0) as file:
+        file.write(text.encode())
 
 
 def _configurations(

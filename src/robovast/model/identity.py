@@ -15,6 +15,9 @@ from robovast.model.document import Document
 from robovast.model.document.files import run_files
 from robovast.model.expansion import Variant
 
+_NO_FILES = fingerprint({})
+_NO_VARIATIONS = fingerprint([])
+
 
 class Identities:
     """Identifiers of the variants of one document; what they share is computed once."""
@@ -37,8 +40,10 @@ class Identities:
             "scenario_file": self._scenario_file,
             "config_referenced_files": fingerprint(
                 {file.name: _digest(file.source) for file in variant.files}
-            ),
-            "variation_entrypoints": self._variations.get(variant.entry, fingerprint([])),
+            )
+            if variant.files
+            else _NO_FILES,
+            "variation_entrypoints": self._variations.get(variant.entry, _NO_VARIATIONS),
         }
         return {"config_identifier": fingerprint(parts), "sub_identifier": parts}
 

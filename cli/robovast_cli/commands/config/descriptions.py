@@ -10,6 +10,7 @@ from robovast.analysis.provenance.drawing import write_drawing
 from robovast.base.errors import ExitCode, RobovastError
 from robovast.campaign.finding import find_campaigns
 from robovast_cli.ui.output import say
+from robovast_cli.working import working
 from robovast_cli.workspace import shown
 
 _log = logging.getLogger(__name__)
@@ -26,9 +27,10 @@ def describe_campaigns(results: Path, *, own_plugins: bool, draw: bool) -> ExitC
     code = ExitCode.OK
     for campaign in find_campaigns(results):
         try:
-            describe(campaign, own_plugins=own_plugins)
-            if draw:
-                write_drawing(campaign)
+            with working(f"Describing {shown(campaign)}"):
+                describe(campaign, own_plugins=own_plugins)
+                if draw:
+                    write_drawing(campaign)
         except RobovastError as error:
             _log.error("%s", error)
             code = error.exit_code

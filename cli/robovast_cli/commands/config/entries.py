@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import logging
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import typer
@@ -20,7 +18,8 @@ from robovast.campaign.layout import Layout
 from robovast.model.document import load_document
 from robovast.model.document.loader import Document, check_source
 from robovast.model.document.source import Source
-from robovast.model.expansion import Variant, expand, select_variants
+from robovast.model.expansion import Variant, select_any
+from robovast_cli.expanding import expanded
 from robovast_cli.ui.output import asked
 from robovast_cli.ui.report import tell
 from robovast_cli.workspace import shown
@@ -33,10 +32,8 @@ def export_entries(document: Document, patterns: Sequence[str], output: Path | N
         InputError: a pattern matches nothing, or a configuration needs files of its own.
         StorageError: the file exists or cannot be written.
     """
-    with TemporaryDirectory(prefix="robovast-") as folder:
-        variants = expand(document, Path(folder), logging.getLogger(__name__).info)
-    chosen = {v.name for pattern in patterns for v in select_variants(variants, pattern)}
-    entries = [_entry(variant) for variant in variants if variant.name in chosen]
+    with expanded(document) as variants:
+        entries = [_entry(variant) for variant in select_any(variants, patterns)]
     text = dump_yaml({"version": 1, "configuration": entries})
     if output is None:
         sys.stdout.write(text)
@@ -97,14 +94,12 @@ def _is_usable(document: Document, entry: Any, source: Path) -> bool:
     data = {**document.source.data, "configuration": [entry]}
     try:
         alone = check_source(Source(document.path, dump_yaml(data)))
-        with TemporaryDirectory(prefix="robovast-") as folder:
-            expand(alone, Path(folder), logging.getLogger(__name__).info)
+        with expanded(alone):
+            return True
     except DocumentError as error:
         cause = "; ".join(f"{problem.key}: {problem.message}" for problem in error.problems)
     except RobovastError as error:
         cause = str(error)
-    else:
-        return True
     name = entry.get("name") if isinstance(entry, dict) else entry
     tell(f"{source}: `{name}` is left out: {cause}")
     return False

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import logging
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,11 +10,13 @@ from tempfile import TemporaryDirectory
 
 import typer
 
+from robovast.base.atomic import refuse_file
 from robovast.base.errors import StorageError
 from robovast.campaign.layout import Layout
 from robovast.execution.generate import write_configurations
 from robovast.model.document import Document
 from robovast.model.expansion import compose
+from robovast_cli.working import working
 from robovast_cli.workspace import shown
 
 
@@ -31,13 +32,16 @@ def generate(document: Document, out: Path, *, keep_work: bool, use_cache: bool)
     Raises:
         StorageError: the folder holds something, or cannot be written.
     """
+    refuse_file(out)
     try:
         out.mkdir(parents=True, exist_ok=True)
         if any(out.iterdir()):
             raise StorageError(f"{out} is not empty. Choose a new folder, or empty this one.")
         with _work_folder(out, keep_work) as work, _cache(use_cache):
-            composition = compose(document, work, logging.getLogger(__name__).info)
-            write_configurations(document, composition, out, timings=False)
+            with working(f"Expanding {document.source.file.name}") as tell:
+                composition = compose(document, work, tell)
+            with working(f"Writing {len(composition.variants)} configurations") as tell:
+                write_configurations(document, composition, out, timings=False, tell=tell)
     except OSError as error:
         raise StorageError(
             f"{error.filename or out}: cannot be written: {error.strerror}."

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import logging
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from importlib.metadata import EntryPoint, entry_points
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import typer
@@ -15,30 +12,48 @@ from pydantic import BaseModel
 
 from robovast.model.document import Document
 from robovast.model.document.model import ConfigurationEntry
-from robovast.model.expansion import Variant, expand
+from robovast.model.expansion import Variant
+from robovast.model.quantities import LOCAL_CONTEXT, cpus, memory
 from robovast.model.scenario import read_scenario
+from robovast_cli.expanding import expanded
 from robovast_cli.plugins import origin
 from robovast_cli.ui.listing import format_table
 
 
 def print_summary(document: Document) -> None:
     """Print what a document runs, and how."""
-    with TemporaryDirectory(prefix="robovast-") as folder:
-        variants = expand(document, Path(folder), logging.getLogger(__name__).info)
+    with expanded(document) as variants:
+        entries = _entries(document, variants)
     pairs = [[name, value] for name, value in _facts(document) if value]
     typer.echo(format_table(["file", str(document.path)], pairs))
-    typer.echo(_entries(document, variants), nl=False)
+    typer.echo(entries, nl=False)
 
 
 def print_check(document: Document) -> None:
-    """Expand a document that was read, and say that it is sound."""
-    with TemporaryDirectory(prefix="robovast-") as folder:
-        variants = expand(document, Path(folder), logging.getLogger(__name__).info)
+    """Expand a document that was read, and say that it is sound.
+
+    Raises:
+        InputError: it cannot be expanded, or asks for what is no amount.
+    """
+    _check_resources(document)
+    with expanded(document) as variants:
+        count = len(variants)
     warnings = len(document.warnings)
     told = "" if not warnings else f", {warnings} warning{'s' if warnings > 1 else ''}"
-    file, count = document.source.file, len(variants)
+    file = document.source.file
     many = "1 configuration" if count == 1 else f"{count} configurations"
     typer.echo(f"{file}: valid, {many}{told}")
+
+
+def _check_resources(document: Document) -> None:
+    execution = document.vast.execution
+    containers = {c.name: c.resources for c in execution.secondary_containers}
+    for name, asked in {"resources": execution.resources, **containers}.items():
+        for kind, read in (("cpu", cpus), ("memory", memory)):
+            value = getattr(asked, kind)
+            for item in value if isinstance(value, list) else [{LOCAL_CONTEXT: value}]:
+                for context, amount in item.items():
+                    read(amount, f"{document.source.file}: execution, {name}.{kind}", context)
 
 
 def print_variation_points(document: Document) -> None:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 import typer
 
+from robovast.base.atomic import refuse_file
 from robovast.base.errors import InputError, StorageError
 from robovast.model.document import Document
-from robovast.model.expansion import Variant, expand, select_variants
+from robovast.model.expansion import Variant, select_variants
 from robovast.navigation.base import RECORD
 from robovast.navigation.extra import nav_extra
+from robovast_cli.expanding import expanded
+from robovast_cli.working import working
 from robovast_cli.workspace import shown
 
 Format = Literal["svg", "png"]
@@ -33,10 +33,7 @@ def write_pictures(document: Document, pattern: str | None, out: Path, kind: For
         InputError: no configuration has a map.
         StorageError: the folder cannot be written.
     """
-    with TemporaryDirectory(prefix="robovast-") as folder:
-        variants: Sequence[Variant] = expand(
-            document, Path(folder), logging.getLogger(__name__).info
-        )
+    with expanded(document) as variants, working("Drawing") as tell:
         if pattern is not None:
             variants = select_variants(variants, pattern)
         mapped = [variant for variant in variants if _record(variant).get("map_file")]
@@ -45,9 +42,11 @@ def write_pictures(document: Document, pattern: str | None, out: Path, kind: For
                 f"{document.path}: no configuration has a map to draw. Floor plan, path and "
                 "obstacle variations give them one."
             )
+        refuse_file(out)
         try:
             out.mkdir(parents=True, exist_ok=True)
             for variant in mapped:
+                tell(variant.name)
                 (out / f"{variant.name}.{kind}").write_bytes(_picture(document, variant, kind))
         except OSError as error:
             raise StorageError(

@@ -39,9 +39,11 @@ def import_results(
     from robovast.campaign.executables import warn_of_executables
     from robovast.campaign.importing import import_archive
     from robovast_cli.ui.output import say
+    from robovast_cli.working import working
     from robovast_cli.workspace import shown
 
-    campaign = import_archive(archive, output or ctx.obj.results, force=force)
+    with working(f"Unpacking {archive}"):
+        campaign = import_archive(archive, output or ctx.obj.results, force=force)
     say(f"Imported {shown(campaign)}.")
     if warning := warn_of_executables(campaign):
         say(warning)

@@ -30,11 +30,13 @@ def merge_campaigns(
     from robovast.campaign.merge import merge_campaigns
     from robovast_cli.commands.results.options import chosen_campaigns
     from robovast_cli.ui.output import say
+    from robovast_cli.working import working
     from robovast_cli.workspace import shown
 
     campaigns = chosen_campaigns(results_dir or ctx.obj.results, campaign)
     sources = [path for path in campaigns if path.absolute() != target.absolute()]
-    result = merge_campaigns(sources, target)
+    with working(f"Merging {_counted(len(sources), 'campaign')}"):
+        result = merge_campaigns(sources, target)
     for path in result.unidentified:
         say(f"{path}: has no config_identifier, so it was merged with nothing.")
     for path in result.left_out:
