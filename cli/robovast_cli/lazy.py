@@ -11,6 +11,8 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
+from robovast_cli.ui.usage import name_values
+
 
 @dataclass(frozen=True)
 class Lazy:
@@ -34,7 +36,7 @@ class LazyCommand(TyperCommand):
     def load(self) -> Any:
         """The command itself."""
         module, _, attribute = self._target.partition(":")
-        return get_command(getattr(import_module(module), attribute))
+        return name_values(get_command(getattr(import_module(module), attribute)))
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any

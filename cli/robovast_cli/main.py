@@ -13,6 +13,7 @@ from typer.main import get_command
 from robovast.base.printable import PrintableFormatter
 from robovast_cli.lazy import Lazy, add_lazy, new_app
 from robovast_cli.ui.report import errors_reported
+from robovast_cli.ui.usage import usage_explained
 from robovast_cli.workspace import Workspace, set_log_level
 
 COMMANDS: Mapping[str, Lazy] = {
@@ -64,9 +65,16 @@ class Root(TyperGroup):
         """The command of a name; plugins are looked for when no own command has it."""
         return super().get_command(ctx, cmd_name) or self.plugins.get(cmd_name)
 
+    def make_context(
+        self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any
+    ) -> Any:
+        """Parse the global options."""
+        with usage_explained():
+            return super().make_context(info_name, args, parent, **extra)
+
     def invoke(self, ctx: Any) -> Any:
         """Run a command; what it returns is the exit code."""
-        with errors_reported():
+        with usage_explained(), errors_reported():
             code = super().invoke(ctx)
         raise typer.Exit(int(code or 0))
 

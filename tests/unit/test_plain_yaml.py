@@ -10,8 +10,8 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robovast.base.plain_yaml import NotSimpleError, dump_simple
 from robovast.base.serialization import dump_yaml
-from robovast.plain_yaml import NotSimpleError, dump_simple
 
 WORDS = st.sampled_from(
     ["y", "No", "ON", "null", "Null", "~", "0b1", "1e5", ".inf", "nan", "_", "a-", "0x1f", "007"]

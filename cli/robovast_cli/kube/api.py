@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import binascii
+import errno
 import json
+import os
+import shutil
 from collections.abc import Callable, Coroutine, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -246,10 +250,10 @@ def connect(context: str | None = None, namespace: str | None = None) -> Iterato
         client = ApiClient(_login(context))
         namespace = namespace or (SERVICE_ACCOUNT / "namespace").read_text(encoding="utf-8")
     except Exception as error:
-        cause = str(error).rstrip(".") or type(error).__name__
         raise CannotRunError(
-            f"{_where(context, '')}: no login: {cause}. `kubectl config get-contexts` shows the "
-            "contexts of your kubeconfig ($KUBECONFIG, else ~/.kube/config)."
+            f"{_where(context, '')}: nobody can log in: {_why_no_login(error)}. `kubectl config "
+            "get-contexts` shows the contexts of your kubeconfig ($KUBECONFIG, else "
+            "~/.kube/config)."
         ) from error
     with start_blocking_portal() as portal:
         try:
@@ -272,8 +276,10 @@ def _login(context: str | None) -> Any:
             raise CannotRunError(cause) from error
         return made
     # Not the loader of kubernetes.aio: that one does not renew tokens, nor keep renewed ones.
-    config.load_kube_config(files(), context, client_configuration=made)
     program = login_program(context)
+    if program and shutil.which(program) is None:
+        raise CannotRunError(f"`{program}`, which the kubeconfig names for it, is not here")
+    config.load_kube_config(files(), context, client_configuration=made)
     if program and not (made.api_key or made.cert_file):
         raise CannotRunError(f"`{program}`, which the kubeconfig names, gives no key")
     if made.proxy:
@@ -296,6 +302,14 @@ def _with(labels: Mapping[str, str]) -> dict[str, str]:
     return {"labelSelector": ",".join(f"{key}={value}" for key, value in labels.items())}
 
 
+def _why_no_login(error: Exception) -> str:
+    if isinstance(error, binascii.Error):
+        return "a certificate, key or token in the kubeconfig is damaged (no base64)"
+    if isinstance(error, OSError):
+        return f"{error.filename} cannot be read: {error.strerror}"
+    return str(error).rstrip(".") or type(error).__name__
+
+
 def _where(context: str | None, server: str) -> str:
     named = f"the API server of the context `{context}`" if context else "the API server"
     return f"{named} ({server})" if server else named
@@ -306,7 +320,9 @@ def _explained(error: Exception, where: str) -> RobovastError:
 
     if isinstance(error, ClientError | OSError):
         cause = getattr(error, "os_error", error)  # without what aiohttp says of its own objects
-        return unreachable(str(cause) or type(error).__name__, where)
+        number = cause.errno or 0 if isinstance(cause, OSError) else 0
+        said = os.strerror(number) if number in errno.errorcode else str(cause)
+        return unreachable(said or type(error).__name__, where)
     return CannotRunError(f"{where}: {type(error).__name__}: {error}")
 
 

@@ -6,9 +6,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from robovast.base.errors import InputError
+from robovast.base.errors import CannotRunError, InputError
+from robovast.model.document.source import Source
 
 
 def choose(context: str | None, namespace: str | None) -> tuple[str | None, str | None]:
@@ -18,10 +17,17 @@ def choose(context: str | None, namespace: str | None) -> tuple[str | None, str 
 
     Raises:
         InputError: a file cannot be read.
+        CannotRunError: there is no such context.
     """
     told = (file.get("current-context") for file in _all())
     chosen = context or next(filter(None, told), None)
     found = _entry("context", chosen)
+    if found is None and chosen:
+        known = (item.get("name") for file in _all() for item in file.get("contexts") or ())
+        raise CannotRunError(
+            f"there is no context `{chosen}` in your kubeconfig ($KUBECONFIG, else "
+            f"~/.kube/config); it has {', '.join(map(str, known)) or 'none'}."
+        )
     if found is None:
         return chosen, namespace
     return chosen, namespace or found.get("namespace") or "default"
@@ -50,9 +56,13 @@ def _all() -> list[dict[str, Any]]:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        data = Source(path, path.read_text(encoding="utf-8")).data or {}
     except FileNotFoundError:
         return {}
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise InputError(f"{path}: cannot be read as a kubeconfig: {error}") from error
-    return data if isinstance(data, dict) else {}
+    except OSError as error:
+        raise InputError(f"the kubeconfig {path} cannot be read: {error.strerror}.") from error
+    except UnicodeDecodeError:
+        raise InputError(f"the kubeconfig {path} is no text in UTF-8.") from None
+    if not isinstance(data, dict):
+        raise InputError(f"{path} is no kubeconfig: it holds no mapping.")
+    return data

@@ -14,7 +14,7 @@ from robovast.base.serialization import dump_yaml
 from robovast.campaign.configurations import configuration_record
 from robovast.model.document import Document
 from robovast.model.expansion import Variant
-from robovast_cli.expanding import expanded
+from robovast_cli.ui.expanding import expanded
 
 Format = Literal["table", "name", "json", "yaml"]
 

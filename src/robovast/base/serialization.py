@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from robovast.plain_yaml import NotSimpleError, dump_simple
+from robovast.base.plain_yaml import NotSimpleError, dump_simple
 
 try:
     from yaml import CSafeDumper as _SafeDumper

@@ -23,6 +23,8 @@ def find_campaigns(results: Path) -> list[Path]:
     Raises:
         InputError: there is no such folder, or no campaign in it.
     """
+    if results.is_file():
+        raise InputError(f"{results} is a file; name the folder of results, or a campaign's.")
     if not results.is_dir():
         raise InputError(f"{results}: there is no such folder of results.")
     if _holds_campaign(results):

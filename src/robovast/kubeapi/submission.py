@@ -24,6 +24,7 @@ from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
 from robovast.kubeapi.resources import API_VERSION, BundleSource, CampaignSpec, InlineFiles, Source
 from robovast.model.document import Document
 from robovast.model.document.model import Resources
+from robovast.model.document.problems import sentence
 from robovast.model.expansion import compose, select_any
 from robovast.model.expansion.containers import refuse_containers
 from robovast.model.inputs import campaign_files
@@ -256,6 +257,6 @@ def _spec(
             **{key: value for key, value in given.items() if value},
         )
     except ValidationError as error:
-        wrong = (f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+        wrong = (f"{'.'.join(map(str, e['loc']))}: {sentence(e)}" for e in error.errors())
         raise InputError(f"no Campaign can be made of it: {'; '.join(wrong)}.") from None
     return spec.model_dump(by_alias=True, exclude_defaults=True, mode="json")

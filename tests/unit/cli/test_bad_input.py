@@ -13,16 +13,14 @@ CASES = {
     "not YAML": (
         HEAD + "configuration:\n- name: [a\n" + TAIL,
         """\
-bad.vast:4:10: not valid YAML: did not find expected ',' or ']' while parsing a flow sequence \
-that begins in line 3
+bad.vast:4:10: not valid YAML: the `[` of line 3 is not closed: here must be `,` or `]`
 error: 1 problem in bad.vast
 """,
     ),
     "a tab": (
         HEAD + "metadata:\n\ttitle: x\n" + TAIL,
         """\
-bad.vast:3:1: not valid YAML: found character that cannot start any token while scanning for \
-the next token that begins in line 3
+bad.vast:3:1: not valid YAML: a tab; YAML is indented with spaces alone
 error: 1 problem in bad.vast
 """,
     ),
@@ -182,6 +180,47 @@ def test_without_a_file_the_remedy_is_told(vast, folder, files: list[str], messa
     )
 
 
+FOREIGN = ("Value error", "Input should", "Errno", "Traceback", "codec", "<list[", "{OUT}")
+BAD = [
+    (["config", "generate", "file"], 5, "file is a file, and results go into a folder"),
+    (["config", "generate", "file/x"], 5, "file is a file, and results go into a folder"),
+    (["exec", "local", "prepare-run", "file"], 5, "/file is a file, and results go into"),
+    (["exec", "local", "run", "file", "--runtime", "process"], 5, "file is a file, and results"),
+    (["exec", "cluster", "prepare-run", "file"], 5, "file is a file, and results go into"),
+    (["results", "postprocess", "-r", "file"], 2, "file is a file; name the folder of results"),
+    (["import-results", "file"], 2, "(it begins as no tar or zip file does). Fetch it again."),
+    (["exec", "cluster", "monitor", "--once"], 3, "no kubeconfig has a current context"),
+    (["exec", "cluster", "run", "-x", "lab"], 3, "there is no context `lab` in your kubeconfig"),
+    (["exec", "cluster", "run", "--dry-run", "--queue", "Q_Q"], 2, "queue_name: must match"),
+    (["config", "export-configs", "none"], 2, "There are 7, for example sweep, fixed, sweep-1-1"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "code", "message"), BAD)
+def test_no_library_speaks_to_the_user(
+    vast,
+    sweep: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str],
+    code: int,
+    message: str,
+) -> None:
+    (sweep.parent / "file").write_text("x")
+    monkeypatch.setenv("KUBECONFIG", str(sweep.parent / "none"))
+    outcome = vast(*arguments)
+    assert outcome.code == code, outcome
+    assert message in outcome.err
+    assert not [words for words in FOREIGN if words in outcome.err]
+
+
+def test_amounts_are_checked_before_a_campaign_begins(vast, folder: Path) -> None:
+    resources = "  resources: {cpu: [{lab: many}], memory: 8Gx}\n"
+    (folder / "bad.vast").write_text(HEAD + TAIL + resources)
+    outcome = vast("-V", "bad.vast", "config", "check")
+    assert outcome.code == 2
+    assert "resources.cpu: `many` is no number of CPUs; write `2`, `0.5` or `500m`." in outcome.err
+
+
 def test_files_that_cannot_be_read(vast, folder: Path) -> None:
     (folder / "latin.vast").write_bytes(b"version: 1\nmetadata: {title: caf\xe9}\n")
     assert vast("-V", "latin.vast", "config", "list").err == (
@@ -198,8 +237,14 @@ def test_files_that_cannot_be_read(vast, folder: Path) -> None:
     [
         (["confg"], "No such command 'confg'. Did you mean 'config'?"),
         (["config", "lst"], "No such command 'lst'. Did you mean 'list'?"),
-        (["config", "list", "-o", "xml"], "'xml' is not one of 'table', 'name', 'json', 'yaml'."),
-        (["exec", "local", "run", "--jobs", "0"], "'--jobs'"),
+        (["config", "list", "-o", "xml"], ": must be one of table, name, json, yaml, not 'xml'."),
+        (["-l", "wrning", "config", "list"], "not 'wrning'. Did you mean 'warning'?"),
+        (["exec", "local", "run", "--runtime", "podmn"], "Did you mean 'podman'?"),
+        (["exec", "local", "run", "--jobs", "0"], "'-j' / '--jobs': must be at least 1, not '0'."),
+        (["exec", "local", "run", "--jobs", "x"], ": must be a whole number, not 'x'."),
+        (["evaluation", "gui", "-p", "99999"], ": must be at most 65535, not '99999'."),
+        (["config", "generate"], "Usage: vast config generate [OPTIONS] OUT\n"),
+        (["config", "export-configs"], "Usage: vast config export-configs [OPTIONS] PATTERN...\n"),
         (["exec", "local", "run", "a", "-o", "b"], "OUT is a, and --output is b; name one."),
         (["exec", "local", "run", "a", "--resume", "b"], "the results go to the campaign"),
     ],

@@ -111,7 +111,6 @@ def write_config(path: Path, current: str, **namespaces: str) -> None:
         (None, None, ("lab", "tests")),
         ("home", None, ("home", "default")),
         ("home", "mine", ("home", "mine")),
-        ("other", None, ("other", None)),
     ],
 )
 def test_several_kubeconfigs_count_together(
@@ -128,8 +127,27 @@ def test_several_kubeconfigs_count_together(
     assert choose_context(context, namespace) == chosen
 
 
-def test_a_broken_kubeconfig_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "broken").write_text("a: [")
+def test_a_context_that_is_not_there_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_config(tmp_path / "a", "", home="")
+    monkeypatch.setenv("KUBECONFIG", str(tmp_path / "a"))
+    with pytest.raises(CannotRunError, match=r"no context `other` in your kubeconfig.* has home\."):
+        choose_context("other", None)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"a: [", "broken:2:1: not valid YAML: here a value, or a closing bracket"),
+        (b"- 1\n", "broken is no kubeconfig: it holds no mapping"),
+        (b"\xff", "broken is no text in UTF-8"),
+    ],
+)
+def test_a_broken_kubeconfig_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: bytes, message: str
+) -> None:
+    (tmp_path / "broken").write_bytes(content)
     monkeypatch.setenv("KUBECONFIG", str(tmp_path / "broken"))
-    with pytest.raises(InputError, match="broken: cannot be read as a kubeconfig"):
+    with pytest.raises(InputError, match=message):
         choose_context(None, None)

@@ -10,7 +10,7 @@ from robovast.analysis.provenance.drawing import write_drawing
 from robovast.base.errors import ExitCode, RobovastError
 from robovast.campaign.finding import find_campaigns
 from robovast_cli.ui.output import say
-from robovast_cli.working import working
+from robovast_cli.ui.working import working
 from robovast_cli.workspace import shown
 
 _log = logging.getLogger(__name__)

@@ -19,7 +19,7 @@ from robovast.model.document import load_document
 from robovast.model.document.loader import Document, check_source
 from robovast.model.document.source import Source
 from robovast.model.expansion import Variant, select_any
-from robovast_cli.expanding import expanded
+from robovast_cli.ui.expanding import expanded
 from robovast_cli.ui.output import asked
 from robovast_cli.ui.report import tell
 from robovast_cli.workspace import shown

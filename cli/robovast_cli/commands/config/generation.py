@@ -16,7 +16,7 @@ from robovast.campaign.layout import Layout
 from robovast.execution.generate import write_configurations
 from robovast.model.document import Document
 from robovast.model.expansion import compose
-from robovast_cli.working import working
+from robovast_cli.ui.working import working
 from robovast_cli.workspace import shown
 
 

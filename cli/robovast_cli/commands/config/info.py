@@ -15,8 +15,8 @@ from robovast.model.document.model import ConfigurationEntry
 from robovast.model.expansion import Variant
 from robovast.model.quantities import LOCAL_CONTEXT, cpus, memory
 from robovast.model.scenario import read_scenario
-from robovast_cli.expanding import expanded
 from robovast_cli.plugins import origin
+from robovast_cli.ui.expanding import expanded
 from robovast_cli.ui.listing import format_table
 
 

@@ -13,8 +13,8 @@ from robovast.model.document import Document
 from robovast.model.expansion import Variant, select_variants
 from robovast.navigation.base import RECORD
 from robovast.navigation.extra import nav_extra
-from robovast_cli.expanding import expanded
-from robovast_cli.working import working
+from robovast_cli.ui.expanding import expanded
+from robovast_cli.ui.working import working
 from robovast_cli.workspace import shown
 
 Format = Literal["svg", "png"]

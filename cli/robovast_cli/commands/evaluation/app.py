@@ -7,7 +7,9 @@ COMMANDS = {
     "mcp-server": Lazy(
         "robovast_cli.commands.mcp:app", "Let an assistant look at results, as `vast mcp`."
     ),
-    "index": Lazy("robovast_cli.evaluation_index:app", "Make the campaigns' `campaign.db`."),
+    "index": Lazy(
+        "robovast_cli.commands.evaluation.index:app", "Make the campaigns' `campaign.db`."
+    ),
     "notebook": Lazy(
         "robovast_cli.commands.evaluation.notebook:app", "Open a notebook on results in Jupyter."
     ),

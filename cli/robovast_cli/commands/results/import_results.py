@@ -39,7 +39,7 @@ def import_results(
     from robovast.campaign.executables import warn_of_executables
     from robovast.campaign.importing import import_archive
     from robovast_cli.ui.output import say
-    from robovast_cli.working import working
+    from robovast_cli.ui.working import working
     from robovast_cli.workspace import shown
 
     with working(f"Unpacking {archive}"):

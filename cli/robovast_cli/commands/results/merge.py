@@ -30,7 +30,7 @@ def merge_campaigns(
     from robovast.campaign.merge import merge_campaigns
     from robovast_cli.commands.results.options import chosen_campaigns
     from robovast_cli.ui.output import say
-    from robovast_cli.working import working
+    from robovast_cli.ui.working import working
     from robovast_cli.workspace import shown
 
     campaigns = chosen_campaigns(results_dir or ctx.obj.results, campaign)

@@ -123,7 +123,10 @@ class Graphs:
         try:
             result = self._store.query(text, prefixes=PREFIXES)
         except SyntaxError as error:
-            raise InputError(f"the query is wrong: {error}.{_advice(text)}") from None
+            cause, expected, _ = str(error).partition(": expected one of")
+            if expected:
+                cause += ": what stands there is not expected, or something before it is missing"
+            raise InputError(f"the query is wrong: {cause}.{_advice(text)}") from None
         if isinstance(result, self._engine.QueryBoolean):
             return Answer(["answer"], [(bool(result),)])
         if isinstance(result, self._engine.QueryTriples):

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 import yaml
 
-from robovast.base.atomic import make_folder, sync_folder, sync_tree
+from robovast.base.atomic import make_folder, refuse_file, sync_folder, sync_tree
 from robovast.base.errors import InputError, StorageError
 from robovast.campaign.configurations import read_variants
 from robovast.campaign.layout import Layout
@@ -98,6 +98,7 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
 
 def _make_folder(output: Path, name: str, started: datetime) -> Layout:
     """A folder for a campaign, named after the first second from its start that no other has."""
+    refuse_file(output)
     try:
         make_folder(output)
         for seconds in count():
@@ -105,11 +106,6 @@ def _make_folder(output: Path, name: str, started: datetime) -> Layout:
             with suppress(FileExistsError):
                 root.mkdir()
                 break
-    except NotADirectoryError as error:
-        raise StorageError(
-            f"{error.filename or output} is a file, and results go into a folder. Choose another "
-            "place."
-        ) from None
     except OSError as error:
         raise StorageError(
             f"{output}: results cannot be written there: {error.strerror}. Choose another folder."

@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from robovast.base.atomic import refuse_file
 from robovast.base.errors import CannotRunError, StorageError
 from robovast.base.serialization import dump_yaml
 from robovast.campaign.layout import Layout
@@ -80,6 +81,7 @@ def _silent(message: str) -> None:
 
 def _make_room(output: Path) -> None:
     """Replace what an earlier prepare-run left, results excepted; never anything else."""
+    refuse_file(output)
     try:
         if output.is_dir() and any(output.iterdir()) and not (output / "run.sh").is_file():
             raise StorageError(f"{output} holds other files; choose an empty or a new folder.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import json
 import re
 from collections.abc import Iterable
 from typing import Any, get_args
@@ -90,9 +91,9 @@ def sentence(*group: ErrorDetails) -> str:
     """What is wrong with a value, which may be one of several things: as it must be, and is not."""
     sentences = list(dict.fromkeys(map(_sentence, group)))
     message = " or ".join([sentences[0], *(s.removeprefix("must be ") for s in sentences[1:])])
-    if message.startswith("must ") and ", not " not in message:
-        message += f", not {_shown(group[0]['input'])}"
-    return message
+    if not message.startswith("must ") or ", not " in message or message.endswith(" empty"):
+        return message
+    return f"{message}, not {_shown(group[0]['input'], whole='mapping' in message)}"
 
 
 def nearest(given: str, allowed: Iterable[str]) -> str | None:
@@ -121,18 +122,36 @@ _EXPECTED = {
 }
 """What a kind of pydantic's errors expects, by the first word of its name."""
 
+_WORDS = {
+    "greater than or equal to": "at least",
+    "less than or equal to": "at most",
+    "have at least 1 item, not 0": "be a list that is not empty",
+    "have at least 1 character": "not be empty",
+}
+"""What pydantic says, and what we say."""
+
 
 def _sentence(details: ErrorDetails) -> str:
     kind, _, what = details["type"].partition("_")
     if kind in _EXPECTED and what in {"type", "parsing", "from_float"}:
         return f"must be {_EXPECTED[kind]}"
+    if details["type"] == "invalid_key":
+        return "keys must be text"
+    if details["type"] == "string_pattern_mismatch":
+        return f"must match {details['ctx']['pattern']}"
     message = details["msg"].removeprefix("Value error, ").replace(" after validation", "")
     message = re.sub(r"^[A-Z][a-z]+ should ", "must ", message)
+    for theirs, ours in _WORDS.items():
+        message = message.replace(theirs, ours)
     return message[:1].lower() + message[1:]
 
 
-def _shown(value: Any) -> str:
-    text = {dict: "a mapping", list: "a list", type(None): "empty"}.get(type(value)) or repr(value)
+def _shown(value: Any, *, whole: bool = False) -> str:
+    """A value as a message can hold it; a mapping `whole` where a mapping is allowed."""
+    kinds = {dict: "a mapping", list: "a list", type(None): "empty"}
+    text = kinds.get(type(value)) or repr(value)
+    if whole and isinstance(value, dict):
+        text = f"`{json.dumps(value, default=str)}`"
     return text if len(text) <= 60 else text[:57] + "…"
 
 

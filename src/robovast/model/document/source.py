@@ -30,11 +30,44 @@ def render_path(path: KeyPath) -> str:
     return text
 
 
-def _cause(error: yaml.MarkedYAMLError) -> str:
-    """What the parser found, and in what, as that may begin far above."""
-    if not error.context or error.context_mark is None:
+_CAUSES = {
+    "mapping values are not allowed": "a second `:` in what is one value; a text with `: ` in it "
+    "needs quotes, and a mapping of its own a new line",
+    "found undefined alias": "`*name` repeats what `&name` marks above, and nothing is marked so",
+    "did not find expected key": "this does not continue the mapping that begins in line {0}; is "
+    "it indented as the lines beside it?",
+    "did not find expected '-' indicator": "this does not continue the list that begins in line "
+    "{0}; is it indented as the lines beside it?",
+    "did not find expected ',' or ']'": "the `[` of line {0} is not closed: here must be `,` or "
+    "`]`",
+    "did not find expected ',' or '}}'": "the `{{` of line {0} is not closed: here must be `,` or "
+    "`}}`",
+    "did not find expected node content": "here a value, or a closing bracket, is missing",
+    "found unexpected end of stream": "the quotes that open in line {0} are not closed",
+    "could not find expected ':'": "the key in line {0} has no `:` behind it",
+    "found unknown escape character": "no such escape in double quotes: `\\\\` writes a backslash, "
+    "single quotes take everything as it is",
+    "expected a mapping or list of mappings for merging": "`<<` takes over mappings alone",
+}
+"""What is said of YAML, by how libyaml's own words begin; `{0}` is where it began."""
+
+
+def _cause(error: yaml.MarkedYAMLError, text: str) -> str:
+    """What is wrong, and in what, as that may begin far above."""
+    mark, began = error.problem_mark, error.context_mark
+    if str(error.problem).startswith("found character that cannot start") and mark is not None:
+        found = text.splitlines()[mark.line][mark.column : mark.column + 1]
+        return (
+            "a tab; YAML is indented with spaces alone"
+            if found == "\t"
+            else f"a value cannot begin with `{found}`; put it into quotes"
+        )
+    for theirs, ours in _CAUSES.items():
+        if str(error.problem).startswith(theirs.format()):
+            return ours.format(began.line + 1 if began else mark.line + 1 if mark else "?")
+    if not error.context or began is None:
         return str(error.problem)
-    return f"{error.problem} {error.context} that begins in line {error.context_mark.line + 1}"
+    return f"{error.problem} {error.context} that begins in line {began.line + 1}"
 
 
 _COLLECTION_TAGS = frozenset({"tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"})
@@ -64,7 +97,11 @@ class Source:
             self.data: Any = None if node is None else self._build(node, ())
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
-            raise DocumentError([self._yaml_problem(_cause(error), mark)]) from error
+            raise DocumentError([self._yaml_problem(_cause(error, text), mark)]) from error
+        except yaml.reader.ReaderError as error:
+            line = text.count("\n", 0, error.position) + 1
+            message = f"the character {error.character:#04x} cannot stand in YAML (in line {line})"
+            raise DocumentError([self._yaml_problem(message, None)]) from error
         except yaml.YAMLError as error:
             raise DocumentError([self._yaml_problem(str(error), None)]) from error
         except RecursionError:
@@ -117,7 +154,7 @@ class Source:
         self._refuse_explosion(node)
         self._values.setdefault(path, node.start_mark)
         if isinstance(node, yaml.ScalarNode):
-            return self._scalars.construct_object(node)
+            return self._scalar(node)
         if node.tag not in _COLLECTION_TAGS:
             raise self._error(f"the tag `{node.tag}` has no meaning here", node.start_mark)
         if id(node) in self._open:
@@ -130,6 +167,18 @@ class Source:
             return self._build_mapping(node, path)
         finally:
             self._open.discard(id(node))
+
+    def _scalar(self, node: yaml.ScalarNode) -> Any:
+        if node.tag not in self._scalars.yaml_constructors:
+            raise self._error(f"the tag `{node.tag}` has no meaning here", node.start_mark)
+        try:
+            return self._scalars.construct_object(node)
+        except (ValueError, KeyError, OverflowError):
+            kind = node.tag.rpartition(":")[2].replace("timestamp", "date").replace("int", "number")
+            raise self._error(
+                f"`{node.value}` reads as a {kind} that there is not; as text it needs quotes",
+                node.start_mark,
+            ) from None
 
     def _refuse_explosion(self, node: yaml.Node) -> None:
         if id(node) in self._built:

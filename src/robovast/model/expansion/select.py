@@ -23,7 +23,7 @@ def select_variants(variants: Sequence[Variant], pattern: str) -> list[Variant]:
         ]
     if chosen:
         return chosen
-    names = [*dict.fromkeys(v.entry for v in variants), *(v.name for v in variants)]
+    names = list(dict.fromkeys([v.entry for v in variants] + [v.name for v in variants]))
     near = difflib.get_close_matches(pattern, names, n=3) or names[:5]
     raise InputError(
         f"no configuration matches `{pattern}`. There are {len(variants)}, for example "

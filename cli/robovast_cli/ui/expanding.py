@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 from robovast.model.document import Document
 from robovast.model.expansion import Variant, expand
-from robovast_cli.working import working
+from robovast_cli.ui.working import working
 
 
 @contextmanager

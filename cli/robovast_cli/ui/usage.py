@@ -1,0 +1,61 @@
+"""What Typer and pydantic say of the command line, in the words of RoboVAST."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import typer
+
+_KINDS = {"int": "N", "float": "NUMBER", "str": "TEXT"}
+"""How a value is called in the help."""
+
+
+@contextmanager
+def usage_explained() -> Iterator[None]:
+    """Say what is wrong with a value of the command line as RoboVAST says it elsewhere."""
+    try:
+        yield
+    except typer.BadParameter as error:
+        error.message = _explained(error)
+        raise
+
+
+def _explained(error: Any) -> str:
+    details: list[Any] = getattr(error.__cause__, "errors", list)()
+    if not details:
+        return str(error.message)
+    from robovast.model.document.problems import nearest, sentence
+
+    choices = [str(choice) for choice in error.param.type_descriptor.choices or ()]
+    if not choices:
+        return f"{sentence(details[0])}."
+    given = details[0]["input"]
+    near = nearest(str(given), choices)
+    hint = f" Did you mean {near!r}?" if near else ""
+    return f"must be one of {', '.join(choices)}, not {given!r}.{hint}"
+
+
+def name_values(command: Any) -> Any:
+    """The command, whose help calls values and arguments by names, not by types of Python."""
+    for param in command.params:
+        if param.param_type_name == "argument":
+            param.display_type_rich = _nothing
+            param._usage_display_name = lambda p=param: _in_usage(p)
+        elif param.metavar is None and not param.type_descriptor.is_choice:
+            kind = param.type_descriptor.annotation
+            param.metavar = _KINDS.get(getattr(kind, "__name__", ""))
+    for child in getattr(command, "commands", {}).values():
+        name_values(child)
+    return command
+
+
+def _nothing(ctx: object) -> str:
+    del ctx
+    return ""
+
+
+def _in_usage(param: Any) -> str:
+    name = f"{param.display_name_raw}{'...' if param.nargs != 1 else ''}"
+    return name if param.required else f"[{name}]"
