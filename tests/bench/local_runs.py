@@ -6,8 +6,9 @@
 Prints, from one session, the wall time of a growth_sim campaign (13 configurations × 2 runs) over
 `26 × one bare run ÷ CPUs`, and over 26 bare runs that a thread pool starts, as many side by side as
 there are CPUs (what this machine can do at best: side by side each run is slower than alone). For
-plain processes and, with an image, for Docker. Then the split of a run in a pack of 26. Bare and
-full executions alternate, so that all see the same machine.
+plain processes, also in CPU time, and, with an image, for Docker. Then the split of a run in a pack
+of 26, and what namespaces of its own cost a process. Bare and full executions alternate, so that
+all see the same machine.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import resource
+import shutil
 import statistics
 import subprocess
 import sys
@@ -26,6 +29,7 @@ from tempfile import TemporaryDirectory, mkdtemp
 
 import yaml
 
+from robovast.execution.local import sandbox
 from robovast.execution.local.process_environment import process_environment
 from robovast.model.quantities import machine_cpus
 
@@ -88,26 +92,39 @@ def spread(values: list[float]) -> str:
     return f"{statistics.median(values):.2f} s [{min(values):.2f}–{max(values):.2f}]"
 
 
+def cpu() -> float:
+    """CPU time of all that has ended [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def compare(
     name: str,
-    goal: float,
+    goals: tuple[float, float],
     repeat: int,
     bare_run: Callable[[], float],
     full_run: Callable[[], float],
 ) -> None:
-    bare, limit, full = [], [], []
+    bare: list[float] = []
+    limit: list[float] = []
+    full: list[float] = []
+    shares: list[float] = []
     for _ in range(repeat):
         bare += [bare_run() for _ in range(5)]
+        begin = cpu()
         full.append(full_run())
+        middle = cpu()
         limit.append(side_by_side(bare_run))
+        shares.append((middle - begin) / (cpu() - middle))
     bare += [bare_run() for _ in range(5)]
     campaign_time = statistics.median(full)
     ideal = RUNS * statistics.median(bare) / machine_cpus()
     print(
-        f"{name}: {campaign_time / ideal:.2f} of the ideal (goal {goal}), "
-        f"{campaign_time / statistics.median(limit):.2f} of the limit; campaign {spread(full)}, "
+        f"{name}: {campaign_time / ideal:.2f} of the ideal (goal {goals[0]}), "
+        f"{campaign_time / statistics.median(limit):.2f} of the limit (goal {goals[1]}), "
+        f"{statistics.median(shares):.2f} of its CPU; campaign {spread(full)}, "
         f"bare run {spread(bare)}, {RUNS} bare runs side by side {spread(limit)}, "
-        f"{machine_cpus()} CPUs"
+        f"{machine_cpus()} CPUs, load {os.getloadavg()[0]:.1f}"
     )
 
 
@@ -133,6 +150,29 @@ def packed(folder: Path, repeat: int) -> None:
     )
 
 
+def isolation(folder: Path, repeat: int) -> None:
+    """What namespaces of its own cost a process."""
+    out = folder / "isolated"
+    out.mkdir()
+    for name in filter(shutil.which, sandbox.LAUNCHERS):
+        box = sandbox.Sandbox(sandbox.LAUNCHERS[name], [])
+        isolated = box.command(out, {"/config": out, "/out": out}, ["true"])
+        wall: dict[str, list[float]] = {"bare": [], "isolated": []}
+        used = dict.fromkeys(wall, 0.0)
+        for _ in range(40 * repeat):
+            for case, command in {"bare": ["true"], "isolated": isolated}.items():
+                begin = cpu()
+                wall[case].append(timed(command))
+                used[case] += cpu() - begin
+        more = statistics.median(wall["isolated"]) - statistics.median(wall["bare"])
+        least = min(wall["isolated"]) - min(wall["bare"])
+        cpu_time = (used["isolated"] - used["bare"]) / len(wall["bare"])
+        print(
+            f"isolation by {name}: {more * 1000:.1f} ms (goal 15), least {least * 1000:.1f} ms, "
+            f"CPU {cpu_time * 1000:.1f} ms; load {os.getloadavg()[0]:.1f}"
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--docker", metavar="IMAGE")
@@ -143,17 +183,18 @@ def main() -> None:
         folder.chmod(0o755)
         compare(
             "process",
-            1.15,
+            (1.10, 1.05),
             arguments.repeat,
             lambda: bare_process(folder),
             lambda: campaign(folder / "process", "--runtime", "process"),
         )
         packed(folder, arguments.repeat)
+        isolation(folder, arguments.repeat)
         if arguments.docker:
             image = arguments.docker
             compare(
                 "docker",
-                1.5,
+                (1.5, 1.15),
                 arguments.repeat,
                 lambda: bare_docker(folder, image),
                 lambda: campaign(folder / "docker", "--runtime", "docker", "-i", image),

@@ -1,6 +1,6 @@
 """The compose file of a job."""
 
-from robovast.execution.local.compose import compose_model
+from robovast.execution.local.compose import compose_model, run_options
 from robovast.execution.local.runtime import Limits
 
 
@@ -41,3 +41,24 @@ def test_without_limits_nothing_is_limited() -> None:
 
 def test_the_name_is_left_to_compose_when_none_is_given() -> None:
     assert "container_name" not in model(name=None)["robovast"]
+
+
+def test_a_container_alone_is_started_as_compose_would() -> None:
+    service = model(limits=Limits(cpus=1.5, memory=2**30))["robovast"]
+    *options, image, script = run_options(service)
+    assert (image, script) == ("image:1", "/config/entrypoint.sh")
+    assert set(options) == {
+        "--init",
+        "--name=robovast-1.job-0",
+        "--user=1000:1000",
+        "--workdir=/out",
+        "--network=bridge",
+        "--entrypoint=/bin/bash",
+        "--ipc=shareable",
+        "--cpus=1.5",
+        f"--memory={2**30}",
+        "--volume=/a:/config:ro",
+        "--label=robovast.job=x",
+        "--env=OUTPUT_DIR=/out/_jobs/job-0",
+        "--env=PRICE=5$ or ${HOME}",
+    }

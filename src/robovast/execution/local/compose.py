@@ -68,6 +68,30 @@ def compose_model(
     return {"services": services}
 
 
+def run_options(service: Mapping[str, Any]) -> list[str]:
+    """The options of `docker run`, and its image and arguments, that start a main service alone.
+
+    Compose would do the same, but takes as long again as the container itself for it.
+    """
+    limits = {"--cpus": service.get("cpus"), "--memory": service.get("mem_limit")}
+    program, *arguments = service["entrypoint"]
+    single = {
+        "--name": service["container_name"],
+        "--user": service["user"],
+        "--workdir": service["working_dir"],
+        "--network": service["network_mode"],
+        "--ipc": service["ipc"],
+        "--entrypoint": program,
+        **{option: value for option, value in limits.items() if value is not None},
+    }
+    options = [f"{option}={value}" for option, value in single.items()]
+    options += [f"--volume={volume}" for volume in service["volumes"]]
+    options += [f"--label={name}={value}" for name, value in service["labels"].items()]
+    for name, value in service["environment"].items():
+        options.append(f"--env={name}={value.replace('$$', '$')}")
+    return ["--init", *options, service["image"], *arguments]
+
+
 def _literal(environment: Mapping[str, str]) -> dict[str, str]:
     """Values as they are: compose would read `$NAME` in them as a variable of the caller."""
     return {name: value.replace("$", "$$") for name, value in environment.items()}

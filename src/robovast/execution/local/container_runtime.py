@@ -8,22 +8,25 @@ import subprocess
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from robovast.base.containers import call, check_engine, fetch_image, image_digest
 from robovast.base.errors import CannotRunError
 from robovast.base.serialization import dump_yaml
 from robovast.execution.compat import VERSION_PATH, check_compat
 from robovast.execution.local import process_tree
-from robovast.execution.local.compose import compose_model
+from robovast.execution.local.compose import MAIN, compose_model, run_options
 from robovast.execution.local.events import LocalOptions
 from robovast.execution.local.runtime import CONFIG, OUT, Identity, JobSpec
 
 X11_SOCKETS = Path("/tmp/.X11-unix")  # noqa: S108  # where X servers listen
 LABEL = "robovast.job"
+_NOT_STARTED = (125, 126, 127)
+"""What `docker run` answers when a container could not be started."""
 
 
 class ContainerRuntime:
-    """Starts each job as one compose project."""
+    """Starts each job as a container, or with secondary ones as a compose project."""
 
     def __init__(
         self, engine: str, image: str, options: LocalOptions, message: Callable[[str], None]
@@ -34,6 +37,7 @@ class ContainerRuntime:
         self._image = image
         self._options = options
         self._message = message
+        self._started: dict[str, subprocess.Popen[bytes]] = {}
 
     def check(self) -> Identity:
         """Make sure that the engine answers and that the image is here and compatible."""
@@ -49,26 +53,41 @@ class ContainerRuntime:
 
     def start(self, spec: JobSpec, console: Path) -> subprocess.Popen[bytes]:
         """Start the job's containers; the process ends with the main container's exit code."""
-        self._compose_file(spec).write_text(dump_yaml(self._model(spec)), encoding="utf-8")
-        script = f'"${{@:2}}" && exit "$({self.name} wait "$1")"'
+        model = self._model(spec)
+        if _is_alone(spec):
+            command = [self.name, "run", "--rm", *run_options(model["services"][MAIN])]
+        else:
+            self._compose_file(spec).write_text(dump_yaml(model), encoding="utf-8")
+            script = f'"${{@:2}}" && exit "$({self.name} wait "$1")"'
+            up = [*self._project(spec), "up", "--detach"]
+            command = ["bash", "-c", script, "bash", spec.token, *up]
         with console.open("wb") as output:
-            return subprocess.Popen(
-                ["bash", "-c", script, "bash", spec.token, *self._project(spec), "up", "--detach"],
+            process = subprocess.Popen(
+                command,
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
             )
+        self._started[spec.token] = process
+        return process
 
     def stop(self, spec: JobSpec, process: subprocess.Popen[bytes], grace: float) -> None:
         """Stop the job's containers."""
-        self._run_compose(spec, "stop", "--timeout", str(int(grace)))
+        if _is_alone(spec):
+            call([self.name, "stop", "--time", str(int(grace)), spec.token])
+        else:
+            self._run_compose(spec, "stop", "--timeout", str(int(grace)))
         if not process_tree.wait(process, grace):
             process_tree.stop(process, 0)
 
     def clean_up(self, spec: JobSpec) -> None:
-        """Remove the job's containers."""
-        self._run_compose(spec, "down", "--timeout", "2", "--volumes", "--remove-orphans")
+        """Remove the job's containers; one alone is removed by the engine when it has ended."""
+        process = self._started.pop(spec.token, None)
+        if not _is_alone(spec):
+            self._run_compose(spec, "down", "--timeout", "2", "--volumes", "--remove-orphans")
+        elif process is None or _may_be_left(process.poll()):
+            call([self.name, "rm", "--force", "--volumes", spec.token])
 
     def clean_up_campaign(self, prefix: str) -> None:
         """Remove containers of an execution that was killed."""
@@ -88,7 +107,7 @@ class ContainerRuntime:
             f"the compose plugin, or use `--runtime process`."
         )
 
-    def _model(self, spec: JobSpec) -> dict[str, object]:
+    def _model(self, spec: JobSpec) -> dict[str, Any]:
         volumes = [
             f"{spec.config}:/config:ro",
             f"{spec.out}:/out",
@@ -121,3 +140,13 @@ class ContainerRuntime:
 
     def _compose_file(self, spec: JobSpec) -> Path:
         return spec.work / "compose.yaml"
+
+
+def _is_alone(spec: JobSpec) -> bool:
+    """True for a job of one container that every engine can start without compose."""
+    return not spec.secondaries and not spec.limits.gpus
+
+
+def _may_be_left(code: int | None) -> bool:
+    """True when the engine's program has not seen its container end."""
+    return code is None or code < 0 or code in _NOT_STARTED
