@@ -29,6 +29,7 @@ from tempfile import TemporaryDirectory, mkdtemp
 
 import yaml
 
+from robovast.base.atomic import put_in_place
 from robovast.execution.local import sandbox
 from robovast.execution.local.process_environment import process_environment
 from robovast.model.quantities import machine_cpus
@@ -173,6 +174,29 @@ def isolation(folder: Path, repeat: int) -> None:
         )
 
 
+def storing(folder: Path, repeat: int) -> None:
+    """What it costs that a run which was told to be stored survives a power cut."""
+    times: dict[str, list[float]] = {"synced": [], "unsynced": []}
+    real = os.fsync
+    for number in range(40 * repeat):
+        for case in times:
+            source = folder / f"{case}-{number}"
+            source.mkdir()
+            for name in ("test.xml", "run.json", "population.csv"):
+                (source / name).write_bytes(os.urandom(4096))
+            os.fsync = real if case == "synced" else lambda _: None
+            begin = time.perf_counter()
+            put_in_place(source, folder / "stored" / case / str(number))
+            times[case].append((time.perf_counter() - begin) * 1000)
+    os.fsync = real
+    most = max(times["synced"])
+    synced, unsynced = (statistics.median(values) for values in times.values())
+    print(
+        f"storing a run of 3 files: {synced:.2f} ms [at most {most:.1f}], without `fsync` "
+        f"{unsynced:.2f} ms; load {os.getloadavg()[0]:.1f}"
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--docker", metavar="IMAGE")
@@ -190,6 +214,7 @@ def main() -> None:
         )
         packed(folder, arguments.repeat)
         isolation(folder, arguments.repeat)
+        storing(folder, arguments.repeat)
         if arguments.docker:
             image = arguments.docker
             compare(
