@@ -149,6 +149,7 @@ def test_run_files_that_are_not_there_are_a_warning(vast, folder: Path) -> None:
     assert outcome.err == (
         f"warning: bad.vast:5:5: execution.run_files[0]: `files/*.py` matches no file in {folder}\n"
         "    Patterns are relative to the .vast file and stay in its folder.\n"
+        "differs: bad.vast:1:1: one configuration, `config1`, runs; there nothing did\n"
     )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import typer
 from pydantic import BaseModel
 
+from robovast.compat.differences import differences
 from robovast.model.document import Document
 from robovast.model.document.model import ConfigurationEntry
 from robovast.model.expansion import Variant
@@ -38,6 +39,8 @@ def print_check(document: Document) -> None:
     _check_resources(document)
     with expanded(document) as variants:
         count = len(variants)
+    for difference in differences(document):
+        typer.echo(f"differs: {difference}", err=True)
     warnings = len(document.warnings)
     told = "" if not warnings else f", {warnings} warning{'s' if warnings > 1 else ''}"
     file = document.source.file
