@@ -90,8 +90,8 @@ refused python3 -c 'import socket; socket.socket(socket.AF_UNIX).connect("{socke
 refused chroot /proc/1/root true
 refused nsenter -t 1 -m true
 refused test -e {hidden}
-echo tmp > /tmp/"$1" && mkdir ~/.cache && echo "$TMPDIR $HOME" > /out/places
-echo shm > /dev/shm/robovast-test
+echo tmp > /tmp/{word} && mkdir ~/.cache && echo "$TMPDIR $HOME" > /out/places
+echo shm > /dev/shm/{word}
 """
 
 
@@ -100,8 +100,8 @@ def test_a_run_writes_to_its_output_and_to_private_folders_only(tmp_path: Path) 
     host.mkdir(parents=True, exist_ok=True)
     (host / "file").write_text("mine")
     socket = next(Path("/run").glob("**/*.sock"), Path("/run/docker.sock"))
-    script = HARM.format(host=host, pid=os.getpid(), socket=socket, hidden=tmp_path)
-    before = set(Path("/tmp").iterdir()) | set(Path("/dev/shm").iterdir())
+    word = f"robovast-{time.time_ns()}"
+    script = HARM.format(host=host, pid=os.getpid(), socket=socket, hidden=tmp_path, word=word)
     summary = run(make_campaign(tmp_path / "in", script), tmp_path / "out", select="one-1")
     assert verdicts(summary) == {"one-1/0": "passed"}
     rest = summary.campaign / "_jobs" / "job-0" / "out"
@@ -109,8 +109,8 @@ def test_a_run_writes_to_its_output_and_to_private_folders_only(tmp_path: Path) 
     assert (rest / "places").read_text() == "/tmp /tmp\n"
     assert [path.name for path in host.iterdir()] == ["file"]
     assert (host / "file").read_text() == "mine"
-    left = (set(Path("/tmp").iterdir()) | set(Path("/dev/shm").iterdir())) - before
-    assert not [path for path in left if "robovast" in path.name]
+    assert not Path("/tmp", word).exists()
+    assert not Path("/dev/shm", word).exists()
 
 
 def test_a_secondary_container_shares_memory_and_output(tmp_path: Path) -> None:
