@@ -1,5 +1,77 @@
-"""RoboVAST: vary a scenario, run every variant, say what failed, where and why."""
+"""RoboVAST: vary a scenario, run every variant, say what failed, where and why.
+
+What a script needs stands here; docs/scripting.md shows it at work.
+
+```
+load_document(path)          the .vast document, checked
+expand(document, folder)     its variants
+run_campaign(document, …)    execute it on this machine
+open_campaign(folder)        a campaign that was executed: its runs, and SQL over its tables
+find_campaigns(results)      the folders of all campaigns in a folder
+ask(folders, sql)            SQL over the tables of several
+```
+
+Names are imported when they are first used. `robovast.common` is for plugins and notebooks.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from robovast.base.version import __version__
 
-__all__ = ["__version__"]
+if TYPE_CHECKING:
+    from robovast.analysis.tables.query import Answer, ask
+    from robovast.base.errors import RobovastError
+    from robovast.campaign.finding import find_campaigns
+    from robovast.campaign.verdict import Verdict
+    from robovast.execution.local import LocalOptions
+    from robovast.model.document import Document, load_document
+    from robovast.model.expansion import Variant, expand
+    from robovast.scripting import Campaign, StoredRun, open_campaign, run_campaign
+
+_MODULES = {
+    "Answer": "analysis.tables.query",
+    "Campaign": "scripting",
+    "Document": "model.document",
+    "LocalOptions": "execution.local",
+    "RobovastError": "base.errors",
+    "StoredRun": "scripting",
+    "Variant": "model.expansion",
+    "Verdict": "campaign.verdict",
+    "ask": "analysis.tables.query",
+    "expand": "model.expansion",
+    "find_campaigns": "campaign.finding",
+    "load_document": "model.document",
+    "open_campaign": "scripting",
+    "run_campaign": "scripting",
+}
+
+__all__ = [
+    "Answer",
+    "Campaign",
+    "Document",
+    "LocalOptions",
+    "RobovastError",
+    "StoredRun",
+    "Variant",
+    "Verdict",
+    "__version__",
+    "ask",
+    "expand",
+    "find_campaigns",
+    "load_document",
+    "open_campaign",
+    "run_campaign",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

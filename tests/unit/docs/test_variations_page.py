@@ -1,0 +1,84 @@
+"""What docs/variations.md teaches works as it stands there."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+import yaml
+from finished_campaigns import add_run
+from pages import ROOT, write_files
+
+import robovast
+from robovast.execution.generate import write_configurations
+from robovast.model.expansion import compose
+
+PAGE = "docs/variations.md"
+SCENARIO = """\
+scenario corridor:
+    width: float = 0.9
+    do serial:
+        wait elapsed(1s)
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    path = tmp_path / "project"
+    path.mkdir()
+    (path / "scenario.osc").write_text(SCENARIO)
+    written = write_files(PAGE, "yaml", path) + write_files(PAGE, "python", path)
+    assert written == ["doors.vast", "widths.py", "clearance.py", "laboratory.py"]
+    return path
+
+
+def test_the_variation_type_is_applied(folder: Path, tmp_path: Path) -> None:
+    variants = robovast.expand(robovast.load_document(folder / "doors.vast"), tmp_path)
+    assert [(v.name, v.parameters["width"]) for v in variants] == [
+        ("corridor-1", 0.6),
+        ("corridor-2", 0.8),
+        ("corridor-3", 1.0),
+        ("corridor-4", 1.2),
+    ]
+
+
+def test_a_mistake_is_told_as_the_page_promises(folder: Path) -> None:
+    path = folder / "doors.vast"
+    path.write_text(path.read_text().replace("narrowest: 0.6", "narrowest: -1"))
+    with pytest.raises(robovast.RobovastError, match=r"doors\.vast:7:.*narrowest"):
+        robovast.load_document(path)
+
+
+def test_the_command_and_the_hooks_are_called(folder: Path, tmp_path: Path) -> None:
+    campaign = _campaign(folder, tmp_path)
+    summary = robovast.open_campaign(campaign).postprocess()
+    assert not summary.failures, summary.failures
+    with (campaign / "corridor-1" / "0" / "clearance.csv").open() as file:
+        assert [*csv.DictReader(file)] == [{"clearance": "0.05"}]
+    metadata = yaml.safe_load((campaign / "metadata.yaml").read_text())
+    assert metadata["laboratory"] == {"room": "B 12", "campaign": campaign.name}
+    doors = {entry["name"]: entry["door"] for entry in metadata["configurations"]}
+    assert doors["corridor-1"] == {"narrow": True}
+    assert doors["corridor-4"] == {"narrow": False}
+
+
+def _campaign(folder: Path, tmp_path: Path) -> Path:
+    """A campaign that was executed from the page's document."""
+    document = robovast.load_document(folder / "doors.vast")
+    composition = compose(document, tmp_path)
+    campaign = tmp_path / "results" / "doors-2026-01-01-000000"
+    write_configurations(document, composition, campaign, timings=True)
+    for index, variant in enumerate(composition.variants):
+        add_run(campaign, variant.name, 0, index)
+    return campaign
+
+
+def test_each_example_is_about_twenty_lines(folder: Path) -> None:
+    for path in folder.glob("*.py"):
+        lines = [line for line in path.read_text().splitlines() if line.strip()]
+        assert len(lines) <= 26, path.name
+
+
+def test_the_page_is_known_to_readers() -> None:
+    assert "docs/variations.md" in (ROOT / "README.md").read_text()
