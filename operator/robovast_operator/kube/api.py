@@ -26,7 +26,6 @@ LOGGER = logging.getLogger(__name__)
 
 FIELD_MANAGER = "robovast-operator"
 
-JSON_PATCH = "application/json-patch+json"
 MERGE_PATCH = "application/merge-patch+json"
 APPLY_PATCH = "application/apply-patch+yaml"
 

@@ -154,13 +154,6 @@ def make_folder(path: Path, root: Path) -> None:
         return
 
 
-def make_link(path: Path, target: str | Path, root: Path) -> None:
-    """Make a symbolic link, in place of what was there."""
-    with _parent(path, root) as (folder, name):
-        _remove(folder, name)
-        os.symlink(target, name, dir_fd=folder)
-
-
 def remove(path: Path, root: Path) -> None:
     """Remove a file, a link or a folder with all that is in it, however deep; or nothing.
 

@@ -1,4 +1,7 @@
-"""`campaign.db` (SQLite): the campaign, its batches, its parameter sets and how they fared."""
+"""`campaign.db` (SQLite): the campaign, its batches, its parameter sets and how they fared.
+
+For users of the existing tool, whose scripts read it; nothing here does.
+"""
 
 from __future__ import annotations
 
