@@ -95,7 +95,7 @@ def _entry(run: Run, record: RunRecord | None, damaged: Mapping[str, str]) -> di
         "finished_at": record.finished_at,
         "duration": record.duration,
         "job": record.job,
-        **({"missing": len(record.missing)} if record.missing else {}),
+        **({"missing": sum(file.count for file in record.missing)} if record.missing else {}),
         **({"damaged": damaged[run.path]} if run.path in damaged else {}),
     }
 

@@ -7,7 +7,7 @@ import os
 import socket
 import time
 from contextlib import suppress
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -21,7 +21,7 @@ from robovast.base.containers import named_digest
 from robovast.campaign.own_names import set_own_names_aside
 from robovast.campaign.places import Keys
 from robovast.campaign.records import Circumstances, make_record
-from robovast.campaign.run_files import StoredFile, Writer, escaped, shortened
+from robovast.campaign.run_files import MOST_TOLD, StoredFile, Writer, escaped
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 
@@ -86,7 +86,7 @@ class Results:
 
         stored, missing = store_files(ended.folder, store)
         files = self._bucket.store_list(writer, stored)
-        record = replace(self._record(ended), files=files, missing=shortened(missing))
+        record = replace(self._record(ended), files=files, missing=missing.told(MOST_TOLD))
         return record.verdict if self._bucket.settle(run, record, etag) else None
 
     def _record(self, ended: EndedRun) -> RunRecord:
@@ -111,8 +111,8 @@ class Results:
             return self._bucket.put(prefix + escaped(path), file, there)
 
         _, missing = store_files(folder, store)
-        if missing:
-            told = json.dumps([asdict(file) for file in missing], indent=1)
+        if missing.told():
+            told = json.dumps([file.data() for file in missing.told()], indent=1)
             self._bucket.store.put_bytes(self._bucket.name, prefix + MISSING, told.encode())
         _remove(folder)
 

@@ -18,7 +18,8 @@ from typing import BinaryIO, TypeVar
 from robovast.agent.bucket import Bucket
 from robovast.base.errors import StorageError
 from robovast.base.safe_paths import extents, has_holes
-from robovast.campaign.run_files import MissingFile, escaped, shown
+from robovast.campaign.layout import TEST_RESULT
+from robovast.campaign.run_files import ROOM, Missing, escaped, room_of
 
 T = TypeVar("T")
 
@@ -54,12 +55,23 @@ def open_files(root: Path) -> Iterator[tuple[str, BinaryIO | OSError]]:
 def _below(folder: int, prefix: str, levels: int) -> Iterator[tuple[str, BinaryIO | OSError]]:
     """Files in an open folder, which is closed at the end."""
     try:
-        for name in sorted(os.listdir(folder)):
-            yield from _found(folder, name, prefix + name, levels)
+        names = sorted(os.listdir(folder), key=lambda name: (name != TEST_RESULT, name))
+        # Files come before folders: where there is no room for all, these are the ones to have.
+        for wanted in (False, True):
+            for name in names:
+                if _is_folder(folder, name) is wanted:
+                    yield from _found(folder, name, prefix + name, levels)
     except OSError as error:
         yield prefix, error
     finally:
         os.close(folder)
+
+
+def _is_folder(folder: int, name: str) -> bool:
+    try:
+        return stat.S_ISDIR(os.stat(name, dir_fd=folder, follow_symlinks=False).st_mode)
+    except OSError:  # told when it is opened
+        return False
 
 
 def _found(
@@ -127,9 +139,7 @@ def _make_readable(folder: int, name: str) -> None:
         os.close(handle)
 
 
-def store_files(
-    root: Path, store: Callable[[str, int, BinaryIO], T]
-) -> tuple[list[T], list[MissingFile]]:
+def store_files(root: Path, store: Callable[[str, int, BinaryIO], T]) -> tuple[list[T], Missing]:
     """Do something with every file below a folder, some at a time.
 
     Args:
@@ -137,29 +147,30 @@ def store_files(
         store: is given path, number and content of a file.
 
     Returns:
-        What `store` returned, in no order, and the files that could not be read.
+        What `store` returned, in no order, and the files that could not be read, or have no room
+        in a list.
     """
     stored: list[T] = []
-    missing: list[MissingFile] = []
+    missing = Missing()
+    room = ROOM
 
     def keep(path: str, number: int, file: BinaryIO) -> None:
         with file:
             try:
                 stored.append(store(path, number, file))
             except OSError as error:
-                missing.append(_missing(path, error))
+                missing.add(path, error.strerror or str(error))
 
     with _Crowd() as crowd:
         for number, (path, found) in enumerate(open_files(root)):
             if isinstance(found, OSError):
-                missing.append(_missing(path, found))
+                missing.add(path, found.strerror or str(found))
+            elif (room := room - room_of(path)) < 0:
+                found.close()
+                missing.add_beyond()
             else:
                 crowd.do(partial(keep, path, number, found), found)
-    return stored, sorted(missing, key=lambda file: file.path)
-
-
-def _missing(path: str, error: OSError) -> MissingFile:
-    return MissingFile(shown(path), error.strerror or str(error))
+    return stored, missing
 
 
 def store_own_tree(
@@ -194,7 +205,7 @@ def store_own_tree(
         return key
 
     keys, missing = store_files(root, store)
-    for file in missing:
+    for file in missing.named():
         if file.reason != LINK:
             raise StorageError(f"{root / file.path}: cannot be stored: {file.reason}.")
     return set(keys) - {""}

@@ -13,11 +13,13 @@ older versions records name no list; a run's files are then the objects beside i
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
@@ -33,6 +35,13 @@ LONGEST_NAME = 255
 """Of a part of a key, where a server keeps it as a file [byte]."""
 MOST_TOLD = 50
 """Missing files that a record names."""
+MOST_NAMED = 1000
+"""Missing files whose names are known while a run is stored."""
+ROOM = 32 << 20
+"""Of a list of files [byte]: who reads it, and who writes it, has all of it in memory."""
+FULL = f"the list of a run's files is full ({ROOM >> 20} MiB, some 100,000 files)"
+_ENTRY = 250
+"""What an entry takes besides its path and the end of its key [byte]."""
 
 _WRITER = re.compile(r"\.writer-[0-9a-f]{16}(?:\.json$|\.long/|/)")
 _FOLDER_MARK = re.compile(r"__(?=XLDIR__)")
@@ -40,7 +49,7 @@ _FOLDER_MARK = re.compile(r"__(?=XLDIR__)")
 called nor removed with its bucket."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class StoredFile:
     """A file of a run, and the object that has its content."""
 
@@ -84,14 +93,52 @@ class MissingFile:
     path: str
     """In the run's folder; `\\xNN` is a byte that is no UTF-8."""
     reason: str
+    count: int = 1
+    """Files that it stands for."""
+
+    def data(self) -> dict[str, Any]:
+        """As it is written."""
+        return {"path": self.path, "reason": self.reason} | (
+            {"count": self.count} if self.count != 1 else {}
+        )
 
 
-def shortened(missing: Sequence[MissingFile]) -> tuple[MissingFile, ...]:
-    """No more of them than a record should hold, and how many there are."""
-    if len(missing) <= MOST_TOLD:
-        return tuple(missing)
-    rest = MissingFile("…", f"and {len(missing) - MOST_TOLD} more")
-    return (*missing[:MOST_TOLD], rest)
+class Missing:
+    """Files that are not stored, however many: some of them by name, all by number."""
+
+    def __init__(self) -> None:
+        self._named: list[MissingFile] = []
+        self._others = self._beyond = 0
+        self._lock = Lock()
+
+    def add(self, path: str, reason: str) -> None:
+        """A file cannot be stored."""
+        with self._lock:
+            if len(self._named) < MOST_NAMED:
+                self._named.append(MissingFile(shown(path), reason))
+            else:
+                self._others += 1
+
+    def add_beyond(self) -> None:
+        """There is no room for a file in the list."""
+        self._beyond += 1
+
+    def named(self) -> list[MissingFile]:
+        """Those that have a name here, sorted by path."""
+        return sorted(self._named, key=lambda file: file.path)
+
+    def told(self, most: int = MOST_NAMED) -> tuple[MissingFile, ...]:
+        """No more of them than a record should hold, and how many others there are."""
+        named = self.named()
+        others = self._others + len(named[most:])
+        beyond = [MissingFile("…", f"{self._beyond:,} files: {FULL}", self._beyond)]
+        rest = [MissingFile("…", f"and {others} more", others)]
+        return (*(beyond if self._beyond else []), *named[:most], *(rest if others else []))
+
+
+def room_of(path: str) -> int:
+    """What an entry of a list may take at most, beside others [byte]."""
+    return _ENTRY + len(json.dumps(path)) + len(json.dumps(escaped(path)))
 
 
 class Writer:
@@ -154,9 +201,14 @@ def is_writers(key: str) -> bool:
 
 def write_list(files: Iterable[StoredFile]) -> bytes:
     """The list of a run's files, as it is stored."""
-    ordered = sorted(files, key=lambda file: file.path)
-    items = [with_unknown(asdict(file)) for file in ordered]
-    return json.dumps({"files": items}, indent=0).encode()
+    text = io.BytesIO()
+    text.write(b'{"files": [')
+    separator = b"\n"
+    for file in sorted(files, key=lambda file: file.path):
+        text.write(separator + json.dumps(with_unknown(asdict(file))).encode())
+        separator = b",\n"
+    text.write(b"\n]}")
+    return text.getvalue()
 
 
 def read_list(content: bytes) -> list[StoredFile]:

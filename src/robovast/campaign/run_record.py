@@ -78,6 +78,7 @@ class RunRecord:
 
     def _data(self) -> dict[str, Any]:
         data = with_unknown(asdict(self))
+        data["missing"] = [file.data() for file in self.missing]
         if data[PLACE]:
             data[PLACE] = with_unknown(data[PLACE])
         left_out = {key for key in (PLACE, "missing", "pod") if not data[key]}

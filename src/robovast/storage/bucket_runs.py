@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,12 +15,14 @@ from robovast.campaign.run_files import (
     StoredFile,
     is_inside,
     is_key,
-    is_writers,
     read_list,
 )
 from robovast.campaign.run_record import parse_run_record
 from robovast.storage.faults import ObjectError
 from robovast.storage.s3 import ObjectStore, StoredObject
+
+AT_ONCE = 50_000
+"""Files of runs that are known at once; one run may have more."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,27 @@ class RunObjects:
     path: str
     """`<variant>/<number>`."""
     objects: tuple[StoredObject, ...]
-    """All that is below its path, also what nobody names."""
+    """What is below its path, without what writers have put into places of their own."""
+    count: int
+    """Of all objects below its path, also those that nobody names."""
+    size: int
+    """Of these together [byte]."""
+
+
+def in_batches(runs: Iterable[RunObjects]) -> Iterator[list[RunObjects]]:
+    """Runs some at a time, so that no more files than fit into memory are known at once.
+
+    One batch at least, that may have no run.
+    """
+    batch: list[RunObjects] = []
+    count = 0
+    for run in runs:
+        if batch and count + run.count > AT_ONCE:
+            yield batch
+            batch, count = [], 0
+        batch.append(run)
+        count += run.count
+    yield batch
 
 
 @dataclass(frozen=True)
@@ -106,8 +128,7 @@ def open_run(store: ObjectStore, bucket: str, run: RunObjects) -> OpenedRun:
 def _files_beside(run: RunObjects) -> tuple[BucketFile, ...]:
     """Of a run that an older version stored."""
     below = len(run.path) + 1
-    others = (item for item in run.objects if item.key[below:] != RUN_RECORD)
-    return tuple(BucketFile(i.key, i) for i in others if not is_writers(i.key[below:]))
+    return tuple(BucketFile(i.key, i) for i in run.objects if i.key[below:] != RUN_RECORD)
 
 
 def _named_files(

@@ -6,7 +6,7 @@ import gzip
 import io
 import tarfile
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from functools import partial
@@ -16,8 +16,9 @@ from tempfile import TemporaryDirectory
 
 from robovast.base.atomic import appearing_file
 from robovast.base.errors import InputError
-from robovast.storage.bucket_runs import BucketFile, open_run
-from robovast.storage.download import THREADS, job_link, plan_download, told_apart
+from robovast.campaign.layout import RUN_RECORD
+from robovast.storage.bucket_runs import BucketFile, in_batches, open_run
+from robovast.storage.download import THREADS, DownloadPlan, job_link, plan_download, told_apart
 from robovast.storage.s3 import ObjectStore
 
 
@@ -49,16 +50,13 @@ def pack_bucket(
         StorageError: the bucket cannot be read, or the archive cannot be written.
     """
     plan = plan_download(store.objects(bucket), archive.parent / campaign, force=True)
-    with ThreadPoolExecutor(THREADS, "open") as pool:
-        runs = list(pool.map(partial(open_run, store, bucket), plan.runs))
-    files = sorted(
-        [*plan.files, *(file for run in runs for file in run.files)], key=lambda file: file.path
-    )
-    if not files:
+    if not plan.files and not plan.runs:
         raise InputError(f"the bucket {bucket} of {campaign} is empty: there is nothing to pack.")
-    records = {run.files[-1].path for run in runs}
-    total = sum(file.item.size for file in files)
+    warnings = list(plan.warnings)
+    records = {f"{run.path}/{RUN_RECORD}" for run in plan.runs}
+    total = sum(file.item.size for file in plan.files) + sum(run.size for run in plan.runs)
     done = 0
+    files = _files(store, bucket, plan, warnings)
     with (
         appearing_file(archive) as part,
         _written(part) as tar,
@@ -72,7 +70,27 @@ def pack_bucket(
             path.unlink()
             done += file.item.size
             progress(done, total)
-    return [*plan.warnings, *(line for run in runs for line in told_apart(run.apart))]
+    progress(done, done)
+    return warnings
+
+
+def _files(
+    store: ObjectStore, bucket: str, plan: DownloadPlan, warnings: list[str]
+) -> Iterator[BucketFile]:
+    """What belongs into the archive, in an order of its own: the campaign's files, then its runs.
+
+    Args:
+        store: the S3 server.
+        bucket: the campaign's bucket.
+        plan: what is in it.
+        warnings: gets what is in another place.
+    """
+    yield from sorted(plan.files, key=lambda file: file.path)
+    with ThreadPoolExecutor(THREADS, "open") as pool:
+        for batch in in_batches(sorted(plan.runs, key=lambda run: run.path)):
+            for run in pool.map(partial(open_run, store, bucket), batch):
+                warnings += told_apart(run.apart)
+                yield from run.files
 
 
 @contextmanager
@@ -87,7 +105,7 @@ def _written(path: Path) -> Iterator[tarfile.TarFile]:
 
 
 def _fetched(
-    store: ObjectStore, bucket: str, files: Sequence[BucketFile], folder: Path
+    store: ObjectStore, bucket: str, files: Iterable[BucketFile], folder: Path
 ) -> Generator[tuple[BucketFile, Path], None, None]:
     """Each file, in order, with one of its content here; the next ones are on their way."""
     with TemporaryDirectory(prefix=".packing-", dir=folder) as scratch:

@@ -14,6 +14,7 @@ import errno
 import json
 import os
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
@@ -27,9 +28,9 @@ from robovast.base.errors import RobovastError, StorageError
 from robovast.base.locks import exclusive_folder
 from robovast.campaign.layout import RUN_RECORD, STAGE
 from robovast.campaign.places import run_of, set_apart, why_no_place
-from robovast.campaign.run_files import shown
+from robovast.campaign.run_files import is_writers, shown
 from robovast.storage.belonging import occupy
-from robovast.storage.bucket_runs import BucketFile, OpenedRun, RunObjects, open_run
+from robovast.storage.bucket_runs import BucketFile, OpenedRun, RunObjects, in_batches, open_run
 from robovast.storage.faults import ObjectError
 from robovast.storage.ownership import owner_of
 from robovast.storage.s3 import ObjectStore, StoredObject
@@ -54,7 +55,7 @@ class DownloadObserver(Protocol):
     """Is told what happens, from several threads, one at a time."""
 
     def planned(self, files: int, size: int) -> None:
-        """So many files, and bytes, will be fetched."""
+        """So many files, and bytes, will be fetched; told again when more are known."""
 
     def received(self, size: int) -> None:
         """So many bytes more arrived."""
@@ -140,20 +141,37 @@ def download_campaign(
     with _explained(campaign), exclusive_folder(campaign / STAGE, refusal):
         occupy(campaign, owner_of(store, bucket))
         plan = plan_download(store.objects(bucket), campaign, force=force)
-        runs = _Fetching(store, bucket, campaign, observer).fetch(plan)
+        done = _Fetching(store, bucket, campaign, observer).fetch(plan)
     return DownloadResult(
         campaign=campaign,
-        fetched=len(runs),
+        fetched=done.runs,
         present=plan.present,
         unfinished=plan.unfinished,
-        size=_size(plan.files, runs),
-        lacking=tuple(run.path for run in runs if run.lacks_files),
-        warnings=(*plan.warnings, *(line for run in runs for line in told_apart(run.apart))),
+        size=done.size,
+        lacking=tuple(done.lacking),
+        warnings=(*plan.warnings, *done.warnings),
     )
 
 
-def _size(files: Iterable[BucketFile], runs: Iterable[OpenedRun]) -> int:
-    return sum(file.item.size for file in (*files, *(file for run in runs for file in run.files)))
+@dataclass
+class _Done:
+    """What was fetched so far, or is being fetched."""
+
+    files: int = 0
+    size: int = 0
+    """[byte]"""
+    runs: int = 0
+    lacking: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+    def add(self, files: Iterable[BucketFile], runs: Sequence[OpenedRun]) -> None:
+        """Files and runs are fetched."""
+        for file in (*files, *(file for run in runs for file in run.files)):
+            self.files += 1
+            self.size += file.item.size
+        self.runs += len(runs)
+        self.lacking += [run.path for run in runs if run.lacks_files]
+        self.warnings += [line for run in runs for line in told_apart(run.apart)]
 
 
 def plan_download(
@@ -161,6 +179,8 @@ def plan_download(
 ) -> DownloadPlan:
     """What is to be fetched of the objects of a bucket."""
     runs: dict[str, list[StoredObject]] = {}
+    counts: Counter[str] = Counter()
+    sizes: Counter[str] = Counter()
     files: list[StoredObject] = []
     refused: dict[str, str] = {}
     for item in objects:
@@ -168,7 +188,11 @@ def plan_download(
         if reason := why_no_place(item.key):
             refused[item.key] = reason
         elif run:
-            runs.setdefault(run, []).append(item)
+            counts[run] += 1
+            sizes[run] += item.size
+            known = runs.setdefault(run, [])
+            if not is_writers(item.key[len(run) + 1 :]):
+                known.append(item)
         else:
             files.append(item)
     apart = set_apart([*(item.key for item in files), *(f"{run}/{RUN_RECORD}" for run in runs)])
@@ -181,7 +205,7 @@ def plan_download(
         elif not force and _is_here(record, campaign / record.key):
             present += 1
         else:
-            wanted.append(RunObjects(path, tuple(parts)))
+            wanted.append(RunObjects(path, tuple(parts), counts[path], sizes[path]))
     return DownloadPlan(
         runs=tuple(wanted),
         files=tuple(
@@ -252,20 +276,24 @@ class _Fetching:
         self._broken: dict[str, ObjectError] = {}
         """What is wrong, by run or file."""
 
-    def fetch(self, plan: DownloadPlan) -> list[OpenedRun]:
-        """Fetch all; returns the runs.
+    def fetch(self, plan: DownloadPlan) -> _Done:
+        """Fetch all.
 
         Raises:
             StorageError: some files could not be fetched.
         """
+        done = _Done()
+        files = plan.files
         with ThreadPoolExecutor(THREADS, "download") as pool:
-            found = self._do(pool, [partial(self._open, run) for run in plan.runs])
-            runs = [run for run in found if run is not None]
-            count = len(plan.files) + sum(len(run.files) for run in runs)
-            self._observer.planned(count, _size(plan.files, runs))
-            self._do(pool, list(self._tasks(plan.files, runs)))
+            for batch in in_batches(plan.runs):
+                found = self._do(pool, [partial(self._open, run) for run in batch])
+                runs = [run for run in found if run is not None]
+                done.add(files, runs)
+                self._observer.planned(done.files, done.size)
+                self._do(pool, list(self._tasks(files, runs)))
+                files = ()
         self._refuse_broken()
-        return runs
+        return done
 
     def _do(self, pool: ThreadPoolExecutor, actions: Sequence[Callable[[], T]]) -> list[T]:
         tasks = [pool.submit(action) for action in actions]

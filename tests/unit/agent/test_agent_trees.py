@@ -15,10 +15,11 @@ from typing import BinaryIO
 
 import pytest
 
+from robovast.agent import upload
 from robovast.agent.upload import open_files, store_files
 from robovast.base import safe_paths
 from robovast.campaign.own_names import set_own_names_aside
-from robovast.campaign.run_files import MissingFile
+from robovast.campaign.run_files import MissingFile, room_of
 
 NOBODY = 65534
 
@@ -30,7 +31,7 @@ def contents(root: Path) -> tuple[dict[str, bytes], dict[str, str]]:
         return path, os.pread(file.fileno(), 1000, 0)
 
     stored, missing = store_files(root, store)
-    return dict(stored), {file.path: file.reason for file in missing}
+    return dict(stored), {file.path: file.reason for file in missing.told()}
 
 
 @pytest.fixture
@@ -122,7 +123,7 @@ def test_what_vanishes_or_cannot_be_read_is_told(tmp_path: Path) -> None:
 
     stored, missing = store_files(tmp_path, store)
     assert sorted(stored) == ["a", "c"]
-    assert missing == [MissingFile("b", "Input/output error")]
+    assert missing.told() == (MissingFile("b", "Input/output error"),)
 
     files = open_files(tmp_path)
     close_first(files)
@@ -184,3 +185,19 @@ def test_a_run_may_call_its_files_as_we_do(tmp_path: Path) -> None:
     set_own_names_aside(root)
     set_own_names_aside(tmp_path / "none")
     assert len(list(root.iterdir())) == 3
+
+
+def test_what_has_no_room_in_the_list_is_counted_and_files_come_before_folders(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(upload, "ROOM", 20 * room_of("data/00000"))
+    (tmp_path / "data").mkdir()
+    for number in range(100):
+        (tmp_path / "data" / f"{number:05}").write_text("x")
+    for name in ("a.csv", "test.xml", "z.log"):
+        (tmp_path / name).write_text("x")
+    stored, missing = store_files(tmp_path, lambda path, number, file: path)
+    assert {"a.csv", "test.xml", "z.log", "data/00000"} <= set(stored)
+    (beyond,) = missing.told()
+    assert beyond.count == 103 - len(stored)
+    assert "the list of a run's files is full" in beyond.reason

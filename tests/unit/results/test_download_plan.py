@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from robovast.storage.bucket_runs import AT_ONCE, in_batches
 from robovast.storage.download import plan_download
 from robovast.storage.s3 import StoredObject
 
@@ -70,3 +72,20 @@ def test_a_file_beside_a_folder_of_its_name_comes_home(tmp_path: Path) -> None:
     assert [line.partition(" ")[0] for line in plan.warnings] == ["'a'", "'hall'"]
     put(tmp_path, "a.1")
     assert [file.path for file in plan_download(stored("a", "a/b"), tmp_path).files] == ["a/b"]
+
+
+def test_no_more_runs_are_known_at_once_than_fit_into_memory(tmp_path: Path) -> None:
+    place = ".writer-0123456789abcdef"
+    keys = [
+        f"hall/{n}/{name}" for n in range(5) for name in (f"{place}/a", f"{place}.json", "run.json")
+    ]
+    plan = plan_download(stored(*keys), tmp_path)
+    assert [len(run.objects) for run in plan.runs] == [1] * 5, "what its list will name"
+    assert [(run.count, run.size) for run in plan.runs] == [(3, 12)] * 5
+    sizes = [
+        replace(run, count=count)
+        for run, count in zip(plan.runs, (1, AT_ONCE, 9, 1, 2 * AT_ONCE), strict=True)
+    ]
+    numbers = [[run.path[-1] for run in batch] for batch in in_batches(sizes)]
+    assert numbers == [["0"], ["1"], ["2", "3"], ["4"]]
+    assert list(in_batches([])) == [[]]

@@ -5,20 +5,24 @@ from __future__ import annotations
 import itertools
 import json
 import os
+import tracemalloc
 from pathlib import Path
 
 import pytest
 
 from robovast.analysis.postprocessing.content import digests
 from robovast.campaign.run_files import (
+    FULL,
     LONGEST_KEY,
+    ROOM,
+    Missing,
     MissingFile,
     StoredFile,
     Writer,
     escaped,
     is_writers,
     read_list,
-    shortened,
+    room_of,
     write_list,
 )
 from robovast.campaign.run_record import record_text
@@ -125,11 +129,47 @@ def test_a_name_that_a_server_takes_for_a_folder_is_escaped() -> None:
 
 
 def test_a_record_holds_some_of_many_missing_files() -> None:
-    missing = [MissingFile(str(number), "gone") for number in range(1000)]
-    told = shortened(missing)
+    missing = Missing()
+    for number in range(2000):
+        missing.add(str(number), "gone")
+    told = missing.told(50)
     assert len(told) == 51
-    assert told[-1] == MissingFile("…", "and 950 more")
-    assert shortened(missing[:50]) == tuple(missing[:50])
+    assert told[-1] == MissingFile("…", "and 1950 more", 1950)
+    assert sum(file.count for file in told) == 2000
+    missing.add_beyond()
+    assert missing.told(50)[0] == MissingFile("…", f"1 files: {FULL}", 1)
+    assert Missing().told() == ()
+
+
+def test_a_full_list_is_as_large_as_its_room_at_most() -> None:
+    names = itertools.cycle([*NAMES, b"\xff" * 200, b"plain", "\U0001f600".encode() * 60])
+    paths = [
+        os.fsdecode(name) + f"/{number}" for number, name in zip(range(5000), names, strict=False)
+    ]
+    writer = Writer("v/0")
+    files = [StoredFile(p, writer.key(p, n), 10**12, "a" * 64) for n, p in enumerate(paths)]
+    assert len(write_list(files)) <= sum(map(room_of, paths))
+
+
+def test_a_full_list_fits_into_the_agents_memory() -> None:
+    number = 10_000
+    tracemalloc.start()
+    try:
+        path = "data/frame-{:06}.png".format
+        writer = Writer("v/0")
+        stored = [
+            StoredFile(path(n), writer.key(path(n), n), n, f"{n:064x}") for n in range(number)
+        ]
+        content = write_list(stored)
+        assert len(content) < ROOM // 10
+        _, written = tracemalloc.get_traced_memory()
+        del stored
+        assert len(read_list(content)) == number
+        _, read = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert written < 12 << 20, "a tenth of what a full list takes"
+    assert read < 24 << 20
 
 
 def test_a_place_in_a_bucket_is_no_change_of_a_run(tmp_path: Path) -> None:
