@@ -202,6 +202,8 @@ def _refused(archive: Path, name: str, why: str) -> InputError:
 @contextmanager
 def _members(archive: Path) -> Iterator[Iterator[Member]]:
     """The members of an archive while it is open."""
+    if archive.exists() and not archive.is_file() and not archive.is_dir():
+        raise InputError(f"{archive}: is no regular file. Name the archive itself.")
     try:
         with archive.open("rb") as file:
             if zipfile.is_zipfile(file):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import os
 import tarfile
 import tracemalloc
 import zipfile
@@ -137,6 +138,14 @@ def test_an_incomplete_archive_is_refused(tmp_path: Path, keep: int) -> None:
     with pytest.raises(InputError, match="damaged or incomplete"):
         import_archive(archive, tmp_path / "results")
     assert list((tmp_path / "results").iterdir()) == []
+
+
+def test_a_pipe_or_a_device_is_not_read(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.tgz")
+    (tmp_path / "b.tgz").symlink_to("/dev/zero")
+    for name in ("a.tgz", "b.tgz"):
+        with pytest.raises(InputError, match="is no regular file"):
+            import_archive(tmp_path / name, tmp_path / "results")
 
 
 def test_a_file_of_another_kind_is_refused_in_one_line(tmp_path: Path) -> None:
