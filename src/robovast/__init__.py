@@ -17,11 +17,13 @@ Names are imported when they are first used. `robovast.common` is for plugins an
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
 from robovast.base.version import __version__
 
+TYPE_CHECKING = False  # `typing` alone would take longer to import than all of this
 if TYPE_CHECKING:
+    from typing import Any
+
     from robovast.analysis.tables.query import Answer, ask
     from robovast.base.errors import RobovastError
     from robovast.campaign.finding import find_campaigns

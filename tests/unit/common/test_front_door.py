@@ -12,7 +12,7 @@ from finished_campaigns import as_of_another_tool, finished_campaign
 
 import robovast
 
-HEAVY = ("pydantic", "yaml", "rich", "typer", "duckdb", "rdflib", "robovast.model")
+HEAVY = ("typing", "pydantic", "yaml", "rich", "typer", "duckdb", "rdflib", "robovast.model")
 
 
 def test_importing_it_imports_next_to_nothing() -> None:
