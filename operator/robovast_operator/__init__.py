@@ -1,1 +1,1 @@
-"""The Kubernetes operator: thin kopf handlers over pure functions."""
+"""The Kubernetes operator: kopf watches, pure functions decide, one loop acts."""

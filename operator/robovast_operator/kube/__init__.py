@@ -1,1 +1,1 @@
-"""The cluster as the operator sees it: client, watches, lease, queue of work."""
+"""The cluster as the operator sees it: client, watched objects, lease, work queue."""

@@ -1,4 +1,4 @@
-"""Many requests, of which few are under way at once."""
+"""Many requests with a limit on how many are under way at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Giving memory back to the system: else a thousand large documents leave their mark for ever."""
+"""Returning freed memory to the system, which many large documents would otherwise keep."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""From an object to a plan."""
+"""Planning: from a Campaign object to the plan of its runs and their shards."""

@@ -1,1 +1,1 @@
-"""From a plan to pods, and what pods say."""
+"""Pods and their Jobs: made from a plan, and read for what they report."""

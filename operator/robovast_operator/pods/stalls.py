@@ -1,4 +1,4 @@
-"""Why nothing comes of a Job's pods: which of them tell, and what. Pure functions."""
+"""Why the pods of a Job make no progress. Pure functions."""
 
 from __future__ import annotations
 

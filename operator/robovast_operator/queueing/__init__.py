@@ -1,1 +1,1 @@
-"""Jobs in queues of Kueue."""
+"""Jobs that wait in queues of Kueue."""

@@ -1,4 +1,4 @@
-"""What it means that a Job waits in a queue of Kueue. Pure functions."""
+"""What a Job that waits in a queue of Kueue means for its campaign. Pure functions."""
 
 from __future__ import annotations
 

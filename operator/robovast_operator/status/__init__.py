@@ -1,1 +1,1 @@
-"""From what is known to status, conditions, events and notices."""
+"""From a snapshot to status, conditions, Events and notices."""

@@ -1,4 +1,4 @@
-"""What is told of a Campaign when a look at it fails, again and again. Pure."""
+"""Why a look at a Campaign failed, in the words of its condition. Pure functions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is told of a campaign: its status, from its picture. Pure functions."""
+"""The status of a campaign, made from its snapshot. Pure functions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Writing statuses, and telling people by Events what changed in them."""
+"""Writing statuses, and making Events of what changed in them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`agent`: beside a pod's run, store every run that is over; say in the end how they went."""
+"""`agent`: beside the runs of a pod, store each run that is over, and report all at the end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Work beside the watch over a job: one thing after the other, in order."""
+"""A thread that does tasks in order while a job is watched."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`compose`: expand a document where the operator may not, and leave what its pods need."""
+"""`compose`: expand a document that the operator may not expand, and store what pods need of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether what a pod reads is what the runs were planned with."""
+"""Checking that a pod reads the same inputs with which its runs were planned."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `fetch` tells `agent` of the runs that a pod executes."""
+"""The pack of a pod, as `fetch` passes it on to `agent`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`process`: work a campaign's results up, as `vast results postprocess` does at home."""
+"""`process`: postprocess a campaign in the cluster, as `vast results postprocess` does here."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an agent brings to the bucket: runs that are over, and the jobs that executed them."""
+"""Storing runs that are over, and the jobs that executed them, in the bucket."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Telling that a run writes nothing: it may hang, and where it has no timeout nobody ends it."""
+"""Noticing that a run writes nothing: it may hang, and without a timeout nobody ends it."""
 
 from __future__ import annotations
 

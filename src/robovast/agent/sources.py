@@ -1,4 +1,4 @@
-"""The files that belong to a document, from wherever they are."""
+"""Getting the files that belong to a document, from any kind of source."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Following one job of a pod: each of its runs is handed over as soon as it is over."""
+"""Watching one job of a pod: each of its runs is handed over as soon as it is over."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What everything stands on and nothing of RoboVAST is in: errors, files, plugins, patience."""
+"""The lowest layer, which knows nothing of RoboVAST: errors, atomic writes, safe paths, plugins."""

@@ -1,4 +1,4 @@
-"""Names that are promises: what has its name is whole, and stays so when the power goes.
+"""Atomic writes: a file that has its name is whole, and stays whole when the power goes.
 
 Content is on the disk before it gets its name, and the name is on the disk before anybody is told.
 What is being written has a hidden name beside its target, which ends in `.part`. Who writes a

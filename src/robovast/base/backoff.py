@@ -1,4 +1,4 @@
-"""Patience with servers: how long to wait before asking again."""
+"""Backoff: how long to wait before a server is asked again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Variables that hold addresses and credentials: from the environment, else from a `.env` file."""
+"""Settings from environment variables, or from a `.env` file: addresses and credentials."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that cost much to make, kept by a hash of what they were made from."""
+"""A cache of files that are costly to make, by a hash of their inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What to say when a package of an optional extra is not installed."""
+"""Errors that say which extra is to be installed for an optional dependency."""
 
 from __future__ import annotations
 

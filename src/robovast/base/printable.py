@@ -1,4 +1,4 @@
-"""Text that others wrote, as it can be shown on a terminal: names, reasons, logs, answers."""
+"""Text of others, made safe to print on a terminal: names, reasons, logs, answers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long something has taken, whatever is done to the clock of the machine meanwhile."""
+"""A stopwatch that changes of the machine's clock do not disturb."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The YAML files of a campaign that hold a mapping."""
+"""Reading the YAML files of a campaign, each of which holds a mapping."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""A campaign's folder: where what is, the record and the verdict of a run."""
+"""A campaign's folder: its layout, and the record and verdict of each run."""

@@ -1,4 +1,4 @@
-"""What a campaign brings that commands would execute: who imported it may want to look before."""
+"""Code that a campaign brings along, for users to look at before commands execute it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Taking over a campaign that comes as an archive."""
+"""Importing a campaign from an archive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where everything of a campaign is on disk.
+"""The layout of a campaign's folder: the path of everything in it.
 
 ```
 <name>-YYYY-MM-DD-HHMMSS/

@@ -1,4 +1,4 @@
-"""Names in a run's folder that RoboVAST gives itself: what the run called so has another one."""
+"""File names that RoboVAST needs in a run's folder; a run's own file of such a name is renamed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The record of a run that has ended."""
+"""Making the record of a run that has ended."""
 
 from __future__ import annotations
 

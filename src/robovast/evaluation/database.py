@@ -1,4 +1,4 @@
-"""SQLite files that anyone may have written, opened to be read."""
+"""Opening SQLite files that anyone may have written, for reading alone."""
 
 from __future__ import annotations
 

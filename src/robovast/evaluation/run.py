@@ -1,4 +1,4 @@
-"""One run: its record, and where what it left behind is."""
+"""One run: its record, and where its files are."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What lists of runs and campaigns show."""
+"""Summaries of runs and campaigns, as lists show them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one job gets: the config folder, its parameter documents and its environment."""
+"""The inputs of one job: its config folder, its parameter documents and its environment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a job has done: which runs are over, what they wrote, and what the job wrote beside them."""
+"""The progress of a job: which of its runs are over, and what they and the job itself wrote."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How our containers end, and what may be done about it."""
+"""Exit codes of our containers, and which of them call for another attempt."""
 
 from __future__ import annotations
 

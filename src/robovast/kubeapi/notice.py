@@ -1,4 +1,4 @@
-"""What is told of a campaign to people who do not watch it: the operator writes it, a Job sends it.
+"""Notices about a campaign to people: the operator writes a notice, and a Job sends it.
 
 A notice as JSON is what a webhook gets, with two texts for people: `title` and `text`, the key
 that Slack, Mattermost and others of their kind show.

@@ -1,4 +1,4 @@
-"""What Kubernetes says of pods that they cannot know themselves: the operator tells it `finish`.
+"""Facts about pods that only Kubernetes knows; the operator passes them to the Job `finish`.
 
 Pods have no access to Kubernetes. Which image a tag stood for on their node, and that their run's
 container was killed for lack of memory, is in their status alone.

@@ -1,1 +1,1 @@
-"""The document and what follows from it, pure: variants, plan, packs of runs."""
+"""The document and what follows from it, without effects: variants, plan, packs of runs."""

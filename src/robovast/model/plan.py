@@ -1,4 +1,4 @@
-"""The plan of a campaign: which run is which, and which runs share a job.
+"""The plan of a campaign: the ids of its runs, and which runs are one pack.
 
 A plan is a pure function of the variants in order, the number of runs and the size of a pack.
 """

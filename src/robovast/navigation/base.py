@@ -1,4 +1,4 @@
-"""What the variations of this package share: references, maps, errors."""
+"""The base class of navigation variations: references, maps, errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What to say when the extra `nav` is not installed."""
+"""The error for an extra `nav` that is not installed."""
 
 from __future__ import annotations
 

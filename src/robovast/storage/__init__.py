@@ -1,1 +1,1 @@
-"""Where results are that are not here: S3, HTTP servers, shares."""
+"""Storage that is reached over a network: S3, HTTP servers, shares."""

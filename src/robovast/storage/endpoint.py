@@ -1,4 +1,4 @@
-"""Where an S3 server is, and the keys of an account on it."""
+"""The address of an S3 server, and the keys of an account on it."""
 
 from __future__ import annotations
 

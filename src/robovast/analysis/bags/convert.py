@@ -1,4 +1,4 @@
-"""All that is wanted from the bags of a run, in one pass over each bag."""
+"""Everything that is wanted from the bags of a run, in one pass over each bag."""
 
 from __future__ import annotations
 

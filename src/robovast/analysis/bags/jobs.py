@@ -1,4 +1,4 @@
-"""What executes each of the commands for bags."""
+"""Which class executes each of the commands for bags."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Postprocessing of one campaign: what is stale is worked off, in the order of the document."""
+"""Postprocessing of one campaign: calls what is out of date, in the order of the document."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a user chooses, and what a user is told."""
+"""The options of postprocessing, and the events that its observer receives."""
 
 from __future__ import annotations
 

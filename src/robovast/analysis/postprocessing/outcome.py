@@ -1,4 +1,4 @@
-"""What a command says of itself: success, a message, where its files came from."""
+"""The outcome of a command: success, a message, and what its files were made from."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All that is to be done for one run."""
+"""Calling all commands that are due for one run."""
 
 from __future__ import annotations
 

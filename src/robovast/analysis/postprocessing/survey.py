@@ -1,4 +1,4 @@
-"""What of a campaign changed since its commands were last worked off."""
+"""Finding what changed in a campaign since its last postprocessing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which runtime executes the runs, and with which image."""
+"""Choosing the runtime that executes the runs, and its image."""
 
 from __future__ import annotations
 

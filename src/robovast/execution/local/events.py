@@ -1,4 +1,4 @@
-"""What a campaign tells whoever watches it."""
+"""The options of a local campaign, and the events that its observer receives."""
 
 from __future__ import annotations
 

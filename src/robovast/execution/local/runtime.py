@@ -1,4 +1,4 @@
-"""Who starts the containers of a job: what all runtimes share."""
+"""The interface of all runtimes, which start and stop the processes of a job."""
 
 from __future__ import annotations
 

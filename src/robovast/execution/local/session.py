@@ -1,4 +1,4 @@
-"""What all jobs of one execution of a campaign share."""
+"""One execution of a campaign on this machine, as all its jobs share it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The variants that a local execution is about."""
+"""Choosing the variants that a local campaign executes."""
 
 from __future__ import annotations
 
