@@ -19,6 +19,17 @@ FOREIGN_PROGRAM = b"\x7fELF\x02\x01\x01".ljust(16, b"\0") + (2).to_bytes(2, "lit
 """The beginning of an executable for aarch64; no machine of another kind executes it."""
 
 
+HELD = "until [ -e /tmp/go ]; do sleep 1; done\n"
+"""What a run executes that goes on, and writes nothing, until the test releases it."""
+
+
+def release(lab: Lab, name: str) -> None:
+    """Let the runs of a campaign end."""
+    shards = f"--selector=robovast.io/campaign={name},robovast.io/role=shard"
+    for pod in lab.kubectl("get", "pods", shards, "--output=name").split():
+        lab.kubectl("exec", pod, "--container=robovast", "--", "touch", "/tmp/go")
+
+
 def apply(lab: Lab, name: str, image: str) -> None:
     """Apply a campaign whose runs have an image that is none of ours."""
     made = lab.prepared(make_campaign(lab.folder / name, "true\n", "", QUICK), name, image)
@@ -126,15 +137,16 @@ def impatient_operator(lab: Lab) -> Iterator[None]:
 
 def test_a_run_that_writes_nothing_is_told_and_not_ended(lab: Lab) -> None:
     with impatient_operator(lab):
-        lab.quick("hangs", "sleep 150\n", "  runs: 1\n", parallelism=3)
-        assert "kubectl logs" in wait_stalled(lab, "hangs", "Silent", 180)
+        lab.quick("hangs", HELD, "  runs: 1\n", parallelism=3)
+        assert "kubectl logs" in wait_stalled(lab, "hangs", "Silent", 240)
+        release(lab, "hangs")
     lab.wait("hangs")
     assert lab.campaign("hangs")["status"]["runs"]["passed"] == 3
 
 
 def test_a_node_that_is_cut_off_is_told(lab: Lab) -> None:
     """Its pods go on, and the campaign with them, when it is back."""
-    lab.quick("cut-off", "sleep 150\n", "  runs: 1\n", parallelism=3)
+    lab.quick("cut-off", HELD, "  runs: 1\n", parallelism=3)
     eventually(lambda: at_work(lab), 120, lambda: lab.describe("cut-off"))
     (node,) = lab.cluster.kubectl("get", "nodes", "--output=name").split()
     with outages.paused(lab.cluster, "kubelet"):
@@ -142,6 +154,7 @@ def test_a_node_that_is_cut_off_is_told(lab: Lab) -> None:
         assert node.removeprefix("node/") in told
         assert "kubectl delete node" in told
     wait_recovered(lab, "cut-off")
+    release(lab, "cut-off")
     lab.wait("cut-off")
     assert lab.campaign("cut-off")["status"]["runs"]["passed"] == 3
 

@@ -14,6 +14,8 @@ from threading import Timer
 import pytest
 from local_campaigns import ROOT, Recorder, make_campaign, run, verdicts
 from patience import eventually
+from robovast_testbed import debian
+from robovast_testbed.pytest_plugin import skipped_when_unavailable
 
 from robovast.execution.local import sandbox
 
@@ -28,10 +30,11 @@ RUN = (
 
 @pytest.fixture(autouse=True, params=sandbox.LAUNCHERS)
 def launcher(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Each program that can isolate runs, where it is installed."""
+    """Each program that can isolate runs."""
     name = str(request.param)
     if not shutil.which(name):
-        pytest.skip(f"{name} is not installed")
+        with skipped_when_unavailable():
+            debian.require(name)
     monkeypatch.setattr(sandbox, "LAUNCHERS", {name: sandbox.LAUNCHERS[name]})
     return name
 

@@ -10,11 +10,13 @@ from .errors import Unavailable
 
 PACKAGES = {
     "bridge": "iproute2",
+    "bwrap": "bubblewrap",
     "chromium": "chromium",
     "conntrack": "conntrack",
     "debootstrap": "debootstrap",
     "docker": "docker.io",
     "dockerd": "docker.io",
+    "dot": "graphviz",
     "ip": "iproute2",
     "iptables": "iptables",
     "nsenter": "util-linux",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import shutil
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -13,6 +12,8 @@ import pytest
 import yaml
 from finished_campaigns import NAME, finished_campaign
 from provenance_campaigns import make_old_campaign
+from robovast_testbed import debian
+from robovast_testbed.pytest_plugin import skipped_when_unavailable
 
 
 def test_index_makes_the_campaign_store(vast, folder: Path) -> None:
@@ -52,8 +53,9 @@ def test_the_graph_is_drawn(vast, folder: Path, monkeypatch: pytest.MonkeyPatch)
     assert not (campaign / "metadata.pdf").exists()
 
 
-@pytest.mark.skipif(not shutil.which("dot"), reason="Graphviz is not here")
 def test_graphviz_draws_the_graph(vast, folder: Path) -> None:
+    with skipped_when_unavailable():
+        debian.require("dot")
     campaign = make_old_campaign(folder / "results")
     assert vast("results", "generate-metadata", "--dot-pdf").code == 0
     assert (campaign / "metadata.pdf").read_bytes().startswith(b"%PDF")
