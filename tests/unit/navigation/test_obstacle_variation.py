@@ -207,7 +207,7 @@ def test_a_trigger_needs_a_path(expanded) -> None:
 @pytest.mark.parametrize(
     ("kind", "reason"),
     [
-        ({"amount": -1}, "greater than or equal to 0"),
+        ({"amount": -1}, "must be at least 0"),
         ({"amount": 1, "amount_per_m": 1.0}, "one of both"),
         ({}, "one of both"),
         ({"amount": 1, "max_distance": -2.0}, "max_distance"),
