@@ -357,24 +357,35 @@ def test_who_may_not_is_told_what_is_missing(
     assert token not in outcome.err
 
 
-@pytest.mark.parametrize("works", [True, False])
+@pytest.mark.parametrize(
+    ("before", "said"),
+    [
+        ("", "system:serviceaccount:default:default"),
+        ("test -e asked || token=ended; touch asked;", "system:serviceaccount:default:default"),
+        ("echo your session has ended >&2; exit 1;", "nobody can log in: `sh`"),
+    ],
+    ids=["gives it", "gives another one once the first has ended", "fails"],
+)
 def test_a_program_that_the_kubeconfig_names_gives_the_token(
-    vast: Vast, known_cluster: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, works: bool
+    vast: Vast,
+    known_cluster: Cluster,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    before: str,
+    said: str,
 ) -> None:
     token = known_cluster.kubectl("create", "token", "default", "--namespace=default").strip()
     version = "client.authentication.k8s.io/v1"
-    answer = {"apiVersion": version, "kind": "ExecCredential", "status": {"token": token}}
-    said = f"echo '{json.dumps(answer)}'" if works else "echo your session has ended >&2; exit 1"
-    plugin = {"apiVersion": version, "command": "sh", "args": ["-c", said]}
+    answer = {"apiVersion": version, "kind": "ExecCredential", "status": {"token": "TOKEN"}}
+    script = f"token={token}; {before} echo '{json.dumps(answer)}' | sed s/TOKEN/$token/"
+    program = {"apiVersion": version, "command": "sh", "args": ["-c", script]}
     config = json.loads(known_cluster.kubeconfig.read_text())
-    config["users"][0]["user"] = {"exec": plugin | {"interactiveMode": "Never"}}
-    (tmp_path / "plugin.kubeconfig").write_text(json.dumps(config))
-    monkeypatch.setenv("KUBECONFIG", str(tmp_path / "plugin.kubeconfig"))
+    config["users"][0]["user"] = {"exec": program | {"interactiveMode": "Never"}}
+    (tmp_path / "program.kubeconfig").write_text(json.dumps(config))
+    monkeypatch.setenv("KUBECONFIG", str(tmp_path / "program.kubeconfig"))
     outcome = vast("monitor", "--once")
     assert outcome.code == 3
-    expected = "system:serviceaccount:default:default" if works else "`sh`"
-    assert expected in outcome.err
-    assert ("nobody can log in" in outcome.err) is not works
+    assert said in outcome.err
     assert token not in outcome.err
 
 

@@ -201,12 +201,11 @@ class Kubernetes:
         body: Any = None,
         params: Mapping[str, str] | None = None,
     ) -> str:
-        from aiohttp import ClientTimeout
-
         root = f"/{'apis' if '/' in version else 'api'}/{version}" if version else "/apis"
         space = self.namespace if namespace is None else namespace
         kind = "merge-patch+json" if method == "PATCH" else "json"
-        request = await self._client.param_serialize(
+        ask = partial(
+            self._answer,
             method,
             f"{root}/namespaces/{space}/{url}" if space else f"{root}/{url}",
             query_params=dict(params or {}),
@@ -214,12 +213,21 @@ class Kubernetes:
             body=body,
             auth_settings=["BearerToken"],
         )
-        timeout = ClientTimeout(total=PATIENCE)
-        response = await self._client.call_api(*request, _request_timeout=timeout)
-        text: str = (await response.read()).decode()
-        if response.status >= 400:
-            raise refusal(response.status, _status(text), self.where)
+        status, text = await ask()
+        if status == 401:  # keys may end before they say, while a campaign is watched for hours
+            _login(self._client.configuration, self.context)
+            status, text = await ask()
+        if status >= 400:
+            raise refusal(status, _status(text), self.where)
         return text
+
+    async def _answer(self, *request: Any, **details: Any) -> tuple[int, str]:
+        from aiohttp import ClientTimeout
+
+        serialized = await self._client.param_serialize(*request, **details)
+        timeout = ClientTimeout(total=PATIENCE)
+        answer = await self._client.call_api(*serialized, _request_timeout=timeout)
+        return answer.status, (await answer.read()).decode()
 
     def _run(self, action: Callable[[], Coroutine[Any, Any, Any]]) -> Any:
         try:
@@ -244,10 +252,12 @@ def connect(context: str | None = None, namespace: str | None = None) -> Iterato
     """
     with cluster_extra():
         from anyio.from_thread import start_blocking_portal
-        from kubernetes.aio.client import ApiClient
+        from kubernetes.aio.client import ApiClient, Configuration
     context, namespace = choose(context, namespace)
     try:
-        client = ApiClient(_login(context))
+        server = Configuration()
+        _login(server, context)
+        client = ApiClient(server)
         namespace = namespace or (SERVICE_ACCOUNT / "namespace").read_text(encoding="utf-8")
     except Exception as error:
         raise CannotRunError(
@@ -262,29 +272,26 @@ def connect(context: str | None = None, namespace: str | None = None) -> Iterato
             portal.call(client.close)
 
 
-def _login(context: str | None) -> Any:
-    """How to reach an API server as whom: by the kubeconfig's context, without one as a pod."""
+def _login(server: Any, context: str | None) -> None:
+    """Note how to reach an API server as whom: by a context, without one as a pod."""
     from kubernetes import config
-    from kubernetes.aio.client import Configuration
 
-    made = Configuration()
-    if context is None:
+    if not context:
         try:
-            config.load_incluster_config(client_configuration=made)
+            config.load_incluster_config(client_configuration=server)
         except config.ConfigException as error:
             cause = "no kubeconfig has a current context, and this is no pod"
             raise CannotRunError(cause) from error
-        return made
+        return
     # Not the loader of kubernetes.aio: that one does not renew tokens, nor keep renewed ones.
     program = login_program(context)
-    if program and shutil.which(program) is None:
+    if program and os.sep not in program and shutil.which(program) is None:
         raise CannotRunError(f"`{program}`, which the kubeconfig names for it, is not here")
-    config.load_kube_config(files(), context, client_configuration=made)
-    if program and not (made.api_key or made.cert_file):
+    config.load_kube_config(files(), context, client_configuration=server)
+    if program and not (server.api_key or server.cert_file):
         raise CannotRunError(f"`{program}`, which the kubeconfig names, gives no key")
-    if made.proxy:
-        made.client_session_kwargs = {"proxy": made.proxy}  # for port forwarding, too
-    return made
+    if server.proxy:
+        server.client_session_kwargs = {"proxy": server.proxy}  # for port forwarding, too
 
 
 @contextmanager
