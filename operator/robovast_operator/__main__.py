@@ -14,7 +14,7 @@ import kopf
 from robovast.base.errors import RobovastError
 from robovast.kubeapi.resources import GROUP, MANAGED_BY, MANAGED_LABEL, VERSION
 from robovast_operator.kube import malloc as heap
-from robovast_operator.kube.api import connection_info
+from robovast_operator.kube.api import server
 from robovast_operator.operator import Operator
 from robovast_operator.settings import Settings, read_settings
 
@@ -88,6 +88,21 @@ def configure(settings: kopf.OperatorSettings, own: Settings) -> None:
     logging.getLogger("kopf.objects").setLevel(logging.WARNING)
 
 
+def login(**_: Any) -> kopf.ConnectionInfo:
+    """What kopf needs to reach the API server as all else does."""
+    to = server()
+    scheme, _, token = to.api_key.get("BearerToken", "").partition(" ")
+    return kopf.ConnectionInfo(
+        server=to.host,
+        ca_path=to.ssl_ca_cert,
+        insecure=not to.verify_ssl,
+        certificate_path=to.cert_file,
+        private_key_path=to.key_file,
+        scheme=scheme or None,
+        token=token.strip() or None,
+    )
+
+
 def main() -> None:
     """Run until told to end."""
     heap.adjust()
@@ -104,7 +119,7 @@ def main() -> None:
     registry = kopf.OperatorRegistry()
     kopf.on.startup(registry=registry)(handlers.startup)
     kopf.on.cleanup(registry=registry)(handlers.cleanup)
-    kopf.on.login(registry=registry)(lambda **_: connection_info())
+    kopf.on.login(registry=registry)(login)
     kopf.on.event(GROUP, VERSION, "campaigns", registry=registry)(handlers.campaign)
     kopf.on.event(GROUP, VERSION, "configurations", registry=registry)(handlers.configuration)
     kopf.on.event("batch", "v1", "jobs", registry=registry)(handlers.job)

@@ -12,7 +12,7 @@ from typing import Any
 
 from robovast.kubeapi.resources import MANAGED_BY, MANAGED_LABEL
 from robovast_operator.kube import paths
-from robovast_operator.kube.api import Api, ApiError, connection_info
+from robovast_operator.kube.api import Api, ApiError, connect
 from robovast_operator.kube.lease import Leadership
 from robovast_operator.kube.lenient import mapping, text
 from robovast_operator.kube.metrics import Metrics
@@ -40,10 +40,9 @@ class Operator:
         self.store = Store()
         self.queue = WorkQueue()
         self.metrics = Metrics()
-        server = connection_info()
-        self._lease_api = Api(server, self.metrics)
+        self._lease_api = Api(connect(), self.metrics)
         self.leadership = Leadership(self._lease_api, settings)
-        self.api = Api(server, self.metrics, may_write=self._may_write)
+        self.api = Api(connect(), self.metrics, may_write=self._may_write)
         self._reconcile = Reconciler(self.api, self.store, self.queue, settings, self.metrics)
         self._term = 0
         """In which the reconciler found out what it remembers."""

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-import base64
 import json
 import logging
-import os
-import ssl
-import tempfile
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
-from dataclasses import replace
 from typing import Any
 
 import aiohttp
-import kopf
+from kubernetes import config
+from kubernetes.aio.client import ApiClient, Configuration
 
 from robovast.base.errors import CannotRunError
 from robovast_operator.kube.lenient import shaped
@@ -52,27 +48,25 @@ class Api:
 
     def __init__(
         self,
-        info: kopf.ConnectionInfo,
+        client: ApiClient,
         metrics: Any = None,
         may_write: Callable[[], bool] = lambda: True,
     ) -> None:
         """Make a client.
 
         Args:
-            info: where the server is, and who we are.
+            client: knows where the server is, and who we are.
             metrics: count requests, if given.
             may_write: asked before each request that changes anything, so that a replica that
                 slept while another took over does nothing more.
         """
-        self._info = info
+        self._client = client
         self._metrics = metrics
         self._may_write = may_write
-        self._session: aiohttp.ClientSession | None = None
 
     async def close(self) -> None:
         """End all connections."""
-        if self._session is not None:
-            await self._session.close()
+        await self._client.close()
 
     async def get(self, path: str, *, tries: int = TRIES) -> Object:
         """Read an object; a server that is busy or away is asked `tries` times."""
@@ -207,33 +201,19 @@ class Api:
         kind: str = "application/json",
         query: Mapping[str, str] | None = None,
     ) -> AsyncIterator[aiohttp.ClientResponse]:
-        session = await self._connected()
-        headers = {"Content-Type": kind, "Accept": "application/json", **self._authorization()}
-        async with session.request(
+        _, url, headers, *_ = await self._client.param_serialize(
             method,
-            self._info.server.rstrip("/") + path,
-            data=None if body is None else json.dumps(body),
-            params=query,
-            headers=headers,
-        ) as response:
+            path,
+            query_params=dict(query or {}),
+            header_params={"Content-Type": kind, "Accept": "application/json"},
+            auth_settings=["BearerToken"],
+        )
+        answer = await self._client.call_api(method, url, headers, body, _request_timeout=_TIMEOUT)
+        async with answer.response as response:
             if self._metrics is not None:
                 self._metrics.request(method, path, response.status)
             hear(response.headers.get("Date", ""))
             yield response
-
-    def _authorization(self) -> dict[str, str]:
-        token = self._info.token
-        if os.path.exists(TOKEN_FILE):  # it is renewed every hour
-            with open(TOKEN_FILE, encoding="utf-8") as file:
-                token = file.read().strip()
-        return {"Authorization": f"Bearer {token}"} if token else {}
-
-    async def _connected(self) -> aiohttp.ClientSession:
-        if self._session is None:
-            connector = aiohttp.TCPConnector(ssl=_tls(self._info), limit=20)
-            timeout = aiohttp.ClientTimeout(total=30, connect=10)
-            self._session = aiohttp.ClientSession(connector=connector, timeout=timeout)
-        return self._session
 
 
 def _seconds(retry_after: str) -> float:
@@ -259,52 +239,33 @@ _STREAMED_LIST = {
     "allowWatchBookmarks": "true",
     "fieldSelector": "metadata.name=-",  # nothing has that name: the answer is all that counts
 }
+_TIMEOUT = aiohttp.ClientTimeout(total=30, connect=10)
 
-TOKEN_FILE = "/var/run/secrets/kubernetes.io/serviceaccount/token"  # noqa: S105
+
+def connect() -> ApiClient:
+    """A client of the API server, with connections of its own."""
+    return ApiClient(server())
 
 
-def connection_info() -> kopf.ConnectionInfo:
-    """How to reach the API server: from inside a pod, else by kubeconfig.
+def server() -> Configuration:
+    """How to reach the API server: as a pod by the address that kubelets give, else by kubeconfig.
+
+    The address needs no DNS, which may be away; a pod's token is read again as it is renewed.
 
     Raises:
         CannotRunError: there is neither.
     """
-    settings = kopf.OperatorSettings()
-    info = kopf.login_with_service_account(settings=settings)
-    if info is not None:
-        return replace(info, server=_address_in_pods() or info.server)
-    info = kopf.login_with_kubeconfig(settings=settings)
-    if info is None:
-        raise CannotRunError(
-            "There is no way to the Kubernetes API: neither a service account nor a kubeconfig."
-        )
-    return info
-
-
-def _address_in_pods() -> str:
-    """The API server's address as kubelets give it to pods: it needs no DNS, which may be away."""
-    host = os.environ.get("KUBERNETES_SERVICE_HOST")
-    port = os.environ.get("KUBERNETES_SERVICE_PORT", "443")
-    if not host:
-        return ""
-    return f"https://{f'[{host}]' if ':' in host else host}:{port}"
-
-
-def _tls(info: kopf.ConnectionInfo) -> ssl.SSLContext | bool:
-    """The server is trusted by its authority, we by our certificate, if there are any."""
-    if info.server.startswith("http://"):
-        return False
-    authority = info.ca_data and base64.b64decode(info.ca_data).decode()
-    context = ssl.create_default_context(cafile=info.ca_path, cadata=authority or None)
-    if info.insecure:
-        context.check_hostname = False
-        context.verify_mode = ssl.CERT_NONE
-    if info.certificate_path:
-        context.load_cert_chain(str(info.certificate_path), info.private_key_path)
-    elif info.certificate_data and info.private_key_data:
-        with tempfile.NamedTemporaryFile() as file:  # the only way into a context is a file
-            file.write(base64.b64decode(info.certificate_data))
-            file.write(b"\n" + base64.b64decode(info.private_key_data))
-            file.flush()
-            context.load_cert_chain(file.name)
-    return context
+    made = Configuration()
+    made.connection_pool_maxsize = 20
+    made.client_session_kwargs = {"trust_env": False, "read_bufsize": 2**16}
+    try:
+        config.load_incluster_config(client_configuration=made)
+    except config.ConfigException:
+        try:
+            config.load_kube_config(client_configuration=made)
+        except config.ConfigException as error:
+            raise CannotRunError(
+                "There is no way to the Kubernetes API: neither a service account nor a "
+                f"kubeconfig: {error}"
+            ) from error
+    return made

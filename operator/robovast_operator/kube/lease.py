@@ -1,4 +1,7 @@
-"""Which of several replicas works: the one that holds the Lease."""
+"""Which of several replicas works: the one that holds the Lease.
+
+Not `kubernetes.aio.leaderelection`: whoever leads there cannot tell before a write whether it does.
+"""
 
 from __future__ import annotations
 

@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from typing import Any
 from unittest.mock import patch
 
-import kopf
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -192,7 +191,7 @@ class Server(Api):
     """An API server with a few objects, that takes everything and answers nothing else."""
 
     def __init__(self, *_: Any, **__: Any) -> None:
-        super().__init__(kopf.ConnectionInfo(server="http://nowhere.test"))
+        super().__init__(None)
         self.objects: dict[str, list[Any]] = {}
         self.made: list[Object] = []
         self.statuses: dict[str, Object] = {}
@@ -258,7 +257,7 @@ async def look(objects: dict[str, list[Any]]) -> Server:
     """What the operator does with what is there."""
     with (
         patch.object(operator_module, "Api", Server),
-        patch.object(operator_module, "connection_info", lambda: None),
+        patch.object(operator_module, "connect", lambda: None),
         patch.object(inputs_module, "Apart", Here),
     ):
         operator = Operator(SETTINGS)
