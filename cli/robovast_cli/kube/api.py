@@ -7,6 +7,7 @@ import errno
 import json
 import os
 import shutil
+import ssl
 from collections.abc import Callable, Coroutine, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -327,7 +328,8 @@ def _explained(error: Exception, where: str) -> RobovastError:
 
     if isinstance(error, ClientError | OSError):
         cause = getattr(error, "os_error", error)  # without what aiohttp says of its own objects
-        number = cause.errno or 0 if isinstance(cause, OSError) else 0
+        own = isinstance(cause, ssl.SSLError)  # numbers of TLS mean something else
+        number = cause.errno or 0 if isinstance(cause, OSError) and not own else 0
         said = os.strerror(number) if number in errno.errorcode else str(cause)
         return unreachable(said or type(error).__name__, where)
     return CannotRunError(f"{where}: {type(error).__name__}: {error}")

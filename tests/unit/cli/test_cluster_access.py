@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import os
+import socket
+import threading
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from robovast.base.errors import CannotRunError, InputError
+from robovast_cli.kube.api import connect
 from robovast_cli.kube.api_errors import (
     ConflictError,
     NotFoundError,
@@ -151,3 +154,25 @@ def test_a_broken_kubeconfig_is_named(
     monkeypatch.setenv("KUBECONFIG", str(tmp_path / "broken"))
     with pytest.raises(InputError, match=message):
         choose_context(None, None)
+
+
+def test_a_server_without_tls_is_told_from_one_that_refuses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def answer_in_plain(server: socket.socket) -> None:
+        with server.accept()[0] as connection:
+            connection.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        address = f"https://127.0.0.1:{server.getsockname()[1]}"
+        cluster = {"name": "c", "cluster": {"server": address}}
+        context = {"name": "lab", "context": {"cluster": "c", "user": "u"}}
+        user = {"name": "u", "user": {"token": "t"}}
+        config = {"clusters": [cluster], "contexts": [context], "users": [user]}
+        (tmp_path / "config").write_text(json.dumps({**config, "current-context": "lab"}))
+        monkeypatch.setenv("KUBECONFIG", str(tmp_path / "config"))
+        thread = threading.Thread(target=answer_in_plain, args=[server])
+        thread.start()
+        with connect() as kube, pytest.raises(UnreachableError, match="wrong version number"):
+            kube.campaigns()
+        thread.join(10)
