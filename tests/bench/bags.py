@@ -29,7 +29,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from ros_bags import Bag
+from support.campaigns.bags import Bag
 
 from robovast.analysis.bags import commands
 

@@ -21,8 +21,9 @@ from typing import Any
 
 sys.path[:0] = [str(Path(__file__).parents[1] / part) for part in (".", "testbed")]
 
-from kubernetes_requests import Requests  # noqa: E402
-from operator_process import (  # noqa: E402
+from robovast_testbed import bed, controlplane  # noqa: E402
+from robovast_testbed.kubernetes import Cluster  # noqa: E402
+from support.kube.operator_process import (  # noqa: E402
     ACCOUNT,
     OperatorProcess,
     campaign,
@@ -30,9 +31,8 @@ from operator_process import (  # noqa: E402
     prepare,
     write_requests,
 )
-from patience import eventually  # noqa: E402
-from robovast_testbed import bed, controlplane  # noqa: E402
-from robovast_testbed.kubernetes import Cluster  # noqa: E402
+from support.kube.requests import Requests  # noqa: E402
+from support.patience import eventually  # noqa: E402
 
 SPACE = "bench"
 GROUP = f"/apis/robovast.io/v1alpha1/namespaces/{SPACE}"

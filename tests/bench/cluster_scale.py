@@ -19,7 +19,7 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).parents[1] / part) for part in (".", "testbed")]
 
-from scale_cells import CONTROLLERS, Cell, Result, measure  # noqa: E402
+from support.kube.scale_cells import CONTROLLERS, Cell, Result, measure  # noqa: E402
 
 PACKS = (1, 20, 200)
 

@@ -21,9 +21,9 @@ from typing import Any
 
 sys.path[:0] = [str(Path(__file__).parents[1] / part) for part in (".", "testbed")]
 
-from cluster_lab import SYSTEM, Lab, copy_credentials, install  # noqa: E402
-from local_campaigns import DOCUMENT, make_campaign  # noqa: E402
 from robovast_testbed import bed, controlplane, images, node  # noqa: E402
+from support.campaigns.local import DOCUMENT, make_campaign  # noqa: E402
+from support.kube.lab import SYSTEM, Lab, copy_credentials, install  # noqa: E402
 
 SPACE = "start"
 

@@ -20,9 +20,9 @@ from tempfile import TemporaryDirectory
 
 sys.path[:0] = [str(Path(__file__).parents[1] / part) for part in (".", "testbed")]
 
-from agent_pods import Campaign, Pod  # noqa: E402
-from local_campaigns import DOCUMENT, make_campaign  # noqa: E402
 from robovast_testbed import bed, network, s3  # noqa: E402
+from support.campaigns.local import DOCUMENT, make_campaign  # noqa: E402
+from support.kube.pod_processes import Campaign, Pod  # noqa: E402
 
 PLUGIN = """\
 from robovast.common.variation import Variation

@@ -27,16 +27,16 @@ from tempfile import TemporaryDirectory
 TESTS = Path(__file__).parents[1]
 sys.path[:0] = [str(TESTS / part) for part in (".", "testbed")]
 
-from cluster_lab import SYSTEM, Lab, copy_credentials, install  # noqa: E402
-from gauntlet_entrants import Deed, Entrant  # noqa: E402
-from gauntlet_faults import FAULTS, Arena  # noqa: E402
-from gauntlet_jury import executions, judge  # noqa: E402
-from gauntlet_play import Gauntlet  # noqa: E402
-from gauntlet_verdict import Fault, Violation  # noqa: E402
-from gauntlet_watch import Watch  # noqa: E402
 from robovast_testbed import bed, controlplane, images, node, outages  # noqa: E402
 from robovast_testbed.errors import StartFailed  # noqa: E402
 from robovast_testbed.kubernetes import Cluster  # noqa: E402
+from support.gauntlet.entrants import Deed, Entrant  # noqa: E402
+from support.gauntlet.faults import FAULTS, Arena  # noqa: E402
+from support.gauntlet.jury import executions, judge  # noqa: E402
+from support.gauntlet.play import Gauntlet  # noqa: E402
+from support.gauntlet.verdict import Fault, Violation  # noqa: E402
+from support.gauntlet.watch import Watch  # noqa: E402
+from support.kube.lab import SYSTEM, Lab, copy_credentials, install  # noqa: E402
 
 NAMESPACES = ("north", "south")
 NODE_DISK = "/var/lib/kubelet"
@@ -65,7 +65,7 @@ def arena(folder: Path) -> Iterator[tuple[Arena, list[Lab], Path]]:
         )
         trace = own.folder / "trace"
         trace.touch()
-        sink = own.spawn("trace", [sys.executable, TESTS / "gauntlet_trace.py", trace])
+        sink = own.spawn("trace", [sys.executable, TESTS / "support/gauntlet/executions.py", trace])
         labs = [make_lab(cluster, name, folder) for name in NAMESPACES]
         files = Path(f"/proc/{_inside(cluster, sink.process.pid)}/root")
         volume = cluster.kubectl("get", "persistentvolumes", "--output=json")
@@ -81,7 +81,7 @@ def _inside(cluster: Cluster, pid: int) -> int:
     """The process itself: what was started is nsenter, which becomes it."""
     deadline = time.monotonic() + 20
     while time.monotonic() < deadline:
-        found = outages.processes(cluster.bed, lambda c: any("gauntlet_trace" in w for w in c))
+        found = outages.processes(cluster.bed, lambda c: any("gauntlet/executions" in w for w in c))
         if any(process.pid == pid for process in found):
             return pid
         time.sleep(0.1)

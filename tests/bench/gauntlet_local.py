@@ -31,9 +31,9 @@ from threading import Thread
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from gauntlet_trace import Sink, sending
-from gauntlet_truth import Course, Kind, look_at_files, read_trace
-from power_cut import CAN_CUT_POWER, PowerCutDisk, power_cut_disk
+from support.faults.power_cut import CAN_CUT_POWER, PowerCutDisk, power_cut_disk
+from support.gauntlet.executions import Sink, sending
+from support.gauntlet.truth import Course, Kind, look_at_files, read_trace
 
 from robovast.campaign.run_record import read_run_record
 from robovast.campaign.verdict import Verdict

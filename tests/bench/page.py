@@ -20,8 +20,8 @@ sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / 
 
 from playwright.sync_api import Page, sync_playwright
 from robovast_testbed import debian
-from shown_page import shown
-from stored_campaigns import NAME, write_campaign
+from support.campaigns.stored import NAME, write_campaign
+from support.servers.page import shown
 
 REPEAT = 7
 AFTER = """async () => {{

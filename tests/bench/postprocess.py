@@ -25,8 +25,8 @@ from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from finished_campaigns import finished_campaign
-from ros_bags import Bag
+from support.campaigns.bags import Bag
+from support.campaigns.finished import finished_campaign
 
 VAST = Path(sys.executable).with_name("vast")
 COMMANDS = """\

@@ -27,7 +27,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from provenance_campaigns import make_old_campaign
+from support.campaigns.described import make_old_campaign
 
 Figures = dict[str, Any]
 

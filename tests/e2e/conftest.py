@@ -1,5 +1,5 @@
 """Fixtures of the tests on a real cluster."""
 
-from cluster_lab import installed, lab
+from support.kube.lab import installed, lab
 
 __all__ = ["installed", "lab"]

@@ -13,7 +13,10 @@ from typing import Any
 
 import pytest
 import yaml
-from cluster_lab import (
+from robovast_testbed import gobuild, programs
+from robovast_testbed.helm import helm
+from robovast_testbed.kubernetes import Cluster
+from support.kube.lab import (
     ROOT,
     SYSTEM,
     VAST,
@@ -22,10 +25,7 @@ from cluster_lab import (
     install,
     install_chart,
 )
-from patience import eventually
-from robovast_testbed import gobuild, programs
-from robovast_testbed.helm import helm
-from robovast_testbed.kubernetes import Cluster
+from support.patience import eventually
 
 CHART = ROOT / "helm/robovast"
 PROGRAMS = ("kubectl", "vast", "helm")

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 import yaml
-from cluster_lab import QUICK, SYSTEM, VAST, Lab, buckets, files
-from local_campaigns import make_campaign
-from notice_receiver import POD_PORT, receiver_pod
-from patience import eventually
 from robovast_testbed import images, programs
+from support.campaigns.local import make_campaign
+from support.kube.lab import QUICK, SYSTEM, VAST, Lab, buckets, files
+from support.patience import eventually
+from support.servers.notices import POD_PORT, receiver_pod
 
 GROWTH = Path(__file__).parents[2] / "configs/examples/growth_sim/growth_sim.vast"
 

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cluster_lab import QUICK, SYSTEM, Lab
-from local_campaigns import make_campaign
-from patience import eventually
 from robovast_testbed import images
 from robovast_testbed.errors import StartFailed
+from support.campaigns.local import make_campaign
+from support.kube.lab import QUICK, SYSTEM, Lab
+from support.patience import eventually
 
 from robovast.common.execution import COMPAT_VERSION
 

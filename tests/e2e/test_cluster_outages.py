@@ -8,10 +8,10 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from cluster_lab import SYSTEM, Lab
-from operator_process import created
-from patience import eventually
 from robovast_testbed import outages
+from support.kube.lab import SYSTEM, Lab
+from support.kube.operator_process import created
+from support.patience import eventually
 
 RUNS = 30
 S3 = ("--namespace", SYSTEM, "scale", "statefulset/robovast-s3")

@@ -8,11 +8,11 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from cluster_lab import QUICK, SYSTEM, Lab
-from local_campaigns import make_campaign
-from patience import eventually
 from robovast_testbed import images
 from robovast_testbed.kubernetes import Cluster, Manifest
+from support.campaigns.local import make_campaign
+from support.kube.lab import QUICK, SYSTEM, Lab
+from support.patience import eventually
 
 KUEUE = "kueue.x-k8s.io/v1beta1"
 POD_CPU = 10

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-import share_servers
-from cluster_lab import VAST, Lab
-from patience import eventually
 from robovast_testbed import network
-from share_servers import PASSWORD, USER
+from support.kube.lab import VAST, Lab
+from support.patience import eventually
+from support.servers import shares as share_servers
+from support.servers.shares import PASSWORD, USER
 
 WEBDAV_PORT, SFTP_PORT = 8480, 8422
 FAR = """

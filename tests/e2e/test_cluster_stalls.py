@@ -9,11 +9,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from cluster_lab import QUICK, SYSTEM, Lab
-from local_campaigns import make_campaign
-from patience import eventually
 from robovast_testbed import containerd, gobuild, outages, scratch
 from robovast_testbed.kubernetes import Manifest
+from support.campaigns.local import make_campaign
+from support.kube.lab import QUICK, SYSTEM, Lab
+from support.patience import eventually
 
 FOREIGN_PROGRAM = b"\x7fELF\x02\x01\x01".ljust(16, b"\0") + (2).to_bytes(2, "little") + b"\xb7\0"
 """The beginning of an executable for aarch64; no machine of another kind executes it."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from finished_campaigns import finished_campaign
+from support.campaigns.finished import finished_campaign
 
 VAST = Path(sys.executable).with_name("vast")
 SCRIPT = """\

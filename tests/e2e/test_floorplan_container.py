@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from local_campaigns import EXAMPLES
 from robovast_testbed.docker import Docker
+from support.campaigns.local import EXAMPLES
 
 VAST = Path(sys.executable).with_name("vast")
 IMAGE = "localhost:5000/stand-in-generator:1"

@@ -7,9 +7,9 @@ import shlex
 import subprocess
 
 import yaml
-from cluster_lab import QUICK, VAST, Lab
-from local_campaigns import make_campaign
 from robovast_testbed import images
+from support.campaigns.local import make_campaign
+from support.kube.lab import QUICK, VAST, Lab
 
 
 def test_the_guides_commands_work_line_by_line(lab: Lab) -> None:

@@ -11,8 +11,8 @@ import time
 from pathlib import Path
 
 import pytest
-from hostile_runs import KEY, assert_untouched, links, make_host
-from local_campaigns import EXAMPLES, Recorder, make_campaign, run, verdicts
+from support.campaigns.hostile import KEY, assert_untouched, links, make_host
+from support.campaigns.local import EXAMPLES, Recorder, make_campaign, run, verdicts
 
 from robovast.base.errors import CannotRunError
 from robovast.campaign.finding import find_campaigns

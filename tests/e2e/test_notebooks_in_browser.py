@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from notebooks import add_notebooks
 from playwright.sync_api import Page, expect, sync_playwright
 from robovast_testbed import debian
-from shown_page import ShownPage, shown
-from stored_campaigns import NAME, write_campaign
+from support.campaigns.notebooks import add_notebooks
+from support.campaigns.stored import NAME, write_campaign
+from support.servers.page import ShownPage, shown
 
 DATA = "DATA_DIR = ''"
 EVIL = """

@@ -14,11 +14,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from local_campaigns import make_campaign
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 from robovast_testbed import debian
-from shown_page import VAST, ShownPage, shown
-from stored_campaigns import NAME, SYSTEM_LOG, add_map, write, write_campaign, write_run
+from support.campaigns.local import make_campaign
+from support.campaigns.stored import NAME, SYSTEM_LOG, add_map, write, write_campaign, write_run
+from support.servers.page import VAST, ShownPage, shown
 
 WEB = Path(__file__).parents[2] / "web"
 LATER = "hall-2026-03-05-090000"

@@ -7,9 +7,9 @@ import json
 from pathlib import Path
 
 import pytest
-from cluster_lab import Lab, files
-from local_campaigns import EXAMPLES
 from robovast_testbed import containerd, images
+from support.campaigns.local import EXAMPLES
+from support.kube.lab import Lab, files
 
 VAST = EXAMPLES / "robot_navigation" / "robot_navigation.vast"
 OUTCOMES = {"drive-1-1-2-2/0": "arrived", "drive-2-1-2-2/0": "no way to the goal"}

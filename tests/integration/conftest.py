@@ -1,5 +1,5 @@
 """Fixtures of the tests that need engines, but no node."""
 
-from operator_process import fake_cluster, namespace, new_operator
+from support.kube.operator_process import fake_cluster, namespace, new_operator
 
 __all__ = ["fake_cluster", "namespace", "new_operator"]

@@ -14,11 +14,11 @@ from tempfile import TemporaryDirectory
 
 import pytest
 import yaml
-from agent_pods import Campaign, Pod
-from local_campaigns import DOCUMENT, make_campaign, run
-from patience import eventually
-from refusing_s3 import refusing
 from robovast_testbed.s3 import Server
+from support.campaigns.local import DOCUMENT, make_campaign, run
+from support.kube.pod_processes import Campaign, Pod
+from support.patience import eventually
+from support.servers.refusing_s3_proxy import refusing
 
 from robovast.agent.claims import MOST_STARTS
 from robovast.campaign.configurations import variants_digest

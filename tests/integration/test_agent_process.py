@@ -10,12 +10,12 @@ from pathlib import Path
 from uuid import uuid4
 
 import pytest
-from agent_pods import Campaign, Pod, keys_by_path
-from finished_campaigns import finished_campaign
-from local_campaigns import make_campaign
-from one_run import killed_after, open_store
 from robovast_testbed.s3 import Server
-from stored_campaigns import write
+from support.campaigns.finished import finished_campaign
+from support.campaigns.local import make_campaign
+from support.campaigns.one_run import killed_after, open_store
+from support.campaigns.stored import write
+from support.kube.pod_processes import Campaign, Pod, keys_by_path
 
 from robovast.agent.__main__ import main
 from robovast.agent.bucket import Bucket

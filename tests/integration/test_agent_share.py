@@ -14,9 +14,9 @@ from uuid import uuid4
 
 import pytest
 from robovast_testbed.s3 import Server
-from share_places import Place, sftp, webdav
-from small_disk import small_disk
-from stored_campaigns import NAME, write, write_campaign
+from support.campaigns.stored import NAME, write, write_campaign
+from support.faults.small_disk import small_disk
+from support.servers.share_places import Place, sftp, webdav
 
 from robovast.agent.bucket import Bucket
 from robovast.agent.upload import store_own_tree

@@ -16,17 +16,17 @@ from uuid import uuid4
 
 import pytest
 import yaml
-from operator_process import (
+from robovast_testbed import argocd, bed, controlplane
+from robovast_testbed.argocd import ArgoCd
+from robovast_testbed.pytest_plugin import skipped_when_unavailable
+from support.kube.operator_process import (
     FINISH_STAGE,
     OperatorProcess,
     campaign,
     prepare,
     status,
 )
-from patience import eventually
-from robovast_testbed import argocd, bed, controlplane
-from robovast_testbed.argocd import ArgoCd
-from robovast_testbed.pytest_plugin import skipped_when_unavailable
+from support.patience import eventually
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs/argocd.md"

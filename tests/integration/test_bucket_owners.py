@@ -8,10 +8,10 @@ from pathlib import Path
 from uuid import uuid4
 
 import pytest
-from agent_pods import Campaign, Pod
-from local_campaigns import make_campaign
-from one_run import open_store
 from robovast_testbed.s3 import Server
+from support.campaigns.local import make_campaign
+from support.campaigns.one_run import open_store
+from support.kube.pod_processes import Campaign, Pod
 
 from robovast.base.errors import InputError
 from robovast.evaluation.mirror import mirror

@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 import yaml
-from chart_rendering import CHART, Object, of_kind, rendered, template
-from operator_process import campaign
-from operator_world import SCENARIO, SETTINGS
-from operator_world import campaign as campaign_object
-from patience import eventually
 from robovast_testbed.errors import StartFailed
 from robovast_testbed.kubernetes import Cluster
+from support.kube.chart import CHART, Object, of_kind, rendered, template
+from support.kube.fake_cluster import SCENARIO, SETTINGS
+from support.kube.fake_cluster import campaign as campaign_object
+from support.kube.operator_process import campaign
+from support.patience import eventually
 
 from robovast.kubeapi.notice import Named, Notice, Order
 from robovast.kubeapi.resources import Scheduling

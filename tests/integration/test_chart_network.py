@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from chart_rendering import Object, of_kind, rendered
-from network_rules import Peer, lets_through
-from operator_world import SETTINGS, accepted
+from support.kube.chart import Object, of_kind, rendered
+from support.kube.fake_cluster import SETTINGS, accepted
+from support.kube.network_rules import Peer, lets_through
 
 from robovast.kubeapi.share_job import Upload, share_job
 from robovast_operator.planning.revisions import next_revision

@@ -20,10 +20,10 @@ from uuid import uuid4
 
 import pytest
 import yaml
-from patience import eventually
 from robovast_testbed.kubernetes import Cluster
 from robovast_testbed.s3 import Server
-from share_servers import PASSWORD, USER, webdav_server
+from support.patience import eventually
+from support.servers.shares import PASSWORD, USER, webdav_server
 
 from robovast.base.errors import InputError
 from robovast.storage.endpoint import Credentials, Endpoint

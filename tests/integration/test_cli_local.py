@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from local_campaigns import make_campaign
+from support.campaigns.local import make_campaign
 
 VAST = Path(sys.executable).with_name("vast")
 

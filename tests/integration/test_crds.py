@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from chart_rendering import of_kind, rendered
-from operator_process import campaign
-from patience import eventually
 from robovast_testbed.errors import StartFailed
 from robovast_testbed.kubernetes import Cluster
+from support.kube.chart import of_kind, rendered
+from support.kube.operator_process import campaign
+from support.patience import eventually
 
 CRDS = Path(__file__).parents[2] / "crds"
 

@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from pages import ROOT, code_blocks
+from support.pages import ROOT, code_blocks
 
 
 def test_the_page_of_scripts_runs_as_it_stands_there(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from textwrap import dedent
 
 import pytest
-from local_campaigns import run, verdicts
+from support.campaigns.local import run, verdicts
 
 from robovast.execution.local import Summary
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from local_campaigns import ROOT
+from support.campaigns.local import ROOT
 
 PATIENCE = 420
 """A campaign that has begun is brought to its end, on a busy machine too [s]."""

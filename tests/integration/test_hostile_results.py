@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from hostile_runs import KEY, assert_untouched, make_host
-from stored_campaigns import NAME, write_campaign
+from support.campaigns.hostile import KEY, assert_untouched, make_host
+from support.campaigns.stored import NAME, write_campaign
 
 LIMIT = 120
 """Of one command, on a machine that has other things to do [s]."""

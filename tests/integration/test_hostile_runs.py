@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from agent_pods import Campaign, Pod
-from hostile_runs import KEY, assert_untouched, links, make_host
-from local_campaigns import Recorder, make_campaign, run, verdicts
 from robovast_testbed.s3 import Server
+from support.campaigns.hostile import KEY, assert_untouched, links, make_host
+from support.campaigns.local import Recorder, make_campaign, run, verdicts
+from support.kube.pod_processes import Campaign, Pod
 
 PACK = "  runs_per_job: 3\n  timeout: 60\n"
 ALL_PASSED = dict.fromkeys(("one-1/0", "one-2/0", "one-3/0"), "passed")

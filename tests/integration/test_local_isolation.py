@@ -12,17 +12,17 @@ from pathlib import Path
 from threading import Timer
 
 import pytest
-from local_campaigns import ROOT, Recorder, make_campaign, run, verdicts
-from patience import eventually
 from robovast_testbed import debian
 from robovast_testbed.pytest_plugin import skipped_when_unavailable
+from support.campaigns.local import ROOT, Recorder, make_campaign, run, verdicts
+from support.patience import eventually
 
 from robovast.execution.local import sandbox
 
 PACK = "  runs_per_job: 3\n"
 RUN = (
     "import sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path;"
-    "from local_campaigns import Recorder, run; seen = Recorder();"
+    "from support.campaigns.local import Recorder, run; seen = Recorder();"
     "run(Path(sys.argv[2]), Path(sys.argv[3]), seen, select='one-1'); print(*seen.messages)"
 )
 """A program that executes a campaign."""

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-from local_campaigns import EXAMPLES, ROOT, Recorder, make_campaign, resume, run, verdicts
-from patience import eventually
+from support.campaigns.local import EXAMPLES, ROOT, Recorder, make_campaign, resume, run, verdicts
+from support.patience import eventually
 
 from robovast.base.errors import CannotRunError, InputError, StorageError
 from robovast.campaign.merge import merge_campaigns
@@ -162,7 +162,7 @@ def test_kill_9_loses_nothing_and_resume_finishes_the_campaign(tmp_path: Path) -
     path = make_campaign(tmp_path / "in", PASS + "sleep 0.3\n")
     program = (
         "import sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path;"
-        "from local_campaigns import run; run(Path(sys.argv[2]), Path(sys.argv[3]), runs=3)"
+        "from support.campaigns.local import run; run(Path(sys.argv[2]), Path(sys.argv[3]), runs=3)"
     )
     arguments = [sys.executable, "-c", program, str(ROOT / "tests"), str(path), str(tmp_path / "o")]
     process = subprocess.Popen(arguments)

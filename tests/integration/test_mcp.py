@@ -14,10 +14,10 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from finished_campaigns import NAME as TABLED
-from finished_campaigns import finished_campaign
-from mcp_clients import VAST, Assistant, Refusal, over_http, over_stdio, session
-from stored_campaigns import NAME, write, write_campaign
+from support.campaigns.finished import NAME as TABLED
+from support.campaigns.finished import finished_campaign
+from support.campaigns.stored import NAME, write, write_campaign
+from support.servers.mcp_client import VAST, Assistant, Refusal, over_http, over_stdio, session
 
 from robovast.base.errors import InputError
 from robovast.mcp import question

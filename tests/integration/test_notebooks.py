@@ -9,10 +9,10 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from notebooks import add_notebooks
-from patience import eventually
-from shown_page import VAST, ShownPage, shown
-from stored_campaigns import NAME, write, write_campaign
+from support.campaigns.notebooks import add_notebooks
+from support.campaigns.stored import NAME, write, write_campaign
+from support.patience import eventually
+from support.servers.page import VAST, ShownPage, shown
 
 EVIL = "<script>parent.document.title = 'stolen'</script>"
 SCOPES = {

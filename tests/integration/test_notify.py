@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from notice_receiver import Receiver, receiving
+from support.servers.notices import Receiver, receiving
 
 from robovast.agent import notify as command
 from robovast.agent.mounts import Folders

@@ -8,7 +8,8 @@ import time
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from operator_process import (
+from robovast_testbed.kubernetes import Cluster
+from support.kube.operator_process import (
     ACCOUNT,
     NewOperator,
     OperatorProcess,
@@ -20,8 +21,7 @@ from operator_process import (
     status,
     write_requests,
 )
-from patience import eventually
-from robovast_testbed.kubernetes import Cluster
+from support.patience import eventually
 
 from robovast_operator.kube.times import parse_time
 

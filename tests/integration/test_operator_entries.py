@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from operator_process import ACCOUNT, NewOperator, campaign, finished
-from patience import eventually
 from robovast_testbed.kubernetes import Cluster
+from support.kube.operator_process import ACCOUNT, NewOperator, campaign, finished
+from support.patience import eventually
 
 ENTRIES = 300
 

@@ -13,7 +13,8 @@ from typing import Any
 
 import pytest
 from aiohttp import web
-from faulty_api import (
+from robovast_testbed.kubernetes import Cluster
+from support.kube.faulty_proxy import (
     Action,
     Answer,
     FaultyApi,
@@ -28,7 +29,7 @@ from faulty_api import (
     refuse,
     watch_error,
 )
-from operator_process import (
+from support.kube.operator_process import (
     NewOperator,
     OperatorProcess,
     campaign,
@@ -39,8 +40,7 @@ from operator_process import (
     page,
     status,
 )
-from patience import eventually
-from robovast_testbed.kubernetes import Cluster
+from support.patience import eventually
 
 NOWHERE = {"scheduling": {"nodeSelector": {"no": "node"}}}
 """Runs that wait for ever."""

@@ -10,9 +10,16 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
-from operator_process import NewOperator, OperatorProcess, campaign, created, finished, status
-from patience import eventually
 from robovast_testbed.kubernetes import Cluster
+from support.kube.operator_process import (
+    NewOperator,
+    OperatorProcess,
+    campaign,
+    created,
+    finished,
+    status,
+)
+from support.patience import eventually
 
 DELETE = {"storage": {"retention": "Delete"}}
 SOURCE = {"configMap": {"name": "files"}}

@@ -8,8 +8,9 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
-from kubernetes_requests import Requests
-from operator_process import (
+from robovast_testbed.errors import StartFailed
+from robovast_testbed.kubernetes import Cluster
+from support.kube.operator_process import (
     NewOperator,
     campaign,
     condition,
@@ -19,9 +20,8 @@ from operator_process import (
     page,
     status,
 )
-from patience import eventually
-from robovast_testbed.errors import StartFailed
-from robovast_testbed.kubernetes import Cluster
+from support.kube.requests import Requests
+from support.patience import eventually
 
 GROUP = "/apis/robovast.io/v1alpha1"
 KINDS = ("Campaign", "Configuration")

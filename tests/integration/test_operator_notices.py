@@ -7,10 +7,10 @@ import time
 from typing import Any
 
 import pytest
-from operator_process import ACCOUNT, NewOperator, OperatorProcess, campaign, status
-from patience import eventually
 from robovast_testbed.errors import StartFailed
 from robovast_testbed.kubernetes import Cluster
+from support.kube.operator_process import ACCOUNT, NewOperator, OperatorProcess, campaign, status
+from support.patience import eventually
 
 WRITES = {"create", "update", "patch", "delete"}
 CREATE_JOB = ["create", "jobs"]

@@ -5,15 +5,15 @@ from __future__ import annotations
 import json
 
 import pytest
-from operator_process import (
+from robovast_testbed.kubernetes import Cluster
+from support.kube.operator_process import (
     NewOperator,
     OperatorProcess,
     campaign,
     condition,
     status,
 )
-from patience import eventually
-from robovast_testbed.kubernetes import Cluster
+from support.patience import eventually
 
 
 @pytest.fixture

@@ -5,10 +5,18 @@ from __future__ import annotations
 import json
 
 import pytest
-from operator_process import NewOperator, campaign, condition, created, finished, free_port, page
-from operator_process import status as status_of
-from patience import eventually
 from robovast_testbed.kubernetes import Cluster
+from support.kube.operator_process import (
+    NewOperator,
+    campaign,
+    condition,
+    created,
+    finished,
+    free_port,
+    page,
+)
+from support.kube.operator_process import status as status_of
+from support.patience import eventually
 
 
 @pytest.mark.parametrize("kind", ["configmaps", "jobs.batch"])

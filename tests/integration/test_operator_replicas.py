@@ -9,8 +9,9 @@ import time
 from typing import Any
 
 import pytest
-from faulty_api import FaultyApi, delay, faulty_api, hold
-from operator_process import (
+from robovast_testbed.kubernetes import Cluster
+from support.kube.faulty_proxy import FaultyApi, delay, faulty_api, hold
+from support.kube.operator_process import (
     ACCOUNT,
     SYSTEM,
     NewOperator,
@@ -22,8 +23,7 @@ from operator_process import (
     status,
     write_requests,
 )
-from patience import eventually
-from robovast_testbed.kubernetes import Cluster
+from support.patience import eventually
 
 LEASE_SECONDS = 2
 KILLS = 10

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 import yaml
-from chart_rendering import rendered
-from operator_process import ACCOUNT, SYSTEM
 from robovast_testbed.kubernetes import Cluster
+from support.kube.chart import rendered
+from support.kube.operator_process import ACCOUNT, SYSTEM
 
 Rights = set[tuple[str, str, str]]
 """Verb, resource with its API group, and the only name where there is one."""

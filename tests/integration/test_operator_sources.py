@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from operator_process import (
+from robovast_testbed.kubernetes import Cluster
+from support.kube.operator_process import (
     NewOperator,
     OperatorProcess,
     campaign,
@@ -14,8 +15,7 @@ from operator_process import (
     finished,
     status,
 )
-from patience import eventually
-from robovast_testbed.kubernetes import Cluster
+from support.patience import eventually
 
 
 @pytest.fixture

@@ -6,10 +6,17 @@ from pathlib import Path
 
 import pytest
 import yaml
-from operator_process import OperatorProcess, campaign, condition, finish_stage, prepare, status
-from patience import eventually
 from robovast_testbed import programs
 from robovast_testbed.kubernetes import Cluster
+from support.kube.operator_process import (
+    OperatorProcess,
+    campaign,
+    condition,
+    finish_stage,
+    prepare,
+    status,
+)
+from support.patience import eventually
 
 CHART = Path(__file__).parents[2] / "helm/robovast/Chart.yaml"
 

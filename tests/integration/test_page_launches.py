@@ -13,9 +13,9 @@ from typing import Any
 from urllib.parse import quote, urlencode
 
 import pytest
-from local_campaigns import make_campaign
-from shown_page import ShownPage, shown
-from stored_campaigns import NAME, write_campaign
+from support.campaigns.local import make_campaign
+from support.campaigns.stored import NAME, write_campaign
+from support.servers.page import ShownPage, shown
 
 FAIL_SECOND = 'echo "no goal for $1"; [ "$1" != 2 ]\n'
 SLOW = "sleep 60\n"

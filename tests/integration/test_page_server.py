@@ -11,8 +11,8 @@ from pathlib import Path
 from urllib.parse import quote
 
 import pytest
-from shown_page import VAST, ShownPage, shown
-from stored_campaigns import NAME, add_map, write, write_campaign, write_run
+from support.campaigns.stored import NAME, add_map, write, write_campaign, write_run
+from support.servers.page import VAST, ShownPage, shown
 
 EVIL = "<img src=x onerror=alert(1)>"
 PICTURE = f"api/map/{NAME}/hall-1"

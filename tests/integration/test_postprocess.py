@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-from finished_campaigns import NAME, add_run, as_of_another_tool, finished_campaign
-from local_campaigns import make_campaign, run
+from support.campaigns.finished import NAME, add_run, as_of_another_tool, finished_campaign
+from support.campaigns.local import make_campaign, run
 
 from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Options
 from robovast.analysis.postprocessing.session import postprocess

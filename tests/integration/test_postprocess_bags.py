@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-from finished_campaigns import NAME, finished_campaign
-from ros_bags import Bag
+from support.campaigns.bags import Bag
+from support.campaigns.finished import NAME, finished_campaign
 
 from robovast.analysis.postprocessing.events import Options
 from robovast.analysis.postprocessing.session import postprocess

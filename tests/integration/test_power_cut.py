@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from local_campaigns import ROOT, Recorder, make_campaign, resume, run, verdicts
-from power_cut import CAN_CUT_POWER, WHY_NOT, PowerCutDisk, power_cut_disk
+from support.campaigns.local import ROOT, Recorder, make_campaign, resume, run, verdicts
+from support.faults.power_cut import CAN_CUT_POWER, WHY_NOT, PowerCutDisk, power_cut_disk
 
 from robovast.base.atomic import write_atomically
 from robovast.campaign.importing import import_archive
@@ -25,7 +25,7 @@ PROGRAM = """
 import sys
 sys.path.insert(0, sys.argv[1])
 from pathlib import Path
-from local_campaigns import Recorder, run
+from support.campaigns.local import Recorder, run
 tell = lambda finished: print(finished.path, flush=True)
 run(Path(sys.argv[2]), Path(sys.argv[3]), Recorder(on_finished=tell), runs=3, jobs=1)
 """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import yaml
-from local_campaigns import make_campaign, run
+from support.campaigns.local import make_campaign, run
 
 from robovast.analysis.provenance import describe
 from robovast.analysis.provenance.query import Graphs, read_query

@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from local_campaigns import EXAMPLES, ROOT
 from robovast_testbed import cache
+from support.campaigns.local import EXAMPLES, ROOT
 
 VAST = Path(sys.executable).with_name("vast")
 NAVIGATION = EXAMPLES / "robot_navigation" / "robot_navigation.vast"

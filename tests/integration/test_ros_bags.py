@@ -17,8 +17,8 @@ from typing import Any
 import pytest
 from mcap.writer import CompressionType, Writer
 from robovast_testbed import cache
-from ros_bags import Bag, typestore
 from rosbags.rosbag2 import StoragePlugin
+from support.campaigns.bags import Bag, typestore
 
 import rosbags_common
 from robovast.analysis.bags.convert import convert_run

@@ -18,9 +18,9 @@ from pathlib import Path
 
 import pytest
 import yaml
-from patience import eventually
 from robovast_testbed import debian
 from robovast_testbed.pytest_plugin import skipped_when_unavailable
+from support.patience import eventually
 
 from robovast.execution.contract import contract_files
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from uuid import uuid4
 
 import pytest
-from one_run import Execution, Stepper, check_whole, killed_after, open_store
 from robovast_testbed.s3 import Server
+from support.campaigns.one_run import Execution, Stepper, check_whole, killed_after, open_store
 
 from robovast.agent.bucket import Bucket
 from robovast.agent.check import check_runs

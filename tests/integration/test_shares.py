@@ -12,8 +12,8 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from share_places import Place, gcs, sftp, webdav
-from share_servers import PASSWORD, USER, Gcs, webdav_process
+from support.servers.share_places import Place, gcs, sftp, webdav
+from support.servers.shares import PASSWORD, USER, Gcs, webdav_process
 
 from robovast.base.errors import InputError, RobovastError, StorageError
 from robovast.storage.shares import gcs as gcs_module

@@ -15,10 +15,10 @@ from typing import BinaryIO
 from uuid import uuid4
 
 import pytest
-from cutting_proxy import cutting_proxy
 from minio import Minio
 from robovast_testbed import clocks, outages
 from robovast_testbed.s3 import Server
+from support.servers.cutting_proxy import cutting_proxy
 
 from robovast.base.errors import StorageError
 from robovast.storage import s3 as storage

@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from patience import eventually
 from robovast_testbed import bed
 from robovast_testbed.docker import Docker
+from support.patience import eventually
 
 TESTBED = Path(bed.__file__).parent.parent
 

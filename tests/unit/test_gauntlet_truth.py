@@ -6,7 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from gauntlet_truth import Course, Kind, look_at_files, read_trace
+from support.gauntlet.truth import Course, Kind, look_at_files, read_trace
 
 from robovast.campaign.verdict import Verdict
 from robovast.model.document import load_document

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from gauntlet_truth import LINES, Course, Kind
-from gauntlet_verdict import (
+from support.gauntlet.truth import LINES, Course, Kind
+from support.gauntlet.verdict import (
     Begun,
     Excuse,
     Fault,

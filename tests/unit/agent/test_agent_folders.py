@@ -10,7 +10,7 @@ from pathlib import Path
 from threading import Thread
 
 import pytest
-from patience import eventually
+from support.patience import eventually
 
 from robovast.agent.container_control import RunContainer
 from robovast.agent.fetch import START

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from provenance_campaigns import NAME, make_old_campaign
+from support.campaigns.described import NAME, make_old_campaign
 
 
 @pytest.fixture

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 import yaml
-from finished_campaigns import NAME, finished_campaign
-from provenance_campaigns import make_old_campaign
 from robovast_testbed import debian
 from robovast_testbed.pytest_plugin import skipped_when_unavailable
+from support.campaigns.described import make_old_campaign
+from support.campaigns.finished import NAME, finished_campaign
 
 
 def test_index_makes_the_campaign_store(vast, folder: Path) -> None:

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from finished_campaigns import as_of_another_tool, finished_campaign
+from support.campaigns.finished import as_of_another_tool, finished_campaign
 
 import robovast
 

@@ -16,7 +16,7 @@ from types import SimpleNamespace
 
 import pytest
 import yaml
-from patience import eventually
+from support.patience import eventually
 
 from robovast.execution.contract import (
     COLLECT_SYSINFO,

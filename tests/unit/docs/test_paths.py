@@ -6,7 +6,7 @@ import re
 from pathlib import PurePosixPath
 
 import pytest
-from pages import ROOT
+from support.pages import ROOT
 
 PATHS = re.compile(
     r"(?:src|operator|cli|docs|tests|scripts|configs|container|crds|helm|web)/[\w./-]*|pyproject\.toml"

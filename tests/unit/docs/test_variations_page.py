@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-from finished_campaigns import add_run
-from pages import ROOT, write_files
+from support.campaigns.finished import add_run
+from support.pages import ROOT, write_files
 
 import robovast
 from robovast.execution.generate import write_configurations

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from ros_bags import START, Bag
 from rosbags.rosbag2 import StoragePlugin
+from support.campaigns.bags import START, Bag
 
 from robovast.base.errors import InputError
 from robovast.evaluation.bag_timeline import BINS, Timeline, read_timeline

@@ -9,7 +9,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from stored_campaigns import NAME, write, write_campaign, write_run
+from support.campaigns.stored import NAME, write, write_campaign, write_run
 
 from robovast.base.errors import InputError
 from robovast.campaign.verdict import Verdict

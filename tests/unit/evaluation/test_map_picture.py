@@ -8,7 +8,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from stored_campaigns import MOVES, NAME, add_map, record_moves, write, write_campaign
+from support.campaigns.stored import MOVES, NAME, add_map, record_moves, write, write_campaign
 
 from robovast.base.errors import InputError
 from robovast.base.serialization import dump_yaml

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from notebooks import add_notebooks, notebook_of
-from stored_campaigns import NAME, write, write_campaign
+from support.campaigns.notebooks import add_notebooks, notebook_of
+from support.campaigns.stored import NAME, write, write_campaign
 
 from robovast.base.errors import InputError
 from robovast.evaluation.notebooks.data_dir import read_notebook, replace_line

@@ -6,7 +6,7 @@ import shlex
 from pathlib import Path
 
 import pytest
-from stored_campaigns import NAME, write, write_campaign
+from support.campaigns.stored import NAME, write, write_campaign
 
 from robovast.base.errors import InputError
 from robovast.evaluation.files import list_files

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from operator_world import SCENARIO, SETTINGS, accepted, campaign
+from support.kube.fake_cluster import SCENARIO, SETTINGS, accepted, campaign
 
 from robovast_operator.planning.accept import accept, with_composition
 from robovast_operator.planning.campaign import Accepted, Rejected

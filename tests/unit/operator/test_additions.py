@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 import yaml
-from operator_world import SCENARIO, SETTINGS, accepted, campaign
+from support.kube.fake_cluster import SCENARIO, SETTINGS, accepted, campaign
 
 from robovast.base.errors import InputError
 from robovast.campaign.configurations import variants_digest

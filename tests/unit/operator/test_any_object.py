@@ -13,7 +13,7 @@ from unittest.mock import patch
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from operator_world import SETTINGS, accepted, campaign
+from support.kube.fake_cluster import SETTINGS, accepted, campaign
 
 from robovast.model.packs import Block, PlanSpec
 from robovast_operator import operator as operator_module

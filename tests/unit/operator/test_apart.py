@@ -8,7 +8,7 @@ import time
 from typing import Any
 
 import pytest
-from operator_world import SCENARIO, SETTINGS, campaign
+from support.kube.fake_cluster import SCENARIO, SETTINGS, campaign
 
 from robovast.base.errors import InputError
 from robovast_operator.planning.accept import accept

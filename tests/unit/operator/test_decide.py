@@ -8,7 +8,7 @@ from datetime import timedelta
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from operator_world import World, accepted, bad
+from support.kube.fake_cluster import World, accepted, bad
 
 from robovast.kubeapi.resources import Acceptance, FailFast
 from robovast_operator import snapshot as picture_module

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import yaml
-from operator_world import SETTINGS
+from support.kube.fake_cluster import SETTINGS
 
 from robovast_operator.planning.accept import accept, inline_files
 from robovast_operator.planning.campaign import Accepted

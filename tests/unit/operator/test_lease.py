@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from operator_world import SETTINGS
+from support.kube.fake_cluster import SETTINGS
 
 from robovast_operator.kube import lease as lease_module
 from robovast_operator.kube.api import ApiError

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from operator_world import SETTINGS, World, accepted, campaign
 from pydantic import ValidationError
+from support.kube.fake_cluster import SETTINGS, World, accepted, campaign
 
 from robovast.kubeapi.notice import Notice, Order
 from robovast.kubeapi.resources import FailFast, Notification, Scheduling

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from operator_world import SCENARIO, SETTINGS, accepted, campaign
+from support.kube.fake_cluster import SCENARIO, SETTINGS, accepted, campaign
 
 from robovast.model.packs import CampaignPlan, Owner
 from robovast_operator.planning.accept import accept, inline_files, same_document, source_changed

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from operator_world import SETTINGS, FakeJob
+from support.kube.fake_cluster import SETTINGS, FakeJob
 
 from robovast_operator.kube.api import ApiError
 from robovast_operator.kube.lenient import shaped

@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator, Callable
 from typing import Any
 
 import pytest
-from operator_world import SETTINGS
+from support.kube.fake_cluster import SETTINGS
 
 from robovast_operator.kube import paths
 from robovast_operator.kube.resync import Kind, Resync

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from operator_world import SETTINGS, FakeJob, accepted
+from support.kube.fake_cluster import SETTINGS, FakeJob, accepted
 
 from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.store import JobState

@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
-from operator_world import FakeJob, World, accepted
+from support.kube.fake_cluster import FakeJob, World, accepted
 
 from robovast_operator.decide import Action, CreateShard, DeleteJob, ResizeJob, SuspendJob, decide
 from robovast_operator.kube.store import JobState

@@ -1,0 +1,1 @@
+"""Campaigns, runs, bags and notebooks, made for tests."""

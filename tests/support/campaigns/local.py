@@ -1,0 +1,101 @@
+"""What tests of local execution share: small campaigns, and an observer that remembers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from robovast.campaign.run_record import RunRecord
+from robovast.execution.local import LocalOptions, Summary, resume_campaign, run_campaign
+from robovast.model.document import load_document
+from robovast.model.plan import Run
+
+ROOT = Path(__file__).parents[3]
+EXAMPLES = ROOT / "configs" / "examples"
+
+HEADER = """\
+import osc.helpers
+
+scenario test:
+    x: int = 1
+    text: string = "a"
+    here: common
+    do serial:
+"""
+
+DOCUMENT = """\
+version: 1
+metadata: {name: test_campaign}
+configuration:
+- name: one
+  variations:
+  - ParameterVariationList: {name: x, values: [1, 2, 3]}
+execution:
+  scenario_file: scenario.osc
+  run_files: ['files/*']
+"""
+
+
+class Recorder:
+    """Remembers what a campaign told it."""
+
+    def __init__(self, on_finished: Callable[[Run], None] | None = None) -> None:
+        self.messages: list[str] = []
+        self.finished: list[str] = []
+        self.started: list[str] = []
+        self.done_before = 0
+        self._on_finished = on_finished
+
+    def campaign_started(self, campaign: Path, total: int, done: int, how: str) -> None:
+        self.done_before = done
+
+    def run_started(self, run: Run) -> None:
+        self.started.append(run.path)
+
+    def run_finished(self, run: Run, record: RunRecord) -> None:
+        self.finished.append(run.path)
+        if self._on_finished:
+            self._on_finished(run)
+
+    def message(self, text: str) -> None:
+        self.messages.append(text)
+
+
+def make_campaign(
+    folder: Path, script: str, extra: str = "", document: str = DOCUMENT, command: str = "bash"
+) -> Path:
+    """A .vast file whose scenario executes a script with `x`, `text` and the output folder."""
+    (folder / "files").mkdir(parents=True)
+    (folder / "files" / "step.sh").write_text(script)
+    call = (
+        f'        run_process("{command} " + here.get_scenario_file_directory() + "/files/step.sh"'
+        ' + " %s" % x + " %s" % text + " " + here.get_output_directory())\n'
+    )
+    (folder / "scenario.osc").write_text(HEADER + call)
+    path = folder / "test.vast"
+    path.write_text(document + extra)
+    return path
+
+
+def run(path: Path, output: Path, observer: Recorder | None = None, **options: Any) -> Summary:
+    """Execute a new campaign, as plain processes unless told otherwise."""
+    chosen = LocalOptions(**{"runtime": "process", **options})
+    return run_campaign(load_document(path), output, chosen, observer or Recorder())
+
+
+def resume(campaign: Path, observer: Recorder | None = None, **options: Any) -> Summary:
+    """Continue a campaign."""
+    chosen = LocalOptions(**{"runtime": "process", **options})
+    return resume_campaign(campaign, chosen, observer or Recorder())
+
+
+def verdicts(summary: Summary) -> dict[str, str]:
+    """Verdict by run, as the stored records say."""
+    return {
+        f"{record.variant}/{record.run}": json.loads(
+            (summary.campaign / record.variant / str(record.run) / "run.json").read_text()
+        )["verdict"]
+        for record in summary.records
+    }

@@ -1,0 +1,1 @@
+"""Campaigns under faults drawn at random, compared with the truth."""

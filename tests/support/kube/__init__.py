@@ -1,0 +1,1 @@
+"""Clusters, real and fake, and what is asked of them."""

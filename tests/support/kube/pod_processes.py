@@ -1,0 +1,248 @@
+"""Pods of a campaign as plain processes: fetch, then start.sh beside the agent, and a real S3."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import count
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from uuid import uuid4
+
+from robovast_testbed.s3 import Server
+
+from robovast.execution.local.process_environment import process_environment
+from robovast.model.document import load_document
+from robovast.model.expansion import compose, select_any
+from robovast.model.packs import CampaignPlan, Entry, Owner, PlanSpec, first_blocks, format_breaks
+from robovast.model.plan import breaks
+from robovast.storage.bucket_names import bucket_name
+from robovast.storage.bucket_runs import open_run
+from robovast.storage.download import plan_download
+from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.s3 import ObjectStore
+from support.patience import eventually
+
+MARKER = "ROBOVAST_TEST_POD"
+
+
+def pids_of(work: Path) -> Iterator[int]:
+    """The processes of a pod."""
+    mark = f"{MARKER}={work}\0".encode()
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        with contextlib.suppress(OSError):
+            if mark in path.read_bytes():
+                yield int(path.parent.name)
+
+
+def keys_by_path(store: ObjectStore, bucket: str, prefix: str = "") -> dict[str, str]:
+    """What a reader of a bucket gets: the object of each file."""
+    plan = plan_download(store.objects(bucket, prefix), Path("nowhere"), force=True)
+    runs = [open_run(store, bucket, run) for run in plan.runs]
+    files = {file.path: file.item.key for run in runs for file in run.files}
+    return {**files, **{file.path: file.item.key for file in plan.files}}
+
+
+@dataclass
+class Campaign:
+    """A campaign whose plan and files are mounted, as the operator would do it."""
+
+    root: Path
+    vast: Path
+    server: Server
+    given: dict[str, Any] = field(default_factory=dict)
+    """Further values of the plan; `campaign`, `owner` and `bucket` in place of new ones."""
+
+    def __post_init__(self) -> None:
+        self.pods: list[Pod] = []
+        name = f"test-{uuid4().hex[:8]}-2026-01-02-030405"
+        self.name = self.given.pop("campaign", name)
+        owner = Owner(uid=str(uuid4()), namespace="lab", name="test", campaign=self.name)
+        owner = self.given.pop("owner", owner)
+        uid = owner.uid if owner is not None else ""
+        self.bucket = self.given.pop("bucket", bucket_name(self.name, uid=uid))
+        document = load_document(self.vast)
+        select = self.given.get("select", ())
+        with TemporaryDirectory() as scratch:
+            variants = select_any(compose(document, Path(scratch)).variants, select)
+            cuts = format_breaks(breaks(variants))
+        names = dict.fromkeys(variant.entry for variant in variants)
+        entries = tuple(
+            Entry(name=name, variants=sum(v.entry == name for v in variants)) for name in names
+        )
+        runs = self.given.pop("runs", document.vast.execution.runs)
+        self.plan = CampaignPlan(
+            campaign=self.name,
+            bucket=self.bucket,
+            owner=owner,
+            endpoint=f"http://{self.server.endpoint}",
+            document=self.vast.name,
+            **{"expansion": "pure", **self.given},
+            runs=runs,
+            image="registry/image:tag",
+            entries=entries,
+            plan=PlanSpec(
+                blocks=first_blocks(entries, runs),
+                runs_per_job=document.vast.execution.runs_per_job,
+                breaks=cuts,
+            ),
+        )
+        self._mount()
+        keys = Credentials(self.server.access_key, self.server.secret_key)
+        self.store = ObjectStore(Endpoint.parse(self.plan.endpoint), keys, patience=60)
+
+    def _mount(self) -> None:
+        plan, files, credentials = (self.root / n for n in ("plan", "files", "credentials"))
+        for folder in (plan, credentials):
+            folder.mkdir(parents=True)
+        (plan / "campaign.json").write_text(self.plan.model_dump_json(exclude_none=True))
+        shutil.copy(self.vast, plan / "document.vast")
+        others = shutil.ignore_patterns(self.vast.name)
+        shutil.copytree(self.vast.parent, files / "..data", ignore=others)
+        for path in (files / "..data").iterdir():  # as Kubernetes mounts a ConfigMap
+            (files / path.name).symlink_to(Path("..data") / path.name)
+        (credentials / "accessKey").write_text(self.server.access_key)
+        (credentials / "secretKey").write_text(self.server.secret_key)
+
+    def change(self, **changes: object) -> None:
+        """Mount a changed plan; pods that are there keep what they have read."""
+        self.plan = self.plan.model_copy(update=changes)
+        text = self.plan.model_dump_json(exclude_none=True)
+        (self.root / "plan/campaign.json").write_text(text)
+
+    def close(self) -> None:
+        """Leave no process and no bucket."""
+        for pod in self.pods:
+            pod.kill()
+        self.store.delete_bucket(self.bucket)
+
+    def objects(self, prefix: str = "") -> list[str]:
+        """Paths of what a reader of the bucket gets."""
+        self.store.make_bucket(self.bucket)  # nothing is stored yet
+        return sorted(path for path in keys_by_path(self.store, self.bucket, prefix))
+
+    def read(self, path: str) -> str:
+        key = keys_by_path(self.store, self.bucket, "/".join(path.split("/")[:2])).get(path)
+        content = self.store.read(self.bucket, key) if key else None
+        assert content is not None, f"{path} is missing"
+        return content.decode()
+
+    def record(self, run: str) -> Any:
+        return json.loads(self.read(f"{run}/run.json"))
+
+    def verdicts(self) -> dict[str, str]:
+        """Verdict by run of everything that is stored."""
+        keys = [key for key in self.objects() if key.endswith("/run.json")]
+        return {
+            key.removesuffix("/run.json"): json.loads(self.read(key))["verdict"] for key in keys
+        }
+
+
+class Pod:
+    """One pod: a work folder, and processes in place of containers."""
+
+    _numbers = count()
+
+    def __init__(self, campaign: Campaign) -> None:
+        self.campaign = campaign
+        campaign.pods.append(self)
+        self.number = next(self._numbers)
+        self.name = f"pod-{self.number}"
+        self.work = campaign.root / self.name
+        self.work.mkdir()
+        self.message_file = self.work / "termination-log"
+        self.message_file.touch()
+        self.processes: list[subprocess.Popen[bytes]] = []
+
+    @property
+    def out(self) -> Path:
+        return self.work / "out"
+
+    def command(self, name: str, *arguments: object, index: int = 0) -> subprocess.Popen[bytes]:
+        """Start one of our own containers."""
+        root = self.campaign.root
+        return self._spawn(
+            f"{name}.log",
+            [
+                *(sys.executable, "-m", "robovast.agent", name, *map(str, arguments)),
+                *(
+                    f"--{folder}={root / folder}"
+                    for folder in ("plan", "files", "credentials", "pods")
+                ),
+                *(f"--work={self.work}", f"--message={self.message_file}"),
+                *(f"--config-seen={self.work / 'config'}", f"--out-seen={self.out}"),
+            ],
+            {"JOB_COMPLETION_INDEX": str(index), "POD_NAME": self.name},
+        )
+
+    def task(self, name: str) -> int:
+        """Do our own work on the whole campaign; returns the exit code."""
+        return self.command(name).wait(60)
+
+    def start_run(self, secondary: str = "") -> subprocess.Popen[bytes]:
+        """Start a container of the user's image."""
+        environment = process_environment(print)
+        return self._spawn(
+            f"start{secondary}.log",
+            ["bash", str(self.work / "config/start.sh"), *filter(None, [secondary])],
+            {"PATH": f"{environment}/bin:{os.environ['PATH']}", "ENABLE_X11": "false"},
+        )
+
+    def _spawn(self, log: str, command: list[str], env: dict[str, str]) -> subprocess.Popen[bytes]:
+        with (self.work / log).open("wb") as output:
+            process = subprocess.Popen(
+                command,
+                env={**os.environ, **env, MARKER: str(self.work)},
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+        self.processes.append(process)
+        return process
+
+    def fetch(self, index: int = 0, *arguments: object) -> int:
+        return self.command("fetch", *arguments, index=index).wait(60)
+
+    def run(self, index: int = 0, *arguments: object, secondaries: tuple[str, ...] = ()) -> int:
+        """A pod from its beginning to its end; returns the agent's exit code."""
+        assert self.fetch(index, *arguments) == 0, self.log("fetch")
+        containers = [self.start_run(name) for name in (*secondaries, "")]
+        code = self.command("agent").wait(120)
+        assert [container.wait(30) for container in containers] == [0] * len(containers)
+        return code
+
+    def start(self, index: int = 0) -> tuple[subprocess.Popen[bytes], subprocess.Popen[bytes]]:
+        """Start the containers `robovast` and `agent`; both are at work then."""
+        assert self.fetch(index) == 0, self.log("fetch")
+        containers = self.start_run(), self.command("agent")
+        heartbeat = self.work / "config/heartbeat"
+        eventually(lambda: heartbeat.read_text().strip())
+        return containers
+
+    def log(self, name: str) -> str:
+        return (self.work / f"{name}.log").read_text()
+
+    def message(self) -> Any:
+        """The termination message."""
+        return json.loads(self.message_file.read_text())
+
+    def kill(self, container: subprocess.Popen[bytes] | None = None) -> None:
+        """End a container at once, or all of them, as the loss of a node does."""
+        for pid in pids_of(self.work):
+            if container is None or os.getsid(pid) == container.pid:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+        if container is not None:
+            container.wait()
+            return
+        for process in self.processes:
+            process.wait()

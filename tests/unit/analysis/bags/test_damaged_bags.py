@@ -1,0 +1,215 @@
+"""Of a bag that is not whole, what can be read is converted, and the rest is stated."""
+
+import random
+import resource
+import sqlite3
+from hashlib import sha512
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag2 import StoragePlugin
+from support.campaigns.bags import START, Bag, rows
+
+from robovast.analysis.bags.convert import Conversion, convert_bag
+from robovast.model.document.commands import TopicsToCsv
+
+COUNT = 200
+TEXT = "std_msgs/msg/String"
+MCAP, SQLITE = StoragePlugin.MCAP, StoragePlugin.SQLITE3
+
+
+def record(folder: Path, storage: StoragePlugin = MCAP) -> Path:
+    """A bag of short texts; its file with messages."""
+    with Bag(folder, storage=storage) as bag:
+        for number in range(COUNT):
+            bag.write("/a", bag.make(TEXT, f"text {number} {'x' * 200}"), at=number)
+    (file,) = [path for path in folder.iterdir() if path.name != "metadata.yaml"]
+    return file
+
+
+def record_chunks(file: Path, compression: CompressionType) -> None:
+    """An MCAP file of many chunks, with checksums."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("wb") as stream:
+        writer = McapWriter(stream, chunk_size=4096, compression=compression)
+        writer.start()
+        schema = writer.register_schema(TEXT, "ros2msg", b"string data")
+        channel = writer.register_channel("/a", "cdr", schema)
+        for number in range(COUNT):
+            noise = "".join(sha512(f"{number} {part}".encode()).hexdigest() for part in "ab")
+            text = f"text {number} {noise}".encode() + b"\0"
+            data = b"\0\1\0\0" + len(text).to_bytes(4, "little") + text
+            writer.add_message(channel, START + number, data, START + number)
+        writer.finish()
+
+
+def convert(folder: Path) -> Conversion:
+    return convert_bag(folder, folder.parent, [TopicsToCsv(topics=["/a"])])
+
+
+def numbers(folder: Path) -> list[int]:
+    table = rows(folder.parent / f"{folder.name}_a.csv")
+    return [int(row["data"].split()[1]) for row in table]
+
+
+@pytest.mark.parametrize("storage", [MCAP, SQLITE])
+@pytest.mark.parametrize("content", [b"", b"nonsense" * 100])
+def test_a_file_without_content_is_stated(
+    tmp_path: Path, storage: StoragePlugin, content: bytes
+) -> None:
+    file = record(tmp_path / "rosbag2", storage)
+    file.write_bytes(content)
+    done = convert(tmp_path / "rosbag2")
+    assert any(file.name in warning for warning in done.warnings)
+    assert "rosbag2 has no message on /a" in done.warnings
+    assert done.outputs == []
+
+
+def test_a_bag_without_messages_is_stated(tmp_path: Path) -> None:
+    with Bag(tmp_path / "rosbag2"):
+        pass
+    done = convert(tmp_path / "rosbag2")
+    assert done.warnings == ["rosbag2 has no message on /a"]
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+def test_an_mcap_file_that_is_cut_off_is_read_up_to_there(
+    tmp_path: Path, compression: CompressionType, share: float
+) -> None:
+    file = tmp_path / "rosbag2" / "rosbag2_0.mcap"
+    record_chunks(file, compression)
+    whole = file.read_bytes()
+    file.write_bytes(whole[: int(len(whole) * share)])
+
+    done = convert(file.parent)
+
+    read = numbers(file.parent)
+    assert read == list(range(len(read)))
+    assert COUNT * (share - 0.2) < len(read) <= COUNT
+    assert any("rosbag2_0.mcap" in warning for warning in done.warnings)
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+def test_only_the_damaged_chunk_is_lost(tmp_path: Path, compression: CompressionType) -> None:
+    file = tmp_path / "rosbag2" / "rosbag2_0.mcap"
+    record_chunks(file, compression)
+    with file.open("rb") as stream:
+        chunk = make_reader(stream).get_summary().chunk_indexes[3]
+    content = bytearray(file.read_bytes())
+    middle = chunk.chunk_start_offset + chunk.chunk_length // 2
+    content[middle] ^= 0xFF
+    file.write_bytes(content)
+
+    done = convert(file.parent)
+
+    lost = set(range(COUNT)) - set(numbers(file.parent))
+    assert 0 < len(lost) < COUNT // 5
+    assert any(f"byte {chunk.chunk_start_offset}" in warning for warning in done.warnings)
+
+
+def test_after_a_damaged_length_reading_goes_on_at_the_next_chunk(tmp_path: Path) -> None:
+    file = tmp_path / "rosbag2" / "rosbag2_0.mcap"
+    record_chunks(file, CompressionType.NONE)
+    with file.open("rb") as stream:
+        chunk = make_reader(stream).get_summary().chunk_indexes[3]
+    content = bytearray(file.read_bytes())
+    content[chunk.chunk_start_offset : chunk.chunk_start_offset + 9] = b"\xee" * 9
+    file.write_bytes(content)
+
+    done = convert(file.parent)
+
+    read = numbers(file.parent)
+    assert read[0] == 0
+    assert read[-1] == COUNT - 1
+    assert COUNT * 0.8 < len(read) < COUNT
+    assert any("is damaged" in warning for warning in done.warnings)
+
+
+def test_a_record_of_gigabytes_is_no_record(tmp_path: Path) -> None:
+    folder = tmp_path / "rosbag2"
+    folder.mkdir()
+    with (folder / "a.mcap").open("wb") as file:
+        file.write(b"\x89MCAP0\r\n" + b"\x06" + (2 << 30).to_bytes(8, "little"))
+        file.truncate(3 << 30)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    warnings = convert(folder).warnings
+    assert any("a.mcap is damaged" in warning for warning in warnings), warnings
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1 << 20, "KiB"
+
+
+def test_an_sqlite_file_that_is_cut_off_is_read_up_to_there(tmp_path: Path) -> None:
+    file = record(tmp_path / "rosbag2", SQLITE)
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) * 2 // 3])
+    done = convert(tmp_path / "rosbag2")
+    read = numbers(tmp_path / "rosbag2")
+    assert read == sorted(set(read))
+    assert len(read) > COUNT // 4
+    assert any("is damaged" in warning for warning in done.warnings)
+
+
+def test_messages_in_the_log_of_a_database_are_read(tmp_path: Path) -> None:
+    file = record(tmp_path / "rosbag2", SQLITE)
+    database = sqlite3.connect(file)
+    database.execute("PRAGMA journal_mode=WAL")
+    last = START + 10_000_000_000
+    database.execute("DELETE FROM messages WHERE timestamp > ?", [last])
+    database.commit()
+    content = {path.name: path.read_bytes() for path in file.parent.iterdir()}
+    database.close()
+    for name, data in content.items():
+        (file.parent / name).write_bytes(data)
+    convert(tmp_path / "rosbag2")
+    assert numbers(tmp_path / "rosbag2") == list(range(11))
+
+
+@pytest.mark.parametrize("storage", [MCAP, SQLITE])
+def test_a_bag_without_metadata_is_read(tmp_path: Path, storage: StoragePlugin) -> None:
+    record(tmp_path / "rosbag2", storage)
+    (tmp_path / "rosbag2" / "metadata.yaml").unlink()
+    done = convert(tmp_path / "rosbag2")
+    assert len(numbers(tmp_path / "rosbag2")) == COUNT
+    assert done.warnings == ["rosbag2 has no metadata.yaml: its recorder was stopped while writing"]
+
+
+@pytest.mark.parametrize("text", ["", "[1, 2", "a: 1", "rosbag2_bagfile_information: 3"])
+def test_metadata_that_is_nonsense_is_stated(tmp_path: Path, text: str) -> None:
+    record(tmp_path / "rosbag2")
+    (tmp_path / "rosbag2" / "metadata.yaml").write_text(text)
+    done = convert(tmp_path / "rosbag2")
+    assert len(numbers(tmp_path / "rosbag2")) == COUNT
+    assert [warning.split(" cannot")[0] for warning in done.warnings] == ["rosbag2/metadata.yaml"]
+
+
+def test_files_are_read_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    for number in (10, 9, 2):
+        file = tmp_path / "rosbag2" / f"rosbag2_{number}.mcap"
+        record_chunks(file, CompressionType.NONE)
+    file.write_bytes(b"")
+    done = convert(tmp_path / "rosbag2")
+    assert numbers(tmp_path / "rosbag2") == [*range(COUNT), *range(COUNT)]
+    assert "rosbag2_2.mcap is empty (0 bytes)" in done.warnings
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    file = record(tmp_path / "rosbag2")
+    file.unlink()
+    done = convert(tmp_path / "rosbag2")
+    assert f"rosbag2/{file.name} is missing" in done.warnings
+
+
+@pytest.mark.parametrize("storage", [MCAP, SQLITE])
+@pytest.mark.parametrize("seed", range(8))
+def test_no_damage_is_a_traceback(tmp_path: Path, storage: StoragePlugin, seed: int) -> None:
+    file = record(tmp_path / "rosbag2", storage)
+    chance = random.Random(seed)  # noqa: S311
+    content = bytearray(file.read_bytes())
+    for _ in range(30):
+        content[chance.randrange(len(content))] = chance.randrange(256)
+    file.write_bytes(content)
+    done = convert(tmp_path / "rosbag2")
+    assert {output.path.name for output in done.outputs} <= {"rosbag2_a.csv"}

@@ -1,0 +1,107 @@
+"""Where the meaning of a message comes from when its bag does not say it."""
+
+import sqlite3
+from pathlib import Path
+
+import pytest
+from mcap.writer import Writer
+from rosbags.rosbag2 import StoragePlugin
+from support.campaigns.bags import START, Bag, rows
+
+from robovast.analysis.bags.convert import convert_bag
+from robovast.model.document.commands import TopicsToCsv
+
+PAYLOAD = b"\x00\x01\x00\x00" + (7).to_bytes(4, "little")
+"""A message that is one int32."""
+
+
+def record(folder: Path, type_: str, encoding: str, text: str) -> Path:
+    folder.mkdir()
+    with (folder / "rosbag2_0.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema(type_, encoding, text.encode())
+        channel = writer.register_channel("/a", "cdr", schema)
+        writer.add_message(channel, START, PAYLOAD, START)
+        writer.finish()
+    return folder
+
+
+def convert(bag: Path, definitions: Path | None = None) -> list[str]:
+    job = TopicsToCsv(topics=["/a"])
+    warnings = convert_bag(bag, bag.parent, [job], definitions=definitions).warnings
+    return [text for text in warnings if "metadata.yaml" not in text and "no message" not in text]
+
+
+def data(bag: Path, column: str) -> list[str]:
+    return [row[column] for row in rows(bag.parent / "rosbag2_a.csv")]
+
+
+@pytest.mark.parametrize("first", [f"{'=' * 80}\nIDL: my_msgs/msg/Outer\n", ""])
+def test_definitions_in_idl_are_read(tmp_path: Path, first: str) -> None:
+    outer = "module my_msgs { module msg { struct Outer { my_msgs::msg::Number inner; }; }; };"
+    inner = "module my_msgs { module msg { struct Number { int32 value; }; }; };"
+    idl = f"{first}{outer}\n{'=' * 80}\nIDL: my_msgs/msg/Number\n{inner}\n"
+    bag = record(tmp_path / "rosbag2", "my_msgs/msg/Outer", "ros2idl", idl)
+    assert convert(bag) == []
+    assert data(bag, "inner.value") == ["7"]
+
+
+def test_a_type_of_ros_needs_no_definition(tmp_path: Path) -> None:
+    bag = record(tmp_path / "rosbag2", "std_msgs/msg/Int32", "", "")
+    assert convert(bag) == []
+    assert data(bag, "data") == ["7"]
+
+
+def test_the_definition_of_another_type_may_lie_beside_the_vast_file(tmp_path: Path) -> None:
+    bag = record(tmp_path / "rosbag2", "my_msgs/msg/Number", "", "")
+    (warning,) = convert(bag, tmp_path)
+    assert warning.startswith("/a is left out: neither the bag nor ROS 2 defines")
+    assert "my_msgs/msg/Number.msg" in warning
+
+    file = tmp_path / "files" / "my_msgs" / "msg" / "Number.msg"
+    file.parent.mkdir(parents=True)
+    file.write_text("int32 found\n")
+    other = tmp_path / "files"
+    assert convert(bag, other) == []
+    assert data(bag, "found") == ["7"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("int32[ a", "is wrong"),
+        ("other_msgs/Thing thing", "other_msgs/msg/Thing.msg"),
+        ("wstring text", "wstring are not supported"),
+    ],
+)
+def test_a_definition_that_cannot_be_used_is_stated(tmp_path: Path, text: str, said: str) -> None:
+    bag = record(tmp_path / "rosbag2", "my_msgs/msg/Odd", "ros2msg", text)
+    (warning,) = convert(bag)
+    assert warning.startswith("/a is left out: ")
+    assert said in warning
+
+
+def test_messages_that_are_not_cdr_are_stated(tmp_path: Path) -> None:
+    (tmp_path / "rosbag2").mkdir()
+    with (tmp_path / "rosbag2" / "rosbag2_0.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("std_msgs/msg/Int32", "ros2msg", b"int32 data")
+        channel = writer.register_channel("/a", "json", schema)
+        writer.add_message(channel, START, b"{}", START)
+        writer.finish()
+    (warning,) = convert(tmp_path / "rosbag2")
+    assert "json, not cdr" in warning
+
+
+def test_bags_of_humble_have_no_definitions(tmp_path: Path) -> None:
+    with Bag(tmp_path / "rosbag2", storage=StoragePlugin.SQLITE3) as bag:
+        bag.write("/a", bag.make("std_msgs/msg/String", "old"))
+    (file,) = bag.folder.glob("*.db3")
+    database = sqlite3.connect(file)
+    database.execute("DROP TABLE message_definitions")
+    database.commit()
+    database.close()
+    assert convert(bag.folder) == []
+    assert data(bag.folder, "data") == ["old"]
