@@ -8,12 +8,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from robovast.model.packs import CampaignPlan, Entry
+from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
 from robovast_operator.planning.additions import Additions
-from robovast_operator.planning.campaign import Accepted, Object, Rejected, Revision
+from robovast_operator.planning.campaign import Accepted, Rejected, Revision
+from robovast_operator.pods.findings import Final, Trouble
 from robovast_operator.pods.verdicts import Report
-from robovast_operator.queueing.waiting import Waiting
-from robovast_operator.snapshot import Final, Trouble
+from robovast_operator.pods.waiting import Waiting
 
 
 @dataclass

@@ -16,11 +16,11 @@ from robovast_operator.kube.api import Api, ApiError, connect
 from robovast_operator.kube.lease import Leadership
 from robovast_operator.kube.lenient import mapping, text
 from robovast_operator.kube.metrics import Metrics
+from robovast_operator.kube.objects import Key, Object
 from robovast_operator.kube.resync import Kind, Resync
 from robovast_operator.kube.serve import serve
 from robovast_operator.kube.store import Id, JobState, Store, id_of
 from robovast_operator.kube.work_queue import WorkQueue, work
-from robovast_operator.planning.campaign import Key, Object
 from robovast_operator.reconcile import Reconciler
 from robovast_operator.settings import Settings
 
@@ -51,7 +51,7 @@ class Operator:
 
     async def start(self) -> None:
         """Begin to work."""
-        self._spawn(serve(self, self._settings.port))
+        self._spawn(serve(self._settings.port, self.healthy, self.ready, self._metrics_page))
         self._spawn(self.leadership.keep())
         self._spawn(self._resync.keep())
         for _ in range(WORKERS):
@@ -71,6 +71,9 @@ class Operator:
             await self.leadership.release()
         await self._lease_api.close()
         await self.api.close()
+
+    def _metrics_page(self) -> bytes:
+        return self.metrics.page(self.store, self.queue, leading=self.leadership.leading)
 
     def healthy(self) -> str:
         """What is wrong with this process so that it must be started anew; empty when nothing."""

@@ -17,30 +17,33 @@ from robovast_operator.decide import (
     SuspendJob,
     decide,
 )
+from robovast_operator.effects.diagnose import PATIENCE, Diagnosis
+from robovast_operator.effects.inputs import Inputs
+from robovast_operator.effects.notifier import Notifier
+from robovast_operator.effects.purge import Purge
+from robovast_operator.effects.queues import Queues
+from robovast_operator.effects.status_writer import Statuses
+from robovast_operator.effects.witness import Witness
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import PAUSE, Api, ApiError
+from robovast_operator.kube.conditions import is_true
 from robovast_operator.kube.metrics import Metrics
+from robovast_operator.kube.objects import Identity, Key, Object
 from robovast_operator.kube.store import JobState, Store
 from robovast_operator.kube.times import now
 from robovast_operator.kube.work_queue import REFUSED_DELAY, WorkQueue
 from robovast_operator.memory import Memory
 from robovast_operator.planning.accept import DOCUMENT_CHANGED, same_document, with_composition
-from robovast_operator.planning.campaign import Accepted, Identity, Key, Object, Rejected, Revision
-from robovast_operator.planning.inputs import Inputs
-from robovast_operator.pods.diagnose import PATIENCE, Diagnosis
+from robovast_operator.planning.campaign import Accepted, Rejected, Revision
+from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.jobs import shard_job, task_job
 from robovast_operator.pods.pod_status import trouble_of
 from robovast_operator.pods.reports import composed_of
 from robovast_operator.pods.tries import NO_WORD, Tries
-from robovast_operator.pods.witness import Witness
-from robovast_operator.purge import Purge
-from robovast_operator.queueing.queues import Queues
 from robovast_operator.settings import Settings
-from robovast_operator.snapshot import Observed, Trouble
-from robovast_operator.status.conditions import is_settled, is_true
+from robovast_operator.snapshot import Observed
+from robovast_operator.status.conditions import is_settled
 from robovast_operator.status.failures import trouble_of_error
-from robovast_operator.status.notifier import Notifier
-from robovast_operator.status.writer import Statuses
 
 LOGGER = logging.getLogger(__name__)
 

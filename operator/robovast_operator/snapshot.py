@@ -6,47 +6,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 
-from robovast.base.ranges import Span, merge
-from robovast.kubeapi.status import SHARDS_LIMIT, BadRuns, CampaignStatus, Runs, Settled, Shard
+from robovast.base.ranges import merge
+from robovast.kubeapi.status import SHARDS_LIMIT, BadRuns, CampaignStatus, Settled, Shard
 from robovast.model.packs import PlanSpec
 from robovast.model.repetition import GroupSizes
+from robovast_operator.kube.conditions import is_true
 from robovast_operator.kube.lenient import ranges
 from robovast_operator.kube.store import JobState
 from robovast_operator.planning.campaign import Accepted, Revision
 from robovast_operator.planning.shards import ShardPlan, first_attempts, repetitions
+from robovast_operator.pods.findings import Final, Trouble
 from robovast_operator.pods.tries import Tries, number_of
 from robovast_operator.pods.verdicts import Report, ShardRuns, Tally, tally_of, total
-from robovast_operator.queueing.waiting import Waiting
-from robovast_operator.status.conditions import is_true
-
-
-@dataclass(frozen=True)
-class Trouble:
-    """Why nothing moves, or why a campaign cannot go on."""
-
-    reason: str
-    """One word."""
-    message: str
-    final: bool = False
-    """Whether the campaign is given up."""
-    repeated: bool = False
-    """Whether pods that start die of it, too, one after the other."""
-
-
-@dataclass(frozen=True)
-class Final:
-    """What the finish Job found in the bucket."""
-
-    runs: Runs
-    failed: Sequence[Span]
-    errored: Sequence[Span]
-    truncated: bool
-    """Whether ids are missing in these two."""
-    failing: tuple[str, ...]
-    list: str = ""
-    """Name of the list of all bad runs in the bucket; empty when none is bad, or none is stored."""
-    sizes: str = ""
-    """Sizes of the groups in which they are executed once more."""
+from robovast_operator.pods.waiting import Waiting
 
 
 @dataclass(frozen=True)

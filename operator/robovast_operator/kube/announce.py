@@ -7,8 +7,8 @@ import logging
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.kube.events import Message, event
+from robovast_operator.kube.objects import Identity
 from robovast_operator.kube.times import format_time, now
-from robovast_operator.planning.campaign import Identity
 
 LOGGER = logging.getLogger(__name__)
 

@@ -15,8 +15,8 @@ from kubernetes.aio.client import ApiClient, Configuration
 
 from robovast.base.errors import CannotRunError
 from robovast_operator.kube.lenient import shaped
+from robovast_operator.kube.objects import Object
 from robovast_operator.kube.times import hear
-from robovast_operator.planning.campaign import Object
 
 LOGGER = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from robovast.kubeapi.resources import API_VERSION
 from robovast.kubeapi.status import Condition
-from robovast_operator.planning.campaign import Identity, Object
+from robovast_operator.kube.objects import Identity, Object
 
 _TOLD = {
     ("Accepted", "True"): "Normal",

@@ -13,8 +13,8 @@ from math import inf
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.kube.lenient import LARGEST, mapping, number
+from robovast_operator.kube.objects import Object
 from robovast_operator.kube.times import now
-from robovast_operator.planning.campaign import Object
 from robovast_operator.settings import Settings
 
 LOGGER = logging.getLogger(__name__)

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
 from robovast_operator.kube.lenient import mapping, number, text
+from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import Store
 from robovast_operator.kube.work_queue import WorkQueue
-from robovast_operator.planning.campaign import Object
 
 MANY_FAILURES = 3
 """Looks at one campaign that failed one after another: it is no chance any more."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from robovast_operator.kube import malloc as heap
 from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.kube.lenient import metadata
+from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import Id, id_of
-from robovast_operator.planning.campaign import Object
 from robovast_operator.settings import Settings
 
 LOGGER = logging.getLogger(__name__)

@@ -3,39 +3,30 @@
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from aiohttp import web
 
-if TYPE_CHECKING:
-    from robovast_operator.operator import Operator
 
+async def serve(
+    port: int, healthy: Callable[[], str], ready: Callable[[], str], metrics: Callable[[], bytes]
+) -> None:
+    """Serve the pages, for ever.
 
-async def serve(operator: Operator, port: int) -> None:
-    """Serve the pages, for ever."""
+    Args:
+        port: on all addresses of the pod.
+        healthy: why the process should be started anew; empty when it works.
+        ready: why it cannot work yet; empty when it can.
+        metrics: the page that Prometheus reads.
+    """
 
-    async def healthz(request: web.Request) -> web.Response:
-        del request
-        return _answer(operator.healthy())
-
-    async def readyz(request: web.Request) -> web.Response:
-        del request
-        return _answer(operator.ready())
-
-    async def metrics(request: web.Request) -> web.Response:
-        del request
-        leading = operator.leadership.leading
-        page = operator.metrics.page(operator.store, operator.queue, leading=leading)
-        return web.Response(body=page, content_type="text/plain")
+    async def page(request: web.Request) -> web.Response:
+        if request.path == "/metrics":
+            return web.Response(body=metrics(), content_type="text/plain")
+        return _answer(healthy() if request.path == "/healthz" else ready())
 
     app = web.Application()
-    app.add_routes(
-        [
-            web.get("/healthz", healthz),
-            web.get("/readyz", readyz),
-            web.get("/metrics", metrics),
-        ]
-    )
+    app.add_routes([web.get(path, page) for path in ("/healthz", "/readyz", "/metrics")])
     runner = web.AppRunner(app, access_log=None)
     await runner.setup()
     try:

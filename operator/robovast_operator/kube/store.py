@@ -9,7 +9,7 @@ from robovast.base.ranges import count
 from robovast.kubeapi.names import child_name
 from robovast.kubeapi.resources import CAMPAIGN_LABEL, ROLE_LABEL, UID_LABEL
 from robovast_operator.kube.lenient import BEGINNING, metadata, number, ranges, shaped, text, time
-from robovast_operator.planning.campaign import Key, Object
+from robovast_operator.kube.objects import Key, Object
 
 NOTIFY_ROLE = "notify"
 """Of Jobs that send a notice: nothing in a campaign depends on them."""

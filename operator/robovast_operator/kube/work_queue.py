@@ -9,7 +9,7 @@ import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 
-from robovast_operator.planning.campaign import Key
+from robovast_operator.kube.objects import Key
 
 FIRST_DELAY = 1.0
 LONGEST_DELAY = 300.0

@@ -28,8 +28,9 @@ from robovast.model.packs import RUNS_LIMIT, CampaignPlan, Entry, format_breaks,
 from robovast.model.plan import breaks
 from robovast.model.quantities import cpus, memory
 from robovast.model.variations.loader import is_pure
-from robovast_operator.planning.campaign import Accepted, Identity, Object, Rejected
-from robovast_operator.pods.reports import Composition
+from robovast_operator.kube.objects import Identity, Object
+from robovast_operator.planning.campaign import Accepted, Rejected
+from robovast_operator.planning.composition import Composition
 from robovast_operator.settings import Settings
 
 Files = Mapping[str, bytes]

@@ -13,8 +13,9 @@ from robovast.base.ranges import Span, clip, count, parse_ranges
 from robovast.kubeapi.resources import API_VERSION, ConfigurationSpec
 from robovast.kubeapi.status import CampaignStatus, ConfigurationStatus, Runs, read_status
 from robovast.model.packs import Block, Entry
-from robovast_operator.planning.campaign import Accepted, Identity, Object, Revision
-from robovast_operator.status.conditions import Found, dated, is_true
+from robovast_operator.kube.conditions import Found, dated, is_true
+from robovast_operator.kube.objects import Identity, Object
+from robovast_operator.planning.campaign import Accepted, Revision
 
 NAME_LIMIT = 200
 

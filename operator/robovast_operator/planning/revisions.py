@@ -16,7 +16,8 @@ from robovast.base.serialization import dump_yaml
 from robovast.model.expansion.expand import DEFAULT_ENTRY
 from robovast.model.packs import RUNS_LIMIT, Block, CampaignPlan, Entry, PlanSpec, first_blocks
 from robovast_operator.kube.lenient import mapping, text
-from robovast_operator.planning.campaign import Accepted, Object, Revision
+from robovast_operator.kube.objects import Object
+from robovast_operator.planning.campaign import Accepted, Revision
 from robovast_operator.planning.configurations import added_entries, entry_name
 
 OWNERS_ANNOTATION = "robovast.io/owners"

@@ -13,7 +13,8 @@ from robovast.base.ranges import Span, format_ranges
 from robovast.kubeapi.status import BadRuns
 from robovast.model.packs import PlanSpec
 from robovast.model.repetition import GroupSizes
-from robovast_operator.planning.campaign import Identity, Object, Revision
+from robovast_operator.kube.objects import Identity, Object
+from robovast_operator.planning.campaign import Revision
 
 SHARD_PACKS = 500
 """Most packs of a shard, while that gives no more than SHARDS shards."""

@@ -11,8 +11,9 @@ from robovast.model.packs import Bundle, CampaignPlan, Entry, GitSource, PlanSpe
 from robovast.model.quantities import cpus, memory
 from robovast.storage.bucket_names import BUNDLES_BUCKET
 from robovast_operator.kube.lenient import mapping
+from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.store import CONFIGURATION_LABEL, NOTIFY_ROLE, QUEUE_LABEL
-from robovast_operator.planning.campaign import Accepted, Identity, Object
+from robovast_operator.planning.campaign import Accepted
 from robovast_operator.planning.shards import ShardPlan
 from robovast_operator.pods.templates import inline_items, notify_pod, run_pod, task_pod
 from robovast_operator.settings import Settings

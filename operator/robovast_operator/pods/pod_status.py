@@ -9,9 +9,9 @@ from datetime import datetime, timedelta
 
 from robovast.kubeapi.sightings import Sightings
 from robovast_operator.kube.lenient import LARGEST, mapping, number, ranges, text
+from robovast_operator.kube.objects import Object
 from robovast_operator.kube.times import parse_time
-from robovast_operator.planning.campaign import Object
-from robovast_operator.snapshot import Trouble
+from robovast_operator.pods.findings import Trouble
 
 INDEX_ANNOTATION = "batch.kubernetes.io/job-completion-index"
 

@@ -7,34 +7,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
 from robovast.base.ranges import count, merge, parse_ranges
 from robovast.kubeapi.status import FAILING_LIMIT, Runs
 from robovast.model.repetition import GroupSizes
 from robovast_operator.kube.lenient import listed, mapping, number, ranges, text
-from robovast_operator.planning.campaign import Object
+from robovast_operator.kube.objects import Object
+from robovast_operator.planning.composition import Composition
+from robovast_operator.pods.findings import Final
 from robovast_operator.pods.pod_status import ending_of, index_of, message_of
 from robovast_operator.pods.verdicts import Report
-from robovast_operator.snapshot import Final
 
 _KINDS = ("passed", "failed", "errored")
 
 _ALL_STORED = {10: Report(failed=1), 11: Report(errored=1)}
 """What an agent's exit code alone says of a single run (docs/agent.md)."""
-
-
-@dataclass(frozen=True)
-class Composition:
-    """What a document expands to, as its compose Job says."""
-
-    counts: list[int]
-    """Variants by configuration entry."""
-    breaks: str
-    """`PlanSpec.breaks`."""
-    digest: str | None
-    """`CampaignPlan.composed`; None when the Job was of an older version."""
 
 
 def reports_of(pods: Iterable[Object]) -> dict[int, Report]:

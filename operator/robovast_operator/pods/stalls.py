@@ -7,11 +7,11 @@ from dataclasses import replace
 from datetime import datetime, timedelta
 
 from robovast_operator.kube.lenient import mapping, ranges
+from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import parse_time
-from robovast_operator.planning.campaign import Object
+from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.pod_status import containers_of, index_of, most_telling, troubles_of
-from robovast_operator.snapshot import Trouble
 
 REPEATED = 3
 """So many pods of one pack die before it is told that they do so again and again."""

@@ -19,7 +19,8 @@ from robovast.kubeapi.sightings import FILE
 from robovast.model.document.model import Nodes, Resources
 from robovast.model.expansion.limit import VARIABLE
 from robovast.model.quantities import cpus, memory, resolve_per_context
-from robovast_operator.planning.campaign import Accepted, Object
+from robovast_operator.kube.objects import Object
+from robovast_operator.planning.campaign import Accepted
 from robovast_operator.settings import Settings
 
 WORK: Object = {"name": "work", "mountPath": "/robovast/work"}

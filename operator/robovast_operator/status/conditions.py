@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal
 
-from robovast.base.errors import without_userinfo
 from robovast.kubeapi.resources import CampaignSpec
 from robovast.kubeapi.status import CampaignStatus, Condition, Runs, read_status
+from robovast_operator.kube.conditions import Found, dated, is_true
+from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
-from robovast_operator.planning.campaign import Object
 
-Truth = Literal["True", "False", "Unknown"]
 Why = tuple[str, str]
 """Reason and message."""
 
@@ -38,15 +36,6 @@ class Facts:
     """Whether it gets no quota until somebody helps."""
     unprocessed: Why | None = None
     """Why the results could not be worked up."""
-
-
-Found = tuple[str, Truth, str, str]
-"""Type, status, reason and message of a condition."""
-
-
-def is_true(status: CampaignStatus, name: str) -> bool:
-    """Whether a condition holds."""
-    return any(c.type == name and c.status == "True" for c in status.conditions)
 
 
 def campaign_conditions(facts: Facts, old: Iterable[Condition]) -> list[Condition]:
@@ -107,28 +96,6 @@ def failing_conditions(
     if not kept:
         kept = [("Accepted", "Unknown", *why), ("ResultsAvailable", "False", why[0], "")]
     return dated([*kept, ("Stalled", "True", *why)], generation, now, before)
-
-
-def dated(
-    found: Sequence[Found], generation: int, now: str, old: Iterable[Condition]
-) -> list[Condition]:
-    """Conditions with the time since when their status holds."""
-    before = {condition.type: condition for condition in old}
-    made = []
-    for name, status, reason, message in found:
-        known = before.get(name)
-        since = known.last_transition_time if known and known.status == status else now
-        made.append(
-            Condition(
-                type=name,
-                status=status,
-                reason=reason,
-                message=without_userinfo(message)[:4000],
-                observed_generation=generation,
-                last_transition_time=since or now,
-            )
-        )
-    return made
 
 
 def campaign_state(facts: Facts, conditions: Iterable[Condition]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from robovast.base.errors import RobovastError
 from robovast_operator.kube.api import ApiError
-from robovast_operator.snapshot import Trouble
+from robovast_operator.pods.findings import Trouble
 
 _QUOTA = ("exceeded quota", "status unknown for quota")
 _TOO_LARGE = ("request is too large", "Too long: ", "limit is ")

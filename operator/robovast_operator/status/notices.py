@@ -16,8 +16,8 @@ from typing import Literal
 from robovast.kubeapi.notice import Event, Named, Notice
 from robovast.kubeapi.resources import Notification, Subject
 from robovast.kubeapi.status import NOTIFIED_LIMIT, CampaignStatus, Condition
+from robovast_operator.kube.objects import Identity
 from robovast_operator.kube.times import format_time, parse_time
-from robovast_operator.planning.campaign import Identity
 
 _SUBJECTS: dict[Event, frozenset[Subject]] = {
     "Finished": frozenset({"Finished"}),

@@ -12,9 +12,10 @@ from robovast.kubeapi.status import RANGES_LIMIT, SHARDS_LIMIT, CampaignStatus, 
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time
 from robovast_operator.planning.shards import ShardPlan
+from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.tries import NO_WORD
 from robovast_operator.pods.verdicts import Tally
-from robovast_operator.snapshot import Picture, Trouble
+from robovast_operator.snapshot import Picture
 from robovast_operator.status.conditions import Facts, Why, campaign_conditions, campaign_state
 
 

@@ -25,9 +25,10 @@ from robovast_operator.planning.accept import accept
 from robovast_operator.planning.campaign import Accepted, Revision
 from robovast_operator.planning.revisions import next_revision
 from robovast_operator.planning.shards import ShardPlan
+from robovast_operator.pods.findings import Final
 from robovast_operator.pods.verdicts import Report
 from robovast_operator.settings import Settings
-from robovast_operator.snapshot import Final, Observed
+from robovast_operator.snapshot import Observed
 
 SETTINGS = Settings(agent_image="agent:1", endpoint="http://s3:9000")
 

@@ -12,8 +12,9 @@ from robovast.kubeapi.crd import campaign_crd
 from robovast.kubeapi.notice import Named, Notice, Order
 from robovast.kubeapi.resources import Scheduling
 from robovast.kubeapi.secret_names import SECRET_PREFIX
+from robovast_operator.kube.objects import Object
 from robovast_operator.planning.accept import accept
-from robovast_operator.planning.campaign import Accepted, Object, Rejected
+from robovast_operator.planning.campaign import Accepted, Rejected
 from robovast_operator.pods.templates import notify_pod
 from robovast_operator.settings import Settings
 

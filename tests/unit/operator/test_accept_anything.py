@@ -12,7 +12,7 @@ from support.kube.fake_cluster import SCENARIO, SETTINGS, accepted, campaign
 
 from robovast_operator.planning.accept import accept, with_composition
 from robovast_operator.planning.campaign import Accepted, Rejected
-from robovast_operator.pods.reports import Composition
+from robovast_operator.planning.composition import Composition
 
 anything = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=12),

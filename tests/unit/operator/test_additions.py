@@ -24,9 +24,10 @@ from robovast.model.document import load_document
 from robovast.model.expansion import compose
 from robovast.model.packs import Block, Entry, PlanSpec
 from robovast_operator.kube.lenient import shaped
+from robovast_operator.kube.objects import Object
 from robovast_operator.planning.accept import Files
 from robovast_operator.planning.additions import Additions, with_additions
-from robovast_operator.planning.campaign import Object, Rejected, Revision
+from robovast_operator.planning.campaign import Rejected, Revision
 from robovast_operator.planning.configurations import ConfigurationStatuses
 from robovast_operator.planning.revisions import Planned, as_planned, next_revision
 from robovast_operator.planning.shards import first_attempts

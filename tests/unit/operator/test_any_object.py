@@ -17,10 +17,11 @@ from support.kube.fake_cluster import SETTINGS, accepted, campaign
 
 from robovast.model.packs import Block, PlanSpec
 from robovast_operator import operator as operator_module
+from robovast_operator.effects import inputs as inputs_module
 from robovast_operator.kube.api import Api, ApiError
+from robovast_operator.kube.objects import Object
 from robovast_operator.operator import Operator
-from robovast_operator.planning import inputs as inputs_module
-from robovast_operator.planning.campaign import Object, Revision
+from robovast_operator.planning.campaign import Revision
 from robovast_operator.planning.shards import first_attempts
 from robovast_operator.pods.jobs import campaign_plan, plan_config_map, shard_job, task_job
 

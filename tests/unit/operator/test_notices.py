@@ -18,10 +18,11 @@ from robovast.kubeapi.notice import Notice, Order
 from robovast.kubeapi.resources import FailFast, Notification, Scheduling
 from robovast.kubeapi.status import CampaignStatus
 from robovast_operator.decide import decide
-from robovast_operator.planning.campaign import Identity
+from robovast_operator.kube.objects import Identity
+from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.jobs import notify_job
 from robovast_operator.pods.pod_status import last_words
-from robovast_operator.snapshot import Observed, Trouble
+from robovast_operator.snapshot import Observed
 from robovast_operator.status.notices import due, interested, job_suffix, marked, notice
 
 LASTING = timedelta(seconds=300)

@@ -13,13 +13,14 @@ from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.messages import verdict_ranges
 from robovast.kubeapi.sightings import Sightings
 from robovast.kubeapi.status import Condition
+from robovast_operator.kube.conditions import dated
 from robovast_operator.kube.events import messages
 from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.work_queue import WorkQueue, work
+from robovast_operator.planning.composition import Composition
 from robovast_operator.pods.pod_status import is_stuck, sighted, trouble_of, trouble_of_events
-from robovast_operator.pods.reports import Composition, composed_of, final_of, reports_of
+from robovast_operator.pods.reports import composed_of, final_of, reports_of
 from robovast_operator.pods.verdicts import Report
-from robovast_operator.status.conditions import dated
 
 
 def pod(index: int, *statuses: dict[str, Any], created: str = "2026-01-01T00:00:00Z") -> Any:

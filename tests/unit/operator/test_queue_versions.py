@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 from support.kube.fake_cluster import SETTINGS, FakeJob
 
+from robovast_operator.effects.queues import Queues
 from robovast_operator.kube.api import ApiError
 from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.store import Store
 from robovast_operator.memory import Memory
-from robovast_operator.queueing.queues import Queues
 
 
 class Kueue:

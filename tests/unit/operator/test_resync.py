@@ -10,9 +10,9 @@ import pytest
 from support.kube.fake_cluster import SETTINGS
 
 from robovast_operator.kube import paths
+from robovast_operator.kube.objects import Object
 from robovast_operator.kube.resync import Kind, Resync
 from robovast_operator.kube.store import JobState, Store
-from robovast_operator.planning.campaign import Object
 
 
 def job(name: str) -> Object:

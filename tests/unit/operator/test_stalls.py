@@ -13,15 +13,15 @@ from typing import Any
 import pytest
 from support.kube.fake_cluster import SETTINGS, FakeJob, accepted
 
+from robovast_operator.effects.diagnose import STORING, Diagnosis
 from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time, now
 from robovast_operator.memory import Memory
-from robovast_operator.pods.diagnose import STORING, Diagnosis
+from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.pod_status import trouble_of_events
 from robovast_operator.pods.stalls import cause_of
 from robovast_operator.pods.tries import NO_WORD
-from robovast_operator.snapshot import Trouble
 
 DOCS = Path(__file__).parents[3] / "docs/kubernetes.md"
 NOW = datetime(2026, 11, 21, 8, tzinfo=UTC)

@@ -13,7 +13,7 @@ from robovast_operator.decide import Action, CreateShard, DeleteJob, ResizeJob, 
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time
 from robovast_operator.planning import shards as shards_module
-from robovast_operator.queueing.waiting import (
+from robovast_operator.pods.waiting import (
     PARKED,
     Waiting,
     about,

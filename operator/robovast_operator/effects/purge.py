@@ -5,14 +5,15 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 
+from robovast_operator.effects.diagnose import Diagnosis
+from robovast_operator.effects.inputs import Begun
 from robovast_operator.kube import paths
 from robovast_operator.kube.announce import announce
 from robovast_operator.kube.api import Api
 from robovast_operator.kube.events import Message
+from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.store import JobState
-from robovast_operator.planning.campaign import Identity, Object, Rejected
-from robovast_operator.planning.inputs import Begun
-from robovast_operator.pods.diagnose import Diagnosis
+from robovast_operator.planning.campaign import Rejected
 from robovast_operator.pods.jobs import plan_config_map, task_job
 from robovast_operator.pods.pod_status import trouble_of
 from robovast_operator.settings import Settings

@@ -8,15 +8,16 @@ from collections.abc import AsyncIterator, Mapping
 from robovast.kubeapi.resources import ROLE_LABEL
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api
+from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import now
 from robovast_operator.memory import Memory
-from robovast_operator.planning.campaign import Accepted, Identity, Object
+from robovast_operator.planning.campaign import Accepted
+from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.pod_status import is_stuck, trouble_of, trouble_of_events
 from robovast_operator.pods.reports import final_of, reports_of
 from robovast_operator.pods.stalls import cause_of, may_store
 from robovast_operator.settings import Settings
-from robovast_operator.snapshot import Trouble
 
 REPORT_SECONDS = 10.0
 """Least time between two looks at the failed pods of an open Job."""

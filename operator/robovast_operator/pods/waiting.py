@@ -11,9 +11,9 @@ from datetime import datetime, timedelta
 from robovast.base.ranges import count
 from robovast.kubeapi.status import QueuePlace
 from robovast_operator.kube.lenient import mappings, number, ranges, shaped
+from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time, parse_time
-from robovast_operator.planning.campaign import Object
 
 PARKED = "robovast.io/parked"
 """Annotation of a Workload that was taken out of its queue because its campaign is suspended."""

@@ -6,27 +6,28 @@ import time
 
 from robovast.kubeapi.resources import API_VERSION
 from robovast.kubeapi.status import CampaignStatus, ConfigurationStatus, compact, read_status
+from robovast_operator.effects.notifier import Notifier
 from robovast_operator.kube import paths
 from robovast_operator.kube.announce import announce
 from robovast_operator.kube.api import Api
+from robovast_operator.kube.conditions import is_true
 from robovast_operator.kube.events import Message, messages
 from robovast_operator.kube.few_at_once import few_at_once
+from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.store import Store
 from robovast_operator.kube.times import format_time, now
 from robovast_operator.kube.work_queue import WorkQueue
 from robovast_operator.memory import Memory
-from robovast_operator.planning.campaign import Accepted, Identity, Object, Rejected, Revision
+from robovast_operator.planning.campaign import Accepted, Rejected, Revision
 from robovast_operator.planning.configurations import ConfigurationStatuses, is_own
+from robovast_operator.pods.findings import Trouble
 from robovast_operator.settings import Settings
-from robovast_operator.snapshot import Trouble
 from robovast_operator.status.conditions import (
     composing_conditions,
     failing_conditions,
     is_news,
-    is_true,
     rejected_conditions,
 )
-from robovast_operator.status.notifier import Notifier
 
 
 class Statuses:

@@ -9,13 +9,14 @@ from typing import Any
 from robovast.base.containers import named_digest
 from robovast.kubeapi.resources import ROLE_LABEL
 from robovast.kubeapi.sightings import Sightings
+from robovast_operator.effects.diagnose import Diagnosis
 from robovast_operator.kube import paths
 from robovast_operator.kube.announce import is_refusal
 from robovast_operator.kube.api import Api, ApiError
+from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
 from robovast_operator.memory import Memory
-from robovast_operator.planning.campaign import Accepted, Object
-from robovast_operator.pods.diagnose import Diagnosis
+from robovast_operator.planning.campaign import Accepted
 from robovast_operator.pods.jobs import SIGHTINGS_ROLE, sightings_config_map
 from robovast_operator.pods.pod_status import sighted
 

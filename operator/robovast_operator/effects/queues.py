@@ -11,11 +11,11 @@ from robovast.kubeapi.status import QueuePlace
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.kube.lenient import mapping, mappings, text
+from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState, Store
 from robovast_operator.kube.times import now
 from robovast_operator.memory import Memory
-from robovast_operator.planning.campaign import Object
-from robovast_operator.queueing.waiting import PARKED, Waiting, place_of, waiting_of
+from robovast_operator.pods.waiting import PARKED, Waiting, place_of, waiting_of
 from robovast_operator.settings import Settings
 
 LOOK_SECONDS = 30.0

@@ -13,6 +13,7 @@ from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.kube.few_at_once import few_at_once
 from robovast_operator.kube.lenient import metadata
+from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.store import Store
 from robovast_operator.memory import Memory
 from robovast_operator.planning.accept import (
@@ -24,7 +25,7 @@ from robovast_operator.planning.accept import (
 )
 from robovast_operator.planning.additions import Additions, with_additions
 from robovast_operator.planning.apart import Apart
-from robovast_operator.planning.campaign import Accepted, Identity, Object, Rejected, Revision
+from robovast_operator.planning.campaign import Accepted, Rejected, Revision
 from robovast_operator.planning.configurations import is_own, own_configurations
 from robovast_operator.planning.revisions import (
     NO_PLAN,

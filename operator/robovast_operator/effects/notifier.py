@@ -14,15 +14,15 @@ from pydantic.alias_generators import to_camel
 from robovast.kubeapi.notice import Order
 from robovast.kubeapi.resources import Notification, Scheduling
 from robovast.kubeapi.status import CampaignStatus
+from robovast_operator.effects.diagnose import Diagnosis
 from robovast_operator.kube.announce import announce
 from robovast_operator.kube.api import Api
 from robovast_operator.kube.events import Message
+from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.store import NOTIFY_ROLE, JobState
 from robovast_operator.kube.times import now
 from robovast_operator.kube.work_queue import WorkQueue
 from robovast_operator.memory import Memory
-from robovast_operator.planning.campaign import Identity, Object
-from robovast_operator.pods.diagnose import Diagnosis
 from robovast_operator.pods.jobs import notify_job
 from robovast_operator.pods.pod_status import last_words
 from robovast_operator.settings import Settings

@@ -1,0 +1,1 @@
+"""What the operator does and looks at: every module here speaks to the API server."""

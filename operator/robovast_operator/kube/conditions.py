@@ -1,0 +1,42 @@
+"""Conditions, as all kinds of objects have them. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Literal
+
+from robovast.base.errors import without_userinfo
+from robovast.kubeapi.status import CampaignStatus, Condition
+
+Truth = Literal["True", "False", "Unknown"]
+
+
+Found = tuple[str, Truth, str, str]
+"""Type, status, reason and message of a condition."""
+
+
+def is_true(status: CampaignStatus, name: str) -> bool:
+    """Whether a condition holds."""
+    return any(c.type == name and c.status == "True" for c in status.conditions)
+
+
+def dated(
+    found: Sequence[Found], generation: int, now: str, old: Iterable[Condition]
+) -> list[Condition]:
+    """Conditions with the time since when their status holds."""
+    before = {condition.type: condition for condition in old}
+    made = []
+    for name, status, reason, message in found:
+        known = before.get(name)
+        since = known.last_transition_time if known and known.status == status else now
+        made.append(
+            Condition(
+                type=name,
+                status=status,
+                reason=reason,
+                message=without_userinfo(message)[:4000],
+                observed_generation=generation,
+                last_transition_time=since or now,
+            )
+        )
+    return made

@@ -1,0 +1,65 @@
+"""Kubernetes objects, and which Campaign one is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from robovast.kubeapi.names import child_name
+from robovast.kubeapi.resources import (
+    API_VERSION,
+    CAMPAIGN_LABEL,
+    MANAGED_BY,
+    MANAGED_LABEL,
+    UID_LABEL,
+)
+
+Object = dict[str, Any]
+"""A Kubernetes object as JSON has it."""
+
+
+Key = tuple[str, str]
+"""Namespace and name of a Campaign."""
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Which Campaign it is."""
+
+    namespace: str
+    name: str
+    uid: str
+    created: str
+    """ISO 8601, UTC."""
+
+    @classmethod
+    def of(cls, obj: Object) -> Identity:
+        """The identity of a Campaign object."""
+        meta = obj["metadata"]
+        return cls(meta["namespace"], meta["name"], meta["uid"], meta["creationTimestamp"])
+
+    def child(self, suffix: str | int) -> str:
+        """Name of an object that is made for the Campaign."""
+        return child_name(self.name, self.uid, suffix)
+
+    @property
+    def files(self) -> str:
+        """Name of the ConfigMap with its input files."""
+        return self.child("files")
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """Labels of every object that is made for the Campaign."""
+        return {CAMPAIGN_LABEL: self.name, UID_LABEL: self.uid, MANAGED_LABEL: MANAGED_BY}
+
+    @property
+    def owner(self) -> Object:
+        """The reference that removes an object together with the Campaign."""
+        return {
+            "apiVersion": API_VERSION,
+            "kind": "Campaign",
+            "name": self.name,
+            "uid": self.uid,
+            "controller": True,
+            "blockOwnerDeletion": False,
+        }

@@ -1,0 +1,38 @@
+"""What was found in pods and in their last words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from robovast.base.ranges import Span
+from robovast.kubeapi.status import Runs
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """Why nothing moves, or why a campaign cannot go on."""
+
+    reason: str
+    """One word."""
+    message: str
+    final: bool = False
+    """Whether the campaign is given up."""
+    repeated: bool = False
+    """Whether pods that start die of it, too, one after the other."""
+
+
+@dataclass(frozen=True)
+class Final:
+    """What the finish Job found in the bucket."""
+
+    runs: Runs
+    failed: Sequence[Span]
+    errored: Sequence[Span]
+    truncated: bool
+    """Whether ids are missing in these two."""
+    failing: tuple[str, ...]
+    list: str = ""
+    """Name of the list of all bad runs in the bucket; empty when none is bad, or none is stored."""
+    sizes: str = ""
+    """Sizes of the groups in which they are executed once more."""

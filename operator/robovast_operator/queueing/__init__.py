@@ -1,1 +1,0 @@
-"""Jobs that wait in queues of Kueue."""
