@@ -90,11 +90,20 @@ def test_what_a_reader_calls_run_is_replaced(campaign: Path) -> None:
 
 def test_a_run_without_the_file_is_left_out_with_a_warning(campaign: Path) -> None:
     (campaign / "b" / "1" / "out.csv").unlink()
-    with pytest.warns(UserWarning, match="b/1: left out"):
+    with pytest.warns(UserWarning, match="1 of 4 runs are left out: b/1: it has no out.csv$"):
         frame = read_output_files(campaign, read)
     assert len(frame) == 3
     empty = read_output_files(campaign, lambda _: None)
     assert empty.empty
+
+
+def test_runs_that_are_left_out_are_one_warning(campaign: Path) -> None:
+    for config in ("a-1", "b"):
+        (campaign / config / "1" / "out.csv").write_text("")
+    with pytest.warns(UserWarning) as told:
+        assert len(read_output_files(campaign, read)) == 2
+    (warning,) = told
+    assert "2 of 4 runs are left out: a-1/1: EmptyDataError" in str(warning.message)
 
 
 def test_what_holds_no_run_is_told(campaign: Path, tmp_path: Path) -> None:
@@ -102,10 +111,8 @@ def test_what_holds_no_run_is_told(campaign: Path, tmp_path: Path) -> None:
         read_output_files(tmp_path / "absent", read)
     with pytest.raises(ValueError, match="no run"):
         for_each_run(campaign / "b" / "_config", print)
-    with (
-        pytest.warns(UserWarning, match="left out"),
-        pytest.raises(ValueError, match="none of its 4 runs"),
-    ):
+    told = r"none of its 4 runs could be read: a-1/0: it has no absent.csv \(and 3 more\)"
+    with pytest.raises(ValueError, match=told):
         read_output_files(campaign, lambda run: read_output_csv(run, "absent.csv"))
     with pytest.raises(ValueError, match="no such folder"):
         read_run_statuses(tmp_path / "absent")

@@ -55,7 +55,7 @@ def read_output_files(
 ) -> pd.DataFrame:
     """The data frames that a reader makes of every run, one below the other.
 
-    A run for which the reader raises is left out, with a warning; one for which it returns None
+    Runs for which the reader raises are left out, with one warning; one for which it returns None
     has no rows.
 
     Args:
@@ -73,16 +73,16 @@ def read_output_files(
         ValueError: there is no such folder, no run in it, or none that could be read.
     """
     frames: list[pd.DataFrame] = []
-    failed = 0
+    failed: list[str] = []
     added: dict[str, None] = {}
-    for run in _run_folders(data_dir):
+    runs = _run_folders(data_dir)
+    for run in runs:
         if debug:
             print(run)  # noqa: T201
         try:
             frame = reader_func(run)
         except Exception as error:  # a notebook's reader may raise anything
-            warnings.warn(f"{run}: left out: {error}", stacklevel=2)
-            failed += 1
+            failed.append(f"{run.parent.name}/{run.name}: {_said(error)}")
             continue
         columns = {"run": run.name, "config": run.parent.name, **_scenario_parameters(run.parent)}
         added.update(dict.fromkeys(columns))
@@ -90,8 +90,26 @@ def read_output_files(
             own = frame.drop(columns=[name for name in columns if name in frame])
             frames.append(own.assign(**columns))
     if failed and not frames:
-        raise ValueError(f"{data_dir}: none of its {failed} runs could be read")
+        raise ValueError(
+            f"{data_dir}: none of its {len(runs)} runs could be read: {_first_of(failed)}"
+        )
+    if failed:
+        warnings.warn(
+            f"{len(failed)} of {len(runs)} runs are left out: {_first_of(failed)}", stacklevel=2
+        )
     return _categorical(pd.concat(frames, ignore_index=True), added) if frames else pd.DataFrame()
+
+
+def _said(error: Exception) -> str:
+    """What an error means, in words that need no knowledge of Python where that is common."""
+    if isinstance(error, FileNotFoundError) and error.filename is not None:
+        return f"it has no {error.filename}"
+    return f"{type(error).__name__}: {error}"
+
+
+def _first_of(failed: list[str]) -> str:
+    more = f" (and {len(failed) - 1} more)" if len(failed) > 1 else ""
+    return failed[0] + more
 
 
 def _categorical(frame: pd.DataFrame, names: Iterable[str]) -> pd.DataFrame:

@@ -15,8 +15,11 @@ CONFIG_MOUNT = "/config/"
 """Where a container sees the folder of the .vast file."""
 
 
-_NO_INPUTS = frozenset({"__pycache__", "out_template"})
+_NO_INPUTS = frozenset({"__pycache__"})
 """Folders whose files are made by others, and belong to no run."""
+
+_SIGNS = ("_transient", "out_template")
+"""Folders that a campaign has, executed or generated, and that `prepare-run` writes."""
 
 
 def match_run_files(folder: Path, pattern: str) -> list[Path]:
@@ -24,8 +27,8 @@ def match_run_files(folder: Path, pattern: str) -> list[Path]:
 
     `*` matches `/` too: `files/*` means all that is below. A pattern without `/` also matches names
     alone, in any folder; one that ends with `/` is a folder. Hidden files match only where the
-    pattern names them. Results of earlier campaigns below the folder hold copies of the same files;
-    they never match.
+    pattern names them. Campaigns below the folder, executed or prepared, hold copies of the same
+    files; they never match.
     """
     named = {Path(name) for name in glob.glob(pattern, root_dir=folder, recursive=True)}
     below = {path for path in _visible_files(folder) if _matches(path, pattern)}
@@ -40,7 +43,13 @@ def _visible_files(folder: Path) -> Iterator[Path]:
 
 
 def _may_hold_inputs(folder: Path) -> bool:
-    return folder.name[0] != "." and folder.name not in _NO_INPUTS and not is_campaign_dir(folder)
+    return folder.name[0] != "." and folder.name not in _NO_INPUTS and not _is_campaign(folder)
+
+
+def _is_campaign(folder: Path) -> bool:
+    """True when a folder is named as campaigns are, or holds what only they have: people merge,
+    generate and prepare into folders with names of their own."""
+    return is_campaign_dir(folder) or any((folder / sign).is_dir() for sign in _SIGNS)
 
 
 def _matches(path: Path, pattern: str) -> bool:
@@ -55,7 +64,8 @@ def _is_input(folder: Path, relative: Path) -> bool:
         return False
     if not _NO_INPUTS.isdisjoint(relative.parts):
         return False
-    return not any(is_campaign_dir(folder / parent) for parent in relative.parents)
+    above = relative.parents[:-1]  # the document's own folder may be named as it likes
+    return not any(_is_campaign(folder / parent) for parent in above)
 
 
 def run_files(folder: Path, patterns: list[str]) -> list[Path]:

@@ -182,3 +182,23 @@ def test_a_hidden_file_is_taken_where_it_is_named(tmp_path: Path) -> None:
 def test_without_configurations_there_is_one_of_the_scenarios_defaults(folder: Path) -> None:
     document = load(folder, execution(""))
     assert [(v.name, v.parameters) for v in expand(document, folder)] == [("config1", {})]
+
+
+@pytest.mark.parametrize("sign", ["merged/_transient", "prepared/out_template"])
+def test_campaigns_in_folders_with_names_of_their_own_hold_no_inputs(
+    folder: Path, sign: str
+) -> None:
+    (folder / sign).mkdir(parents=True)
+    for copy in (folder / sign / "drive.py", folder / Path(sign).parts[0] / "jobs" / "drive.py"):
+        copy.parent.mkdir(exist_ok=True)
+        copy.touch()
+    (folder / "drive.py").touch()
+    for pattern in ("*.py", "**/*.py", "merged/**", "prepared/jobs/drive.py"):
+        assert set(match_run_files(folder, pattern)) <= {Path("drive.py")}
+
+
+def test_a_documents_own_folder_may_be_named_as_a_campaign_is(tmp_path: Path) -> None:
+    folder = tmp_path / "camp-2026-01-01-000000"
+    (folder / "_transient").mkdir(parents=True)
+    (folder / "drive.py").touch()
+    assert match_run_files(folder, "*.py") == [Path("drive.py")]
