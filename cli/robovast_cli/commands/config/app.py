@@ -35,9 +35,12 @@ def list_(
     ] = False,
 ) -> None:
     """List the configurations that will be run."""
+    from robovast.execution.local.scenario_syntax import check_syntax
     from robovast_cli.ui.listing import print_configurations
 
-    print_configurations(ctx.obj.document(), output, internal=debug)
+    document = ctx.obj.document()
+    check_syntax(document.scenario)
+    print_configurations(document, output, internal=debug)
 
 
 @app.command(hidden=True)

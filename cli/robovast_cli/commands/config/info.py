@@ -11,6 +11,7 @@ import typer
 from pydantic import BaseModel
 
 from robovast.compat.differences import differences
+from robovast.execution.local.scenario_syntax import check_syntax
 from robovast.model.document import Document
 from robovast.model.document.model import ConfigurationEntry
 from robovast.model.expansion import Variant
@@ -37,6 +38,7 @@ def print_check(document: Document) -> None:
         InputError: it cannot be expanded, or asks for what is no amount.
     """
     _check_resources(document)
+    check_syntax(document.scenario)
     with expanded(document) as variants:
         count = len(variants)
     for difference in differences(document):

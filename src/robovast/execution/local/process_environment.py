@@ -47,6 +47,13 @@ def process_environment(message: Callable[[str], None]) -> Path:
     return folder
 
 
+def existing_environment() -> Path | None:
+    """Folder of the environment, the user's or ours, when it is there."""
+    own = os.environ.get(VARIABLE)
+    folder = Path(own) if own else cache_folder() / f"process-{_key()}"
+    return folder if (folder / "bin" / "scenario_execution").is_file() else None
+
+
 def cache_folder() -> Path:
     """`$XDG_CACHE_HOME/robovast`, or `~/.cache/robovast`."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "robovast"

@@ -1,0 +1,44 @@
+"""A scenario that cannot be parsed is told with its place, by the parser of scenario-execution."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robovast.base.errors import DocumentError
+from robovast.execution.local.process_environment import process_environment
+from robovast.execution.local.scenario_syntax import check_syntax
+
+HEADER = "import osc.helpers\nscenario a:\n"
+
+
+@pytest.fixture(autouse=True)
+def _environment() -> None:
+    process_environment(print)
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        ("    x: float =\n    do serial:\n        emit end\n", ":3:15: …: the line ends too early"),
+        ("    do serial:\n", ":3:15: …: the line ends too early"),
+        ("    x: int = 1\n        y: int = 2\n", ":4:1: …: the line is indented too far"),
+        ("    do serial(:\n        emit end\n", ":3:15: …: `:` does not fit here"),
+        ('    x: string = "abc\n', ":3:17: …: this sign does not fit here, or a text has no end"),
+    ],
+)
+def test_a_mistake_is_told_with_its_place(tmp_path: Path, body: str, told: str) -> None:
+    scenario = tmp_path / "a.osc"
+    scenario.write_text(HEADER + body)
+    with pytest.raises(DocumentError) as error:
+        check_syntax(scenario)
+    assert str(error.value).startswith(
+        f"{scenario}{told}".replace("…", "the scenario cannot be parsed")
+    )
+
+
+def test_what_only_an_image_has_is_no_mistake(tmp_path: Path) -> None:
+    scenario = tmp_path / "a.osc"
+    scenario.write_text("import osc.their_own\nscenario a:\n    do serial:\n        drive_far()\n")
+    check_syntax(scenario)
