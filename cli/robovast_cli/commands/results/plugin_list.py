@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import inspect
+import json
+import re
 from collections.abc import Collection, Iterator
 from importlib.metadata import EntryPoint
 from typing import Any
 
 from robovast.base.plugins import plugins_of
 from robovast_cli.plugins import origin
+from robovast_cli.ui.listing import format_table
+
+_ARGUMENTS = re.compile(r"^Args:\n(?P<items>(?: .*\n?|\n(?= ))+)", re.MULTILINE)
+_ARGUMENT = re.compile(r"^ {4}(\w+)(?: \([^)]*\))?: (.*(?:\n {5,}.*)*)", re.MULTILINE)
 
 
 def described_plugins(group: str, given: Collection[str]) -> str:
@@ -30,17 +36,45 @@ def _described(point: EntryPoint, given: Collection[str]) -> Iterator[str]:
         return
     yield f"{point.name}  ({origin(point)})"
     about = inspect.getdoc(plugin) or ""
-    yield f"    {about.partition(chr(10) * 2)[0].replace(chr(10), ' ')}".rstrip()
-    for name, parameter in _parameters(plugin, given).items():
-        required = parameter.default is inspect.Parameter.empty
-        yield f"    {name}: " + ("required" if required else f"{parameter.default!r} when omitted")
+    yield f"    {_one_line(about.partition(chr(10) * 2)[0])}".rstrip()
+    told = _told(about) | _told(inspect.getdoc(_call(plugin)) or "")
+    rows = [
+        [f"    {name}", _default(parameter.default), told.get(name, "")]
+        for name, parameter in _parameters(plugin, given).items()
+    ]
+    if rows:
+        yield format_table(["", "", ""], rows).strip("\n")
+
+
+def _default(value: Any) -> str:
+    """As it would stand in a .vast file."""
+    if value is inspect.Parameter.empty:
+        return "required"
+    if value is None:
+        return "default none"
+    plain = list(value) if isinstance(value, tuple | frozenset) else value
+    return f"default {json.dumps(plain, default=str, ensure_ascii=False)}"
+
+
+def _told(docstring: str) -> dict[str, str]:
+    """What a docstring says of each argument."""
+    arguments = _ARGUMENTS.search(docstring)
+    items = _ARGUMENT.findall(arguments["items"]) if arguments else []
+    return {name: _one_line(text) for name, text in items}
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _call(plugin: Any) -> Any:
+    return plugin if inspect.isfunction(plugin) else plugin.__call__
 
 
 def _parameters(plugin: Any, given: Collection[str]) -> dict[str, inspect.Parameter]:
-    call = plugin.__call__ if inspect.isclass(plugin) else plugin
     kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     return {
         name: parameter
-        for name, parameter in inspect.signature(call).parameters.items()
+        for name, parameter in inspect.signature(_call(plugin)).parameters.items()
         if name not in {*given, "self"} and parameter.kind in kinds
     }

@@ -28,7 +28,7 @@ def command(
     Args:
         results_dir: the campaign's folder.
         config_dir: folder of the .vast file, also in $CONFIG_DIR.
-        script: path relative to it, or the name of a program.
+        script: path relative to the .vast file, or the name of a program.
         args: its arguments.
         provenance_file: where it may say what it made.
         execution_image: of the campaign; in $ROBOVAST_IMAGE, where that is not set.

@@ -78,6 +78,12 @@ def _parse_plugin_call(value: Any) -> Any:
         ((name, parameters),) = value.items()
         if isinstance(name, str) and (parameters is None or isinstance(parameters, dict)):
             return PluginCall(name=name, parameters=parameters or {})
+    if isinstance(value, dict) and len(value) > 1 and next(iter(value.values())) is None:
+        raise PydanticCustomError(
+            "plugin_indent",
+            "the parameters of `{name}` must be indented further than its name",
+            {"name": next(iter(value))},
+        )
     raise PydanticCustomError(
         "plugin_call", "must be a plugin's name, or one name with a mapping of its parameters"
     )

@@ -138,6 +138,12 @@ def test_what_has_no_effect_is_told_with_its_place(folder: Path, text: str, warn
             "configuration: [{name: t, parameters: [{spead: 1}]}]\n" + execution(""),
             "has no parameter `spead`",
         ),
+        (
+            "configuration:\n- name: t\n  variations:\n  - ParameterVariationList:\n"
+            "    name: speed\n    values: [1.0]\n" + execution(""),
+            ":5:5: configuration[0].variations[0]: the parameters of `ParameterVariationList` must "
+            "be indented further than its name",
+        ),
     ],
 )
 def test_what_was_meant_otherwise_stays_an_error(folder: Path, text: str, problem: str) -> None:
