@@ -191,4 +191,4 @@ def test_bad_options_and_folders_have_one_message(tmp_path: Path, campaign: Path
     assert "vast results postprocess" in vast("results", "query", "x", "-r", campaign).stderr
     listed = vast("results", "postprocess-commands").stdout
     assert "rosbags_tf_to_csv" in listed
-    assert "frames: ('base_link',) when omitted" in listed
+    assert 'default ["base_link"]  the frames.' in listed

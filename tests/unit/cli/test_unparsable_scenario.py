@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+
 from robovast.base.errors import ExitCode
+
 from .conftest import Vast
 
 VAST = "version: 1\nexecution: {scenario_file: a.osc, runs: 1}\n"

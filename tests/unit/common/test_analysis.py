@@ -100,10 +100,10 @@ def test_a_run_without_the_file_is_left_out_with_a_warning(campaign: Path) -> No
 def test_runs_that_are_left_out_are_one_warning(campaign: Path) -> None:
     for config in ("a-1", "b"):
         (campaign / config / "1" / "out.csv").write_text("")
-    with pytest.warns(UserWarning) as told:
+    expected = r"^2 of 4 runs are left out: a-1/1: EmptyDataError: .* \(and 1 more\)$"
+    with pytest.warns(UserWarning, match=expected) as told:
         assert len(read_output_files(campaign, read)) == 2
-    (warning,) = told
-    assert "2 of 4 runs are left out: a-1/1: EmptyDataError" in str(warning.message)
+    assert len(told) == 1
 
 
 def test_what_holds_no_run_is_told(campaign: Path, tmp_path: Path) -> None:
