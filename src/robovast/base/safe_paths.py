@@ -164,6 +164,15 @@ def remove(path: Path, root: Path) -> None:
         _remove(folder, name)
 
 
+def regain(path: Path, root: Path) -> None:
+    """Let the owner of a folder read and write in it, whatever mode somebody has given it.
+
+    What is another user's, or no folder, stays as it is.
+    """
+    with suppress(OSError), _parent(path, root) as (folder, name):
+        _make_accessible(folder, name)
+
+
 def remove_empty_folders(path: Path, root: Path) -> None:
     """Remove the folders in a folder that hold nothing but such folders; it stays itself."""
     with _folder(path, root) as folder:
@@ -311,8 +320,9 @@ def _make_accessible(folder: int, name: str) -> None:
     """Let the owner of a folder into it; a mode of its own may be what keeps us out."""
     handle = os.open(name, os.O_PATH | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
     try:
-        if stat.S_ISDIR(os.fstat(handle).st_mode):
-            os.chmod(f"/proc/self/fd/{handle}", stat.S_IRWXU)
+        mode = os.fstat(handle).st_mode
+        if stat.S_ISDIR(mode) and mode & stat.S_IRWXU != stat.S_IRWXU:
+            os.chmod(f"/proc/self/fd/{handle}", stat.S_IMODE(mode) | stat.S_IRWXU)
     finally:
         os.close(handle)
 

@@ -54,7 +54,7 @@ class JobOutput:
         return end_of(self.own / LOG, self.root)
 
     def take(self, run: Run, stored: Path) -> Path:
-        """Move what a run wrote to where no job reaches it.
+        """Move what a run wrote to where no job reaches it, whatever modes it gave its folders.
 
         Args:
             run: the run; nothing is moved when it has no folder.
@@ -62,8 +62,11 @@ class JobOutput:
         """
         target = stored / run.path
         stored.mkdir(parents=True, exist_ok=True)
+        source = self.out / run.path
+        for folder in (self.out, source.parent, source):
+            safe_paths.regain(folder, self.out.parent)
         if self.has_begun(run):
-            safe_paths.move(self.out / run.path, self.out, target, stored)
+            safe_paths.move(source, self.out, target, stored)
         return target
 
 
@@ -83,6 +86,8 @@ def keep_the_rest(out: Path, own: Path, but: Collection[str] = ()) -> None:
         own: the job's own folder, itself out of the job's reach.
         but: names at the top of `out` that stay.
     """
+    for folder in (out, own):
+        safe_paths.regain(folder, folder.parent)
     safe_paths.remove_empty_folders(out, out)
     place = safe_paths.unused(own / "out", own)
     for name in safe_paths.names(out, out):

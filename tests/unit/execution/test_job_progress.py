@@ -2,13 +2,52 @@
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
 from robovast.execution.progress import JobOutput, keep_the_rest
 from robovast.model.expansion import Variant
 from robovast.model.plan import Run
+
+ORDINARY = os.getuid() or 1000
+"""A user whom modes keep out."""
+
+
+def take_all(root: Path, modes: dict[str, int]) -> str:
+    """What is taken of a run that has given its folders these modes."""
+    out, own, stored = root / "out", root / "job-0", root / "stored"
+    (out / "a" / "0" / "deep").mkdir(parents=True)
+    (out / "rest").touch()
+    own.mkdir()
+    stored.mkdir()
+    (out / "a" / "0" / "test.xml").write_text("verdict")
+    for name, mode in modes.items():
+        (root / name).chmod(mode)
+    run = Run(0, Variant("a", "a", {}), 0)
+    taken = JobOutput(out, own, own).take(run, stored)
+    keep_the_rest(out, own)
+    assert (own / "out" / "rest").is_file()
+    (taken / "job").symlink_to("own")
+    return (taken / "test.xml").read_text()
+
+
+@pytest.mark.parametrize("mode", [0, 0o200, 0o555])
+def test_a_job_cannot_shut_its_folders_against_who_takes_them(mode: int) -> None:
+    """One that did ended the whole campaign."""
+    names = ("out/a/0/deep", "out/a/0", "out/a", "out", "job-0")
+    with TemporaryDirectory() as root:
+        os.chown(root, ORDINARY, -1)
+        pool = ProcessPoolExecutor(
+            1, get_context("fork"), initializer=os.setuid, initargs=(ORDINARY,)
+        )
+        with pool:
+            taken = pool.submit(take_all, Path(root), dict.fromkeys(names, mode))
+            assert taken.result(30) == "verdict"
 
 
 @pytest.mark.parametrize("wrote", ["", "something"])
