@@ -80,7 +80,7 @@ _BAD = frozenset({"failure", "error", "rerunfailure", "rerunerror", "flakyfailur
 """Elements of a case, in small letters; those of Surefire say that an execution of it failed."""
 _NOT_RUN = frozenset({"skipped", "disabled", "ignored"})
 """Elements of a case that was not executed."""
-_BAD_COUNTS = ("failures", "errors", "flakes")
+_BAD_COUNTS = ("failures", "errors", "flakes", "failed")
 _NOT_RUN_COUNTS = ("skipped", "disabled", "ignored", "notrun", "skips", "skip")
 _STATES = {
     **dict.fromkeys(
@@ -94,6 +94,9 @@ _STATES = {
     ),
 }
 """What `status` and `result` of a case say: GoogleTest, CTest and others write them."""
+
+_Attributes = list[tuple[str, str]]
+"""By plain names, of which one may be there several times: each counts."""
 
 
 @dataclass
@@ -134,37 +137,34 @@ class _Report:
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         """An element begins."""
         name = _plain(tag)
-        attributes = {_plain(key): value for key, value in attributes.items()}
+        said = [(_plain(key), value) for key, value in attributes.items()]
         self._root = self._root or name
         if name in _SUITES:
-            self._start_suite(name, attributes)
+            self._start_suite(name, said)
         elif name == "testcase":
-            self._start_case(attributes)
+            self._start_case(said)
         elif name in _NOT_RUN:
             self._case_not_run = True
         elif name in _BAD:
             self._bad += 1
             self._text = []
-            message = (attributes.get("message") or "").strip()
+            message = dict(said).get("message", "").strip()
             self._failures.setdefault(name, (message, self._text))
-        elif attributes.get("name") == "start_time" and self._started_at is None:
-            self._started_at = _seconds(attributes.get("value"))
+        elif ("name", "start_time") in said and self._started_at is None:
+            self._started_at = _seconds(dict(said).get("value"))
 
-    def _start_suite(self, name: str, attributes: dict[str, str]) -> None:
+    def _start_suite(self, name: str, said: _Attributes) -> None:
         self._suite_count += name == "testsuite"
-        self._bad += sum(_count(attributes, key) for key in _BAD_COUNTS)
-        not_run = sum(_count(attributes, key) for key in _NOT_RUN_COUNTS)
-        self._suites.append(_Suite(_count(attributes, "tests"), not_run))
-        duration = _seconds(attributes.get("time"))
+        self._bad += _count(said, *_BAD_COUNTS) + [*_states(said).values()].count("bad")
+        self._suites.append(_Suite(_count(said, "tests"), _count(said, *_NOT_RUN_COUNTS)))
+        duration = _seconds(dict(said).get("time"))
         if duration is not None and len(self._suites) in self._durations:
             self._durations[len(self._suites)].append(duration)
 
-    def _start_case(self, attributes: dict[str, str]) -> None:
+    def _start_case(self, said: _Attributes) -> None:
         self._case_not_run = False
         self._suites[-1].cases += 1
-        for key in ("status", "result"):
-            text = attributes.get(key, "")
-            state = _STATES.get(text.strip().lower())
+        for (key, text), state in _states(said).items():
             self._bad += state == "bad"
             self._case_not_run |= state == "not run"
             if state is None:
@@ -218,11 +218,19 @@ def _plain(name: str) -> str:
     return name.rpartition("}")[2].lower()
 
 
-def _count(attributes: dict[str, str], name: str) -> int:
-    number = int(attributes.get(name) or 0)
-    if number < 0:
-        raise ValueError(f"`{name}` is {number}")
-    return number
+def _states(said: _Attributes) -> dict[tuple[str, str], str | None]:
+    """What each `status` and `result` means; None when that is not known."""
+    found = (pair for pair in said if pair[0] in {"status", "result"})
+    return {pair: _STATES.get(pair[1].strip().lower()) for pair in found}
+
+
+def _count(said: _Attributes, *names: str) -> int:
+    """The sum of all counters of these names."""
+    numbers = [(name, int(text or 0)) for name, text in said if name in names]
+    for name, number in numbers:
+        if number < 0:
+            raise ValueError(f"`{name}` is {number}")
+    return sum(number for _, number in numbers)
 
 
 _LATEST = float(1 << 33)

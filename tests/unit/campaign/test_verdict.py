@@ -93,6 +93,11 @@ GOOD = '<testsuite errors="0" failures="0" tests="1" time="2"><testcase name="a"
         "<testsuite><testcase><flakyFailure/></testcase></testsuite>",
         "<testsuite><testcase><flakyError/></testcase></testsuite>",
         '<testsuite flakes="1"><testcase/></testsuite>',
+        '<testsuite failed="1"><testcase/></testsuite>',
+        '<testsuite status="failed"><testcase/></testsuite>',
+        '<testsuite failures="1" FAILURES="0"><testcase/></testsuite>',
+        '<testsuite><testcase status="fail" Status="passed"/></testsuite>',
+        '<testsuite xmlns:a="urn:a"><testcase status="fail" a:status="passed"/></testsuite>',
     ],
 )
 def test_whatever_failed_anywhere_is_failed(tmp_path: Path, text: str) -> None:
