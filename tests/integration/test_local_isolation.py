@@ -116,10 +116,35 @@ def test_a_run_writes_to_its_output_and_to_private_folders_only(tmp_path: Path) 
     assert not Path("/dev/shm", word).exists()
 
 
+MOUNT_LATER = """
+import subprocess, sys, time; from pathlib import Path; from robovast.execution.local import sandbox
+name, work, place = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
+box = sandbox.Sandbox(sandbox.LAUNCHERS[name], [])
+wait = "touch /out/began; until [ -e /out/mounted ]; do sleep 0.02; done; touch $0/harm; true"
+program = ["sh", "-c", wait, str(place)]
+run = subprocess.Popen(box.command(work, {"/config": work, "/out": work}, program))
+while run.poll() is None and not (work / "began").exists():
+    time.sleep(0.02)
+subprocess.run(["mount", "-t", "tmpfs", "later", str(place)], check=True)
+(work / "mounted").touch()
+print(run.wait(20), *(path.name for path in place.iterdir()))
+"""
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can mount")
+def test_what_is_mounted_later_is_not_a_run_s_to_write(tmp_path: Path, launcher: str) -> None:
+    place = ROOT / ".pytest_cache" / "mounted-later"  # out of /tmp, which a run does not see at all
+    place.mkdir(parents=True, exist_ok=True)
+    machine = ["unshare", "--mount", "--propagation", "shared"]  # as systemd leaves it
+    call = [sys.executable, "-c", MOUNT_LATER, launcher, str(tmp_path), str(place)]
+    result = subprocess.run([*machine, *call], capture_output=True, text=True, check=True)
+    assert result.stdout == "0\n"
+
+
 def test_a_secondary_container_shares_memory_and_output(tmp_path: Path) -> None:
     pre = """
 if [ "$CONTAINER_NAME" = helper ]; then
-  echo hello > /dev/shm/greeting; echo own > /tmp/own; sleep 600 &
+  echo hello > /dev/shm/greeting; echo own > /tmp/own; tail -f /dev/null &
 else
   until [ -e /dev/shm/greeting ]; do sleep 0.05; done
 fi
@@ -132,8 +157,8 @@ fi
     assert verdicts(summary) == {"one-1/0": "passed"}
     assert (summary.campaign / "one-1" / "0" / "out.csv").read_text() == "hello\n"
     job = summary.campaign / "_jobs" / "job-0"
-    assert "sleep" not in (job / "resource_usage_main.csv").read_text()
-    assert "sleep" in (job / "resource_usage_helper.csv").read_text()
+    assert "tail" not in (job / "resource_usage_main.csv").read_text()
+    assert "tail" in (job / "resource_usage_helper.csv").read_text()
     assert not list(Path("/dev/shm").glob("robovast-*.job-*"))
 
 

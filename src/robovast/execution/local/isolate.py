@@ -2,9 +2,9 @@
 
     unshare --mount --pid --fork … python3 … ROOT [OPTION]... -- PROGRAM [ARGUMENT]...
 
-Stands in where bubblewrap is not installed, in namespaces that `unshare` has just made: understands
-those options of `bwrap` (see its manual page) that sandbox.py writes. ROOT is an empty folder. It
-starts with every job: few imports.
+Stands in for bubblewrap, in namespaces that `unshare` has just made: understands those options of
+`bwrap` (see its manual page) that sandbox.py writes. ROOT is an empty folder. It starts with every
+job: few imports.
 """
 
 from __future__ import annotations
