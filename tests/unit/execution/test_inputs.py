@@ -72,3 +72,34 @@ def test_a_command_that_says_nothing_is_not_executed(tmp_path: Path, command: st
 def test_what_a_command_cannot_have_is_said(tmp_path: Path, parameters: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         files(tmp_path, f"p.py:Wants: {parameters}")
+
+
+VARIATION = """
+from robovast.common.variation import Variation
+
+class Reads(Variation):
+    def variation(self, in_configs):
+        return [self.update_config(config, {}) for config in in_configs]
+
+    def get_input_files(self):
+        return ["read.yaml"]
+
+    def get_campaign_transient_files(self):
+        return [("made.yaml", self.base_path + "/made.yaml")]
+"""
+
+
+def test_alternatives_have_their_files_in_the_campaign(tmp_path: Path) -> None:
+    for name in ("read.yaml", "made.yaml"):
+        (tmp_path / name).write_text("")
+    (tmp_path / "v.py").write_text(VARIATION)
+    (tmp_path / "a.osc").write_text("scenario a:\n    do serial:\n        wait elapsed(1s)\n")
+    (tmp_path / "a.vast").write_text(
+        "version: 1\nexecution: {scenario_file: a.osc}\nconfiguration:\n- name: t\n  variations:\n"
+        "  - OneOfVariation: {variations: [{OneOfVariation: {variations: ['v.py:Reads']}}]}\n"
+    )
+    document = load_document(tmp_path / "a.vast")
+    composition = compose(document, tmp_path / "scratch", containers=refuse_containers)
+    found = {file.as_posix() for file in campaign_files(document, composition)}
+    assert found == {"a.vast", "a.osc", "v.py", "read.yaml"}
+    assert [file.name for file in composition.transient_files] == ["made.yaml"]

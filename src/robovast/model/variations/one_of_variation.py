@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
+from robovast.base.plugins import split_file_reference
 from robovast.model.variation_config import VariationConfig, get_validated_config
 from robovast.model.variations.base_variation import Variation
 
@@ -27,6 +28,7 @@ class OneOfVariation(Variation):
 
     CONFIG_CLASS = OneOfVariationConfig
     pure = True
+    _applied: tuple[Variation, ...] = ()
 
     @classmethod
     def is_pure(cls, parameters: Any) -> bool:
@@ -70,7 +72,19 @@ class OneOfVariation(Variation):
             self.container_runner,
         )
         alternative.entry = self.entry
+        self._applied += (alternative,)
         return alternative
+
+    def get_input_files(self) -> list[str]:
+        """What the alternatives name, and the files that they are in themselves."""
+        names = (_call(item)[0] for item in self.parameters.variations)
+        references = filter(None, map(split_file_reference, names))
+        read = (name for applied in self._applied for name in applied.get_input_files())
+        return [*(path for path, _ in references), *read]
+
+    def get_campaign_transient_files(self) -> list[tuple[str, str]]:
+        """Those of the alternatives."""
+        return [pair for one in self._applied for pair in one.get_campaign_transient_files()]
 
 
 def _call(definition: str | dict[str, Any]) -> tuple[str, Any]:
