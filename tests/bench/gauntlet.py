@@ -65,7 +65,8 @@ def arena(folder: Path) -> Iterator[tuple[Arena, list[Lab], Path]]:
         )
         trace = own.folder / "trace"
         trace.touch()
-        sink = own.spawn("trace", [sys.executable, TESTS / "support/gauntlet/executions.py", trace])
+        program = [sys.executable, TESTS / "support/gauntlet/executions.py", trace]
+        sink = own.spawn("trace", ["env", f"PYTHONPATH={TESTS}", *program])
         labs = [make_lab(cluster, name, folder) for name in NAMESPACES]
         files = Path(f"/proc/{_inside(cluster, sink.process.pid)}/root")
         volume = cluster.kubectl("get", "persistentvolumes", "--output=json")
