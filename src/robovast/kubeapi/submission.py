@@ -10,7 +10,7 @@ import json
 import re
 import secrets
 import tarfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -23,11 +23,11 @@ from robovast.base.errors import InputError
 from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
 from robovast.kubeapi.resources import API_VERSION, BundleSource, CampaignSpec, InlineFiles, Source
 from robovast.model.document import Document
-from robovast.model.document.model import Resources
 from robovast.model.document.problems import sentence
 from robovast.model.expansion import compose, select_any
 from robovast.model.expansion.containers import refuse_containers
 from robovast.model.inputs import campaign_files
+from robovast.model.quantities import resolve_per_context
 
 INLINE_LIMIT = 700_000
 """Most characters of a document with its files in one Campaign: etcd takes little more."""
@@ -127,9 +127,11 @@ def prepare_submission(
         namespace: of the Campaign; left open when None.
 
     Raises:
-        InputError: the document cannot be expanded, nothing matches `options.select`, a file
+        InputError: the document cannot be expanded, or has amounts for other clusters alone,
+            nothing matches `options.select`, a file
             cannot be read, or a Campaign cannot hold an option's value.
     """
+    _check_context(document, options.context)
     files = _input_files(document, options.select)
     vast = json.loads(json.dumps(document.source.data, default=str))
     archive = None if _fits(vast, files) else pack(files)
@@ -185,13 +187,27 @@ def pack(files: Mapping[str, InputFile]) -> Archive:
 
 def needs_context(document: Document) -> bool:
     """True when the document has values that are given per cluster."""
+    return any(isinstance(value, list) for _, value in _amounts(document))
+
+
+def _check_context(document: Document, context: str | None) -> None:
+    """Refuse what the cluster would refuse later: values for other clusters alone."""
+    if context is None and needs_context(document):
+        raise InputError(
+            f"{document.source.file}: resources have a value for each cluster, by the context of "
+            "the kubeconfig: say which with `--context`."
+        )
+    for key, value in _amounts(document):
+        resolve_per_context(value, context or "", f"{document.source.file}: {key}")
+
+
+def _amounts(document: Document) -> Iterator[tuple[str, Any]]:
+    """What containers ask for, each with its key."""
     execution = document.vast.execution
-    asked = [execution.resources, *(c.resources for c in execution.secondary_containers)]
-    return any(_per_cluster(resources) for resources in asked)
-
-
-def _per_cluster(resources: Resources) -> bool:
-    return any(isinstance(value, list) for value in resources.model_dump().values())
+    asked = {"execution.resources": execution.resources}
+    asked |= {f"resources of {c.name}": c.resources for c in execution.secondary_containers}
+    for key, resources in asked.items():
+        yield from ((f"{key}, {name}", v) for name, v in resources.model_dump().items())
 
 
 def _input_files(document: Document, select: str | None) -> dict[str, InputFile]:

@@ -125,6 +125,24 @@ def test_the_context_counts_when_values_are_given_per_cluster(folder: Path) -> N
     assert spec_of(document, options)["cluster"] == "gcp-c4"
 
 
+@pytest.mark.parametrize(
+    ("context", "message"),
+    [
+        (None, "resources have a value for each cluster.* say which with `--context`"),
+        ("lab", "resources of nav, cpu has no value for `lab`; it has values for gcp-c4, local"),
+    ],
+)
+def test_amounts_for_other_clusters_alone_are_refused(
+    folder: Path, context: str | None, message: str
+) -> None:
+    path = folder / "drive.vast"
+    amounts = "resources: {cpu: [{gcp-c4: 4}, {local: 8}]}"
+    path.write_text(f"{DOCUMENT}  secondary_containers: [{{nav: {{{amounts}}}}}]\n")
+    document = load_document(path)
+    with pytest.raises(InputError, match=message):
+        spec_of(document, SubmitOptions(context=context))
+
+
 def test_what_matches_nothing_is_refused_before_anything_is_created(document: Document) -> None:
     with pytest.raises(InputError, match="no configuration matches `halls`"):
         spec_of(document, SubmitOptions("halls"))
