@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import os
 import re
 import sys
+import sysconfig
+import traceback
 from difflib import get_close_matches
 from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
@@ -15,6 +18,28 @@ from typing import Any
 from robovast.base.errors import InputError
 
 _FILE_REFERENCE = re.compile(r"^(?P<path>.+\.py):(?P<name>[A-Za-z_]\w*)$")
+
+
+_OURS = f"{Path(__file__).parents[1]}{os.sep}"
+_PYTHON = f"{sysconfig.get_path('stdlib')}{os.sep}"
+
+
+def raised(error: BaseException) -> str:
+    """What a plugin raised, and where in its own code, as `KeyError: 'a' (lab/widths.py:4)`.
+
+    Its own code begins where RoboVAST's and Python's end, and is what lies in that folder.
+    """
+    files = [(f.filename, f.lineno) for f in traceback.extract_tb(error.__traceback__)]
+    others = [(file, line) for file, line in files if not _is_known(file)]
+    folder = os.path.dirname(others[0][0]) if others else ""
+    own = [f"{file}:{line}" for file, line in others if file.startswith(folder + os.sep)]
+    place = f" ({own[-1]})" if own else ""
+    return f"{type(error).__name__}: {error}".removesuffix(": ") + place
+
+
+def _is_known(file: str) -> bool:
+    installed = "site-packages" in file or "dist-packages" in file
+    return file[0] == "<" or file.startswith(_OURS) or (file.startswith(_PYTHON) and not installed)
 
 
 def split_file_reference(reference: str) -> tuple[str, str] | None:

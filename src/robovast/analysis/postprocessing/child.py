@@ -26,7 +26,7 @@ from robovast.analysis.postprocessing.outcome import (
     read_returned,
 )
 from robovast.base.errors import InputError, RobovastError
-from robovast.base.plugins import load_plugin
+from robovast.base.plugins import load_plugin, raised
 from robovast.model.document.commands import GROUP, BagCommand, bag_command
 
 GIVEN = ("provenance_file", "execution_image", "debug", "force")
@@ -91,7 +91,7 @@ def call(request: Mapping[str, Any], guard: Guard) -> Outcome:
         traceback.print_exc()
         if guard.refused:
             return Outcome(False, f"was refused to write {guard.refused}: {_OUTSIDE}")
-        return Outcome(False, f"raised {type(error).__name__}: {error}{_place(error)}")
+        return Outcome(False, f"raised {raised(error)}")
     finally:
         guard.allow_all()
 
@@ -108,7 +108,7 @@ def convert_bags(calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
         return [Outcome(False, str(error)) for _ in calls]
     except Exception as error:
         traceback.print_exc()
-        text = f"raised {type(error).__name__}: {error}{_place(error)}"
+        text = f"raised {raised(error)}"
         return [Outcome(False, text) for _ in calls]
 
 
@@ -130,13 +130,6 @@ def _convert_bags(calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
 
 
 _OUTSIDE = "it is outside of the campaign; results belong below `results_dir`"
-
-
-def _place(error: Exception) -> str:
-    """Where in the plugin's own code an exception came from."""
-    frames = traceback.extract_tb(error.__traceback__)
-    own = [f for f in frames if "/robovast/postprocessing/" not in f.filename]
-    return f" ({own[-1].filename}:{own[-1].lineno})" if own else ""
 
 
 def _guarded(request: Mapping[str, Any], guard: Guard) -> Outcome:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from robovast.base.errors import InputError
-from robovast.base.plugins import split_file_reference
+from robovast.base.plugins import raised, split_file_reference
 
 _MOST_NAMED = 3
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
@@ -52,7 +52,7 @@ class Findings:
         except InputError as error:
             self.fault(f"{who}: {error}", where)
         except (Exception, SystemExit) as error:
-            self.fault(f"{who}: {type(error).__name__}: {error}", where)
+            self.fault(f"{who}: {raised(error)}", where)
         return None
 
     @property

@@ -10,7 +10,7 @@ from typing import Any
 
 from robovast.analysis.publication.context import PublicationContext
 from robovast.base.errors import InputError, RobovastError, StorageError
-from robovast.base.plugins import load_plugin
+from robovast.base.plugins import load_plugin, raised
 from robovast.model.document.model import PluginCall
 
 GROUP = "robovast.publication_plugins"
@@ -75,7 +75,7 @@ class PublicationPlugin:
             raise
         except (Exception, SystemExit) as error:
             raise StorageError(
-                f"the publication plugin `{self.name}` failed: {type(error).__name__}: {error}"
+                f"the publication plugin `{self.name}` failed: {raised(error)}"
             ) from error
 
     def publish(
@@ -97,7 +97,7 @@ class PublicationPlugin:
             raise
         except (Exception, SystemExit) as error:
             raise StorageError(
-                f"the publication plugin `{self.name}` failed: {type(error).__name__}: {error}"
+                f"the publication plugin `{self.name}` failed: {raised(error)}"
             ) from error
         return self._checked(returned, results_dir)
 
@@ -163,5 +163,5 @@ def _made(name: str, plugin_class: type) -> Any:
         return plugin_class()
     except Exception as error:
         raise InputError(
-            f"the publication plugin `{name}` cannot be made: {type(error).__name__}: {error}"
+            f"the publication plugin `{name}` cannot be made: {raised(error)}"
         ) from error

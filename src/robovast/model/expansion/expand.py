@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import CannotRunError, InputError, RobovastError
+from robovast.base.plugins import raised
 from robovast.base.serialization import to_plain
 from robovast.model.document import Document
 from robovast.model.document.model import NAME_PATTERN, ConfigurationEntry, PluginCall, merge_pairs
@@ -176,9 +177,7 @@ def _apply(
     except (RobovastError, MemoryError):
         raise
     except Exception as error:
-        raise InputError(
-            f"{document.path}: {where} failed: {type(error).__name__}: {error}"
-        ) from error
+        raise InputError(f"{document.path}: {where} failed: {raised(error)}") from error
     if not isinstance(made, list) or not all(isinstance(item, dict) for item in made):
         raise InputError(
             f"{document.path}: {where} must return a list of configurations, "

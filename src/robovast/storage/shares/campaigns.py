@@ -14,7 +14,7 @@ from pathlib import Path
 from robovast.base.atomic import put_in_place
 from robovast.base.environment import dotenv_loaded
 from robovast.base.errors import CannotRunError, InputError, RobovastError, StorageError
-from robovast.base.plugins import load_plugin, plugins_of
+from robovast.base.plugins import load_plugin, plugins_of, raised
 from robovast.campaign.importing import campaign_of_archive, import_archive
 from robovast.storage.shares.base import BaseShareProvider, check_variables
 
@@ -140,8 +140,7 @@ class Share:
             raise
         except Exception as error:
             raise StorageError(
-                f"the share `{self.provider.SHARE_TYPE}` cannot {what}: "
-                f"{type(error).__name__}: {error}"
+                f"the share `{self.provider.SHARE_TYPE}` cannot {what}: {raised(error)}"
             ) from error
 
 
