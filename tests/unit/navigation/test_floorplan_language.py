@@ -102,7 +102,17 @@ def test_what_is_written_is_read_again(written) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [
-        ("Space left:", "Spacex left:", ":11:5: Expected"),
+        (
+            "Space left:",
+            "Spacex left:",
+            ":11:5: `Spacex` does not fit here\n    Did you mean `Space`?",
+        ),
+        ("width=0.9 m", "width=0.9 ft", ":36:36: `ft` is no unit here\n    Units are mm, cm"),
+        (
+            "width=0.9 m",
+            "width=",
+            ":36:32: `,` does not fit here\n    Here stands a number, `-` or a",
+        ),
         ("width=0.9 m", "width=-0.9 m", ":36:32: the width must be above 0 m, not -0.9 m"),
         ("radius=0.25 m", "radius=0 m", ":19:38: the radius must be above 0 m"),
         ("thickness: 0.1 m", "thickness: -0.1 m", ":33:24: the thickness of a wall must be above"),
@@ -120,6 +130,22 @@ def test_what_is_written_is_read_again(written) -> None:
 def test_an_error_names_line_and_column(written, old: str, new: str, reason: str) -> None:
     assert TWO_ROOMS.count(old) == 1
     assert reason in refusal(written(TWO_ROOMS.replace(old, new)))
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", ":1:1: the file is empty\n    Here stands `Floor`."),
+        ("Floor plan:", ": the file ends too early\n    Here stands a name."),
+        ("Floor plan x", ":1:12: `x` does not fit here\n    Here stands `:`."),
+    ],
+)
+def test_what_is_no_floor_plan_is_told_in_words(written, text: str, told: str) -> None:
+    assert refusal(written(text)).endswith(told)
+
+
+def test_of_an_unknown_variable_nothing_else_is_told(written) -> None:
+    assert refusal(written(TWO_ROOMS.replace("width=wide", "width=broad"))).count("\n") == 1
 
 
 def test_all_errors_are_reported_together(written) -> None:

@@ -174,7 +174,11 @@ def test_a_plan_that_is_not_sound_is_drawn_again(expanded, plans: Path) -> None:
         ("shape.width", "shape.radius", "`shape.radius` of `hall` cannot be varied"),
         ("(0.5, 0.1)", "(0.7, 0.1)", "the weights must sum to 1, not 1.2"),
         ("std=0.5", "std=-0.5", "`std` must not be below 0"),
-        ("normal(", "gauss(", ":7:44: configuration `hall`: FloorplanVariation: Expected"),
+        (
+            "normal(",
+            "gauss(",
+            ":7:44: configuration `hall`: FloorplanVariation: `gauss` does",
+        ),
     ],
 )
 def test_errors_in_variation_files(expanded, plans: Path, old, new, reason: str) -> None:

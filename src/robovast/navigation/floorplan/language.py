@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable
 from pathlib import Path
@@ -221,7 +222,7 @@ class _Reader:
                 self._source.problem(
                     value, f"there is no variable `{value.variable}`", f"There are: {known}."
                 )
-                return 0.0
+                return math.nan  # of which nothing else is told
         if written.unit and (written.unit in ANGLES) != angle:
             wanted = "an angle in deg or rad" if angle else "a length in m, cm or mm"
             self._source.problem(value, f"{wanted} is needed here, not a value in {written.unit}")

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from textx import metamodel_from_file
-from textx.exceptions import TextXError
+from textx.exceptions import TextXSyntaxError
 
 from robovast.base.errors import DocumentError, Place, Problem
+from robovast.navigation.floorplan.mistakes import said_of
 from robovast.navigation.floorplan.source import read_text
 
 UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "deg": 0.017453292519943295, "rad": 1.0}
@@ -36,10 +37,9 @@ class Source:
         self.text = read_text(path)
         try:
             self.model: Any = _metamodel(grammar).model_from_str(self.text)
-        except TextXError as error:
-            message = str(error.message).splitlines()[0]
+        except TextXSyntaxError as error:
             place = Place(path, error.line, error.col)
-            raise DocumentError([Problem(place, "", message)]) from None
+            raise DocumentError([Problem(place, "", *said_of(error, self.text))]) from None
 
     def place(self, node: Any) -> Place:
         """Where a node begins."""
