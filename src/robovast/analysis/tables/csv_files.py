@@ -39,16 +39,21 @@ def csv_files(run: Path) -> dict[str, Path]:
 def table_name(path: str | os.PathLike[str]) -> str:
     """The table of a CSV file, by its path without suffix."""
     name = re.sub(r"\W+", "_", os.fspath(path)).strip("_") or "table"
-    name = f"t_{name}" if name[0].isdigit() else name
+    name = f"t_{name}" if name[0].isdigit() or folded(name).startswith("sqlite_") else name
     return f"{name}_csv" if name.lower() in _RESERVED else name
 
 
+def folded(name: str) -> str:
+    """A name as databases compare it: letters of ASCII alone are the same in either case."""
+    return "".join(letter.lower() if letter.isascii() else letter for letter in name)
+
+
 def column_names(header: Sequence[str], keys: Iterable[str] = ("campaign", *KEYS)) -> list[str]:
-    """Names of columns that differ, also from the keys, whatever case is used."""
+    """Names of columns that differ, also from the keys, whatever case is used, and without NUL."""
     used = set(keys)
     names = []
     for index, cell in enumerate(header, 1):
-        base = cell.strip().replace('"', "'") or f"column_{index}"
+        base = cell.replace("\0", "").strip().replace('"', "'") or f"column_{index}"
         name, count = base, 1
         while name.lower() in used:
             count += 1

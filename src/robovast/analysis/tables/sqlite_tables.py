@@ -13,7 +13,14 @@ from contextlib import closing
 from datetime import UTC, datetime
 from pathlib import Path
 
-from robovast.analysis.tables.csv_files import KEYS, column_names, csv_files, read_header, read_rows
+from robovast.analysis.tables.csv_files import (
+    KEYS,
+    column_names,
+    csv_files,
+    folded,
+    read_header,
+    read_rows,
+)
 from robovast.analysis.tables.runs import run_rows
 from robovast.analysis.tables.staging import quoted
 from robovast.base.errors import StorageError
@@ -27,6 +34,8 @@ _NAMES = "_table_name_map"
 _TIMES = "scenario_timestamps"
 _FIRST = ("config_name", "run_id")
 _RUN = "config_name = ? AND run_id = ?"
+_MOST_COLUMNS = 1900
+"""Of a table, which can have 2000 with our own; all others are in tables.duckdb alone."""
 
 
 def update_sqlite(layout: Layout, versions: Mapping[str, str]) -> None:
@@ -81,7 +90,7 @@ def _update(connection: sqlite3.Connection, layout: Layout, versions: Mapping[st
         for table, path in csv_files(layout.run(run)).items():
             name = shown(path.relative_to(layout.run(run)).with_suffix("").as_posix())
             connection.execute(f"REPLACE INTO {_NAMES} VALUES (?, ?)", (name, table))  # noqa: S608
-            _load(connection, tables.setdefault(table.lower(), []), table, run, path)
+            _load(connection, tables.setdefault(folded(table), []), table, run, path)
     _add_times(connection, layout, stale)
     connection.executemany(
         f"REPLACE INTO {_LOADED} VALUES (?, ?)",  # noqa: S608
@@ -98,7 +107,7 @@ def _tables(connection: sqlite3.Connection) -> dict[str, list[str]]:
     )
     found: dict[str, list[str]] = {}
     for table, column in rows:
-        found.setdefault(table.lower(), []).append(column)
+        found.setdefault(folded(table), []).append(column)
     return found
 
 
@@ -144,11 +153,14 @@ def _load(
         return
     for statement in _declared(have, table, columns):
         connection.execute(statement)
-    places = ", ".join("?" * (len(columns) + 2))
-    names = ", ".join(map(quoted, [*_FIRST, *columns]))
+    stored = set(map(folded, have))
+    cells = [index for index, name in enumerate(columns) if folded(name) in stored]
+    names = ", ".join(map(quoted, [*_FIRST, *(columns[index] for index in cells)]))
+    places = ", ".join("?" * (len(cells) + 2))
+    rows = read_rows(path, len(columns))
     connection.executemany(
         f"INSERT INTO {quoted(table)} ({names}) VALUES ({places})",  # noqa: S608
-        ([*_key(run), *(cell or None for cell in row)] for row in read_rows(path, len(columns))),
+        ([*_key(run), *(row[index] or None for index in cells)] for row in rows),
     )
 
 
@@ -157,15 +169,17 @@ def _declared(have: list[str], table: str, columns: Sequence[str]) -> Iterator[s
 
     NUMERIC columns take numbers as such and leave text as it is.
     """
-    known = {name.lower() for name in have}
-    new = [name for name in columns if name.lower() not in known]
+    known = set(map(folded, have))
+    new = [name for name in columns if folded(name) not in known][
+        : max(0, _MOST_COLUMNS - len(have))
+    ]
     if not have:
-        listed = ", ".join(f"{quoted(name)} NUMERIC" for name in columns)
+        listed = ", ".join(f"{quoted(name)} NUMERIC" for name in new)
         yield (
             f"CREATE TABLE {quoted(table)} (config_name TEXT, run_id TEXT, {listed}, "
             "config TEXT AS (config_name), run INTEGER AS (CAST(run_id AS INTEGER)))"
         )
-        yield f"CREATE INDEX {quoted(f'{table}_by_run')} ON {quoted(table)} (config_name, run_id)"
+        yield f"CREATE INDEX {quoted(f'{table} by run')} ON {quoted(table)} (config_name, run_id)"
     else:
         yield from (f"ALTER TABLE {quoted(table)} ADD {quoted(name)} NUMERIC" for name in new)
     have += new

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robovast.analysis.tables.csv_files import KEYS, read_rows
+from robovast.analysis.tables.csv_files import KEYS, folded, read_rows
 
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection
@@ -21,6 +21,8 @@ Types = dict[str, str]
 """Columns in their order, with their types."""
 
 _NUMBERS = ("BIGINT", "DOUBLE")
+_AT_ONCE = 100
+"""Columns that are looked through at once: time grows with the square of their number."""
 _FIXED = ("BIGINT", "DOUBLE", "BOOLEAN", "VARCHAR")
 """Types that values are looked through for, the first that fits is taken."""
 
@@ -125,7 +127,8 @@ def append(
     """
     free = [name for name in columns if name not in fixed]
     types = {**_found_types(connection, free), **{n: fixed[n] for n in columns if n in fixed}}
-    have = tables_of(connection).get(table)
+    there = {folded(name): (name, columns) for name, columns in tables_of(connection).items()}
+    table, have = there.get(folded(table), (table, None))
     wanted = {name: types[name] for name in columns}
     if have is None:
         listed = ", ".join(f"{quoted(name)} {type_}" for name, type_ in wanted.items())
@@ -139,8 +142,13 @@ def append(
 
 
 def _found_types(connection: DuckDBPyConnection, columns: Sequence[str]) -> Types:
-    if not columns:
-        return {}
+    found: Types = {}
+    for start in range(0, len(columns), _AT_ONCE):
+        found.update(_types_of(connection, columns[start : start + _AT_ONCE]))
+    return found
+
+
+def _types_of(connection: DuckDBPyConnection, columns: Sequence[str]) -> Types:
     checks = []
     for name in map(quoted, columns):
         whole = f"coalesce(TRY_CAST({name} AS BIGINT) = TRY_CAST({name} AS DOUBLE), false)"
@@ -168,10 +176,10 @@ def _widened(
     connection: DuckDBPyConnection, table: str, have: Types, wanted: Mapping[str, str]
 ) -> Types:
     """Make a table hold further columns; their types there."""
-    folded = {name.lower(): name for name in have}
+    columns = {folded(name): name for name in have}
     found: Types = {}
     for name, type_ in wanted.items():
-        column = folded.get(name.lower())
+        column = columns.get(folded(name))
         if column is None:
             connection.execute(f"ALTER TABLE {quoted(table)} ADD COLUMN {quoted(name)} {type_}")
             found[name] = type_

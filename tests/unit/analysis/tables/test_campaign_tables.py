@@ -181,6 +181,42 @@ def test_a_file_whose_name_is_no_utf_8_is_a_table_too(tmp_path: Path) -> None:
     assert rows(campaign, "SELECT a FROM caf") == [(1,)]
 
 
+@pytest.mark.parametrize(
+    ("one", "other", "column"),
+    [("a", "A", "x"), ("a_by_run", "a", "x"), ("ä", "Ä", "x"), ("t", "t", "ä"), ("t", "t", "X")],
+)
+def test_names_that_differ_in_letter_case_alone_spoil_no_table(
+    tmp_path: Path, one: str, other: str, column: str
+) -> None:
+    campaign = finished_campaign(tmp_path, 2)
+    (campaign / f"c-1/0/{one}.csv").write_text(f"{column}\n1\n")
+    (campaign / f"c-1/1/{other}.csv").write_text(f"{column.swapcase()}\n2\n")
+    (campaign / f"c-1/1/{one}.csv").write_text("y\n3\n")
+    update(campaign)
+    update(campaign, c_1_1="2")
+    for found in (rows, sqlite_rows):
+        assert found(campaign, f"SELECT {column} FROM {one} WHERE run = 0") == [(1,)]  # noqa: S608
+        if one != other:
+            wanted = f"SELECT {column.swapcase()} FROM {other} WHERE run = 1"  # noqa: S608
+            assert (2,) in found(campaign, wanted)
+
+
+def test_a_table_that_is_too_wide_for_sqlite_has_its_first_columns(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 1)
+    columns = [f"c{number}" for number in range(2100)]
+    (campaign / "c-1/0/t.csv").write_text(f"{','.join(columns)}\n{'7,' * 2099}7\n")
+    update_sqlite(Layout(campaign), {"c-1/0": "1"})
+    assert sqlite_rows(campaign, "SELECT c0, c1800 FROM t") == [(7, 7)]
+
+
+def test_wide_tables_have_types_in_all_columns(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 1)
+    header = ",".join(f"c{number}" for number in range(130))
+    (campaign / "c-1/0/t.csv").write_text(f"{header}\n{'7,' * 128}1.5,x\n")
+    update(campaign)
+    assert rows(campaign, "SELECT c0, c100, c128, c129 FROM t") == [(7, 7, 1.5, "x")]
+
+
 def test_without_tables_the_remedy_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="vast results postprocess"):
         ask([finished_campaign(tmp_path, 1)], "SELECT 1")

@@ -23,6 +23,7 @@ from robovast.analysis.tables.csv_files import (
         ("runs", "runs_csv"),
         ("Größe", "Größe"),
         ("--", "table"),
+        ("SQLite_x", "t_SQLite_x"),
     ],
 )
 def test_table_names(path: str, name: str) -> None:
@@ -30,7 +31,7 @@ def test_table_names(path: str, name: str) -> None:
 
 
 def test_column_names_differ_from_the_keys_and_from_each_other() -> None:
-    assert column_names(["run", "Run", "a", "A", "", "position.x", ' b"']) == [
+    assert column_names(["run", "Run", "a", "A", "", "pos\0ition.x", ' b"']) == [
         "run_2",
         "Run_3",
         "a",
