@@ -172,13 +172,15 @@ class Source:
         if node.tag not in self._scalars.yaml_constructors:
             raise self._error(f"the tag `{node.tag}` has no meaning here", node.start_mark)
         try:
-            return self._scalars.construct_object(node)
+            value = self._scalars.construct_object(node)
+            str(value)  # of some thousand digits nothing can be written
         except (ValueError, KeyError, OverflowError):
             kind = node.tag.rpartition(":")[2].replace("timestamp", "date").replace("int", "number")
             raise self._error(
-                f"`{node.value}` reads as a {kind} that there is not; as text it needs quotes",
+                f"`{node.value[:40]}` reads as a {kind} that there is not; as text it needs quotes",
                 node.start_mark,
             ) from None
+        return value
 
     def _refuse_explosion(self, node: yaml.Node) -> None:
         if id(node) in self._built:
@@ -194,9 +196,9 @@ class Source:
         self._scalars.flatten_mapping(node)
         result: dict[Any, Any] = {}
         for key_node, value_node in node.value:
-            key = self._scalars.construct_object(key_node, deep=True)
-            if not isinstance(key, Hashable):
+            if not isinstance(key_node, yaml.ScalarNode):
                 raise self._error("a key must be a plain value", key_node.start_mark)
+            key = self._scalar(key_node)
             self._keys[(*path, key)] = key_node.start_mark
             result[key] = self._build(value_node, (*path, key))
         return result
