@@ -263,7 +263,9 @@ def test_a_described_share_is_where_results_come_from(
         "    def download_archive(self, name, dest, progress=None, offset=0):\n"
         "        shutil.copy(ARCHIVE, dest)\n"
     )
-    assert vast("results", "download").code == 3
+    outcome = vast("results", "download")
+    assert outcome.code == 3
+    assert "A share is not set either: ROBOVAST_SHARE_TYPE" in outcome.err
     assert vast("results", "download", "--from", "share").code == 2
     (folder / ".env").write_text("ROBOVAST_SHARE_TYPE=share.py:Share\n")
     outcome = vast("results", "download", "-o", "home", "--keep-archive")
@@ -275,4 +277,5 @@ def test_a_described_share_is_where_results_come_from(
     assert outcome.code == 2
     assert "it has far-away. `--from cluster` looks in the cluster's storage." in outcome.err
     assert vast("results", "download", "--from", "cluster").code == 3
-    assert vast("results", "download", "-n", "lab").code == 3
+    outcome = vast("results", "download", "-n", "lab")
+    assert (outcome.code, "ROBOVAST_SHARE_TYPE" in outcome.err) == (3, False)

@@ -77,12 +77,21 @@ def download(
 
         download_shared(names, output, force=force, keep_archive=keep_archive)
         return
+    from robovast.base.errors import CannotRunError
     from robovast_cli.kube.api import cluster_extra
 
     with cluster_extra():
         from robovast_cli.commands.results.downloading import download_campaigns
 
-    download_campaigns(context, namespace, names, output, force=force)
+    try:
+        download_campaigns(context, namespace, names, output, force=force)
+    except CannotRunError as error:
+        if cluster_is_meant:
+            raise
+        raise CannotRunError(
+            f"{error} A share is not set either: ROBOVAST_SHARE_TYPE in the environment, or in a "
+            "`.env` file, would name it."
+        ) from error
 
 
 def has_share() -> bool:
