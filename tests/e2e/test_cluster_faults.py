@@ -125,8 +125,8 @@ def test_killing_the_operator_and_a_pod_loses_no_run_and_repeats_none(lab: Lab) 
             restart()
         lab.wait("hunted")
     status = lab.campaign("hunted")["status"]
-    assert status["runs"] | {"active": 0} == {
-        "total": 15, "active": 0, "undecided": 0, "stored": 15,
+    assert status["runs"] | {"active": 0, "waiting": 0} == {
+        "total": 15, "active": 0, "waiting": 0, "undecided": 0, "stored": 15,
         "passed": status["runs"]["passed"], "failed": 0, "errored": 15 - status["runs"]["passed"],
     }  # fmt: skip
     assert status["runs"]["passed"] >= 14

@@ -43,14 +43,15 @@ def messages(old: Iterable[Condition], new: Iterable[Condition]) -> Iterator[Mes
     """What changed from one state to the next."""
     before = {c.type: (c.status, c.reason, c.last_transition_time) for c in old}
     conditions = list(new)
-    rejected = {c.reason for c in conditions if c.type == "Accepted" and c.status == "False"}
+    told: set[tuple[str, str]] = set()
     for condition in conditions:
         kind = _TOLD.get((condition.type, condition.status))
         was = before.get(condition.type, ("", "", ""))
         if kind is None or was[:2] == (condition.status, condition.reason):
             continue
-        if condition.type == "Stalled" and condition.reason in rejected:
-            continue  # the same was told as `Accepted`
+        if (condition.reason, condition.message) in told:
+            continue  # another condition says the same
+        told.add((condition.reason, condition.message))
         change = " ".join((condition.type, condition.status, *was))
         yield Message(kind, condition.reason, condition.message or condition.type, change)
 

@@ -162,9 +162,10 @@ start_monitor() { # NAME [OPTION...]
     monitor_pid=$!
 }
 
-# A job can be over before Python has started.
+# A job can be over before Python has started; and a run can have taken the file away.
 await_sysinfo() {
-    until [[ -e $sysinfo_file ]] || ! kill -0 "$monitor_pid"; do sleep 0.01; done
+    local tries=0
+    until [[ -e $sysinfo_file ]] || ((++tries > 500)) || ! kill -0 "$monitor_pid"; do sleep 0.01; done
 } 2>/dev/null
 
 source_pre_command() {
