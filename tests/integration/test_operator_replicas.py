@@ -84,7 +84,7 @@ def test_a_leader_that_is_killed_ten_times_is_followed_each_time_and_makes_nothi
         time.sleep(chance.uniform(0, 1))
         replicas[leader].kill()
         dead, leader = leader, next(name for name in replicas if name != leader)
-        eventually(lambda: holder(fake_cluster) == leader, 60)  # noqa: B023
+        eventually(lambda: holder(fake_cluster) == leader, 120)  # noqa: B023
         start_and_hear(replicas[dead], leader)
 
     def ended() -> bool:
@@ -92,7 +92,7 @@ def test_a_leader_that_is_killed_ten_times_is_followed_each_time_and_makes_nothi
         all_there = len(runs) == 1 + KILLS
         return all_there and finished(fake_cluster, namespace, "hunted")
 
-    eventually(ended, 120, replicas[leader].told)
+    eventually(ended, 300, replicas[leader].told)
     state = status(fake_cluster, namespace, "hunted")
     assert (state["progress"], state["state"]) == ("300/300", "Finished")
     assert condition(state, "Passed")["status"] == "True"
