@@ -249,7 +249,7 @@ def test_twenty_runs_start_soon_behind_ten_thousand(queue: Lab) -> None:
     admit(lab, 75)
     eventually(lambda: admitted(lab, "small") == 20, 30, "the small one is admitted")
     lab.kubectl(
-        "wait", "campaign/small", "--for=jsonpath={.status.runs.active}=20", "--timeout=30s"
+        "wait", "campaign/small", "--for=jsonpath={.status.runs.waiting}=20", "--timeout=30s"
     )
     assert time.monotonic() - begin < 30
     assert admitted(lab, "large") == 50
