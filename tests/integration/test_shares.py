@@ -8,6 +8,7 @@ import os
 import resource
 import tarfile
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -200,6 +201,14 @@ def test_a_pod_needs_only_what_the_provider_gives_it(
     for name, value in env.items():
         monkeypatch.setenv(name, value)
     type(share.provider)().verify_access()
+
+
+def test_several_check_their_access_at_once(share: Share, place: Place) -> None:
+    """The user's machine and pods, whose process ids are the same, use one folder."""
+    with ThreadPoolExecutor(4) as threads:
+        checks = [threads.submit(type(share.provider)().verify_access) for _ in range(24)]
+    assert [check.exception() for check in checks if check.exception()] == []
+    assert place.names() == set()
 
 
 def test_a_server_that_is_not_there_is_told_soon(

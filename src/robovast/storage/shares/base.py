@@ -6,6 +6,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import IO, ClassVar, NoReturn
+from uuid import uuid4
 
 from robovast.base.errors import CannotRunError, InputError
 
@@ -147,6 +148,14 @@ def check_variables(provider: BaseShareProvider) -> None:
             f"the share `{provider.SHARE_TYPE}` needs variables that are not set, in the "
             f"environment or a `.env` file:{lines}"
         )
+
+
+def probe_name() -> str:
+    """Name of a file that is written to see whether that is allowed; of this attempt alone.
+
+    Others may try the same share at the same moment, and every pod has the same process id.
+    """
+    return f".robovast-access-{uuid4().hex}"
 
 
 def accepts_any_certificate() -> bool:

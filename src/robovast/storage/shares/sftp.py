@@ -21,6 +21,7 @@ from robovast.storage.shares.base import (
     BaseShareProvider,
     ProgressCallback,
     accepts_any_certificate,
+    probe_name,
 )
 
 T = TypeVar("T")
@@ -74,7 +75,7 @@ class SftpShareProvider(BaseShareProvider):
 
     def verify_access(self) -> None:
         """Write a small file and remove it."""
-        probe = _remote(f".robovast-access-{os.getpid()}")
+        probe = _remote(probe_name())
 
         def write(sftp: SFTPClient) -> None:
             with sftp.open(probe, "w"):

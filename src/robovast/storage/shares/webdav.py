@@ -22,6 +22,7 @@ from robovast.storage.shares.base import (
     ProgressCallback,
     UploadProgressReader,
     accepts_any_certificate,
+    probe_name,
 )
 
 URL = "ROBOVAST_WEBDAV_URL"
@@ -60,9 +61,10 @@ class WebDavShareProvider(BaseShareProvider):
 
     def verify_access(self) -> None:
         """Write a small file and remove it."""
-        probe = f"{self._folder}.robovast-access"
+        probe = self._folder + probe_name()
         self._client.request("PUT", probe, attempt="write to the folder", body=lambda: b"")
-        self._client.request("DELETE", probe, attempt="remove from the folder")
+        # Where the answer of a first attempt was lost, the file is gone already.
+        self._client.request("DELETE", probe, attempt="remove from the folder", accept={_NOT_THERE})
 
     def upload_archive(
         self,
