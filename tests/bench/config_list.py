@@ -6,7 +6,9 @@
 Prints wall time (median, least, largest) and peak memory of `vast --help` and of `vast config
 list` with 10, 10,000 and 100,000 configurations and of `vast config generate` with 10,000, each
 over a bare `python -c pass` of the same session, and how far 100,000 are from ten times 10,000 in
-CPU time, start-up left out. All commands alternate, so that they see the same machine.
+CPU time, start-up left out. Last, `vast config generate` over a bare program that writes files of
+the same sizes into as many folders, which is what the file system takes of it. All commands
+alternate, so that they see the same machine.
 """
 
 from __future__ import annotations
@@ -35,6 +37,18 @@ configuration:
   - ParameterVariationDistributionUniform: {{name: distance, num_variations: {1}, min: 0, max: 9}}
 execution:
   scenario_file: drive.osc
+"""
+
+WRITE_BARE = """\
+import os, sys
+root = sys.argv[1]
+os.mkdir(root)
+for number in range(10_000):
+    os.mkdir(folder := f"{root}/{number}")
+    os.mkdir(folder := f"{folder}/_config")
+    for name, size in {"scenario.config": 66, "config.yaml": 516}.items():
+        with open(f"{folder}/{name}", "wb", buffering=0) as file:
+            file.write(b"x" * size)
 """
 
 SIZES = {"10": (5, 2), "10,000": (100, 100), "100,000": (1000, 100)}
@@ -101,6 +115,13 @@ def generation(folder: Path) -> Measured:
     return Measured("config generate 10,000", command, 2.0, output)
 
 
+def bare_generation(folder: Path) -> Measured:
+    """Writing as many files of the same sizes into as many folders, without anything else."""
+    output = folder / "bare"
+    command = [sys.executable, "-c", WRITE_BARE, str(output)]
+    return Measured("the same files, bare", command, output=output)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeat", type=int, default=7)
@@ -113,7 +134,8 @@ def main() -> None:
         lists["10,000"].goal = 1.0
         bare = Measured("python -c pass", [sys.executable, "-c", "pass"])
         shown = [bare, Measured("vast --help", [VAST, "--help"], 0.25), *lists.values()]
-        shown.append(generation(Path(name)))
+        generated, files = generation(Path(name)), bare_generation(Path(name))
+        shown += [generated, files]
         for measured in shown * (repeat + 1):
             measured.run()
     for measured in shown:
@@ -121,6 +143,7 @@ def main() -> None:
         measured.report(bare.median)
     start, small, large = (statistics.median(measured.cpu) for measured in lists.values())
     ratio = (large - start) / (small - start) / 10
+    print(f"config generate over the same files, bare: {generated.median / files.median:.2f}")
     print(f"cpu of 100,000 over 10 × 10,000, both less that of 10: {ratio:.2f}")
 
 

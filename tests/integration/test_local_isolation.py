@@ -16,6 +16,7 @@ from robovast_testbed import debian
 from robovast_testbed.pytest_plugin import skipped_when_unavailable
 from support.campaigns.local import ROOT, Recorder, make_campaign, run, verdicts
 from support.patience import eventually
+from support.processes import marked
 
 from robovast.execution.local import sandbox
 
@@ -37,18 +38,6 @@ def launcher(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) ->
             debian.require(name)
     monkeypatch.setattr(sandbox, "LAUNCHERS", {name: sandbox.LAUNCHERS[name]})
     return name
-
-
-def marked(word: str) -> list[Path]:
-    """Processes whose command line holds a word."""
-    found = []
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            if word.encode() in (folder / "cmdline").read_bytes().split(b"\0"):
-                found.append(folder)
-        except OSError:
-            continue
-    return found
 
 
 CONTAINER_SCRIPT = """

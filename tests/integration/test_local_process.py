@@ -17,6 +17,7 @@ import pytest
 import yaml
 from support.campaigns.local import EXAMPLES, ROOT, Recorder, make_campaign, resume, run, verdicts
 from support.patience import eventually
+from support.processes import marked
 
 from robovast.base.errors import CannotRunError, InputError, StorageError
 from robovast.campaign.merge import merge_campaigns
@@ -109,7 +110,7 @@ def test_nothing_that_a_scenario_leaves_behind_survives_it(tmp_path: Path) -> No
     run(
         make_campaign(tmp_path / "in", f"setsid sleep {word} &\n"), tmp_path / "out", select="one-1"
     )
-    assert subprocess.run(["pgrep", "-f", f"sleep {word}"], check=False).returncode == 1
+    assert marked(word) == []
 
 
 def test_a_failing_pre_command_says_so(tmp_path: Path) -> None:
