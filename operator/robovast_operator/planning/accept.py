@@ -10,11 +10,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
-import yaml
 from pydantic import ValidationError
 
 from robovast.base.errors import DocumentError, RobovastError
 from robovast.base.serialization import dump_yaml
+from robovast.base.yaml_files import parse_yaml
 from robovast.campaign.configurations import variants_digest
 from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
 from robovast.kubeapi.resources import CampaignSpec
@@ -139,9 +139,9 @@ def _document_text(spec: CampaignSpec, identity: Identity, files: Files | None) 
     written = (files or {}).get(name)
     if written is not None:
         try:
-            if yaml.safe_load(written) == spec.vast:
+            if parse_yaml(written) == spec.vast:
                 return written.decode()
-        except (yaml.YAMLError, UnicodeDecodeError):
+        except ValueError:
             pass  # the spec decides; the file beside it is just a file
     return dump_yaml(spec.vast)
 
@@ -270,8 +270,8 @@ def source_changed(planned: CampaignPlan | None, accepted: Accepted) -> Rejected
 def same_document(planned: str, vast: Mapping[str, object]) -> bool:
     """Whether a document is the one that was planned, but for its number of runs."""
     try:
-        before = yaml.safe_load(planned)
-    except yaml.YAMLError:
+        before = parse_yaml(planned)
+    except ValueError:
         return False
     return isinstance(before, Mapping) and _without_runs(before) == _without_runs(vast)
 

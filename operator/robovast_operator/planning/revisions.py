@@ -8,11 +8,11 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import takewhile
 
-import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from robovast.base.errors import InputError
 from robovast.base.serialization import dump_yaml
+from robovast.base.yaml_files import parse_yaml
 from robovast.model.expansion.expand import DEFAULT_ENTRY
 from robovast.model.packs import RUNS_LIMIT, Block, CampaignPlan, Entry, PlanSpec, first_blocks
 from robovast_operator.kube.lenient import mapping, text
@@ -122,8 +122,8 @@ def _document(revision: Revision) -> Object:
         InputError: it is none.
     """
     try:
-        found = yaml.safe_load(revision.document)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        found = parse_yaml(revision.document)
+    except ValueError as error:
         raise _no_plan(revision.config_map, f"its document is none: {error}") from error
     if not isinstance(found, dict):
         raise _no_plan(revision.config_map, "its document is none")

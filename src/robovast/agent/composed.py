@@ -15,11 +15,10 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
-import yaml
-
 from robovast.agent.bucket import Bucket
 from robovast.agent.digests import check, digest, file_digest
 from robovast.base.serialization import dump_yaml
+from robovast.base.yaml_files import parse_yaml
 from robovast.campaign.configurations import configuration_record, variant_of
 from robovast.campaign.layout import Layout
 from robovast.model.expansion import Variant
@@ -94,7 +93,7 @@ class Composed(Sequence[Variant]):
     def __getitem__(self, index: Any) -> Any:
         item = self._part(index // PART)[index % PART]
         self.files[item["name"]] = item["files"]
-        return variant_of(self._layout, yaml.safe_load(item["record"]))
+        return variant_of(self._layout, parse_yaml(item["record"]))
 
     def outlines(self) -> list[Variant]:
         """All of them by name and entry alone: there may be very many."""

@@ -6,18 +6,11 @@ import hashlib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-import yaml
-
 from robovast.base.errors import InputError
-from robovast.base.safe_paths import MOST_OF_ALL, read_file
 from robovast.base.serialization import fingerprint
+from robovast.base.yaml_files import read_mapping
 from robovast.campaign.layout import Layout
 from robovast.model.expansion.variant import ConfigFile, Variant, VariationRecord
-
-try:
-    from yaml import CSafeLoader as _Loader
-except ImportError:  # PyYAML built without libyaml: slower, same result
-    from yaml import SafeLoader as _Loader  # type: ignore[assignment]
 
 _OWN_KEYS = frozenset({"name", "config", "_config_name", "_config_files", "_variations"})
 
@@ -29,15 +22,12 @@ def read_configurations(layout: Layout) -> dict[str, Any]:
         InputError: the folder is no campaign, or the file is damaged.
     """
     path = layout.transient / "configurations.yaml"
-    try:
-        data = yaml.load(read_file(path, most=MOST_OF_ALL).decode(), Loader=_Loader)  # safe
-    except FileNotFoundError:
+    data = read_mapping(path)
+    if not path.exists():
         raise InputError(
             f"{layout.root} is no campaign folder: {path.relative_to(layout.root)} is missing."
-        ) from None
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from error
-    if not isinstance(data, dict) or not isinstance(data.get("configs"), list):
+        )
+    if not isinstance(data.get("configs"), list):
         raise InputError(f"{path}: holds no list of configurations.")
     return data
 

@@ -6,10 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from robovast.base.plugins import split_file_reference
-from robovast.base.safe_paths import read_text
+from robovast.base.yaml_files import read_mapping_leniently
 from robovast.campaign.layout import Layout
 
 _SECTIONS = ("results_processing", "analysis")
@@ -45,15 +43,12 @@ def warn_of_executables(campaign: Path) -> str | None:
 
 def _calls(document: Path) -> Iterator[Any]:
     """Every entry of a document that may name a plugin; what is of another form names none."""
-    try:
-        data = next(yaml.safe_load_all(read_text(document)), None)  # others have no effect
-    except (OSError, ValueError, RecursionError, yaml.YAMLError):
-        return  # no command reads it, either
+    data = read_mapping_leniently(document)  # what is damaged, no command reads, either
     yield from (
         name for entry in _items(data, "configuration") for name in _items(entry, "variations")
     )
     for section in _SECTIONS:
-        inner = data.get(section) if isinstance(data, dict) else None
+        inner = data.get(section)
         for key in _CALLS:
             yield from _items(inner, key)
 

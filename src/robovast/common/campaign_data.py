@@ -9,9 +9,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from robovast.base.safe_paths import MOST_OF_ALL, is_file, read_file
+from robovast.base.yaml_files import parse_yaml
 from robovast.campaign import verdict
 from robovast.campaign.layout import JOB_LINK, RUN_RECORD, TEST_RESULT, Layout, job_folder
 
@@ -124,4 +123,4 @@ def read_resolved_configurations(campaign_dir: str | Path) -> dict[str, Any]:
 
 
 def _read_yaml(path: Path) -> dict[str, Any]:
-    return dict(yaml.safe_load(read_file(path, most=MOST_OF_ALL)) or {})
+    return dict(parse_yaml(read_file(path, most=MOST_OF_ALL)) or {})

@@ -9,15 +9,9 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from robovast.base import yaml_files
 from robovast.base.errors import InputError
 from robovast.evaluation.inside import read_small
-
-try:
-    from yaml import CSafeLoader as _Loader
-except ImportError:  # PyYAML built without libyaml: slower, same result
-    from yaml import SafeLoader as _Loader  # type: ignore[assignment]
 
 MOST_VALUES = 20_000
 """Values in one document; a small one with anchors can stand for billions."""
@@ -37,8 +31,8 @@ def parse_json(content: bytes) -> Any:
 def parse_yaml(content: bytes) -> Any:
     """The first document of YAML as plain data; None when it is not valid."""
     try:
-        return plain(next(yaml.load_all(content, Loader=_Loader), None))  # the safe one
-    except (ValueError, RecursionError, TypeError, yaml.YAMLError):
+        return plain(yaml_files.parse_yaml(content))
+    except ValueError:
         return None
 
 

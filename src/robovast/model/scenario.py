@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from robovast.base.errors import InputError
+from robovast.base.yaml_files import parse_yaml
 
 _SCENARIO = re.compile(r"^scenario\s+([A-Za-z_][\w.]*)\b[^:]*:")
 _PARAMETER = re.compile(
@@ -115,8 +114,8 @@ def is_scenario_parameter(name: str, scenario_file: str | Path) -> bool:
 
 def _default(text: str | None) -> Any:
     try:
-        return None if text is None else yaml.safe_load(text)
-    except yaml.YAMLError:
+        return None if text is None else parse_yaml(text)
+    except ValueError:
         return text
 
 

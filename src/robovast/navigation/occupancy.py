@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import yaml
 from PIL import Image, UnidentifiedImageError
 
 from robovast.base.errors import InputError
 from robovast.base.serialization import dump_yaml
+from robovast.base.yaml_files import parse_yaml
 from robovast.navigation.poses import Point
 
 Mask = np.ndarray[tuple[int, int], np.dtype[np.bool_]]
@@ -124,10 +124,10 @@ def write_map(occupancy: OccupancyMap, path: Path) -> Path:
 
 def _read_yaml(path: Path) -> dict[str, Any]:
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        data = parse_yaml(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"there is no map {path}.") from None
-    except (OSError, ValueError, yaml.YAMLError) as error:
+    except (OSError, ValueError) as error:
         raise InputError(f"the map {path} cannot be read: {error}") from error
     if not isinstance(data, dict):
         raise InputError(f"{path} is no map: it must be a mapping with `image` and `resolution`.")

@@ -13,6 +13,7 @@ import yaml
 from robovast.base.atomic import write_atomically
 from robovast.base.errors import DocumentError, InputError, RobovastError, StorageError
 from robovast.base.serialization import dump_yaml
+from robovast.base.yaml_files import YamlLoader
 from robovast.campaign.configurations import read_variants
 from robovast.campaign.layout import Layout
 from robovast.model.document import load_document
@@ -111,7 +112,7 @@ def append_entries(text: str, entries: Sequence[Any], file: Path) -> str:
     Raises:
         InputError: the file, or its `configuration`, is written in brackets.
     """
-    root = yaml.compose(text, Loader=yaml.SafeLoader)
+    root = yaml.compose(text, Loader=YamlLoader)
     pairs = root.value if isinstance(root, yaml.MappingNode) else []
     found = next((value for key, value in pairs if key.value == "configuration"), None)
     _refuse_brackets(root, file)

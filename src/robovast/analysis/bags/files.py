@@ -10,13 +10,13 @@ from shutil import copyfileobj
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import yaml
 import zstandard
 
 from robovast.analysis.bags.mcap_file import read_mcap
 from robovast.analysis.bags.source import Consumer, Subscribe, Topic, Warn
 from robovast.analysis.bags.sqlite_file import read_sqlite
 from robovast.base.safe_paths import is_file, open_file, read_text
+from robovast.base.yaml_files import parse_yaml
 
 _KINDS = (".mcap", ".db3")
 _ZSTD = ".zstd"
@@ -38,10 +38,10 @@ def read_info(folder: Path, warn: Warn) -> BagInfo:
     """What the metadata of a bag says, if it has any."""
     try:
         text = read_text(folder / "metadata.yaml")
-        return _info(yaml.safe_load(text)["rosbag2_bagfile_information"])
+        return _info(parse_yaml(text)["rosbag2_bagfile_information"])
     except FileNotFoundError:
         warn(f"{folder.name} has no metadata.yaml: its recorder was stopped while writing")
-    except (OSError, yaml.YAMLError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         warn(f"{folder.name}/metadata.yaml cannot be read: {error!r}")
     return BagInfo()
 

@@ -14,6 +14,7 @@ import pandas as pd
 import yaml
 
 from robovast.base.safe_paths import open_file, read_file
+from robovast.base.yaml_files import parse_yaml
 from robovast.campaign.layout import RUN_RECORD, TEST_RESULT
 from robovast.campaign.run_record import read_run_record
 from robovast.campaign.verdict import Verdict, read_test_result
@@ -159,7 +160,7 @@ def _as_category(value: Any) -> Any:
 
 def _read_scenario_parameters(config_dir: Path) -> Mapping[str, Any]:
     path = config_dir / "_config" / "scenario.config"
-    scenarios = yaml.safe_load(read_file(path)) or {}
+    scenarios = parse_yaml(read_file(path)) or {}
     return next(iter(scenarios.values()), None) or {}
 
 
@@ -212,7 +213,7 @@ def read_output_yaml_list(
         KeyError: the file has no such key.
         ValueError: what stands there is no list.
     """
-    data = yaml.safe_load(read_file(Path(run_dir) / filename)) or {}
+    data = parse_yaml(read_file(Path(run_dir) / filename)) or {}
     items = data[list_key]
     if not isinstance(items, list):
         raise ValueError(f"{filename}: `{list_key}` is no list")

@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from robovast.base.safe_paths import read_file
+from robovast.base.yaml_files import parse_yaml
 
 
 def get_bag_info(bag_path: str | Path) -> dict[str, Any]:
@@ -18,9 +17,8 @@ def get_bag_info(bag_path: str | Path) -> dict[str, Any]:
     """
     path = Path(bag_path) / "metadata.yaml"
     try:
-        data = yaml.safe_load(read_file(path))
-        return dict(data["rosbag2_bagfile_information"])
-    except (OSError, yaml.YAMLError, KeyError, TypeError, ValueError) as error:
+        return dict(parse_yaml(read_file(path))["rosbag2_bagfile_information"])
+    except (OSError, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{bag_path}: is no bag: {type(error).__name__}: {error}") from error
 
 

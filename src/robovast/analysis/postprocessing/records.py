@@ -7,19 +7,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from robovast.analysis.postprocessing.content import RECORD
 from robovast.analysis.postprocessing.outcome import Entry
 from robovast.base.atomic import write_atomically
-from robovast.base.safe_paths import read_file
 from robovast.base.serialization import dump_yaml, to_plain
+from robovast.base.yaml_files import read_mapping_leniently
 from robovast.campaign.places import run_of
-
-try:
-    from yaml import CSafeLoader as _Loader
-except ImportError:  # PyYAML built without libyaml: slower, same result
-    from yaml import SafeLoader as _Loader  # type: ignore[assignment]
 
 
 def with_found(
@@ -69,11 +62,7 @@ def update(path: Path, entries: Iterable[Entry], **facts: Any) -> None:
 
 def read_record(path: Path) -> dict[str, Any]:
     """Content of a `postprocessing.yaml`; empty when there is none that can be read."""
-    try:
-        data = yaml.load(read_file(path).decode(), Loader=_Loader)  # safe
-    except (OSError, ValueError, yaml.YAMLError):
-        return {}
-    return data if isinstance(data, dict) else {}
+    return read_mapping_leniently(path)
 
 
 def _identity(entry: Entry) -> tuple[str, str]:

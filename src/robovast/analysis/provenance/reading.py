@@ -8,15 +8,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from robovast.analysis.provenance.findings import Findings
 from robovast.base.safe_paths import MOST, read_file
-
-try:
-    from yaml import CSafeLoader as _Loader
-except ImportError:  # PyYAML built without libyaml: slower, same result
-    from yaml import SafeLoader as _Loader  # type: ignore[assignment]
+from robovast.base.yaml_files import parse_yaml
 
 LINKS = frozenset({"job"})
 """Names in a run's folder that lead out of it."""
@@ -40,7 +34,7 @@ def read_mapping(
         if needed:
             findings.missing(f"no {path.name}", where)
         return {}
-    except (OSError, ValueError, yaml.YAMLError) as error:
+    except (OSError, ValueError) as error:
         findings.missing(f"{path.name} cannot be read ({_short(error)})", where)
         return {}
     if not isinstance(data, dict):
@@ -52,8 +46,7 @@ def read_mapping(
 @lru_cache(maxsize=64)
 def _parse(content: bytes) -> Any:
     """The first document, parsed once: jobs of a machine write the same system information."""
-    text = content.decode("utf-8", "replace").lstrip("\ufeff")
-    return next(yaml.load_all(text, Loader=_Loader), None)  # safe
+    return parse_yaml(content.decode("utf-8", "replace").lstrip("\ufeff"))
 
 
 def _short(error: Exception) -> str:

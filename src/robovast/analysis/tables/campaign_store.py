@@ -13,11 +13,10 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from robovast.analysis.tables.runs import PARAMETER, run_rows
 from robovast.base.atomic import appearing_file
 from robovast.base.errors import StorageError
+from robovast.base.yaml_files import read_mapping_leniently
 from robovast.campaign.layout import Layout
 
 FILE = "campaign.db"
@@ -95,7 +94,7 @@ def _write(
     connection.execute(f"PRAGMA application_id = {_OURS}")
     starts = sorted(row["started_at"] for row in rows if row["started_at"])
     created = starts[0] if starts else None
-    config = _document_data(document)
+    config = read_mapping_leniently(document) if document else {}
     connection.execute(
         "INSERT INTO campaign (id, name, mode, config_dir, config_json, created_at, batches, "
         "elapsed_s) VALUES (1, ?, ?, '_config', ?, ?, 1, ?)",
@@ -114,15 +113,6 @@ def _write(
         "VALUES (1, ?, ?, ?, '{}', '{}', ?, ?, ?, ?)",
         _units(rows),
     )
-
-
-def _document_data(document: Path | None) -> dict[str, Any]:
-    try:
-        text = document.read_text(encoding="utf-8") if document else ""
-        data = next(yaml.safe_load_all(text), None)
-    except (OSError, ValueError, yaml.YAMLError):
-        return {}
-    return data if isinstance(data, dict) else {}
 
 
 def _units(rows: Iterable[Row]) -> Iterator[tuple[Any, ...]]:

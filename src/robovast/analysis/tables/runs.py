@@ -8,10 +8,8 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from robovast.base.errors import InputError
-from robovast.base.safe_paths import read_file
+from robovast.base.yaml_files import read_mapping_leniently
 from robovast.campaign.configurations import read_configurations
 from robovast.campaign.layout import Layout
 from robovast.campaign.run_record import read_run_record, result_without_record
@@ -92,11 +90,8 @@ def _judged(folder: Path) -> Row:
 
 def _scenario_config(variant: Path) -> Mapping[str, Any]:
     """Parameters in `_config/scenario.config`, below the name of the scenario."""
-    try:
-        data = yaml.safe_load(read_file(variant / "_config" / "scenario.config"))
-    except (OSError, ValueError, yaml.YAMLError):
-        return {}
-    inner = next(iter(data.values()), None) if isinstance(data, dict) else None
+    data = read_mapping_leniently(variant / "_config" / "scenario.config")
+    inner = next(iter(data.values()), None)
     return inner if isinstance(inner, dict) else {}
 
 

@@ -11,10 +11,9 @@ from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import yaml
-
 from robovast.base.atomic import make_folder, refuse_file, sync_folder, sync_tree
 from robovast.base.errors import InputError, StorageError
+from robovast.base.yaml_files import read_mapping
 from robovast.campaign.configurations import read_variants
 from robovast.campaign.layout import Layout
 from robovast.execution.generate import write_configurations, write_execution
@@ -132,8 +131,8 @@ def _stored_files(layout: Layout, variants: Sequence[Variant]) -> list[Variant]:
 def _planned_runs(layout: Layout) -> int:
     path = layout.execution / "execution.yaml"
     try:
-        return int(yaml.safe_load(path.read_text(encoding="utf-8"))["runs"])
-    except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError):
+        return int(read_mapping(path)["runs"])
+    except (InputError, ValueError, TypeError, KeyError):
         raise InputError(
             f"{path}: does not say how many runs were planned; give `--runs`."
         ) from None

@@ -9,11 +9,7 @@ from typing import Any
 import yaml
 
 from robovast.base.errors import DocumentError, InputError, Place, Problem
-
-try:
-    from yaml import CSafeLoader as _Loader
-except ImportError:  # PyYAML built without libyaml: slower, same result
-    from yaml import SafeLoader as _Loader  # type: ignore[assignment]
+from robovast.base.yaml_files import YamlLoader
 
 KeyPath = tuple[Hashable, ...]
 """Path of a value in the document: keys and list indexes from the root."""
@@ -91,7 +87,7 @@ class Source:
         self._open: set[int] = set()
         self._scalars = yaml.constructor.SafeConstructor()
         try:
-            nodes = yaml.compose_all(text, Loader=_Loader)
+            nodes = yaml.compose_all(text, Loader=YamlLoader)
             node = next(nodes, None)
             self.is_followed = next(nodes, None) is not None
             self.data: Any = None if node is None else self._build(node, ())

@@ -8,9 +8,9 @@ import random
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any
 
-import yaml
 from pydantic import AliasChoices, ConfigDict, Field, model_validator
 
+from robovast.base.yaml_files import parse_yaml
 from robovast.model.scenario import parameter_types
 from robovast.model.variation_config import VariationConfig, get_validated_config
 from robovast.model.variations.base_variation import Variation
@@ -71,8 +71,8 @@ def _number_in(value: Any) -> Any:
     if not isinstance(value, str):
         return value
     try:
-        read = yaml.safe_load(value)
-    except yaml.YAMLError:
+        read = parse_yaml(value)
+    except ValueError:
         return value
     return read if isinstance(read, bool | int | float) else value
 

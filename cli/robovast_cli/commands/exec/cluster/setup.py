@@ -8,11 +8,10 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from robovast.base.errors import CannotRunError, InputError, StorageError
 from robovast.base.plugins import load_plugin, plugins_of
 from robovast.base.serialization import dump_yaml
+from robovast.base.yaml_files import parse_yaml
 from robovast.kubeapi.cluster_config.base import BaseConfig
 from robovast.kubeapi.names import CREDENTIALS_SECRET
 from robovast_cli.commands.exec.cluster.chart import RELEASE, Helm, chart_folder
@@ -142,7 +141,7 @@ def _merge(values: dict[str, Any], changes: Sequence[tuple[str, str]]) -> dict[s
         section = changed
         for name in path:
             section = section.setdefault(name, {})
-        section[last] = yaml.safe_load(value)
+        section[last] = parse_yaml(value)
     return changed
 
 
