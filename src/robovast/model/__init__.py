@@ -1,1 +1,1 @@
-"""The document and what follows from it, without effects: variants, plan, packs of runs."""
+"""The .vast document and everything derived from it without effects: variants, plan, packs."""

@@ -1,6 +1,6 @@
 """Identifiers of a configuration: equal identifiers mean equal inputs.
 
-Campaigns are merged by them, so they depend on content alone, never on time or place.
+Merging compares them, so they depend on content only, never on time or place.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _NO_VARIATIONS = fingerprint([])
 
 
 class Identities:
-    """Identifiers of the variants of one document; what they share is computed once."""
+    """Computes the identifiers of one document's variants; shared parts are computed once."""
 
     def __init__(self, document: Document) -> None:
         folder = document.folder

@@ -1,4 +1,4 @@
-"""The files that a campaign is made from, relative to the .vast file's folder."""
+"""The input files of a campaign, relative to the .vast file's folder."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from robovast.model.document.model import PluginCall
 from robovast.model.expansion import Composition
 
 _WANTED = "get_files_to_copy"
-"""Method of a postprocessing command."""
+"""Optional method of postprocessing commands that lists input files."""
 
 
 def container_files(document: Document) -> list[Path]:
-    """What every run needs below `/config`: the scenario, run files, pre and post command."""
+    """Files that every run needs below `/config`: scenario, run files, pre and post command."""
     execution = document.vast.execution
     found = set(run_files(document.folder, execution.run_files))
     found.add(Path(document.vast.scenario_file or ""))
@@ -32,7 +32,7 @@ def container_files(document: Document) -> list[Path]:
 
 
 def campaign_files(document: Document, composition: Composition) -> list[Path]:
-    """Everything that makes the campaign's `_config` folder complete by itself."""
+    """All files that make the campaign's `_config` folder self-contained."""
     found = {Path(document.path.name), *container_files(document), *composition.input_files}
     found.update(path for path in _referenced(document) if (document.folder / path).is_file())
     return sorted(path for path in found if not path.is_absolute() and ".." not in path.parts)
@@ -52,10 +52,10 @@ def _referenced(document: Document) -> Iterator[Path]:
 
 
 def _wanted_files(folder: Path, call: PluginCall) -> Iterator[Path]:
-    """What a postprocessing command that is a class asks to have beside the document.
+    """Input files that a postprocessing class requests.
 
     Raises:
-        InputError: it fails, or asks for what is elsewhere.
+        InputError: the method fails or names a file outside the document's folder.
     """
     plugin = _class_with_files(folder, call)
     if plugin is None:
@@ -73,15 +73,17 @@ def _wanted_files(folder: Path, call: PluginCall) -> Iterator[Path]:
 
 
 def _class_with_files(folder: Path, call: PluginCall) -> Any:
-    """The class, if the command is one that says which files it wants; without it being executed,
-    where its file shows that it does not."""
+    """The command's class if it lists input files, else None.
+
+    A file that does not mention the method is not executed.
+    """
     parts = split_file_reference(call.name)
     if call.name in BUILT_IN or (parts and not _mentions(folder / parts[0], _WANTED)):
         return None
     try:
         plugin = load_plugin(call.name, GROUP, folder)
     except InputError:
-        return None  # it need not be here before there are results; a check warns of it
+        return None  # it is needed only for results; a check warns of it
     return plugin if inspect.isclass(plugin) and hasattr(plugin, _WANTED) else None
 
 

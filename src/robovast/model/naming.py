@@ -1,4 +1,4 @@
-"""How campaign folders are named."""
+"""Names of campaign folders."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ _CAMPAIGN = re.compile(r"^(?P<name>.+)-(?P<timestamp>\d{4}-\d{2}-\d{2}-\d{6}(?:\
 
 
 def campaign_prefix(name: str, keep: str = ".-") -> str:
-    """A campaign's name as its folder begins: what is neither letter, digit nor kept becomes `-`.
+    """A campaign's name as folder prefix: letters, digits and `keep` stay, others become `-`.
 
-    `run.sh` keeps `_`; elsewhere the name is one of Kubernetes, too.
+    `run.sh` keeps `_`; elsewhere the name must also be valid in Kubernetes.
     """
     return re.sub(f"[^A-Za-z0-9{re.escape(keep)}]+", "-", name).strip("-.") or "campaign"
 
@@ -23,12 +23,12 @@ def campaign_folder_name(name: str, started: datetime) -> str:
 
 
 def is_campaign_dir(path: str | Path) -> bool:
-    """True when a folder is named as campaigns are; `run.sh` adds hundredths of the second."""
+    """True for names of campaign folders; those of `run.sh` include hundredths of a second."""
     return _CAMPAIGN.match(Path(path).name) is not None
 
 
 def get_campaign(name: str = "campaign") -> str:
-    """Name of a new campaign's folder."""
+    """A new campaign folder's name."""
     return campaign_folder_name(name, datetime.now().astimezone())
 
 
@@ -39,7 +39,7 @@ def get_campaign_timestamp(name: str | Path) -> str | None:
 
 
 def campaign_time(name: str | Path) -> datetime | None:
-    """When a campaign was started, to the second, as the name of its folder says."""
+    """Start of a campaign, to the second, from its folder's name; None for other names."""
     timestamp = get_campaign_timestamp(name) or ""
     try:
         return datetime.strptime(timestamp[:17], "%Y-%m-%d-%H%M%S")

@@ -35,7 +35,7 @@ from robovast.base.ranges import (
 )
 
 RUNS_LIMIT = 10_000_000
-"""Most runs of a campaign: what is larger is a mistake, and no cluster could execute it."""
+"""Most runs of a campaign; a cluster could not execute more."""
 
 
 class _Data(BaseModel):
@@ -43,10 +43,10 @@ class _Data(BaseModel):
 
 
 class Block(_Data):
-    """Consecutive run ids: consecutive variants, each executed for the same run numbers.
+    """Consecutive run ids: the same run numbers of consecutive variants.
 
-    The runs of a variant stay together. Raising the number of runs appends a block, and so
-    does a configuration that is added later.
+    The runs of a variant stay together. Raising the number of runs appends a block, and so does
+    adding a configuration later.
     """
 
     first_variant: NonNegativeInt
@@ -62,7 +62,7 @@ class Block(_Data):
 
 @dataclass(frozen=True, slots=True)
 class _Segment:
-    """Run ids that are cut into packs of one size, the last one perhaps smaller."""
+    """Run ids that are cut into packs of one size; the last pack may be smaller."""
 
     first_id: int
     size: int
@@ -70,12 +70,12 @@ class _Segment:
 
 
 class PlanSpec(_Data):
-    """Blocks of run ids, cut into packs."""
+    """Blocks of run ids and how they are cut into packs."""
 
     blocks: tuple[Block, ...]
     runs_per_job: PositiveInt = 1
     breaks: str = ""
-    """Indexes of the variants that cannot share a pack with the one before, as ranges."""
+    """Indexes of variants that cannot share a pack with the previous variant, as ranges."""
 
     @field_validator("breaks")
     @classmethod
@@ -117,7 +117,7 @@ class PlanSpec(_Data):
         return range(segment.first_id + first, segment.first_id + last)
 
     def run(self, id_: int) -> tuple[int, int]:
-        """Index of the variant and number of the run (its results folder) of a run id.
+        """Variant index and run number (name of the results folder) of a run id.
 
         Raises:
             IndexError: there is no such run.
@@ -131,7 +131,7 @@ class PlanSpec(_Data):
         raise IndexError(f"run {id_} of {self.total}")
 
     def stretch_of(self, id_: int) -> int:
-        """The stretch of runs, which may share a pack all of them, that a run id is in.
+        """Index of the stretch, i.e. of runs that may all share a pack, that contains a run id.
 
         Raises:
             IndexError: there is no such run.
@@ -141,7 +141,7 @@ class PlanSpec(_Data):
         return bisect_right(self._segments, id_, key=lambda segment: segment.first_id) - 1
 
     def pack_of(self, id_: int) -> int:
-        """The pack that a run id is in.
+        """Index of the pack that contains a run id.
 
         Raises:
             IndexError: there is no such run.
@@ -180,16 +180,16 @@ class PlanSpec(_Data):
 
 
 class Entry(_Data):
-    """A configuration entry of the document, and the variants that it expands to."""
+    """A configuration entry of the document, and its variants."""
 
     name: str
     variants: PositiveInt
     digest: str | None = None
-    """SHA-256 of them; None where nobody has seen them, and in plans of older versions."""
+    """SHA-256 of the variants; None when not computed yet, and in plans of older versions."""
 
 
 def first_blocks(entries: Sequence[Entry], runs: int) -> tuple[Block, ...]:
-    """The block of a document's entries."""
+    """The first block: all variants of all entries."""
     return (Block(first_variant=0, variants=sum(e.variants for e in entries), runs=runs),)
 
 
@@ -199,7 +199,7 @@ def format_breaks(indexes: Sequence[int]) -> str:
 
 
 def is_breaks(text: str, variants: int) -> bool:
-    """Whether a text can be `PlanSpec.breaks` of so many variants."""
+    """Whether a text is a valid `PlanSpec.breaks` for this number of variants."""
     try:
         found = parse_ranges(text)
     except ValueError:
@@ -237,24 +237,24 @@ class Owner(_Data):
 
 
 class CampaignPlan(_Data):
-    """`campaign.json`: what the pods of a campaign know about it."""
+    """`campaign.json`: what a campaign's pods know about the campaign."""
 
     campaign: str
     """Name of the results folder."""
     bucket: str
     owner: Owner | None = None
-    """Whose the bucket is; older plans do not say it."""
+    """The bucket's owner; missing in plans of older versions."""
     endpoint: str
-    """URL of the S3 server as pods reach it."""
+    """URL of the S3 server, as seen from pods."""
     region: str | None = None
     document: str
-    """File name of the .vast document among the inputs; its text is `document.vast` beside."""
+    """Name of the .vast file among the inputs; its text is stored beside it as `document.vast`."""
     expansion: Literal["pure", "composed"]
-    """Whether a pod expands the document itself, or reads what the compose Job left."""
+    """True: each pod expands the document. False: pods read the result of the compose Job."""
     bundle: Bundle | None = None
-    """Where the inputs are, when not in the mounted folder of files."""
+    """Where the inputs are, unless they are in the mounted folder of files."""
     git: GitSource | None = None
-    """Where the inputs are, when not in the mounted folder of files."""
+    """Where the inputs are, unless they are in the mounted folder of files."""
     select: tuple[str, ...] = ()
     """Patterns of variant names; no pattern selects all."""
     runs: PositiveInt
@@ -262,19 +262,18 @@ class CampaignPlan(_Data):
     image: str
     """The run image."""
     cluster: str | None = None
-    """Name for values that are given per cluster."""
+    """Cluster context for values that are given per cluster."""
     cpus: float | None = None
     """CPU limit of the main container [cores]."""
     memory: int | None = None
     """Memory limit of the main container [bytes]."""
     options: str = ""
-    """Further options of the scenario execution, as `-t -d`."""
+    """Further options of scenario-execution, such as `-t -d`."""
     entries: tuple[Entry, ...] = ()
-    """What the document expands to; empty until it is known."""
+    """The document's variants by entry; empty until they are known."""
     inputs: dict[str, str] = Field(default_factory=dict)
-    """SHA-256 of input files by path, of those that the operator has seen."""
+    """SHA-256 of input files by path, for files that the operator has read."""
     composed: str | None = None
-    """SHA-256 of the list of variants that the compose Job stored; None in plans of older
-    versions."""
+    """SHA-256 of the compose Job's list of variants; None in plans of older versions."""
     plan: PlanSpec | None = None
-    """None in the plan of the compose Job, which finds it out."""
+    """None in the plan of the compose Job, which computes it."""

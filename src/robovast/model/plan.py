@@ -1,4 +1,4 @@
-"""The plan of a campaign: the ids of its runs, and which runs are one pack.
+"""The plan of a campaign: the ids of its runs, and how they are packed.
 
 A plan is a pure function of the variants in order, the number of runs and the size of a pack.
 """
@@ -15,13 +15,13 @@ from robovast.model.expansion.variant import Variant
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One variant executed once."""
+    """One execution of a variant."""
 
     id: int
     """Number of the run in the campaign, from 0."""
     variant: Variant
     number: int
-    """Number of the run of its variant, from 0: the name of its results folder."""
+    """Number of the run within its variant, from 0; also the name of its results folder."""
 
     @property
     def path(self) -> str:
@@ -31,7 +31,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """Runs that are executed one after another in one container."""
+    """A pack: runs that are executed one after the other by one start of the containers."""
 
     index: int
     runs: tuple[Run, ...]
@@ -43,15 +43,15 @@ class Job:
 
 
 def plan_runs(variants: Sequence[Variant], runs: int) -> list[Run]:
-    """Every run of a campaign; the runs of a variant stay together."""
+    """All runs of a campaign; the runs of a variant stay together."""
     pairs = ((variant, number) for variant in variants for number in range(runs))
     return [Run(id_, variant, number) for id_, (variant, number) in enumerate(pairs)]
 
 
 def pack_runs(runs: Iterable[Run], runs_per_job: int, first_job: int = 0) -> list[Job]:
-    """Runs in jobs of at most `runs_per_job`, in order.
+    """Group runs, in order, into packs of at most `runs_per_job`.
 
-    A job also ends where `breaks` says so, since its variants share one config folder.
+    A pack also ends at each of `breaks`, since its variants share one config folder.
     """
     packs = _packs(list(runs), runs_per_job)
     return [Job(first_job + index, tuple(pack)) for index, pack in enumerate(packs)]
@@ -72,10 +72,10 @@ def _packs(runs: list[Run], size: int) -> Iterator[list[Run]]:
 
 
 def breaks(variants: Sequence[Variant]) -> list[int]:
-    """Indexes of the variants that cannot share a job with the one before.
+    """Indexes of the variants that cannot share a pack with the previous variant.
 
-    Variants that bring different files of one name cannot share a config folder; an index is
-    given where a variant clashes with any since the index before.
+    Variants with different files of one name cannot share a config folder; a break is set where a
+    variant conflicts with any variant since the previous break.
     """
     found: list[int] = []
     sources: dict[str, Path] = {}
@@ -90,7 +90,7 @@ def breaks(variants: Sequence[Variant]) -> list[int]:
 
 
 def _same(one: Path, other: Path) -> bool:
-    """Whether two files may stand for each other: variants often bring copies of one map."""
+    """Whether two files have the same content: variants often bring copies of one map."""
     try:
         return one == other or filecmp.cmp(one, other, shallow=False)
     except OSError:

@@ -1,4 +1,4 @@
-"""The project file: which .vast file the commands in a folder, and below it, are about."""
+"""The project file: it names the .vast file that commands use in its folder and below."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robovast.model.document.source import Source
 PROJECT_FILE = ".robovast_project"
 
 Level = Literal["debug", "info", "warning", "error", "critical"]
-"""How much is told, in any case of letters."""
+"""Log levels, in upper or lower case."""
 
 
 def _lower(value: object) -> object:
@@ -31,31 +31,31 @@ class ProjectFile(Section):
     config: str
     """The .vast file."""
     results_dir: str = "results"
-    """Where campaigns and their results go."""
+    """Folder of campaigns and their results."""
     log_level: Annotated[Level, BeforeValidator(_lower)] | None = None
     """Log level of every command in the project."""
 
 
 @dataclass(frozen=True)
 class Project:
-    """A folder whose commands know their .vast file."""
+    """A folder with a project file."""
 
     root: Path
     """Folder of the project file."""
     vast_file: Path
     """Absolute path."""
     results_dir: Path
-    """Absolute path; need not exist."""
+    """Absolute path of the results; need not exist."""
     log_level: str | None
     """Log level of every command in the project."""
 
 
 def find_project(folder: Path) -> Project | None:
-    """The project that a folder belongs to: the nearest at or above it.
+    """The project of a folder: the nearest one at or above it.
 
     Raises:
-        InputError: its file cannot be read.
-        DocumentError: what is wrong in it.
+        InputError: the project file cannot be read.
+        DocumentError: all problems of the project file.
     """
     folder = folder.absolute()
     for root in (folder, *folder.parents):
@@ -67,17 +67,17 @@ def find_project(folder: Path) -> Project | None:
 def create_project(
     root: Path, vast_file: Path, results_dir: Path, log_level: str | None, *, force: bool
 ) -> Path:
-    """Write a project file; returns its path.
+    """Write a project file and return its path.
 
     Args:
         root: folder of the project.
-        vast_file: must exist.
-        results_dir: need not exist.
-        log_level: None leaves it to each command.
-        force: replace a project file that is there.
+        vast_file: the .vast file; it must exist.
+        results_dir: folder of results; it need not exist.
+        log_level: log level of all commands; None leaves it to each command.
+        force: replace an existing project file.
 
     Raises:
-        InputError: no such .vast file, or the folder is a project already.
+        InputError: the .vast file is missing, or the folder already has a project file.
         StorageError: the file cannot be written.
     """
     path = root.absolute() / PROJECT_FILE
@@ -111,7 +111,7 @@ def _read(root: Path) -> Project:
 
 
 def _without_unknown(data: dict[Any, Any]) -> dict[Any, Any]:
-    """Without keys that nobody reads, unless one looks like a missing one, misspelt."""
+    """Drop unknown keys, except those that look like a misspelt missing key."""
     known = ProjectFile.model_fields
     missing = [name for name in known if name not in data]
     return {key: v for key, v in data.items() if key in known or nearest(str(key), missing)}

@@ -1,4 +1,4 @@
-"""CPU and memory that a document asks for, resolved for one cluster context or this machine."""
+"""Amounts of CPU and memory, resolved for one cluster context or for this machine."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from robovast.base.errors import InputError
 
 LOCAL_CONTEXT = "local"
-"""Key of a per-cluster list that local runs use."""
+"""Key for local runs in per-cluster lists."""
 
 _UNITS = {
     "": 1,
@@ -26,7 +26,7 @@ _UNITS = {
 
 
 def resolve_per_context(value: Any, context: str, key: str) -> Any:
-    """The value for a context: a scalar as it is, of a list the entry that names the context.
+    """The value for a context: a scalar as it is, or a list's item for the context.
 
     Raises:
         InputError: the list has no entry for the context.
@@ -43,24 +43,28 @@ def resolve_per_context(value: Any, context: str, key: str) -> Any:
 
 
 def cpus(value: Any, key: str, context: str = LOCAL_CONTEXT) -> float | None:
-    """Number of CPU cores, from `2`, `0.5` or `500m`; None when nothing is asked for."""
+    """CPU cores from `2`, `0.5` or `500m`; None without a value."""
     resolved = resolve_per_context(value, context, key)
     if resolved is None:
         return None
     match = re.fullmatch(r"(\d+(?:\.\d+)?)(m?)", str(resolved).strip())
     if not match or float(match[1]) <= 0:
-        raise InputError(f"{key}: `{resolved}` is no number of CPUs; write `2`, `0.5` or `500m`.")
+        raise InputError(
+            f"{key}: `{resolved}` is not a number of CPUs; write `2`, `0.5` or `500m`."
+        )
     return float(match[1]) / (1000 if match[2] else 1)
 
 
 def memory(value: Any, key: str, context: str = LOCAL_CONTEXT) -> int | None:
-    """Memory [byte], from `8Gi`, `4096Mi` or a number of bytes; None when nothing is asked for."""
+    """Memory [byte] from `8Gi`, `4096Mi` or a number of bytes; None without a value."""
     resolved = resolve_per_context(value, context, key)
     if resolved is None:
         return None
     match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([A-Za-z]*)", str(resolved).strip())
     if not match or match[2] not in _UNITS:
-        raise InputError(f"{key}: `{resolved}` is no amount of memory; write `8Gi` or `4096Mi`.")
+        raise InputError(
+            f"{key}: `{resolved}` is not an amount of memory; write `8Gi` or `4096Mi`."
+        )
     return int(float(match[1]) * _UNITS[match[2]])
 
 

@@ -1,7 +1,7 @@
-"""Executing bad runs once more: which of them share a pod. Pure functions.
+"""Repetition of bad runs: how they are grouped into pods. Pure functions.
 
-`finish` stores the ids of all bad runs in the bucket, under a name that their digest is part of.
-The pods of a repetition read them there; the operator needs the sizes of the groups alone.
+`finish` stores the ids of all bad runs in the bucket; the object's name contains their digest.
+The repetition's pods read them there; the operator only needs the group sizes.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ _GROUP = re.compile(r"([1-9]\d{0,8})x([1-9]\d{0,8})")
 
 
 def retry_groups(plan: PlanSpec, runs: Iterable[Span]) -> list[list[int]]:
-    """Run ids that are executed once more, in groups: each is a pod's share.
+    """Run ids to execute again, in groups; each pod executes one group.
 
-    Runs of one stretch fill groups of a pack's size. What is left of each stretch makes groups
-    whose sizes are powers of two: so few sizes tell all groups, whatever the ids are. Larger groups
-    come first.
+    Runs of one stretch fill groups of a pack's size. The remainder of each stretch is split into
+    groups whose sizes are powers of two, so that few sizes describe all groups. Larger groups come
+    first.
     """
     stretches = groupby(ids(merge(runs)), plan.stretch_of)
     groups = [group for _, run_ids in stretches for group in _cut(list(run_ids), plan.runs_per_job)]
@@ -42,10 +42,10 @@ def _cut(run_ids: Sequence[int], size: int) -> Iterator[list[int]]:
 
 @dataclass(frozen=True)
 class GroupSizes:
-    """The sizes of all groups of a repetition, in their order."""
+    """Sizes of all groups of a repetition, in order."""
 
     parts: tuple[tuple[int, int], ...]
-    """Size of a group and how many of that size follow one another."""
+    """Pairs of a group size and the number of consecutive groups of that size."""
 
     @classmethod
     def of(cls, groups: Iterable[Sequence[int]]) -> GroupSizes:
@@ -55,15 +55,15 @@ class GroupSizes:
 
     @classmethod
     def parse(cls, text: str) -> GroupSizes:
-        """Sizes as `str` of them has it, `20x13,8x1,1x2`.
+        """Parse the text that `str` produces, such as `20x13,8x1,1x2`.
 
         Raises:
-            ValueError: the text is none.
+            ValueError: the text is not a list of sizes.
         """
         matches = [_GROUP.fullmatch(part) for part in text.split(",")] if text else []
         found = tuple((int(match[1]), int(match[2])) for match in matches if match)
         if len(found) != len(matches):
-            raise ValueError(f"`{text}` is no list of sizes as `20x13,4x1`")
+            raise ValueError(f"`{text}` is not a list of sizes such as `20x13,4x1`")
         return cls(found)
 
     def __str__(self) -> str:
@@ -72,16 +72,16 @@ class GroupSizes:
 
     @cached_property
     def groups(self) -> int:
-        """How many groups there are."""
+        """Number of groups."""
         return sum(number for _, number in self.parts)
 
     @cached_property
     def runs(self) -> int:
-        """How many runs there are in all groups."""
+        """Number of runs in all groups."""
         return sum(size * number for size, number in self.parts)
 
     def runs_of(self, groups: Sequence[Span]) -> int:
-        """How many runs there are in some groups."""
+        """Number of runs in the given groups."""
         total = first = 0
         for size, number in self.parts:
             total += size * count(clip(groups, first, first + number - 1))
@@ -90,7 +90,7 @@ class GroupSizes:
 
 
 def list_name(text: str) -> str:
-    """Name of a list of bad runs."""
+    """Name of a list of bad runs, made from its content's digest."""
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -100,15 +100,15 @@ def list_key(name: str) -> str:
 
 
 def list_text(runs: Iterable[Span]) -> str:
-    """The content of a list of bad runs."""
+    """Content of a list of bad runs."""
     return format_ranges(merge(runs))
 
 
 def parse_list(name: str, content: bytes) -> list[Span]:
-    """The runs in a list.
+    """The runs of a stored list.
 
     Raises:
-        ValueError: it is not the list of that name.
+        ValueError: the content does not match the name.
     """
     text = content.decode()
     if list_name(text) != name:

@@ -1,8 +1,8 @@
-"""The parameters of an OpenSCENARIO 2 scenario, without scenario-execution.
+"""Reads the parameters of an OpenSCENARIO 2 scenario without scenario-execution.
 
-scenario-execution pins versions that clash with ours, and asking it takes half a second. A
-scenario's overwritable parameters are the `name: type = default` lines at the first indentation
-of its body; this reads those and nothing else.
+scenario-execution pins versions that conflict with ours, and calling it takes half a second. A
+scenario's overwritable parameters are the `name: type = default` lines at the first level of
+indentation in its body; this module reads nothing else.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ class ScenarioParameter:
 
     name: str
     type: str
-    """As declared, `float` or `list of pose_3d`."""
+    """The declared type, such as `float` or `list of pose_3d`."""
     default_text: str | None
-    """The default as it stands in the file; None when there is none."""
+    """The default as written in the file; None without a default."""
     line: int
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """A scenario's name and parameters, in the order of the file."""
+    """A scenario's name and its parameters in file order."""
 
     name: str
     parameters: tuple[ScenarioParameter, ...]
@@ -48,16 +48,16 @@ def read_scenario(path: str | Path) -> Scenario:
     """The first scenario of a file.
 
     Raises:
-        InputError: no such file, or no scenario in it.
+        InputError: the file is missing or contains no scenario.
     """
     return read_scenarios(path)[0]
 
 
 def read_scenarios(path: str | Path) -> list[Scenario]:
-    """Every scenario of a file, at least one.
+    """All scenarios of a file, at least one.
 
     Raises:
-        InputError: no such file, or no scenario in it.
+        InputError: the file is missing or contains no scenario.
     """
     path = Path(path)
     try:
@@ -77,7 +77,7 @@ def read_scenarios(path: str | Path) -> list[Scenario]:
 def get_scenario_parameters(scenario_file: str | Path) -> dict[str, list[dict[str, Any]]]:
     """Overwritable parameters of a file's scenarios, `{scenario: [{name, type, is_list}]}`.
 
-    The type of a list is that of its items.
+    For a list, the type is that of its items.
     """
     return {
         scenario.name: [_description(parameter) for parameter in scenario.parameters]
@@ -91,16 +91,16 @@ def _description(parameter: ScenarioParameter) -> dict[str, Any]:
 
 
 def scenario_defaults(scenario_file: str | Path) -> dict[str, Any]:
-    """Overwritable parameters of a file's first scenario by name, with their defaults.
+    """Overwritable parameters of a file's first scenario, with their defaults.
 
-    A default that is an expression is given as its text, one that is missing as None.
+    A default that is an expression is given as text, a missing default as None.
     """
     parameters = read_scenario(scenario_file).parameters
     return {parameter.name: _default(parameter.default_text) for parameter in parameters}
 
 
 def parameter_types(scenario_file: str | Path) -> dict[str, str]:
-    """Declared types of the first scenario's parameters by name; none when it cannot be read."""
+    """Declared types of the first scenario's parameters; empty if the file cannot be read."""
     try:
         return {p.name: p.type for p in read_scenario(scenario_file).parameters}
     except InputError:
@@ -108,7 +108,7 @@ def parameter_types(scenario_file: str | Path) -> dict[str, str]:
 
 
 def is_scenario_parameter(name: str, scenario_file: str | Path) -> bool:
-    """True when the file's scenario has the parameter."""
+    """Whether the file's scenario has the parameter."""
     return name in scenario_defaults(scenario_file)
 
 
@@ -153,6 +153,6 @@ def _without_comment(line: str) -> str:
 
 
 def _opened(code: str) -> int:
-    """Brackets that a line leaves open: a statement goes on until they are closed."""
+    """Number of brackets that a line leaves open; the statement continues until they close."""
     bare = _TOKEN.sub("", code)
     return sum(bare.count(char) for char in "([{") - sum(bare.count(char) for char in ")]}")

@@ -1,4 +1,4 @@
-"""Parameters of variation types: declared as models, checked with messages that help."""
+"""Parameter models of variation types, and messages about wrong parameters."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ ConfigT = TypeVar("ConfigT", bound=BaseModel)
 
 
 class VariationConfig(BaseModel):
-    """Base of the parameter model of a variation type; unknown parameters have no effect."""
+    """Base class of parameter models of variation types; unknown parameters have no effect."""
 
     model_config = ConfigDict(extra="ignore", use_attribute_docstrings=True)
 
 
 def get_validated_config(parameters: Any, config_class: type[ConfigT]) -> ConfigT:
-    """Parameters as an instance of their model.
+    """Validate the parameters of a variation type.
 
     Raises:
-        ValueError: what is wrong, with the key, and what would be right.
+        ValueError: a parameter is invalid; the message names it and says what is allowed.
     """
     given = parameters if parameters is not None else {}
     for key, near in unknown_parameters(given, config_class).items():
@@ -41,10 +41,7 @@ def get_validated_config(parameters: Any, config_class: type[ConfigT]) -> Config
 
 
 def unknown_parameters(parameters: Any, config_class: type[BaseModel]) -> dict[str, str | None]:
-    """Parameters that a model does not know and ignores, each with the one that was meant.
-
-    None stands for those that look like nothing that is known.
-    """
+    """Parameters that a model ignores, each with the similar known name, or None."""
     if config_class.model_config.get("extra") != "ignore" or not isinstance(parameters, dict):
         return {}
     known = {name for field in config_class.model_fields.items() for name in _names(*field)}
@@ -53,7 +50,7 @@ def unknown_parameters(parameters: Any, config_class: type[BaseModel]) -> dict[s
 
 
 def _names(name: str, field: FieldInfo) -> list[str]:
-    """The field's name, and the others under which it may be given."""
+    """The field's name and its aliases."""
     alias = field.validation_alias
     return [name, *(map(str, alias.choices) if isinstance(alias, AliasChoices) else ())]
 
@@ -76,16 +73,16 @@ _MARKER = re.compile(r"^\$(?:\{(?P<braced>[A-Za-z_]\w*)\}|(?P<plain>[A-Za-z_]\w*
 
 
 def match_var_marker(value: Any) -> str | None:
-    """The name in a `$name` or `${name}` marker that is the whole value, or None."""
+    """The name in a `$name` or `${name}` marker, or None when that is not the whole value."""
     match = _MARKER.match(value) if isinstance(value, str) else None
     return (match["braced"] or match["plain"]) if match else None
 
 
 def normalize_secondary_containers(containers: Sequence[Any] | None) -> list[dict[str, Any]]:
-    """`["nav", {"sim": {"resources": …}}, {"sim": None, "resources": …}]` as a list of mappings.
+    """Convert `["nav", {"sim": {"resources": …}}, {"sim": None, "resources": …}]` to mappings.
 
     Returns:
-        `{name, resources}` of each.
+        A `{name, resources}` mapping for each container.
     """
     result = []
     for item in containers or []:
@@ -99,16 +96,16 @@ def normalize_secondary_containers(containers: Sequence[Any] | None) -> list[dic
 def load_config(
     config_file: str | Path, subsection: str | None = None, allow_missing: bool = False
 ) -> dict[str, Any]:
-    """Content of a .vast file, or of one of its sections.
+    """The content of a .vast file or of one section.
 
     Args:
         config_file: the .vast file.
-        subsection: name of a section; the whole file when None.
-        allow_missing: a section that is missing is {}, not an error.
+        subsection: name of the section; None for the whole file.
+        allow_missing: return {} for a missing section.
 
     Raises:
         InputError: the file cannot be read, or has no such section.
-        DocumentError: it is not YAML.
+        DocumentError: it is not valid YAML.
     """
     from robovast.model.document.source import Source
 
@@ -124,7 +121,7 @@ def load_config(
 
 
 def filter_configs(configs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Configurations without the keys that begin with `_`, which are not for people."""
+    """Configurations without their internal keys, which begin with `_`."""
     return [
         {key: value for key, value in config.items() if not key.startswith("_")}
         for config in configs
@@ -132,7 +129,7 @@ def filter_configs(configs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]
 
 
 def convert_dataclasses_to_dict(obj: Any) -> Any:
-    """A copy in which every dataclass, however deep in mappings and lists, is a dict."""
+    """A copy in which all dataclasses, at any depth of mappings and lists, are dicts."""
     if is_dataclass(obj) and not isinstance(obj, type):
         return {f.name: convert_dataclasses_to_dict(getattr(obj, f.name)) for f in fields(obj)}
     if isinstance(obj, dict):

@@ -219,7 +219,9 @@ def test_amounts_are_checked_before_a_campaign_begins(vast, folder: Path) -> Non
     (folder / "bad.vast").write_text(HEAD + TAIL + resources)
     outcome = vast("-V", "bad.vast", "config", "check")
     assert outcome.code == 2
-    assert "resources.cpu: `many` is no number of CPUs; write `2`, `0.5` or `500m`." in outcome.err
+    assert (
+        "resources.cpu: `many` is not a number of CPUs; write `2`, `0.5` or `500m`." in outcome.err
+    )
 
 
 def test_files_that_cannot_be_read(vast, folder: Path) -> None:

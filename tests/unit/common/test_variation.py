@@ -304,7 +304,7 @@ def test_a_plugin_in_a_file_loads_unchanged(tmp_path: Path) -> None:
         ("none.py:A", "there is no plugin file"),
         ("broken.py:A", "cannot be imported: ZeroDivisionError"),
         ("fine.py:Missing", "fine.py has no `Missing`; it has VALUE"),
-        ("fine.py:VALUE", "is no variation type"),
+        ("fine.py:VALUE", "is not a variation type"),
     ],
 )
 def test_what_cannot_be_loaded_says_why(tmp_path: Path, reference: str, message: str) -> None:

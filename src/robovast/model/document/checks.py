@@ -1,4 +1,4 @@
-"""What a schema cannot say: rules between keys, files that must exist, parameters that must be."""
+"""Checks that a schema cannot express: rules between keys, missing files, unknown parameters."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ _OF_RESULTS = (
     ("results_processing", "publication", "robovast.publication_plugins"),
     ("results_processing", "metadata_processing", "robovast.metadata_processing"),
 )
-"""Lists of plugins for results, with the groups of their entry points."""
+"""Plugin lists of results, each with the entry-point group of its plugins."""
 
 
 @dataclass(frozen=True)
 class Parts:
-    """The parts of a document that are valid by themselves."""
+    """Those parts of a document that are valid on their own."""
 
     folder: Path
     source: Source
@@ -54,7 +54,7 @@ class Parts:
 
     @cached_property
     def scenario_key(self) -> KeyPath:
-        """Where the scenario is named; `execution` when it is named nowhere."""
+        """Path of the key that names the scenario; `execution` when no key does."""
         if self.execution is not None and self.execution.scenario_file is not None:
             return ("execution", "scenario_file")
         for index, entry in self.entries.items():
@@ -64,7 +64,7 @@ class Parts:
 
     @cached_property
     def scenario(self) -> Scenario | InputError | None:
-        """The scenario, why it cannot be read, or None when none is named."""
+        """The scenario; an error when it cannot be read; None when none is named."""
         names = [self.execution.scenario_file if self.execution else None]
         names += [entry.scenario_file for entry in self.entries.values()]
         name = next((name for name in names if name is not None), None)
@@ -77,7 +77,7 @@ class Parts:
 
 
 def check_parts(parts: Parts) -> list[Problem]:
-    """All problems that need more than one key, or the files around the document."""
+    """All problems that concern several keys, or the files around the document."""
     return [
         *_check_scenario(parts),
         *_check_names(parts),
@@ -89,7 +89,7 @@ def check_parts(parts: Parts) -> list[Problem]:
 
 
 def warnings_of(parts: Parts) -> Iterator[Problem]:
-    """What is allowed, and yet most often a mistake."""
+    """Warnings about what is allowed but is usually a mistake."""
     patterns = parts.execution.run_files if parts.execution is not None else []
     for position, pattern in enumerate(patterns):
         if not match_run_files(parts.folder, pattern):
@@ -219,7 +219,7 @@ def _variations(parts: Parts) -> Iterator[tuple[KeyPath, type[Variation], dict[s
             try:
                 variation = load_variation(call.name, parts.folder)
             except InputError:
-                continue  # told where variations are checked
+                continue  # reported where variations are checked
             path: KeyPath = ("configuration", index, "variations", position)
             yield _place_of_parameters(parts, path, call), variation, call.parameters
 
@@ -234,7 +234,7 @@ def _check_variation_parameters(
         yield from wrong
         if wrong:
             return
-    # A plugin's `name` may mean anything; of the built-in ones it is a scenario parameter.
+    # A plugin may use `name` for anything; for built-in types it is a scenario parameter.
     if variation not in BUILT_IN_TYPES:
         return
     named = parameters.get("name")
@@ -264,7 +264,7 @@ def _wrong(
 
 
 def _check_processing(parts: Parts) -> Iterator[Problem]:
-    """Built-in commands that could not be called."""
+    """Calls of built-in commands whose parameters are invalid."""
     for path, call, group in _processing(parts):
         model = BUILT_IN.get(call.name) if group == GROUP else None
         if model is not None:
@@ -274,8 +274,7 @@ def _check_processing(parts: Parts) -> Iterator[Problem]:
 
 
 def _doubtful_processing(parts: Parts) -> Iterator[Problem]:
-    """What has no effect, and plugins that are not here, as they need not be before there are
-    results."""
+    """Warnings: calls without effect, and plugins that are not installed (needed only later)."""
     for path, call, group in _processing(parts):
         model = BUILT_IN.get(call.name) if group == GROUP else None
         file = split_file_reference(call.name)
@@ -293,7 +292,7 @@ def _doubtful_processing(parts: Parts) -> Iterator[Problem]:
 
 
 def _without_effect(call: PluginCall, model: type[BaseModel]) -> Iterator[tuple[KeyPath, str]]:
-    """Parameters of a built-in command, or the command itself, that do nothing."""
+    """Parameters of a built-in command that do nothing; () when the whole command does nothing."""
     for key in unknown_parameters(call.parameters, model):
         yield (key,), f"`{call.name}` does not know the parameter `{key}`; it has no effect"
     if call.name == PROCESS and "workers" in call.parameters:
@@ -303,12 +302,12 @@ def _without_effect(call: PluginCall, model: type[BaseModel]) -> Iterator[tuple[
 
 
 def _processing(parts: Parts) -> Iterator[tuple[KeyPath, PluginCall, str]]:
-    """Every call of a plugin for results that has a proper form: its place, and its group."""
+    """Path, plugin call and plugin group of every well-formed call in the plugin lists."""
     for section, key, group in _OF_RESULTS:
         inner = parts.source.data.get(section)
         listed = inner.get(key) if isinstance(inner, dict) else None
         for position, item in enumerate(listed if isinstance(listed, list) else ()):
-            with suppress(ValidationError):  # told where the document's form is checked
+            with suppress(ValidationError):  # reported where the document's form is checked
                 yield (section, key, position), _PLUGIN.validate_python(item), group
 
 
@@ -330,7 +329,7 @@ def _check_commands(parts: Parts) -> Iterator[Problem]:
 def _check_command(parts: Parts, key: str, command: str) -> Iterator[Problem]:
     path = host_path(parts.folder, command)
     if path is None:
-        return  # a file of the image, which is not here to look at
+        return  # a file of the image, which is not available here
     if not path.is_file():
         yield parts.source.problem(
             ("execution", key),

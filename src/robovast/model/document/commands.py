@@ -1,6 +1,6 @@
-"""What the built-in postprocessing commands take, known without what executes them.
+"""Parameters of the built-in postprocessing commands, apart from the code that executes them.
 
-So a document can be checked where no results are, and no extra is installed.
+A document can therefore be checked without results and without optional dependencies.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from robovast.model.variation_config import get_validated_config
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
 GROUP = "robovast.postprocessing_commands"
-"""Entry points of commands."""
+"""Commands that have an entry point of their own."""
 ROSOUT = "rosbags_rosout_to_csv"
 PROCESS = "rosbags_process"
-"""The command that holds several of those for bags."""
+"""The command that contains several bag commands."""
 LEVELS = {"DEBUG": 10, "INFO": 20, "WARN": 30, "ERROR": 40, "FATAL": 50}
-"""Of log messages."""
+"""Levels of log messages."""
 JOB_LOGS = "logs/rosout_bag"
-"""Where the entrypoint records what all runs of a job logged, in the job's folder."""
+"""Folder, within a job's folder, where the entrypoint records the log messages of all its runs."""
 
 
 def _plain_name(name: str) -> str:
@@ -61,16 +61,16 @@ LevelName = Annotated[
 
 
 class BagCommand(BaseModel):
-    """A command that reads ROS bags, with its parameters; unknown ones have no effect."""
+    """A command that reads ROS bags, with its parameters; unknown parameters have no effect."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
     command: ClassVar[str]
     bag_dir: BagPath = "rosbag2"
-    """How the path of a bag's folder ends."""
+    """Path suffix of the bag's folder."""
 
 
 class TopicsToCsv(BagCommand):
-    """Each topic as `<bag>_<topic>.csv`."""
+    """Writes each topic to `<bag>_<topic>.csv`."""
 
     command = "rosbags_to_csv"
     topics: tuple[str, ...] = ()
@@ -91,7 +91,7 @@ class TopicsToCsv(BagCommand):
 
 
 class TfToCsv(BagCommand):
-    """Pose [m, rad] of each frame in `map`, whenever the bag received one [s]."""
+    """Writes the pose [m, rad] of each frame in `map` whenever the bag received one [s]."""
 
     command = "rosbags_tf_to_csv"
     frames: tuple[str, ...] = Field(default=("base_link",), min_length=1)
@@ -99,14 +99,14 @@ class TfToCsv(BagCommand):
 
 
 class BehaviorsToCsv(BagCommand):
-    """A row whenever a behaviour's status has changed; the time [s] is that of receipt."""
+    """Writes a row whenever a behaviour's status changes; the time [s] is the time of receipt."""
 
     command = "rosbags_bt_to_csv"
     csv_filename: FileName = "behaviors.csv"
 
 
 class ActionToCsv(BagCommand):
-    """Every message on an action's feedback and status topics, with the time of receipt [s]."""
+    """Writes all messages on an action's feedback and status topics, with time of receipt [s]."""
 
     command = "rosbags_action_to_csv"
     action: str = Field(min_length=1)
@@ -114,7 +114,7 @@ class ActionToCsv(BagCommand):
 
 
 class RosoutToCsv(BagCommand):
-    """Every log message of a level, with the times [s] of receipt and of its own stamp."""
+    """Writes log messages of a level, with time of receipt and time of their stamp [s]."""
 
     command = ROSOUT
     min_level: Annotated[int, BeforeValidator(_level), Field(ge=0)] = 10
@@ -124,7 +124,7 @@ class RosoutToCsv(BagCommand):
 
 
 class ImagesToWebm(BagCommand):
-    """A topic of compressed or raw images as VP9 video, each frame at the time of its stamp."""
+    """Writes a topic of compressed or raw images as VP9 video; frames are shown at their stamps."""
 
     command = "rosbags_to_webm"
     topic: str = Field(default="/camera/image_raw/compressed", min_length=1)
@@ -135,11 +135,11 @@ BAG_COMMANDS: dict[str, type[BagCommand]] = {
     kind.command: kind
     for kind in (TopicsToCsv, TfToCsv, BehaviorsToCsv, ActionToCsv, RosoutToCsv, ImagesToWebm)
 }
-"""By name; one pass over a bag does all."""
+"""Bag commands by name; a single pass over a bag serves them all."""
 
 
 class _Part(BaseModel):
-    """One of the commands in `rosbags_process`; what else is in it are its parameters."""
+    """One command in `rosbags_process`; its other keys are the command's parameters."""
 
     model_config = ConfigDict(extra="allow")
     type: str
@@ -156,7 +156,7 @@ class _Part(BaseModel):
 
 
 class Process(BaseModel):
-    """Several commands for bags under one name."""
+    """Several bag commands in one call."""
 
     model_config = ConfigDict(extra="ignore")
     plugins: list[_Part] = Field(default_factory=list)
@@ -187,16 +187,16 @@ BUILT_IN: dict[str, type[BaseModel]] = {
     "command": Command,
     "compress": Compress,
 }
-"""Models of parameters by command."""
+"""Parameter models by command name."""
 
 
 def flat(topic: str) -> str:
-    """A topic in the name of a file."""
+    """A topic's name as part of a file name."""
     return topic.strip("/").replace("/", "_")
 
 
 def bag_command(name: str, parameters: Mapping[str, Any]) -> BagCommand:
-    """A command for bags as a .vast file calls it.
+    """Validate a .vast file's call of a bag command.
 
     Raises:
         InputError: a parameter is missing, misspelt or wrong.
@@ -213,10 +213,10 @@ def _validated(name: str, model: type[ModelT], parameters: Mapping[str, Any]) ->
 
 
 def expanded(calls: Iterable[PluginCall]) -> list[PluginCall]:
-    """The calls with those that `rosbags_process` holds in its place.
+    """The calls, with each `rosbags_process` replaced by the commands that it contains.
 
     Raises:
-        InputError: it holds something else.
+        InputError: `rosbags_process` contains anything but bag commands.
     """
     return [part for call in calls for part in _parts(call)]
 

@@ -12,23 +12,23 @@ from typing import Any
 from robovast.model.naming import is_campaign_dir
 
 CONFIG_MOUNT = "/config/"
-"""Where a container sees the folder of the .vast file."""
+"""Path of the .vast file's folder within a container."""
 
 
 _NO_INPUTS = frozenset({"__pycache__"})
-"""Folders whose files are made by others, and belong to no run."""
+"""Folders that other tools generate; run files are never searched there."""
 
 _SIGNS = ("_transient", "out_template")
-"""Folders that a campaign has, executed or generated, and that `prepare-run` writes."""
+"""Folders that mark a campaign, whether executed, generated or written by `prepare-run`."""
 
 
 def match_run_files(folder: Path, pattern: str) -> list[Path]:
-    """Files that a pattern of `run_files` matches, relative to the folder, sorted.
+    """Files that match a pattern of `run_files`, relative to the folder, sorted.
 
-    `*` matches `/` too: `files/*` means all that is below. A pattern without `/` also matches names
-    alone, in any folder; one that ends with `/` is a folder. Hidden files match only where the
-    pattern names them. Campaigns below the folder, executed or prepared, hold copies of the same
-    files; they never match.
+    `*` also matches `/`: `files/*` means everything below `files`. A pattern without `/` also
+    matches bare file names in any folder; a pattern that ends with `/` means a folder. Hidden files
+    match only if the pattern names them. Campaigns below the folder, executed or prepared, never
+    match, because they contain copies of the same files.
     """
     named = {Path(name) for name in glob.glob(pattern, root_dir=folder, recursive=True)}
     below = {path for path in _visible_files(folder) if _matches(path, pattern)}
@@ -47,8 +47,10 @@ def _may_hold_inputs(folder: Path) -> bool:
 
 
 def _is_campaign(folder: Path) -> bool:
-    """True when a folder is named as campaigns are, or holds what only they have: people merge,
-    generate and prepare into folders with names of their own."""
+    """True when a folder is named like a campaign or contains what only campaigns contain.
+
+    Merged, generated and prepared campaigns may have any name.
+    """
     return is_campaign_dir(folder) or any((folder / sign).is_dir() for sign in _SIGNS)
 
 
@@ -64,25 +66,25 @@ def _is_input(folder: Path, relative: Path) -> bool:
         return False
     if not _NO_INPUTS.isdisjoint(relative.parts):
         return False
-    above = relative.parents[:-1]  # the document's own folder may be named as it likes
+    above = relative.parents[:-1]  # the document's own folder may have any name
     return not any(_is_campaign(folder / parent) for parent in above)
 
 
 def run_files(folder: Path, patterns: list[str]) -> list[Path]:
-    """Files that any of the patterns matches, relative to the folder, sorted, each once."""
+    """Files that match any of the patterns, relative to the folder, sorted, each once."""
     return sorted({path for pattern in patterns for path in match_run_files(folder, pattern)})
 
 
 def host_path(folder: Path, command: str) -> Path | None:
-    """The file behind a command in the container, when it comes from the folder."""
+    """The file behind a container's command, or None when it does not come from the folder."""
     return folder / command.removeprefix(CONFIG_MOUNT) if command.startswith(CONFIG_MOUNT) else None
 
 
 def named_files(folder: Path, value: Any) -> Iterator[Path]:
-    """Files of the folder that a plugin's parameters name, at any depth, relative to the folder.
+    """Files named in a plugin's parameters, at any depth; paths are relative to the folder.
 
     Args:
-        folder: of the document.
+        folder: the document's folder.
         value: the parameters, or a part of them.
     """
     if isinstance(value, str):
@@ -99,5 +101,5 @@ def named_files(folder: Path, value: Any) -> Iterator[Path]:
 def _is_file(path: Path) -> bool:
     try:
         return path.is_file()
-    except (OSError, ValueError):  # a text that can be no path
+    except (OSError, ValueError):  # the text cannot be a path
         return False

@@ -1,7 +1,7 @@
-"""What a file may hold although it has no effect: left out, each with a warning.
+"""Removes keys that have no effect from a document, with a warning for each.
 
-Files of the existing tool hold such keys, which it ignored without a word. A key that looks like a
-misspelt one stays an error.
+Files of the existing tool contain such keys, because it ignored them silently. A key that looks
+like a misspelt one remains an error.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from robovast.model.document.problems import allowed_keys, data_path, nearest
 from robovast.model.document.source import KeyPath, Source
 
 _STRICT = frozenset({"search"})
-"""Sections in which every key counts."""
+"""Sections in which unknown keys are errors."""
 
 
 def without_ignored(source: Source) -> tuple[dict[Any, Any], list[Problem]]:
-    """The data of a document without keys that nobody reads, and a warning for each."""
+    """A document's data without ignored keys, and a warning for each removed key."""
     unknown = list(_unknown_keys(source))
     warnings = [_warning(source, path) for path in unknown]
     warnings += _contract_environment(source)

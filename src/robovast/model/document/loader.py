@@ -1,4 +1,4 @@
-"""Reading a .vast document: every problem of a file is reported in one go."""
+"""Reads .vast documents and reports all problems of a file at once."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ ModelT = TypeVar("ModelT", bound=BaseModel)
 
 @dataclass(frozen=True)
 class Document:
-    """A valid .vast document and where it came from."""
+    """A valid .vast document and its origin."""
 
     path: Path
     """Absolute path of the file."""
     vast: Vast
     """The validated model."""
     source: Source
-    """The plain data with the place of every value."""
+    """The plain data, with the position of every value."""
     warnings: tuple[Problem, ...] = ()
-    """What stands in the file and has no effect."""
+    """Keys and values that have no effect."""
 
     @property
     def folder(self) -> Path:
@@ -44,23 +44,23 @@ class Document:
 
 
 def load_document(path: Path) -> Document:
-    """Read and check a .vast file and what it names.
+    """Read and check a .vast file and the files that it names.
 
     Args:
         path: the file, relative to the working directory or absolute.
 
     Raises:
         InputError: the file cannot be read.
-        DocumentError: all that is wrong with its content, each with line and column.
+        DocumentError: all problems of its content, with line and column.
     """
     return check_source(Source.read(path))
 
 
 def check_source(source: Source) -> Document:
-    """The document in a text that was read, or is about to be written.
+    """Check a document's text, which may not be written to a file yet.
 
     Raises:
-        DocumentError: all that is wrong with it.
+        DocumentError: all its problems.
     """
     if not isinstance(source.data, dict):
         found = "empty" if source.data is None else f"a {type(source.data).__name__}"
@@ -87,7 +87,7 @@ def _validate(
 
 
 def _valid_parts(vast: Vast | None, source: Source, path: Path) -> Parts:
-    """What can be checked further although other parts of the document are wrong."""
+    """The parts that can be checked further although other parts of the document are wrong."""
     entries = source.data.get("configuration")
     valid = {}
     for index, entry in enumerate(entries if isinstance(entries, list) else []):
@@ -99,12 +99,12 @@ def _valid_parts(vast: Vast | None, source: Source, path: Path) -> Parts:
 
 
 def _salvage(model: type[ModelT], data: Any, required: dict[str, Any]) -> ModelT | None:
-    """The part of a section that is valid, without the keys that are not.
+    """The valid part of a section, without its invalid keys.
 
     Args:
-        model: of the section.
-        data: the section.
-        required: stands in for keys that it must have.
+        model: the section's model.
+        data: the section's data.
+        required: substitutes for required keys.
     """
     try:
         return model.model_validate(data)

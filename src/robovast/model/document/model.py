@@ -1,8 +1,7 @@
 """Every section and key of a .vast document, with its default.
 
-These models are the single source of the loader, the JSON schema, the `spec.vast` schema of the
-Campaign resource and the reference page of the documentation. A field's description is what all
-of them show.
+The loader, the JSON schema, the `spec.vast` schema of the Campaign resource and the reference page
+are all derived from these models, and all show the fields' descriptions.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from pydantic_core import CoreSchema, PydanticCustomError
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$"
 
 RESERVED_ENVIRONMENT = frozenset({"CAMPAIGN_ID", "POST_COMMAND", "PRE_COMMAND", "ROS_LOG_DIR"})
-"""Names that a document cannot give: other keys of it decide them."""
+"""Scenario parameters that a document cannot set, because other keys determine them."""
 
 CONTRACT_ENVIRONMENT = frozenset(
     {
@@ -43,11 +42,11 @@ CONTRACT_ENVIRONMENT = frozenset(
         "SIMULATION",
     }
 )
-"""Names that the run contract sets itself (docs/run-contract.md); a document's are ignored."""
+"""Variables that the run contract sets (docs/run-contract.md); a document's values are ignored."""
 
 
 class Section(BaseModel):
-    """A mapping whose keys are all known; a key without a value is as one that is not there."""
+    """A mapping of known keys; a key without a value counts as absent."""
 
     model_config = ConfigDict(extra="forbid", use_attribute_docstrings=True, frozen=True)
 
@@ -121,7 +120,7 @@ Pair = Annotated[
 
 
 def merge_pairs(pairs: list[dict[str, Any]]) -> dict[str, Any]:
-    """A list of `name: value` pairs as one mapping; of a repeated name the last value counts."""
+    """Merge `name: value` pairs into a mapping; the last value of a repeated name wins."""
     return {name: value for pair in pairs for name, value in pair.items()}
 
 
@@ -193,7 +192,7 @@ def _parse_secondary(value: Any) -> Any:
 
 
 class _SecondarySchema:
-    """What may be written: a name, or one name with its resources."""
+    """Schema of both forms: a name, or a name with its resources."""
 
     def __get_pydantic_json_schema__(
         self, core_schema: CoreSchema, handler: GetJsonSchemaHandler
@@ -212,7 +211,7 @@ Secondary = Annotated[SecondaryContainer, BeforeValidator(_parse_secondary), _Se
 
 
 class Local(Section):
-    """Settings of local runs alone."""
+    """Settings of local runs only."""
 
     parameter_overrides: list[Pair] = Field(default_factory=list)
     """Scenario parameters that replace what the variations made, in local runs only."""
@@ -226,7 +225,7 @@ class Nodes(Section):
 
 
 class Kubernetes(Section):
-    """Settings of cluster runs alone."""
+    """Settings of cluster runs only."""
 
     jobs: Nodes = Field(default_factory=Nodes)
     """The pods that execute runs."""
@@ -264,9 +263,9 @@ class Execution(Section):
     secondary_containers: list[Secondary] = Field(default_factory=list)
     """Containers that run beside the main one."""
     local: Local = Field(default_factory=Local)
-    """Settings of local runs alone."""
+    """Settings of local runs only."""
     kubernetes: Kubernetes = Field(default_factory=Kubernetes)
-    """Settings of cluster runs alone."""
+    """Settings of cluster runs only."""
 
     @field_validator("pre_command", "post_command")
     @classmethod
@@ -318,9 +317,9 @@ class SearchDimension(Section):
     log: bool = False
     """Sample numbers on a logarithmic scale."""
     step: int | None = None
-    """Distance of neighbouring integers."""
+    """Distance between neighbouring integers."""
     values: list[Any] | None = None
-    """What a choice chooses from."""
+    """Values of a choice."""
 
     @model_validator(mode="after")
     def _check_domain(self) -> SearchDimension:
@@ -339,16 +338,16 @@ class SearchObjective(Section):
     """A value that a search optimizes."""
 
     name: str
-    """Name that the extract step gives it."""
+    """The objective's name in the result of the extract step."""
     direction: Literal["maximize", "minimize"]
-    """Which way is better."""
+    """Direction of the optimization."""
 
 
 class SearchExtract(Section):
     """The plugin that turns a configuration's results into objectives and measures."""
 
     plugin: str
-    """Plugin's name or file reference."""
+    """Name or file reference of the plugin."""
     params: dict[str, Any] = Field(default_factory=dict)
     """Its parameters."""
 
@@ -392,7 +391,7 @@ class Search(Section):
 
 
 class ResultsProcessing(Section):
-    """What happens with results after the runs."""
+    """Processing of the results after the runs."""
 
     postprocessing: list[Plugin] = Field(default_factory=list)
     """Commands that turn raw output into tables."""
@@ -416,7 +415,7 @@ class Notebooks(Section):
 
 
 def _known_notebooks(value: Any) -> Any:
-    """Workloads without what is empty: items, and workloads without notebooks."""
+    """Workloads without empty items, and without workloads that have no notebooks."""
     if not isinstance(value, list):
         return value
     items = [item for item in value if item is not None]
@@ -432,7 +431,7 @@ Workloads = Annotated[list[dict[str, Notebooks]], BeforeValidator(_known_noteboo
 
 
 class Evaluation(Section):
-    """How results are looked at."""
+    """Presentation of the results."""
 
     visualization: Workloads = Field(default_factory=list)
     """Workloads by name; each is a tab of the page."""
@@ -455,7 +454,7 @@ class Vast(Section):
     metadata: dict[str, Any] = Field(default_factory=dict)
     """Free description; `name` names the campaign, other keys describe the dataset."""
     general: dict[str, Any] = Field(default_factory=dict)
-    """What every variation type gets as its `general_parameters`."""
+    """Passed to every variation type as its `general_parameters`."""
     configuration: list[ConfigurationEntry] | None = None
     """The configurations to run."""
     execution: Execution = Field(default_factory=Execution)
@@ -463,9 +462,9 @@ class Vast(Section):
     search: Search | None = None
     """Closed-loop search in place of `configuration`."""
     results_processing: ResultsProcessing = Field(default_factory=ResultsProcessing)
-    """What happens with results after the runs."""
+    """Processing of the results after the runs."""
     evaluation: Evaluation = Field(default_factory=Evaluation)
-    """How results are looked at."""
+    """Presentation of the results."""
     analysis: Analysis = Field(default_factory=Analysis)
     """Older spelling of `results_processing.postprocessing` and `evaluation.visualization`."""
 
@@ -486,7 +485,7 @@ class Vast(Section):
 
     @property
     def postprocessing(self) -> list[PluginCall]:
-        """Post-processing commands, under either spelling."""
+        """Postprocessing commands, under either spelling."""
         return [*self.results_processing.postprocessing, *self.analysis.postprocessing]
 
     @property

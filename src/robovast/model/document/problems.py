@@ -1,4 +1,4 @@
-"""Validation errors of pydantic as problems with a place, a cause and a remedy."""
+"""Converts pydantic's validation errors to problems with a place, a cause and a remedy."""
 
 from __future__ import annotations
 
@@ -40,8 +40,10 @@ def problems_of(
 
 
 def _deepest(paths: Iterable[KeyPath]) -> list[KeyPath]:
-    """Without the parents of others: what may be one of several things is wrong as each of them,
-    and as a collection it is wrong inside."""
+    """The paths that are not parents of others.
+
+    A value that fails every member of a union has an error for each; the deepest tells the most.
+    """
     parents = {path[:length] for path in paths for length in range(len(path))}
     return [path for path in paths if path not in parents]
 
@@ -49,8 +51,8 @@ def _deepest(paths: Iterable[KeyPath]) -> list[KeyPath]:
 def data_path(data: Any, base: KeyPath, loc: Iterable[str | int]) -> KeyPath:
     """The document's path of a pydantic location.
 
-    A location also names the members of unions, which are no part of the document, and skips
-    the name in a `name: {…}` item.
+    A location also contains the names of union members, which the document does not have, and
+    omits the name in a `name: {…}` item.
     """
     path: KeyPath = ()
     for part in base:
@@ -88,7 +90,7 @@ def _value_problem(
 
 
 def sentence(*group: ErrorDetails) -> str:
-    """What is wrong with a value, which may be one of several things: as it must be, and is not."""
+    """Say what a value must be, and what it is; a union may allow several kinds of value."""
     sentences = list(dict.fromkeys(map(_sentence, group)))
     message = " or ".join([sentences[0], *(s.removeprefix("must be ") for s in sentences[1:])])
     if not message.startswith("must ") or ", not " in message or message.endswith(" empty"):
@@ -97,12 +99,12 @@ def sentence(*group: ErrorDetails) -> str:
 
 
 def nearest(given: str, allowed: Iterable[str]) -> str | None:
-    """The name that was meant, by its likeness; None when nothing is alike."""
+    """The allowed name most similar to the given one; None when no name is similar."""
     return next(iter(difflib.get_close_matches(given, sorted(allowed), n=1, cutoff=0.6)), None)
 
 
 def suggest(given: str, allowed: Iterable[str]) -> str:
-    """`Did you mean …?`, or the list of what is allowed."""
+    """`Did you mean …?`, or the list of allowed names."""
     names = sorted(allowed)
     near = nearest(given, names)
     if near:
@@ -120,7 +122,7 @@ _EXPECTED = {
     "string": "text",
     "tuple": "a list",
 }
-"""What a kind of pydantic's errors expects, by the first word of its name."""
+"""Expected kinds of value, by the first word of pydantic's error type."""
 
 _WORDS = {
     "greater than or equal to": "at least",
@@ -128,7 +130,7 @@ _WORDS = {
     "have at least 1 item, not 0": "be a list that is not empty",
     "have at least 1 character": "not be empty",
 }
-"""What pydantic says, and what we say."""
+"""Pydantic's phrases and our replacements."""
 
 
 def _sentence(details: ErrorDetails) -> str:
@@ -147,7 +149,7 @@ def _sentence(details: ErrorDetails) -> str:
 
 
 def _shown(value: Any, *, whole: bool = False) -> str:
-    """A value as a message can hold it; a mapping `whole` where a mapping is allowed."""
+    """A value, shortened for a message; a mapping is shown `whole` where mappings are allowed."""
     kinds = {dict: "a mapping", list: "a list", type(None): "empty"}
     text = kinds.get(type(value)) or repr(value)
     if whole and isinstance(value, dict):
@@ -170,7 +172,7 @@ def _model_at(model: type[BaseModel], loc: Iterable[str | int]) -> type[BaseMode
 
 
 def allowed_keys(model: type[BaseModel], loc: tuple[str | int, ...]) -> list[str]:
-    """The keys that a section may have, by pydantic's location of it."""
+    """The keys that the section at a pydantic location may have."""
     return list(_model_at(model, loc).model_fields)
 
 

@@ -1,4 +1,4 @@
-"""The JSON Schema of .vast files: what editors check and complete while a file is written."""
+"""The JSON schema of .vast files, for completion and checks in editors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 class _Schema(GenerateJsonSchema):
-    """Without titles: they only repeat the names of the keys."""
+    """Omits titles, which would only repeat the keys."""
 
     def field_title_should_be_set(self, schema: Any) -> bool:
         """Never."""
@@ -41,7 +41,7 @@ def document_schema() -> dict[str, Any]:
 
 
 def schema_text() -> str:
-    """The schema as it stands in `schemas/vast.schema.json`."""
+    """The content of `schemas/vast.schema.json`."""
     return json.dumps(document_schema(), indent=2, ensure_ascii=False) + "\n"
 
 
@@ -53,7 +53,7 @@ def _model_schema(model: type[BaseModel]) -> dict[str, Any]:
 
 
 def _variation(definitions: dict[str, Any]) -> dict[str, Any]:
-    """A variation by name, or with parameters; those of plugins may be any."""
+    """Schema of a variation: a name, or a name with parameters (any, for types of plugins)."""
     known = {}
     for variation in BUILT_IN_TYPES:
         schema = _parameters(variation, definitions)

@@ -1,4 +1,4 @@
-"""YAML text to plain data that remembers the line and column of every key and value."""
+"""Parses YAML text to plain data and records the line and column of every key and value."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ KeyPath = tuple[Hashable, ...]
 """Path of a value in the document: keys and list indexes from the root."""
 
 MAX_REPEATED = 100_000
-"""A document whose aliases repeat more values is refused: a few lines can make billions."""
+"""Most values that aliases may repeat: a few lines of YAML can expand to billions of values."""
 
 
 def render_path(path: KeyPath) -> str:
@@ -27,9 +27,9 @@ def render_path(path: KeyPath) -> str:
 
 
 _CAUSES = {
-    "mapping values are not allowed": "a second `:` in what is one value; a text with `: ` in it "
-    "needs quotes, and a mapping of its own a new line",
-    "found undefined alias": "`*name` repeats what `&name` marks above, and nothing is marked so",
+    "mapping values are not allowed": "there is a second `:` in one value; put a text with `: ` "
+    "into quotes, and start a nested mapping on a new line",
+    "found undefined alias": "`*name` has no matching anchor `&name` above it",
     "did not find expected key": "this does not continue the mapping that begins in line {0}; is "
     "it indented as the lines beside it?",
     "did not find expected '-' indicator": "this does not continue the list that begins in line "
@@ -38,18 +38,18 @@ _CAUSES = {
     "`]`",
     "did not find expected ',' or '}}'": "the `{{` of line {0} is not closed: here must be `,` or "
     "`}}`",
-    "did not find expected node content": "here a value, or a closing bracket, is missing",
+    "did not find expected node content": "a value or a closing bracket is missing here",
     "found unexpected end of stream": "the quotes that open in line {0} are not closed",
-    "could not find expected ':'": "the key in line {0} has no `:` behind it",
-    "found unknown escape character": "no such escape in double quotes: `\\\\` writes a backslash, "
-    "single quotes take everything as it is",
-    "expected a mapping or list of mappings for merging": "`<<` takes over mappings alone",
+    "could not find expected ':'": "there is no `:` after the key in line {0}",
+    "found unknown escape character": "double quotes do not know this escape: write `\\\\` for a "
+    "backslash, or use single quotes, which have no escapes",
+    "expected a mapping or list of mappings for merging": "`<<` can only merge mappings",
 }
-"""What is said of YAML, by how libyaml's own words begin; `{0}` is where it began."""
+"""Our messages by the beginning of libyaml's; `{0}` is the line where the construct begins."""
 
 
 def _cause(error: yaml.MarkedYAMLError, text: str) -> str:
-    """What is wrong, and in what, as that may begin far above."""
+    """The cause of a YAML error, and the construct it is in, which may begin far above."""
     mark, began = error.problem_mark, error.context_mark
     if str(error.problem).startswith("found character that cannot start") and mark is not None:
         found = text.splitlines()[mark.line][mark.column : mark.column + 1]
@@ -70,12 +70,12 @@ _COLLECTION_TAGS = frozenset({"tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"})
 
 
 class Source:
-    """The text of a YAML file as data and positions.
+    """A YAML file's data and the positions of its values.
 
     Attributes:
-        file: the file's path, as errors name it.
+        file: path of the file, as shown in errors.
         data: plain Python values (dict, list, str, int, float, bool, None, dates).
-        is_followed: another YAML document stands behind the one that was read.
+        is_followed: true if further YAML documents follow the first, which alone is read.
     """
 
     def __init__(self, file: Path, text: str) -> None:
@@ -108,8 +108,8 @@ class Source:
         """Read a file.
 
         Raises:
-            InputError: no such file, not readable, not UTF-8.
-            DocumentError: not YAML, a duplicate key, aliases that explode.
+            InputError: the file is missing, unreadable or not UTF-8.
+            DocumentError: it is not YAML, repeats a key, or its aliases repeat too many values.
         """
         try:
             return cls(file, file.read_text(encoding="utf-8"))
@@ -123,7 +123,7 @@ class Source:
             raise InputError(f"{file}: cannot be read: {error.strerror}.") from None
 
     def place(self, path: KeyPath, *, key: bool = False) -> Place:
-        """Where a value (or its key) stands; of a path that is not there, its nearest parent."""
+        """Position of a value or its key; if the path does not exist, of its nearest parent."""
         marks = self._keys if key else self._values
         while path:
             mark = marks.get(path) or self._values.get(path)
@@ -169,11 +169,11 @@ class Source:
             raise self._error(f"the tag `{node.tag}` has no meaning here", node.start_mark)
         try:
             value = self._scalars.construct_object(node)
-            str(value)  # of some thousand digits nothing can be written
+            str(value)  # Python refuses to write numbers of thousands of digits
         except (ValueError, KeyError, OverflowError):
             kind = node.tag.rpartition(":")[2].replace("timestamp", "date").replace("int", "number")
             raise self._error(
-                f"`{node.value[:40]}` reads as a {kind} that there is not; as text it needs quotes",
+                f"`{node.value[:40]}` is an impossible {kind}; if it is text, put it into quotes",
                 node.start_mark,
             ) from None
         return value

@@ -1,4 +1,4 @@
-"""Containers that variation types start while a document is expanded."""
+"""Containers that variation types start during expansion."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from robovast.base.containers import (
 from robovast.base.errors import CannotRunError, InputError
 
 _LINES = 15
-"""Most lines of a container's output in an error."""
+"""Most lines of a container's output that an error shows."""
 
 
 class ContainerRunner:
-    """Starts containers of one image, by the first of docker and podman that answers.
+    """Starts containers of one image with the first of Docker and Podman that works.
 
     Args:
-        image: its name; it is pulled when it is not here.
-        message: is told what goes on.
+        image: name of the image; it is pulled if it is missing.
+        message: receives progress messages.
 
     Raises:
-        CannotRunError: no engine answers, or the image is not to be had.
+        CannotRunError: no engine works, or the image cannot be pulled.
     """
 
     def __init__(self, image: str, message: Callable[[str], None]) -> None:
@@ -40,21 +40,21 @@ class ContainerRunner:
 
     @cached_property
     def digest(self) -> str:
-        """What tells the image from others of its name."""
+        """Digest of the image."""
         return image_digest(self.engine, self.image)
 
     def run(self, arguments: Sequence[str], volumes: Sequence[str]) -> str:
-        """Start a container without network and wait for its end.
+        """Start a container without network access and wait until it ends.
 
         Args:
-            arguments: of its entry point.
-            volumes: `source:target[:ro]`, with absolute paths; what it writes belongs to the user.
+            arguments: arguments of the image's entry point.
+            volumes: `source:target[:ro]` with absolute paths; written files belong to the user.
 
         Returns:
-            What it wrote to its standard output.
+            The container's standard output.
 
         Raises:
-            InputError: it failed; with its own last words.
+            InputError: the container failed; the message includes the end of its output.
         """
         owner = ["--userns=keep-id"] if self.engine == "podman" else []
         user = ["--user", f"{os.getuid()}:{os.getgid()}"]
@@ -72,11 +72,11 @@ class ContainerRunner:
 
 
 Containers = Callable[[str, Callable[[str], None]], ContainerRunner]
-"""Gives variation types what starts containers of an image."""
+"""Creates container runners for variation types."""
 
 
 def refuse_containers(image: str, message: Callable[[str], None]) -> NoReturn:
-    """For places that cannot start containers: a cluster.
+    """Refuse to start containers, where that is impossible: on a cluster.
 
     Raises:
         CannotRunError: always.

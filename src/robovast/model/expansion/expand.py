@@ -1,4 +1,4 @@
-"""From configuration entries to variants: variations in order, their Cartesian product, names."""
+"""Expands configuration entries to variants: applies variations in order and names the results."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ _log = logging.getLogger(__name__)
 Progress = Callable[[str], None]
 
 DEFAULT_ENTRY = ConfigurationEntry(name="config1")
-"""What a document without configurations runs: the scenario with its own defaults."""
+"""Entry of a document without configurations: the scenario with its own defaults."""
 
 _OWN_KEYS = frozenset({"name", "config", "_config_files"})
 
 
 @dataclass(frozen=True)
 class Composition:
-    """What a document expands to."""
+    """The result of expanding a document."""
 
     variants: tuple[Variant, ...]
     input_files: tuple[Path, ...] = ()
     """Files below the document's folder that the variation types read, relative to it."""
     transient_files: tuple[ConfigFile, ...] = ()
-    """Files that variation types leave for the campaign's `_transient` folder."""
+    """Files that variation types made for the campaign's `_transient` folder."""
 
 
 def expand(document: Document, output_dir: Path, progress: Progress | None = None) -> list[Variant]:
-    """The variants of `compose`."""
+    """The variants of a document; see `compose`."""
     return list(compose(document, output_dir, progress).variants)
 
 
@@ -55,21 +55,21 @@ def compose(
     progress: Progress | None = None,
     containers: Containers = ContainerRunner,
 ) -> Composition:
-    """All variants of a document, in its order, and the files that came with them.
+    """All variants of a document, in document order, and their files.
 
-    The same document gives the same variants on every machine, as long as the variation types
-    that it uses are deterministic, as the built-in ones are.
+    The result is the same on every machine if all variation types are deterministic; the built-in
+    types are.
 
     Args:
         document: a checked document.
-        output_dir: existing folder where variation types may put files; `Variant.files` point
-            into it, so it must live as long as they are needed.
+        output_dir: existing folder for files of variation types; `Variant.files` points into it, so
+            keep it as long as they are needed.
         progress: receives the messages of variation types.
-        containers: starts the containers of those that need one.
+        containers: starts containers for variation types that need one.
 
     Raises:
-        InputError: a variation type fails, or makes what no run can use.
-        CannotRunError: one needs a container, and none can be started.
+        InputError: a variation type fails, or makes something that no run can use.
+        CannotRunError: a variation type needs a container, and none can be started.
     """
     if document.vast.search is not None:
         raise InputError(
@@ -97,7 +97,7 @@ def _ignore(message: str) -> None:
 
 @dataclass(frozen=True)
 class _Surroundings:
-    """What all variation types of a document get."""
+    """What every variation type of a document receives."""
 
     document: Document
     output_dir: Path
@@ -105,7 +105,7 @@ class _Surroundings:
     containers: Containers
 
     def runner(self, kind: type[Variation], parameters: Any) -> tuple[ContainerRunner] | tuple[()]:
-        """What starts the container that a variation type needs; nothing when it needs none."""
+        """The runner of the container that a variation type needs; empty if it needs none."""
         image = kind.get_required_container(parameters)
         if image is None:
             return ()
@@ -138,7 +138,7 @@ def _expand_entry(
 def _warn_of_unknown(
     entry: ConfigurationEntry, configs: list[dict[str, Any]], scenario: Scenario
 ) -> None:
-    """Tell which parameters a variation type writes and the scenario lacks: its runs will err."""
+    """Warn of parameters that a variation type sets and the scenario lacks: their runs will err."""
     known = {parameter.name for parameter in scenario.parameters}
     written = dict.fromkeys(key for config in configs for key in config.get("config") or {})
     for key in written:
@@ -156,7 +156,7 @@ def _apply(
     call: PluginCall,
     configs: list[dict[str, Any]],
 ) -> tuple[Variation, list[dict[str, Any]]]:
-    """The configurations that one variation type makes of those before it."""
+    """The configurations that one variation type makes from the given ones."""
     document = surroundings.document
     where = f"configuration `{entry.name}`, variation `{call.name}`"
     try:

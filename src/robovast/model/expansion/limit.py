@@ -1,4 +1,4 @@
-"""How many variants a document may have: they are counted before they are made."""
+"""Limits the number of variants of a document, which are counted before they are made."""
 
 from __future__ import annotations
 
@@ -13,29 +13,31 @@ from robovast.model.document.model import ConfigurationEntry
 from robovast.model.variations.loader import most_of_each
 
 VARIABLE = "ROBOVAST_VARIANT_LIMIT"
-"""Environment variable that sets another limit."""
+"""Environment variable that overrides the limit."""
 DEFAULT = 100_000
 UNCOUNTABLE = 10**18
-"""What is more is told as this."""
+"""Larger numbers are shown as this one."""
 
 
 def variant_limit(environment: Mapping[str, str] = os.environ) -> int:
-    """Most variants of a document.
+    """Most variants that a document may have.
 
     Raises:
-        InputError: the environment variable is no number above 0.
+        InputError: the environment variable is not a number above 0.
     """
     text = environment.get(VARIABLE, "") or str(DEFAULT)
     if not (text.isdecimal() and int(text[:10]) > 0 and len(text) <= 9):
-        raise InputError(f"The environment variable {VARIABLE} is no number above 0: {text}")
+        raise InputError(
+            f"The environment variable {VARIABLE} must be a number above 0, not {text}"
+        )
     return int(text)
 
 
 def refuse_too_many(document: Document, limit: int) -> None:
-    """Make sure that a document does not have too many variants, before any of them is made.
+    """Refuse a document that has too many variants, before any of them is made.
 
     Raises:
-        InputError: it would have.
+        InputError: the document has too many variants.
     """
     entries = document.vast.configuration or []
     counted = [(count_entry(document, entry), entry) for entry in entries]
@@ -46,7 +48,7 @@ def refuse_too_many(document: Document, limit: int) -> None:
 
 
 def too_many(path: Path, total: int, limit: int, detail: str) -> InputError:
-    """The error that says so."""
+    """The error about too many variants."""
     return InputError(
         f"{path}: would have {total:,} configurations, more than {limit:,}: {detail}. Variations "
         "that follow one another multiply; use OneOfVariation where they need not, give fewer "
@@ -56,7 +58,7 @@ def too_many(path: Path, total: int, limit: int, detail: str) -> InputError:
 
 
 def count_entry(document: Document, entry: ConfigurationEntry) -> int:
-    """How many variants an entry makes at most; a type that cannot say it counts as one."""
+    """Most variants that an entry may have; variation types that cannot tell count as one."""
     calls = entry.variations or []
     factors = (most_of_each(call.name, call.parameters, document.folder) for call in calls)
     return min(UNCOUNTABLE, math.prod(factors))

@@ -1,4 +1,4 @@
-"""Choosing variants by name."""
+"""Selects variants by name."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from robovast.model.expansion.variant import Variant
 
 
 def select_variants(variants: Sequence[Variant], pattern: str) -> list[Variant]:
-    """Variants whose name, or whose entry's name, equals the pattern or matches it as a glob.
+    """Variants whose name or entry name equals the pattern or matches it as a glob.
 
     Raises:
-        InputError: none does.
+        InputError: no variant matches.
     """
     chosen = [v for v in variants if v.name == pattern or v.entry == pattern]
     if not chosen:
@@ -32,10 +32,10 @@ def select_variants(variants: Sequence[Variant], pattern: str) -> list[Variant]:
 
 
 def select_any(variants: Sequence[Variant], patterns: Sequence[str]) -> list[Variant]:
-    """Variants that any of the patterns selects, in their order; no pattern selects all.
+    """Variants that match any of the patterns, in their order; no pattern selects all.
 
     Raises:
-        InputError: a pattern selects none.
+        InputError: a pattern matches no variant.
     """
     chosen = {v.name for pattern in patterns for v in select_variants(variants, pattern)}
     return [v for v in variants if v.name in chosen or not patterns]

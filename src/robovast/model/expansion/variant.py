@@ -10,7 +10,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class ConfigFile:
-    """A file that one variant alone needs."""
+    """A file that belongs to one variant."""
 
     name: str
     """Path relative to the config folder of the container."""
@@ -34,14 +34,14 @@ class Variant:
     """One concrete set of scenario parameters, and the folder name of its results."""
 
     name: str
-    """Entry name and one index per variation, as `hall-3-2`."""
+    """Entry name and one index per variation, such as `hall-3-2`."""
     entry: str
-    """Name of the configuration entry that it comes from."""
+    """Name of its configuration entry."""
     parameters: Mapping[str, Any]
     """Scenario parameters that differ from the scenario's defaults."""
     files: tuple[ConfigFile, ...] = ()
-    """Files of this variant alone."""
+    """Files of this variant."""
     variations: tuple[VariationRecord, ...] = ()
-    """What was applied, in order."""
+    """The variations that were applied, in order."""
     extra: Mapping[str, Any] = field(default_factory=dict)
-    """Further keys that variation plugins left, most of them beginning with `_`."""
+    """Further keys that variation types set; most begin with `_`."""

@@ -14,7 +14,7 @@ BUILT_IN_TYPES = (
     ParameterVariationDistributionUniform,
     ParameterVariationList,
 )
-"""The types that need nothing but a scenario; they are called as their classes are."""
+"""Built-in types that need only a scenario; their names are those of their classes."""
 
 __all__ = [
     "BUILT_IN_TYPES",

@@ -19,43 +19,42 @@ ConfigFiles = Sequence[tuple[str, str]]
 
 @dataclass
 class ProvContribution:
-    """What a variation adds to the provenance graph of a campaign."""
+    """A variation's additions to a campaign's provenance graph."""
 
     graph_nodes: list[dict[Any, Any]] = field(default_factory=list)
     """JSON-LD nodes for the `@graph`."""
     scenario_properties: dict[Any, Any] = field(default_factory=dict)
     """Properties of the configuration's concrete scenario."""
     run_used_iris: list[Any] = field(default_factory=list)
-    """What every run of the configuration declares as `prov:used`."""
+    """Values of `prov:used` for every run of the configuration."""
 
 
 class Variation:
-    """Makes configurations of configurations.
+    """Base class of variation types, which make configurations from configurations.
 
     A configuration is a dict with `name`, `config` (scenario parameters), `_config_files` (pairs of
     a relative name and an absolute path) and any other keys.
 
     Attributes:
         base_path: folder of the .vast file.
-        parameters: an instance of CONFIG_CLASS when there is one, else the mapping as written.
-        general_parameters: the section `general` of the document.
+        parameters: an instance of CONFIG_CLASS, or the mapping as written if there is none.
+        general_parameters: the document's section `general`.
         scenario_file: path of the scenario.
         output_dir: folder for generated files.
-        container_runner: starts the container that `get_required_container` names, or None.
+        container_runner: starts the container of `get_required_container`; None if there is none.
         entry: name of the configuration entry that is expanded.
     """
 
     entry: str = ""
 
     pure: ClassVar[bool] = False
-    """Whether the type only computes: it runs no code of users, starts no container and reads no
-    file but the scenario. Such types are expanded by the operator itself, without a Job.
-
-    It holds for the class that says it, and for none that inherits from it."""
+    """Whether the type is pure: it runs no user code, starts no container and reads no file but the
+    scenario. The operator expands pure types itself, without a Job. Subclasses do not inherit this.
+    """
     CONFIG_CLASS: ClassVar[type[BaseModel] | None] = None
     """Model of the parameters."""
     CACHE_ID: ClassVar[str | None] = None
-    """Version of the results, for types that cache what they make."""
+    """Version of the type's results, for types that cache them."""
     GUI_CLASS: ClassVar[Any] = None
     GUI_RENDERER_CLASS: ClassVar[Any] = None
 
@@ -83,27 +82,27 @@ class Variation:
         self._children: Counter[str] = Counter()
 
     def variation(self, in_configs: list[dict[str, Any]]) -> list[dict[str, Any]]:
-        """The configurations that this variation makes of others."""
+        """The configurations that this variation makes from the given ones."""
         raise NotImplementedError(f"{type(self).__name__} does not implement `variation`")
 
     @classmethod
     def is_pure(cls, parameters: Any) -> bool:
-        """Whether the type only computes, with these parameters.
+        """Whether the type is pure with these parameters.
 
         Args:
-            parameters: as written.
+            parameters: the parameters as written.
         """
         del parameters
         return bool(vars(cls).get("pure", False))
 
     @classmethod
     def most_of_each(cls, parameters: Any, base_path: str) -> int | None:
-        """How many configurations it makes of each at most; None when only making them tells.
+        """Most configurations made from each given one; None if only making them can tell.
 
-        A document with too many is refused before anything is made.
+        Documents with too many configurations are refused before any is made.
 
         Args:
-            parameters: as written.
+            parameters: the parameters as written.
             base_path: folder of the .vast file.
         """
         del parameters, base_path
@@ -116,16 +115,16 @@ class Variation:
         config_files: ConfigFiles | None = None,
         other_values: dict[str, Any] | None = None,
     ) -> dict[str, Any]:
-        """A copy of a configuration with further values.
+        """A copy of a configuration with additional values.
 
         Args:
-            config: the parent; it and its other children stay as they are.
+            config: the parent, which is not changed.
             scenario_values: scenario parameters to set.
-            config_files: further files of the configuration.
-            other_values: further keys of the configuration.
+            config_files: additional files of the configuration.
+            other_values: additional keys of the configuration.
 
         Returns:
-            The copy; its name is the parent's with the number of this child, from 1.
+            The copy; its name is the parent's followed by the number of this child, from 1.
         """
         name = config["name"]
         self._children[name] += 1
@@ -137,12 +136,12 @@ class Variation:
         return child
 
     def progress_update(self, msg: str) -> None:
-        """Tell the user what goes on."""
+        """Show the user a progress message."""
         if self.progress_update_callback is not None:
             self.progress_update_callback(f"{type(self).__name__}: {msg}")
 
     def get_cache_input_files(self, in_configs: list[dict[str, Any]]) -> list[str]:
-        """Files that decide the result."""
+        """Files that determine the result."""
         del in_configs
         return []
 
@@ -155,10 +154,10 @@ class Variation:
         return []
 
     def check_scenario_parameter_reference(self, reference_name: str) -> None:
-        """Make sure that the scenario has a parameter.
+        """Check that the scenario has a parameter.
 
         Raises:
-            ValueError: it has not.
+            ValueError: the scenario lacks the parameter.
         """
         known = scenario_defaults(self.scenario_file)
         if reference_name not in known:
@@ -169,14 +168,14 @@ class Variation:
 
     @classmethod
     def get_required_container(cls, parameters: Any) -> Any:
-        """The container that the variation needs, None when it needs none."""
+        """The container that the variation needs, or None."""
         del parameters
 
     @classmethod
     def collect_config_metadata(
         cls, config_entry: dict[str, Any], config_dir: Path, campaign_dir: Path
     ) -> dict[str, Any]:
-        """What to add to a configuration's entry in metadata.yaml."""
+        """Additions to a configuration's entry in metadata.yaml."""
         del config_entry, config_dir, campaign_dir
         return {}
 
@@ -189,7 +188,7 @@ class Variation:
         gen_activity_id: str,
         vast_id: str,
     ) -> ProvContribution | None:
-        """What to add to the provenance graph, None when nothing."""
+        """Additions to the provenance graph, or None."""
         del config_entry, campaign_namespace, config_namespace, gen_activity_id, vast_id
         return None
 
@@ -198,9 +197,9 @@ _SHARED = (str, int, float, bool, type(None))
 
 
 def _copy(value: Any) -> Any:
-    """A deep copy of containers; what cannot be changed is shared.
+    """A deep copy of containers; immutable values are shared.
 
-    Three times as fast as copy.deepcopy, and called once per configuration.
+    It is three times as fast as copy.deepcopy, and is called for every configuration.
     """
     kind = type(value)
     if kind in _SHARED:

@@ -1,8 +1,8 @@
-"""The numbers of NumPy's legacy generator, without NumPy.
+"""NumPy's legacy random numbers without NumPy.
 
-Users' results rest on `numpy.random.seed(…)` and `numpy.random.normal(…)`. Both are fixed for good
-(NumPy's NEP 19): a Mersenne Twister that Python has as well, seeded as in its authors' first
-version, and Marsaglia's polar method, which gives two numbers at a time.
+Users' results depend on `numpy.random.seed(…)` and `numpy.random.normal(…)`, whose algorithms are
+fixed (NumPy's NEP 19): the Mersenne Twister, which Python has as well, seeded by its authors'
+first method, and Marsaglia's polar method, which yields two numbers at a time.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ _32_BITS = 0xFFFFFFFF
 
 
 class LegacyRandom:
-    """A generator of the numbers that NumPy draws after `numpy.random.seed(seed)`.
+    """Generates the numbers that NumPy draws after `numpy.random.seed(seed)`.
 
     Args:
         seed: from 0 to 2**32 - 1.
 
     Raises:
-        ValueError: the seed is outside of that.
+        ValueError: the seed is out of range.
     """
 
     def __init__(self, seed: int) -> None:
@@ -36,7 +36,7 @@ class LegacyRandom:
         self._spare: float | None = None
 
     def normal(self, mean: float, std: float) -> float:
-        """A number of a normal distribution."""
+        """Draw a number from a normal distribution."""
         return mean + std * self._gauss()
 
     def _gauss(self) -> float:

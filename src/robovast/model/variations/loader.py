@@ -1,4 +1,4 @@
-"""Finding a variation type by name."""
+"""Finds variation types by name."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ def load_variation(name: str, folder: str | Path) -> type[Variation]:
         folder: the .vast file's folder.
 
     Raises:
-        InputError: there is none, it cannot be loaded, or it is no variation type.
+        InputError: it does not exist, cannot be loaded, or is not a variation type.
     """
     found = load_plugin(name, GROUP, folder)
     if not (isinstance(found, type) and issubclass(found, Variation)):
         raise InputError(
-            f"`{name}` is no variation type: it must be a class that inherits from "
+            f"`{name}` is not a variation type: it must be a class that inherits from "
             "robovast.common.variation.Variation"
         )
     return found
 
 
 def is_pure(name: str, parameters: Any) -> bool:
-    """Whether a variation type only computes; one of a file does not, and none is loaded.
+    """Whether a variation type is pure; types in files are not, and are not loaded here.
 
-    One that is unknown, or refuses its parameters, counts as such: it cannot be applied at all.
+    Unknown types and wrong parameters count as pure: they cannot be applied at all.
     """
     if split_file_reference(name) is not None:
         return False
@@ -45,8 +45,8 @@ def is_pure(name: str, parameters: Any) -> bool:
 
 
 def most_of_each(name: str, parameters: Any, folder: str | Path) -> int:
-    """How many configurations a variation type makes of each at most; 1 when it cannot say."""
+    """Most configurations that a variation type makes from each given one; 1 if it cannot tell."""
     try:
         return load_variation(name, folder).most_of_each(parameters, str(folder)) or 1
     except (RobovastError, ValueError, TypeError):
-        return 1  # making them says what is wrong
+        return 1  # making them reports the error

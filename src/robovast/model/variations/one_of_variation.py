@@ -1,4 +1,4 @@
-"""Alternatives: each resulting configuration has exactly one of several variations applied."""
+"""Alternatives: exactly one of several variations is applied to each configuration."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ class OneOfVariationConfig(VariationConfig):
     """Parameters of OneOfVariation."""
 
     variations: Annotated[list[str | _OneCall], Field(min_length=1)]
-    """The alternatives, each as in `configuration[].variations`."""
+    """The alternatives, each written as in `configuration[].variations`."""
 
 
 class OneOfVariation(Variation):
-    """The union of what each alternative makes of the configurations.
+    """Combines the configurations of several alternative variations.
 
-    Variations that follow one another multiply the configurations; alternatives add to them.
+    Variations in sequence multiply the number of configurations; alternatives add to it.
     """
 
     CONFIG_CLASS = OneOfVariationConfig
@@ -32,7 +32,7 @@ class OneOfVariation(Variation):
 
     @classmethod
     def is_pure(cls, parameters: Any) -> bool:
-        """As far as all alternatives are."""
+        """True if all alternatives are pure."""
         from robovast.model.variations.loader import is_pure
 
         given = get_validated_config(parameters, OneOfVariationConfig)
@@ -40,19 +40,19 @@ class OneOfVariation(Variation):
 
     @classmethod
     def most_of_each(cls, parameters: Any, base_path: str) -> int | None:
-        """As many as all alternatives together."""
+        """The sum over all alternatives."""
         from robovast.model.variations.loader import most_of_each
 
         given = get_validated_config(parameters, OneOfVariationConfig)
         return sum(most_of_each(*_call(item), base_path) for item in given.variations)
 
     def variation(self, in_configs: list[dict[str, Any]]) -> list[dict[str, Any]]:
-        """What the first alternative makes of each configuration, then the second, and so on."""
+        """The first alternative's configurations, then the second's, and so on."""
         result = []
         for config in in_configs:
             for definition in self.parameters.variations:
                 made = self._alternative(definition).variation([{**config}])
-                # One index for the whole union: an alternative numbers only its own.
+                # Each alternative numbers only its own configurations; the union is numbered here.
                 result += [
                     self.update_config({**item, "name": config["name"]}, {}) for item in made
                 ]
@@ -76,17 +76,17 @@ class OneOfVariation(Variation):
         return alternative
 
     def get_input_files(self) -> list[str]:
-        """What the alternatives name, and the files that they are in themselves."""
+        """Input files of the alternatives, and alternatives that are files themselves."""
         names = (_call(item)[0] for item in self.parameters.variations)
         references = filter(None, map(split_file_reference, names))
         read = (name for applied in self._applied for name in applied.get_input_files())
         return [*(path for path, _ in references), *read]
 
     def get_campaign_transient_files(self) -> list[tuple[str, str]]:
-        """Those of the alternatives."""
+        """Transient files of the alternatives."""
         return [pair for one in self._applied for pair in one.get_campaign_transient_files()]
 
 
 def _call(definition: str | dict[str, Any]) -> tuple[str, Any]:
-    """Name and parameters of an alternative."""
+    """An alternative's name and parameters."""
     return (definition, {}) if isinstance(definition, str) else next(iter(definition.items()))

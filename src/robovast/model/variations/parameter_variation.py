@@ -24,9 +24,9 @@ class ParameterVariationListConfig(VariationConfig):
     """Parameters of ParameterVariationList."""
 
     name: str | Annotated[list[str], Field(min_length=1)]
-    """Scenario parameter, or several that change together."""
+    """The scenario parameter, or several that change together."""
     values: Annotated[list[Any], Field(min_length=1)]
-    """Its values, one configuration for each; of several parameters lists, as long as `name`."""
+    """One value for each configuration; with several parameters, lists as long as `name`."""
 
     @model_validator(mode="after")
     def _as_many_values_as_names(self) -> ParameterVariationListConfig:
@@ -49,7 +49,7 @@ class ParameterVariationList(Variation):
 
     @classmethod
     def most_of_each(cls, parameters: Any, base_path: str) -> int | None:
-        """As many as there are values."""
+        """The number of values."""
         del base_path
         return len(get_validated_config(parameters, ParameterVariationListConfig).values)
 
@@ -67,7 +67,7 @@ class ParameterVariationList(Variation):
 
 
 def _number_in(value: Any) -> Any:
-    """The number or truth value that a text reads as; else the value itself."""
+    """The number or truth value that a text represents; any other value unchanged."""
     if not isinstance(value, str):
         return value
     try:
@@ -98,7 +98,7 @@ class _DistributionConfig(VariationConfig):
     type: str = "float"
     """Type of the values: `int` or `integer`, `float`, `double` or `number`, `bool`; else text."""
     seed: int | None = None
-    """Seed; without one it follows from the configuration's and the parameter's name."""
+    """Seed; by default derived from the names of the configuration and the parameter."""
 
     @property
     def kind(self) -> str:
@@ -112,14 +112,14 @@ class ParameterVariationDistributionUniformConfig(_DistributionConfig):
     min: float
     """One end of the values."""
     max: float
-    """The other end; of `bool` the share of true values."""
+    """The other end; for `bool`, the share of true values."""
 
 
 class ParameterVariationDistributionGaussianConfig(_DistributionConfig):
     """Parameters of ParameterVariationDistributionGaussian."""
 
     seed: Annotated[int, Field(ge=0, lt=2**32)] | None = None
-    """Seed; without one it follows from the configuration's and the parameter's name."""
+    """Seed; by default derived from the names of the configuration and the parameter."""
     mean: float
     """Mean of the distribution; a `bool` is true from there on."""
     std: Annotated[float, Field(ge=0, validation_alias=AliasChoices("std", "std_dev"))]
@@ -133,15 +133,15 @@ class ParameterVariationDistributionGaussianConfig(_DistributionConfig):
 class _DistributionVariation(Variation):
     @classmethod
     def most_of_each(cls, parameters: Any, base_path: str) -> int | None:
-        """As many as values are drawn."""
+        """The number of drawn values."""
         del base_path
         return _Number.model_validate(parameters).num_variations
 
     def _with_each(self, in_configs: Configs, draw: Callable[[], Value]) -> Configs:
-        """Each configuration with each drawn value; all get the same values."""
+        """Each configuration with each drawn value; all configurations get the same values."""
         name, kind = self.parameters.name, self.parameters.type
         if self.parameters.kind == "text" and kind not in _TEXT:
-            self.progress_update(f"`type: {kind}` is no type that is known: the values are text")
+            self.progress_update(f"`type: {kind}` is not a known type: the values are text")
         values = [draw() for _ in range(self.parameters.num_variations)]
         return [self.update_config(c, {name: value}) for c in in_configs for value in values]
 
@@ -153,9 +153,9 @@ class _DistributionVariation(Variation):
 
 
 class ParameterVariationDistributionUniform(_DistributionVariation):
-    """Values drawn from a uniform distribution; integers include both ends, cut to whole numbers.
+    """Draws values from a uniform distribution; integers include both ends, cut to whole numbers.
 
-    They are those of Python's `random` with the same seed.
+    The values are those of Python's `random` with the same seed.
     """
 
     CONFIG_CLASS = ParameterVariationDistributionUniformConfig
@@ -179,7 +179,7 @@ class ParameterVariationDistributionUniform(_DistributionVariation):
 
 
 class ParameterVariationDistributionGaussian(_DistributionVariation):
-    """Values drawn from a normal distribution, those of `numpy.random.seed` and `.normal`."""
+    """Draws values from a normal distribution, as `numpy.random.seed` and `.normal` do."""
 
     CONFIG_CLASS = ParameterVariationDistributionGaussianConfig
     pure = True
