@@ -61,10 +61,10 @@ def test_links_of_a_run_lead_nowhere(host: Path, tmp_path: Path, extra: str) -> 
 
 
 JUDGED = [
-    ("rm {0}/test.xml; mkfifo {0}/test.xml", "is no regular file"),
+    ("rm {0}/test.xml; mkfifo {0}/test.xml", "is not a regular file"),
     ("rm {0}/test.xml; truncate -s 1T {0}/test.xml", "is larger than"),
     ("cp {0}/test.xml {0}/o; rm {0}/test.xml; ln -s o {0}/test.xml", "is a link"),
-    ("echo '<html/>' > {0}/test.xml", "no JUnit report"),
+    ("echo '<html/>' > {0}/test.xml", "not a JUnit report"),
 ]
 
 

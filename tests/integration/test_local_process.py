@@ -281,7 +281,7 @@ def test_a_glob_that_matches_no_configuration_names_what_there_is(tmp_path: Path
 
 
 def test_resuming_what_is_no_campaign_says_so(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no campaign folder"):
+    with pytest.raises(InputError, match="not a campaign's folder"):
         resume(tmp_path)
 
 

@@ -78,7 +78,7 @@ def make_link(path: Path) -> None:
 @pytest.mark.parametrize("make", [make_pipe, make_socket, make_link, Path.mkdir])
 def test_only_regular_files_are_opened(out: Path, make: Callable[[Path], object]) -> None:
     make(out / "x")
-    with pytest.raises(OSError, match=r"is a folder|is a link|is no regular file"):
+    with pytest.raises(OSError, match=r"is a folder|is a link|is not a regular file"):
         safe_paths.open_file(out / "x")
 
 

@@ -110,7 +110,7 @@ def _refuse_others(kind: int) -> None:
     if stat.S_ISLNK(kind):
         raise OSError(errno.ELOOP, LINK)
     if not stat.S_ISREG(kind):
-        raise OSError(errno.EINVAL, "it is no regular file")
+        raise OSError(errno.EINVAL, "it is not a regular file")
 
 
 def _refuse_holes(file: BinaryIO) -> None:

@@ -352,7 +352,7 @@ def _check_regular(found: os.stat_result, path: Path | str) -> None:
         raise IsADirectoryError(errno.EISDIR, "is a folder", str(path))
     if not stat.S_ISREG(found.st_mode):
         link = stat.S_ISLNK(found.st_mode)
-        why = "is a link, which is not followed" if link else "is no regular file"
+        why = "is a link, which is not followed" if link else "is not a regular file"
         raise OSError(errno.ELOOP if link else errno.EINVAL, why, str(path))
 
 

@@ -1,4 +1,4 @@
-"""Unpacking an archive that nobody vouches for: nothing is written outside its folder."""
+"""Unpacks archives from untrusted sources; never writes outside the target folder."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from typing import IO, Any, Literal, Self
 from robovast.base.errors import InputError
 
 CHUNK = 2**20
-"""How much of a file is held in memory [byte]."""
+"""Block size for copying files [byte]."""
 
 MOST_EXPANSION = 200
-"""How many times its own size an archive may unpack to; a campaign takes 2 to 30 times as much."""
+"""Largest ratio of unpacked to packed size; campaigns have ratios from 2 to 30."""
 LEAST_ROOM = 64 << 20
-"""What any archive may unpack to [byte]."""
+"""Unpacked size that is allowed for any archive [byte]."""
 _LONGEST_TARGET = 4096
-"""Of a link, what Linux takes [byte]: a longer one is refused when it is made."""
+"""Longest target of a link in Linux [byte]; creating longer links fails."""
 _LONGEST_HEADER = 1 << 20
-"""Of a tar file, what tells name and times of an entry [byte]; it is read into memory at once."""
+"""Largest metadata of a tar entry [byte]; tarfile reads it into memory at once."""
 _HEADERS = (
     tarfile.XHDTYPE,
     tarfile.XGLTYPE,
@@ -37,7 +37,7 @@ _HEADERS = (
     tarfile.GNUTYPE_LONGLINK,
 )
 _OVERHEAD = 512
-"""What an entry takes, however empty it is [byte]."""
+"""Disk space that is counted for every entry, even an empty one [byte]."""
 
 _DAMAGED = (
     tarfile.TarError,
@@ -46,8 +46,8 @@ _DAMAGED = (
     lzma.LZMAError,
     BadGzipFile,
     EOFError,
-    KeyError,  # a hard link to what is not in the archive
-    NotImplementedError,  # a compression that Python does not know
+    KeyError,  # a hard link to a file outside the archive
+    NotImplementedError,  # an unknown compression
     UnicodeError,
     RuntimeError,  # an encrypted zip file
 )
@@ -55,29 +55,29 @@ _DAMAGED = (
 
 @dataclass(frozen=True)
 class Member:
-    """One entry of an archive."""
+    """An entry of an archive."""
 
     name: str
     kind: Literal["file", "folder", "link", "other"]
     open: Callable[[], IO[bytes] | None]
-    """Content of a file, target of a link in a zip file."""
+    """Content of a file; for links in zip files, the target."""
     executable: bool = False
     modified: float = 0.0
-    """[s since the epoch]"""
+    """Modification time [s since the epoch]."""
     target: str = ""
-    """Of a link."""
+    """Target of a link."""
 
 
 def unpack(archive: Path, folder: Path) -> list[Path]:
     """Unpack a tar file (any compression) or a zip file into an empty folder.
 
-    Owners and special permissions are not taken over.
+    Owners and special permissions are not restored.
 
     Returns:
-        The symbolic links, which may lead anywhere: see `refuse_links_out`.
+        The symbolic links, which may point anywhere: check them with `refuse_links_out`.
 
     Raises:
-        InputError: there is no such archive, it is damaged, or something in it wants out.
+        InputError: the archive is missing, damaged, or has an entry outside the folder.
         OSError: the folder cannot be written.
     """
     links: dict[Path, str] = {}
@@ -98,32 +98,34 @@ def unpack(archive: Path, folder: Path) -> list[Path]:
 
 
 def refuse_links_out(archive: Path, links: Iterable[Path], folder: Path) -> None:
-    """Accept links only when they end in a folder, whichever links they pass on their way.
+    """Refuse links that end outside a folder, whichever links they pass on their way.
 
     Raises:
-        InputError: one does not.
+        InputError: a link ends outside the folder, or nowhere.
     """
     root = folder.resolve()
     for link in links:
         try:
             end = link.resolve()
-        except (OSError, RuntimeError):  # Python before 3.13 says the latter of a circle
+        except (OSError, RuntimeError):  # Python before 3.13 raises RuntimeError for circular links
             raise _refused(archive, link.name, "is a link that leads in a circle") from None
         if not end.is_relative_to(root):
-            raise _refused(archive, link.name, f"is a link that leads out, to `{link.readlink()}`")
+            raise _refused(
+                archive, link.name, f"is a link out of the results, to `{link.readlink()}`"
+            )
 
 
 def _checked(archive: Path, member: Member) -> PurePosixPath:
     path = PurePosixPath(member.name)
     if path.is_absolute() or ".." in path.parts or "\0" in member.name:
-        raise _refused(archive, member.name, "wants to be outside of the results")
+        raise _refused(archive, member.name, "is outside of the results")
     if member.kind == "other":
         raise _refused(archive, member.name, "is neither a file, a folder nor a link")
     return path
 
 
 class _Entry(tarfile.TarInfo):
-    """An entry of a tar file of which little is held in memory."""
+    """A tar entry whose metadata in memory is limited."""
 
     @classmethod
     def frombuf(cls, buf: bytes | bytearray, encoding: Any, errors: str) -> Self:
@@ -135,7 +137,7 @@ class _Entry(tarfile.TarInfo):
 
 
 class _Room:
-    """How much an archive may still unpack to: a bomb does not fill the disk."""
+    """The space that an archive may still take when unpacked, as a limit for archive bombs."""
 
     def __init__(self, archive: Path) -> None:
         self._archive = archive
@@ -143,25 +145,25 @@ class _Room:
         self._left = self._most
 
     def take(self, size: int) -> None:
-        """Use some of it.
+        """Use some of the space.
 
         Raises:
-            InputError: so much is not left.
+            InputError: not enough space is left.
         """
         self._left -= size
         if self._left < 0:
             raise InputError(
-                f"{self._archive}: refused, because it unpacks to more than {self._most >> 20} MiB,"
-                f" {MOST_EXPANSION} times its size, as campaigns do not, but archives that are to "
-                "fill a disk. Nothing was imported. If you trust it, unpack it with `tar` or "
-                "`unzip` into the results folder."
+                f"{self._archive}: refused, because it unpacks to more than {self._most >> 20} "
+                f"MiB, {MOST_EXPANSION} times its size. Campaigns are not that large, but archives "
+                "made to fill a disk are. Nothing was imported. If you trust it, unpack it with "
+                "`tar` or `unzip` into the results folder."
             )
 
 
 def _size(archive: Path) -> int:
     try:
         return archive.stat().st_size
-    except OSError:  # told when it is opened
+    except OSError:  # reported when the archive is opened
         return 0
 
 
@@ -179,20 +181,20 @@ def _write(archive: Path, member: Member, path: Path, room: _Room) -> None:
                         room.take(len(chunk))
                         file.write(chunk)
     except (FileExistsError, NotADirectoryError):
-        raise _refused(archive, member.name, "is there twice") from None
+        raise _refused(archive, member.name, "occurs twice") from None
     if member.executable:
         path.chmod(0o755)
-    with suppress(OverflowError, ValueError):  # a time that no disk knows
+    with suppress(OverflowError, ValueError):  # a time that the file system cannot store
         os.utime(path, (member.modified, member.modified))
 
 
 def _link(archive: Path, path: Path, target: str) -> None:
     if PurePosixPath(target).is_absolute() or not target or "\0" in target:
-        raise _refused(archive, path.name, f"is a link to `{target}`, not to a place beside it")
+        raise _refused(archive, path.name, f"is a link to the absolute or empty path `{target}`")
     try:
         path.symlink_to(target)
     except FileExistsError:
-        raise _refused(archive, path.name, "is there twice") from None
+        raise _refused(archive, path.name, "occurs twice") from None
 
 
 def _refused(archive: Path, name: str, why: str) -> InputError:
@@ -201,9 +203,9 @@ def _refused(archive: Path, name: str, why: str) -> InputError:
 
 @contextmanager
 def _members(archive: Path) -> Iterator[Iterator[Member]]:
-    """The members of an archive while it is open."""
+    """The entries of an archive, which is open meanwhile."""
     if archive.exists() and not archive.is_file() and not archive.is_dir():
-        raise InputError(f"{archive}: is no regular file. Name the archive itself.")
+        raise InputError(f"{archive}: is not a regular file. Name the archive itself.")
     try:
         with archive.open("rb") as file:
             if zipfile.is_zipfile(file):
@@ -220,19 +222,19 @@ def _members(archive: Path) -> Iterator[Iterator[Member]]:
         raise InputError(f"{archive}: cannot be read: {error.strerror}.") from None
     except _DAMAGED as error:
         raise InputError(
-            f"{archive}: is no archive of a campaign, or is damaged or incomplete "
+            f"{archive}: is not a campaign's archive, or is damaged or incomplete "
             f"({_cause(error)}). Fetch it again."
         ) from error
 
 
 def _cause(error: BaseException) -> str:
-    """What is wrong in one line; `tarfile` tells one for each compression that it is not."""
+    """The error in one line; `tarfile` gives a line for each compression that does not match."""
     lines = str(error).splitlines() or [type(error).__name__]
-    return lines[0] if len(lines) == 1 else "it begins as no tar or zip file does"
+    return lines[0] if len(lines) == 1 else "it does not begin like a tar or zip file"
 
 
 def _read_to_the_end(tar: tarfile.TarFile) -> None:
-    """Let the compression check what it has said: the checksum stands at the very end."""
+    """Read the rest, so that the checksum at the very end of a compressed file is verified."""
     while tar.fileobj is not None and tar.fileobj.read(CHUNK):
         pass
 

@@ -1,4 +1,4 @@
-"""Variants in `_transient/configurations.yaml`, written and read."""
+"""Reads and writes variants in `_transient/configurations.yaml`."""
 
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ _OWN_KEYS = frozenset({"name", "config", "_config_name", "_config_files", "_vari
 
 
 def read_configurations(layout: Layout) -> dict[str, Any]:
-    """Content of `configurations.yaml`.
+    """The content of `configurations.yaml`.
 
     Raises:
-        InputError: the folder is no campaign, or the file is damaged.
+        InputError: the folder is not a campaign, or the file is damaged.
     """
     path = layout.transient / "configurations.yaml"
     data = read_mapping(path)
     if not path.exists():
         raise InputError(
-            f"{layout.root} is no campaign folder: {path.relative_to(layout.root)} is missing."
+            f"{layout.root} is not a campaign's folder: {path.relative_to(layout.root)} is missing."
         )
     if not isinstance(data.get("configs"), list):
-        raise InputError(f"{path}: holds no list of configurations.")
+        raise InputError(f"{path}: has no list of configurations.")
     return data
 
 
 def read_variants(layout: Layout) -> tuple[str, list[Variant]]:
-    """Name of the .vast file in `_config`, and the campaign's variants in order."""
+    """The name of the .vast file in `_config`, and the campaign's variants in order."""
     data = read_configurations(layout)
     return str(data.get("vast")), [variant_of(layout, item) for item in data["configs"]]
 
 
 def configuration_record(variant: Variant, *, timings: bool) -> dict[str, Any]:
-    """A variant as it stands in `configurations.yaml`.
+    """A variant's entry in `configurations.yaml`.
 
     Args:
         variant: the variant.
-        timings: also say when each variation was applied and how long it took; without, equal
-            variants give equal records.
+        timings: include when each variation was applied and how long it took; without timings,
+            equal variants have equal records.
     """
     return {
         "name": variant.name,
@@ -62,7 +62,7 @@ def configuration_record(variant: Variant, *, timings: bool) -> dict[str, Any]:
 
 
 def variants_digest(variants: Iterable[Variant]) -> str:
-    """SHA-256 of variants: equal ones have equal ones, in any version that expands them alike."""
+    """SHA-256 of variants; equal variants have equal digests in all versions that expand alike."""
     whole = hashlib.sha256()
     for variant in variants:
         whole.update(fingerprint(configuration_record(variant, timings=False)).encode())
@@ -70,7 +70,7 @@ def variants_digest(variants: Iterable[Variant]) -> str:
 
 
 def variant_of(layout: Layout, item: Mapping[str, Any]) -> Variant:
-    """The variant of a `configuration_record`."""
+    """The variant in a `configuration_record`."""
     name = item["name"]
     files = layout.variant_config(name)
     return Variant(

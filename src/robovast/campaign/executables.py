@@ -1,4 +1,4 @@
-"""Code that a campaign brings along, for users to look at before commands execute it."""
+"""Lists code that a campaign contains, so that users can review it before it is executed."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from robovast.campaign.layout import Layout
 _SECTIONS = ("results_processing", "analysis")
 _CALLS = ("postprocessing", "metadata_processing", "publication")
 _SHELL = "command"
-"""The postprocessing command that executes any other."""
+"""The postprocessing command that executes any program."""
 
 
 _NAMED = 5
-"""How much is named in a message."""
+"""Most items that a message names."""
 
 
 def executables_of(campaign: Path) -> list[str]:
-    """Plugins in files, postprocessing commands and notebooks of a campaign, each described."""
+    """Describe the plugin files, postprocessing commands and notebooks of a campaign."""
     config = Layout(campaign).config
     notebooks = (f"notebook `{path.relative_to(config)}`" for path in config.rglob("*.ipynb"))
     calls = (call for path in config.glob("*.vast") for call in _calls(path))
@@ -29,21 +29,21 @@ def executables_of(campaign: Path) -> list[str]:
 
 
 def warn_of_executables(campaign: Path) -> str | None:
-    """What to tell who took a campaign over from elsewhere; None when nothing would be executed."""
+    """A warning for users who imported a campaign; None if it contains no code."""
     found = executables_of(campaign)
     if not found:
         return None
     more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
     return (
-        f"{campaign.name} brings what is executed with your rights: {', '.join(found[:_NAMED])}"
-        f"{more}. Look at it first, or leave it out: `vast results metadata --no-plugins`, "
-        "`vast evaluation gui --skip-postprocessing`."
+        f"{campaign.name} contains code that is executed with your rights: "
+        f"{', '.join(found[:_NAMED])}{more}. Review it first, or leave it out: `vast results "
+        "metadata --no-plugins`, `vast evaluation gui --skip-postprocessing`."
     )
 
 
 def _calls(document: Path) -> Iterator[Any]:
-    """Every entry of a document that may name a plugin; what is of another form names none."""
-    data = read_mapping_leniently(document)  # what is damaged, no command reads, either
+    """Every entry of a document that may name a plugin; entries of other forms cannot."""
+    data = read_mapping_leniently(document)  # commands cannot read a damaged one either
     yield from (
         name for entry in _items(data, "configuration") for name in _items(entry, "variations")
     )

@@ -1,4 +1,4 @@
-"""Finding the campaigns of a results folder."""
+"""Finds the campaigns in a results folder."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ LOGGER = logging.getLogger(__name__)
 
 
 def find_campaigns(results: Path) -> list[Path]:
-    """The campaigns in a folder, sorted by name; the folder itself when it is one.
+    """The campaigns in a folder, sorted by name; the folder itself if it is a campaign.
 
-    A campaign is told by its `_execution` folder or the .vast file in its `_config` folder, or by
-    its name alone when it was aborted early. A hidden folder is none: it is still being written.
-    What is called as no campaign or configuration can be (escapes of terminals, line ends, bytes
-    that are no UTF-8) is left out, with a warning.
+    A campaign is recognized by its `_execution` folder or the .vast file in its `_config` folder;
+    if it was aborted early, by its name. Hidden folders are ignored, since they are still being
+    written. Names that no campaign or configuration can have (escape sequences, line ends, invalid
+    UTF-8) are left out with a warning.
 
     Raises:
-        InputError: there is no such folder, or no campaign in it.
+        InputError: the folder is missing or contains no campaign.
     """
     if results.is_file():
-        raise InputError(f"{results} is a file; name the folder of results, or a campaign's.")
+        raise InputError(f"{results} is a file; name a results folder or a campaign's folder.")
     if not results.is_dir():
-        raise InputError(f"{results}: there is no such folder of results.")
+        raise InputError(f"{results}: there is no such folder.")
     if _holds_campaign(results):
         _warn_of_names(results)
         return [results]
@@ -35,7 +35,7 @@ def find_campaigns(results: Path) -> list[Path]:
     found = [path for path in folders if is_campaign_dir(path) or _holds_campaign(path)]
     if not found:
         raise InputError(
-            f"{results} holds no campaign: neither it nor a folder in it has a .vast file in "
+            f"{results} contains no campaign: neither it nor a folder in it has a .vast file in "
             "`_config`. Name the results folder with `-r`."
         )
     found = [path for path in found if is_printable(path.name)]

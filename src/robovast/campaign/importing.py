@@ -1,4 +1,4 @@
-"""Importing a campaign from an archive."""
+"""Imports a campaign from an archive."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ _CAMPAIGN_FOLDERS = ("_config", "_execution")
 
 
 def import_archive(archive: Path, output: Path, *, force: bool = False) -> Path:
-    """Unpack a campaign's archive; returns the campaign's folder.
+    """Unpack a campaign's archive and return the campaign's folder.
 
-    The campaign appears at once and complete, or not at all.
+    The campaign appears complete or not at all.
 
     Args:
-        archive: a tar file (any compression) or zip file, of the campaign's folder or of what is
-            in it; in the latter case its name is the campaign's.
-        output: folder for the campaign's folder; made when missing.
+        archive: a tar file (any compression) or zip file that contains the campaign's folder, or
+            only the folder's content; then the archive's name becomes the campaign's name.
+        output: parent of the campaign's folder; created if missing.
         force: replace a campaign of the same name.
 
     Raises:
-        InputError: the archive cannot be read, is unsafe, or holds no campaign.
-        StorageError: the campaign is here already, or cannot be written.
+        InputError: the archive cannot be read, is unsafe, or contains no campaign.
+        StorageError: the campaign exists already, or cannot be written.
     """
     name = campaign_of_archive(archive.name)
     with explained(output), scratch_folder(output / name) as scratch:
@@ -41,22 +41,22 @@ def import_archive(archive: Path, output: Path, *, force: bool = False) -> Path:
 
 
 def _check_names(archive: Path, campaign: Path) -> None:
-    """Refuse names that no campaign has, and that are to deceive who reads them."""
+    """Refuse names that no campaign can have and that could deceive the reader."""
     if campaign.name.startswith("."):
         raise InputError(
-            f"{archive}: refused, because its campaign is called `{campaign.name}`: what is "
-            "hidden is no campaign. Nothing was imported."
+            f"{archive}: refused, because its campaign is called `{campaign.name}`, and hidden "
+            "folders are not campaigns. Nothing was imported."
         )
     for path in (campaign, *campaign.iterdir()):
         if one_line(path.name) != path.name:
             raise InputError(
                 f"{archive}: refused, because the name `{one_line(path.name)}` in it has "
-                "characters that terminals obey instead of showing them. Nothing was imported."
+                "characters that terminals obey and do not show. Nothing was imported."
             )
 
 
 def campaign_of_archive(name: str) -> str:
-    """Name of the campaign whose archive has this file name."""
+    """Name of the campaign in an archive of this file name."""
     suffix = next((suffix for suffix in _SUFFIXES if name.endswith(suffix)), "")
     return name.removesuffix(suffix) or "campaign"
 
@@ -68,6 +68,6 @@ def _campaign_in(archive: Path, whole: Path) -> Path:
         return folder
     names = ", ".join(sorted(path.name for path in content)[:5]) or "nothing"
     raise InputError(
-        f"{archive} holds no campaign, but {names}. It must hold one campaign's folder, with "
+        f"{archive} contains no campaign, but {names}. It must contain one campaign's folder, with "
         "`_config` in it. Nothing was imported."
     )

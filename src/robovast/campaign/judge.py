@@ -1,4 +1,4 @@
-"""The verdict on a run: what test.xml says, unless the run was ended from outside."""
+"""The final verdict of a run: from test.xml, unless the run was ended from outside."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ class Ending:
     """How the process that executed a run ended."""
 
     exit_code: int | None
-    """None while it still runs (an earlier run of a pack)."""
+    """Exit code; None while the process still runs (for earlier runs of a pack)."""
     timed_out: bool = False
     interrupted: bool = False
     container_killed: bool = False
-    """True when all of its container was killed, and only others can know why."""
+    """True when its whole container was killed; the reason is not visible from inside."""
     lacked_memory: bool = False
     """True when the kernel killed a process of the job for lack of memory."""
 
     @property
     def from_outside(self) -> bool:
-        """True when the job was stopped; what it reports of its current run then counts little."""
+        """True when the job was stopped, so that the result of its current run is unreliable."""
         return self.timed_out or self.interrupted
 
 
@@ -31,10 +31,10 @@ def judge(result: TestResult, ending: Ending, timeout: int | None, log: bytes) -
     """The final result of a run.
 
     Args:
-        result: what its test.xml says.
-        ending: how its process ended.
+        result: the result in test.xml.
+        ending: how the process ended.
         timeout: the document's limit [s].
-        log: the end of the job's log, quoted when there is no verdict.
+        log: the end of the job's log, which is quoted when there is no verdict.
     """
     if ending.timed_out:
         reason = f"stopped after {timeout} s, the limit of execution.timeout"
@@ -74,7 +74,7 @@ def _explain(code: int) -> str:
 
 
 _END = "[robovast] ended with code"
-"""What the entrypoint says last, and what says nothing new."""
+"""The entrypoint's last message, which is never quoted."""
 
 
 def _last_line(log: bytes, limit: int = 200) -> str:

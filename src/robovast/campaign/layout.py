@@ -8,8 +8,8 @@
   _jobs/job-N/        sysinfo.yaml, logs/system.log, resource_usage_*.csv
   <variant>/_config/  config.yaml, scenario.config, files of this variant
   <variant>/<run>/    test.xml, what the run wrote, run.json, job -> ../../_jobs/job-N
-  .running/job-N/     what is being executed; gone when the campaign is over
-  .aside/<variant>/<run>   what stood in a run's place and was not understood; nobody reads it
+  .running/job-N/     runs in progress; removed at the end of the campaign
+  .aside/<variant>/<run>   unexpected content found in a run's place; never read
 ```
 """
 
@@ -26,13 +26,13 @@ from robovast.base.safe_paths import is_folder
 RUN_RECORD = "run.json"
 TEST_RESULT = "test.xml"
 JOB_LINK = "job"
-"""Link in a run's folder to the folder of the job that executed it."""
+"""Link from a run's folder to the folder of the job that executed it."""
 RUNNING = ".running"
 STAGE = ".download"
-"""Folder of runs that are not complete yet, in the campaign's folder."""
+"""Folder of unfinished runs in the campaign's folder."""
 ASIDE = ".aside"
 OWN_NAMES = (RUN_RECORD, JOB_LINK)
-"""What a run's folder has beside what the run wrote."""
+"""Names in a run's folder that the run did not write itself."""
 
 
 @dataclass(frozen=True)
@@ -44,32 +44,32 @@ class Layout:
 
     @property
     def config(self) -> Path:
-        """Copy of everything that the campaign was made from."""
+        """Copy of all inputs of the campaign."""
         return self.root / "_config"
 
     @property
     def execution(self) -> Path:
-        """Records of how it was executed."""
+        """Records of the campaign's execution."""
         return self.root / "_execution"
 
     @property
     def transient(self) -> Path:
-        """What was generated on the way."""
+        """Generated intermediate files."""
         return self.root / "_transient"
 
     @property
     def jobs(self) -> Path:
-        """Folder of the jobs' own output."""
+        """Output of the jobs, apart from their runs."""
         return self.root / "_jobs"
 
     @property
     def running(self) -> Path:
-        """Work folders of jobs that are being executed."""
+        """Work folders of jobs in progress."""
         return self.root / RUNNING
 
     @property
     def aside(self) -> Path:
-        """What stood in a run's place and was not understood."""
+        """Unexpected content that was found in the places of runs."""
         return self.root / ASIDE
 
     def job(self, name: str) -> Path:
@@ -81,7 +81,7 @@ class Layout:
         return self.root / name
 
     def variant_config(self, name: str) -> Path:
-        """Inputs of a variant alone."""
+        """Inputs of this variant only."""
         return self.root / name / "_config"
 
     def run(self, path: str) -> Path:
@@ -89,28 +89,28 @@ class Layout:
         return self.root / path
 
     def run_folders(self) -> Iterator[Path]:
-        """Folders of all runs that were stored, sorted by variant and number."""
+        """Folders of all stored runs, sorted by variant and number."""
         for variant in _folders(self.root):
             if is_variant(variant):
                 yield from self.run_folders_of(variant)
 
     def run_folders_of(self, variant: str) -> list[Path]:
-        """Folders of a variant's runs that were stored, sorted by number."""
+        """Folders of a variant's stored runs, sorted by number."""
         folder = self.variant(variant)
         numbers = (name for name in _folders(folder) if name.isdecimal() and name.isascii())
         return [folder / name for name in sorted(numbers, key=int)]
 
 
 def is_variant(name: str) -> bool:
-    """True for a name that a variant's folder can have."""
+    """Whether a variant's folder can have this name."""
     return not name.startswith(("_", ".")) and is_printable(name)
 
 
 def job_folder(run: Path) -> Path | None:
-    """The folder of the job that executed a stored run; None without one.
+    """The folder of the job that executed a stored run, or None.
 
-    Where the link was made of that folder's path on another machine, its end counts: nothing but
-    `_jobs` of the run's campaign is ever meant.
+    A link may contain a path of another machine; then only its end counts, and the folder is
+    always taken from `_jobs` of the run's own campaign.
     """
     try:
         parts = Path(os.readlink(run / JOB_LINK)).parts
@@ -123,6 +123,6 @@ def job_folder(run: Path) -> Path | None:
 
 
 def _folders(path: Path) -> list[str]:
-    """Names of the folders in a folder, sorted; links are none."""
+    """Names of the subfolders, sorted, without links."""
     with os.scandir(path) as entries:
         return sorted(entry.name for entry in entries if entry.is_dir(follow_symlinks=False))

@@ -1,7 +1,7 @@
-"""Merging campaigns: runs of equal configurations come together, numbered anew.
+"""Merges campaigns: runs of equal configurations are collected and numbered anew.
 
-Equal is what has the same `config_identifier`. The jobs of a campaign keep their names below a
-folder of its name: `_jobs/<campaign>/job-N`.
+Configurations are equal if their `config_identifier` is. Jobs keep their names, in a subfolder
+named after their campaign: `_jobs/<campaign>/job-N`.
 """
 
 from __future__ import annotations
@@ -23,27 +23,27 @@ from robovast.campaign.run_record import copy_run_record, read_run_record
 from robovast.campaign.verdict import read_test_result
 
 JOB = "job"
-"""Link in a run's folder to its job's own output."""
+"""Link from a run's folder to its job's own output."""
 MERGED_FROM = "merged_from"
-"""Key of a merged campaign's `execution.yaml`: whose runs it holds."""
+"""Key in a merged campaign's `execution.yaml`: the names of the original campaigns."""
 
 
 @dataclass(frozen=True)
 class MergeResult:
-    """What came together."""
+    """The result of a merge."""
 
     target: Path
     configurations: int
     runs: int
     left_out: tuple[str, ...]
-    """`<campaign>/<configuration>/<run>` of runs that did not go to their end."""
+    """`<campaign>/<configuration>/<run>` of runs that were skipped because they are incomplete."""
     unidentified: tuple[str, ...]
-    """`<campaign>/<configuration>` of those that stay alone: they have no `config_identifier`."""
+    """`<campaign>/<configuration>` of configurations without `config_identifier`; never merged."""
 
 
 @dataclass(frozen=True)
 class _Part:
-    """A configuration in one of the campaigns."""
+    """A configuration of one campaign."""
 
     campaign: Layout
     name: str
@@ -55,18 +55,19 @@ class _Part:
 
 
 def merge_campaigns(campaigns: Sequence[Path], target: Path) -> MergeResult:
-    """Copy the runs of several campaigns into a new one; the campaigns stay as they are.
+    """Copy the runs of several campaigns into a new one; the originals do not change.
 
-    What is made from all runs together (metadata, provenance, tables) is not taken over: it has
-    to be made again.
+    Files made from all runs together (metadata, provenance, tables) are not copied and must be
+    made again.
 
     Args:
-        campaigns: their folders; the last one gives `_config` and `_execution`.
+        campaigns: their folders; `_config` and `_execution` are taken from the last.
         target: folder of the new campaign; it appears when it is complete.
 
     Raises:
-        InputError: there is nothing to merge, two have one name, or runs would come twice.
-        StorageError: the target is there already, or cannot be written.
+        InputError: there is nothing to merge, two campaigns have one name, or runs would occur
+            twice.
+        StorageError: the target exists already, or cannot be written.
     """
     _check(campaigns)
     parts = [part for campaign in campaigns for part in _parts(Layout(campaign))]
@@ -101,20 +102,20 @@ def _check(campaigns: Sequence[Path]) -> None:
 
 
 def _check_origins(campaigns: Sequence[Path]) -> None:
-    """Refuse a merged campaign beside one that it was merged from."""
+    """Refuse to merge a merged campaign with one of its originals."""
     found: dict[str, str] = {}
     for path in campaigns:
         for origin in _origins(Layout(path)):
             if origin in found:
                 raise InputError(
-                    f"{found[origin]} and {path.name} both hold the runs of {origin}, which would "
-                    "come twice; name the campaigns to merge with `--campaign`."
+                    f"{found[origin]} and {path.name} both contain the runs of {origin}, which "
+                    "would occur twice; select the campaigns to merge with `--campaign`."
                 )
             found[origin] = path.name
 
 
 def _check_runs(campaigns: Sequence[Path]) -> None:
-    """Refuse two campaigns with one run: copies, of which one was renamed."""
+    """Refuse campaigns that contain the same run, such as renamed copies."""
     found: dict[tuple[object, ...], tuple[str, Path]] = {}
     for path in campaigns:
         for run in Layout(path).run_folders():
@@ -122,17 +123,15 @@ def _check_runs(campaigns: Sequence[Path]) -> None:
             other, place = found.setdefault(mark, (path.name, run)) if mark else (path.name, run)
             if other != path.name:
                 raise InputError(
-                    f"{other} and {path.name} both hold the run {place.parent.name}/{place.name}: "
-                    "it was executed once, and would come twice. Is one a copy of the other? Name "
-                    "the campaigns to merge with `--campaign`."
+                    f"{other} and {path.name} both contain the run "
+                    f"{place.parent.name}/{place.name}, which was executed once and would occur "
+                    "twice. Is one a copy of the other? Select the campaigns to merge with "
+                    "`--campaign`."
                 )
 
 
 def _mark(run: Path) -> tuple[object, ...] | None:
-    """What tells an execution from all others, wherever it is: when, where, of what, how long.
-
-    None when nobody knows when it was.
-    """
+    """What identifies an execution anywhere: when, where, of what, how long; None if unknown."""
     record = read_run_record(run)
     if record is None:
         result = read_test_result(run)
@@ -142,7 +141,7 @@ def _mark(run: Path) -> tuple[object, ...] | None:
 
 
 def _origins(campaign: Layout) -> list[str]:
-    """The campaigns that a merged one was merged from, itself of any other."""
+    """Names of the original campaigns: of a merged one those in its record, else its own."""
     merged_from = _execution(campaign).get(MERGED_FROM)
     named = merged_from if isinstance(merged_from, list) else []
     return list(map(str, named)) or [campaign.root.name]
@@ -167,7 +166,7 @@ def _grouped(parts: Sequence[_Part]) -> list[list[_Part]]:
 
 
 def _named(groups: Sequence[list[_Part]]) -> dict[str, list[_Part]]:
-    """Each group by its first member's name; a name that is taken gets `_2`, `_3`…."""
+    """Groups by the name of their first member; duplicate names get `_2`, `_3`…."""
     reserved = {group[0].name for group in groups}
     named: dict[str, list[_Part]] = {}
     for group in groups:
@@ -180,7 +179,7 @@ def _named(groups: Sequence[list[_Part]]) -> dict[str, list[_Part]]:
 
 
 class _Runs:
-    """Copies runs and remembers where they came from."""
+    """Copies runs and records their origins."""
 
     def __init__(self, layout: Layout, campaign: str) -> None:
         self.number = 0
@@ -204,7 +203,7 @@ class _Runs:
                     continue
                 target = self._layout.run(f"{name}/{number}")
                 _copy(source, target)
-                safe_paths.remove(target / RUN_RECORD, target)  # it gets another
+                safe_paths.remove(target / RUN_RECORD, target)  # a new record replaces it
                 job = self._link_job(target, part.campaign.root.name)
                 if record is not None:
                     copy_run_record(
@@ -221,14 +220,14 @@ class _Runs:
         self.most = max(self.most, number)
 
     def _is_foreign(self, campaign: Layout) -> bool:
-        """Whether a campaign is of a tool that leaves no records, so that none is missing."""
+        """Whether the campaign's tool writes no records, so that missing ones mean nothing."""
         if campaign not in self._foreign:
             records = (os.path.lexists(run / RUN_RECORD) for run in campaign.run_folders())
             self._foreign[campaign] = not any(records)
         return self._foreign[campaign]
 
     def _link_job(self, run: Path, campaign: str) -> str | None:
-        """Let a copied run's link lead to its job's new place; returns the job's new name."""
+        """Adjust a copied run's link to its job's new place; return the job's new name."""
         link = run / JOB
         if not link.is_symlink():
             return None

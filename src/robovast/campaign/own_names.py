@@ -1,4 +1,4 @@
-"""File names that RoboVAST needs in a run's folder; a run's own file of such a name is renamed."""
+"""Renames a run's files whose names RoboVAST needs for its own files in the run's folder."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from robovast.campaign.layout import OWN_NAMES
 
 
 def set_own_names_aside(folder: Path) -> None:
-    """Let a file, folder or link that a run called as one of ours be `NAME.1`, or the next free.
+    """Rename files, folders and links with reserved names to `NAME.1`, or the next free number.
 
     Args:
-        folder: of a run that is over, out of its reach; need not exist.
+        folder: folder of a finished run; need not exist.
     """
     root = folder.parent
     for name in OWN_NAMES:

@@ -1,6 +1,7 @@
-"""Where the objects of a bucket have their place in a campaign's folder, and which have none.
+"""Maps the object keys of a bucket to paths in a campaign's folder.
 
-A bucket takes any text as a key, and both `a` and `a/b`; whoever may write to it chooses them.
+Keys may be any text, and `a` and `a/b` may both exist; whoever may write to the bucket chooses
+them.
 """
 
 from __future__ import annotations
@@ -15,42 +16,42 @@ from robovast.base.printable import one_line
 from robovast.campaign.layout import ASIDE, RUN_RECORD, RUNNING, STAGE
 
 ORIGIN = ".bucket"
-"""File in a campaign's folder of the page's mirror that names its bucket."""
+"""File in a campaign's folder of the page's mirror that names the campaign's bucket."""
 
 _OWN = frozenset({STAGE, ORIGIN, RUNNING, ASIDE})
-"""What commands keep in a campaign's folder for themselves, and some remove."""
+"""Folders that commands use internally, and partly remove."""
 _RUN = re.compile(r"(?P<run>[^/_.][^/]*/[0-9]+)/")
 
 
 def run_of(path: str) -> str:
-    """The run `<variant>/<number>` that a path of a campaign is in; empty when in none."""
+    """The run `<variant>/<number>` that contains a path of the campaign; empty if none does."""
     match = _RUN.match(path)
     return match["run"] if match else ""
 
 
 def why_no_place(key: str) -> str:
-    """Why an object cannot come into a campaign's folder; empty when it can."""
+    """Why an object cannot be stored in a campaign's folder; empty if it can."""
     if not is_plain(key):
-        return "its name is no path in a folder"
+        return "its name is not a path within a folder"
     first = key.partition("/")[0]
     if first in _OWN or is_unfinished(first):
-        return f"`{first}` is what commands keep their own files in"
+        return f"`{first}` is reserved for the commands' own files"
     if one_line(first) != first:
-        return "no configuration has such a name"
+        return "a configuration cannot have such a name"
     if key.startswith(f"{run_of(key)}/{RUN_RECORD}/"):
-        return f"the run's {RUN_RECORD} is no folder"
+        return f"the run's {RUN_RECORD} is not a folder"
     return ""
 
 
 def is_plain(path: str) -> bool:
-    """True for a relative path, written in the one way there is, that leads nowhere else."""
+    """Whether a path is relative, normalized and stays in its folder."""
     parts = PurePosixPath(path).parts
     plain = str(PurePosixPath(path)) == path and "\0" not in path and path[:1] != "/"
     return plain and bool(parts) and ".." not in parts
 
 
 class Keys:
-    """Keys that are taken: some servers lose `a/b` where there is `a`, or the other way round."""
+    """Used keys; some servers lose `a/b` if there is an `a`, or the other way round."""
 
     def __init__(self, keys: Iterable[str]) -> None:
         self._files = frozenset(keys)
@@ -60,7 +61,7 @@ class Keys:
         return key in self._files
 
     def beside(self, key: str) -> str:
-        """The key, or one with `.1`, `.2`, … where a part of it is taken by something else."""
+        """The key itself, or with `.1`, `.2`, … after a part that conflicts with another key."""
         *folders, name = key.split("/")
         place = ""
         for part in folders:
@@ -80,9 +81,9 @@ def _folders(paths: Iterable[str]) -> frozenset[str]:
 
 
 def set_apart(paths: Iterable[str]) -> dict[str, str]:
-    """Other places for files of which each is a folder too, since others are in it.
+    """New paths for files whose path is also a folder of other files.
 
-    The file `a` beside `a/b` is `a.1`, or the next number that is free.
+    The file `a` beside `a/b` becomes `a.1`, or gets the next free number.
     """
     files = set(paths)
     folders = _folders(files)

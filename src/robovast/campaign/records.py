@@ -1,4 +1,4 @@
-"""Making the record of a run that has ended."""
+"""Makes the record of a finished run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robovast.model.plan import Run
 
 @dataclass(frozen=True)
 class Circumstances:
-    """What a run's record says beside the run and its result."""
+    """The part of a run's record that describes the execution, not the run or its result."""
 
     campaign: str
     attempt: int
@@ -22,7 +22,7 @@ class Circumstances:
     image_digest: str
     host: str
     pod: str = ""
-    """On a cluster: which pod executed it."""
+    """The pod that executed the run, on a cluster."""
 
 
 def make_record(
@@ -36,10 +36,10 @@ def make_record(
 
     Args:
         run: the run.
-        result: its verdict.
-        observed: when it was seen to start and to end [s since the epoch].
-        exit_code: of its process, None when that goes on with other runs.
-        circumstances: all else.
+        result: the run's verdict.
+        observed: its observed start and end [s since the epoch].
+        exit_code: exit code of its process; None if the process continues with other runs.
+        circumstances: all other properties.
     """
     started = result.started_at or observed[0]
     duration = result.duration if result.duration is not None else observed[1] - observed[0]

@@ -1,6 +1,6 @@
-"""`run.json`: what is known of one run, written last and atomically.
+"""`run.json`, the record of a run, which is written last and atomically.
 
-A run folder with a `run.json` is complete; one without is not to be trusted.
+A run's folder is complete if it has a `run.json`; otherwise it must not be trusted.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from robovast.campaign.run_files import FileList, MissingFile, with_unknown, wit
 from robovast.campaign.verdict import TestResult, Verdict, read_test_result
 
 SCHEMA = 1
-"""Version of the record's format; it stays when keys are added, which older versions ignore."""
+"""Version of the format; added keys do not change it, since older versions ignore them."""
 
 PLACE = "files"
-"""Key that says where in a bucket the run's files are; no property of the run itself."""
+"""Key that refers to the run's files in a bucket; not a property of the run itself."""
 
 
 @dataclass(frozen=True)
@@ -38,14 +38,14 @@ class RunRecord:
     id: int
     verdict: Verdict
     reason: str
-    """Why it did not pass; empty when it did."""
+    """Why the run did not pass; empty if it did."""
     started_at: str
     """ISO 8601, UTC."""
     finished_at: str
     duration: float
     """[s]"""
     exit_code: int | None
-    """Of the process that executed the scenario; None when it did not end by itself."""
+    """Exit code of the process that executed the scenario; None if it did not end by itself."""
     attempt: int
     job: str
     runtime: str
@@ -53,27 +53,27 @@ class RunRecord:
     image_digest: str
     host: str
     pod: str = ""
-    """On a cluster: the pod that executed it; empty where there is none."""
+    """The pod that executed the run on a cluster, else empty."""
     parameters: dict[str, Any] = field(default_factory=dict)
     files: FileList | None = None
-    """In a bucket: where its files are listed; None where they are beside it."""
+    """In a bucket: reference to the list of files; None if the files are beside the record."""
     missing: tuple[MissingFile, ...] = ()
-    """What the run wrote and could not be stored."""
+    """Files that the run wrote and that could not be stored."""
     schema: int = SCHEMA
     unknown: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
-    """What a newer version has written besides; it stays when the record is written again."""
+    """Keys that a newer version wrote; kept when the record is rewritten."""
 
     @property
     def finished(self) -> bool:
-        """True when the run need not be executed again."""
+        """Whether the run need not be executed again."""
         return self.verdict is not Verdict.INTERRUPTED
 
     def write(self, folder: Path) -> None:
-        """Write `run.json` into the folder of a run that is not in its place yet."""
+        """Write `run.json` into a run's folder that is not in its final place yet."""
         _write(folder, self._data())
 
     def to_json(self) -> str:
-        """The text of `run.json`."""
+        """The content of `run.json`."""
         return record_text(self._data())
 
     def _data(self) -> dict[str, Any]:
@@ -86,12 +86,12 @@ class RunRecord:
 
 
 def copy_run_record(source: Path, target: Path, **changes: Any) -> None:
-    """Copy `run.json` of one run's folder to another's, which is not in its place yet.
+    """Copy a run's `run.json` into another folder that is not in its final place yet.
 
     Args:
-        source: folder of a run with a record.
-        target: folder of a run without.
-        changes: other values of keys; all other keys stay, those of newer versions too.
+        source: folder with a record.
+        target: folder without a record.
+        changes: new values of keys; other keys are kept, including those of newer versions.
     """
     data = json.loads((source / RUN_RECORD).read_bytes())
     _write(target, {**data, **changes})
@@ -105,12 +105,12 @@ def _write(folder: Path, data: dict[str, Any]) -> None:
 
 
 def record_text(data: Mapping[str, Any]) -> str:
-    """Content of a record as it is written."""
+    """A record's data as JSON text."""
     return json.dumps(data, indent=1, default=str) + "\n"
 
 
 def read_run_record(folder: Path) -> RunRecord | None:
-    """The record in a run's folder; None when there is none, or none of this format."""
+    """The record in a run's folder; None if it is missing or has another format."""
     try:
         return parse_run_record(read_file(folder / RUN_RECORD, folder.parent))
     except OSError:
@@ -118,7 +118,7 @@ def read_run_record(folder: Path) -> RunRecord | None:
 
 
 def parse_run_record(text: str | bytes) -> RunRecord | None:
-    """The record in the text of a `run.json`; None when it is none of this format."""
+    """The record in the text of a `run.json`; None if it has another format."""
     try:
         data = with_unknown_apart(json.loads(text), RunRecord)
         if data.get(PLACE):
@@ -130,14 +130,14 @@ def parse_run_record(text: str | bytes) -> RunRecord | None:
 
 
 def result_without_record(folder: Path) -> TestResult:
-    """What is known of a run that has no record of this format: its test.xml says it.
+    """The result of a run without a readable record, from its test.xml.
 
-    Not so where a newer version has written the record: it may say otherwise.
+    If a newer version wrote the record, the run counts as errored, whatever test.xml says.
     """
     with suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
         if json.loads(read_file(folder / RUN_RECORD, folder.parent))["schema"] > SCHEMA:
             return TestResult(
-                Verdict.ERRORED, f"{RUN_RECORD} is of a newer version of RoboVAST than this"
+                Verdict.ERRORED, f"{RUN_RECORD} was written by a newer version of RoboVAST"
             )
     return read_test_result(folder)
 

@@ -1,4 +1,4 @@
-"""The verdict of a run, from the test.xml (JUnit) that scenario-execution writes."""
+"""The verdict in the test.xml (JUnit) that scenario-execution writes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Verdict(StrEnum):
 
     PASSED = "passed"
     FAILED = "failed"
-    """The scenario ran and said no: a result, not an error."""
+    """The scenario ran and failed: a result, not an error."""
     ERRORED = "errored"
     """No verdict: a crash, a timeout, a missing test.xml."""
     INTERRUPTED = "interrupted"
@@ -25,16 +25,16 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class TestResult:
-    """What test.xml says.
+    """The content of test.xml.
 
     Attributes:
-        verdict: passed or failed; errored when the file says nothing that can be read.
+        verdict: passed or failed; errored if the file cannot be interpreted.
         reason: the first failure's message, or why there is no verdict; empty when passed.
-        started_at: start of the scenario [s since the epoch].
-        duration: [s]; this and the start are None where the file says nothing that makes sense.
+        started_at: start of the scenario [s since the epoch]; None if missing or implausible.
+        duration: [s]; None if missing or implausible.
     """
 
-    __test__ = False  # not a test class, whatever its name
+    __test__ = False  # not a test class, despite its name
 
     verdict: Verdict
     reason: str = ""
@@ -43,15 +43,15 @@ class TestResult:
 
 
 MOST = 16 << 20
-"""Of a test result that is read [bytes]."""
+"""Most of a test result that is read [bytes]."""
 
 
 def read_test_result(run: Path, root: Path | None = None) -> TestResult:
-    """The test result in a run's folder; never raises: what cannot be read is `errored`.
+    """Read the test result in a run's folder; unreadable results are `errored`, never exceptions.
 
     Args:
         run: the folder.
-        root: folder on the way to it, from which on no link is followed; its own when None.
+        root: ancestor below which no link is followed; None means the folder itself.
     """
     try:
         text = read_text(run / TEST_RESULT, root=root or run.parent, most=MOST)
@@ -60,7 +60,7 @@ def read_test_result(run: Path, root: Path | None = None) -> TestResult:
     except OSError as error:
         return TestResult(Verdict.ERRORED, f"{TEST_RESULT} cannot be read: {error.strerror}")
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        return _no_report("it declares a type or entities, which none needs")
+        return _no_report("it declares a document type or entities")
     report = _Report()
     parser = ET.XMLParser(target=report)  # noqa: S314  # no entities, see above
     try:
@@ -72,14 +72,14 @@ def read_test_result(run: Path, root: Path | None = None) -> TestResult:
 
 
 def _no_report(why: str) -> TestResult:
-    return TestResult(Verdict.ERRORED, f"{TEST_RESULT} is no JUnit report: {why}")
+    return TestResult(Verdict.ERRORED, f"{TEST_RESULT} is not a JUnit report: {why}")
 
 
 _SUITES = ("testsuite", "testsuites")
 _BAD = frozenset({"failure", "error", "rerunfailure", "rerunerror", "flakyfailure", "flakyerror"})
-"""Elements of a case, in small letters; those of Surefire say that an execution of it failed."""
+"""Child elements of a failed case, lower case; Surefire's report failed executions."""
 _NOT_RUN = frozenset({"skipped", "disabled", "ignored"})
-"""Elements of a case that was not executed."""
+"""Child elements of a case that was not executed."""
 _BAD_COUNTS = ("failures", "errors", "flakes", "failed")
 _NOT_RUN_COUNTS = ("skipped", "disabled", "ignored", "notrun", "skips", "skip")
 _STATES = {
@@ -93,49 +93,49 @@ _STATES = {
         ("fail", "failed", "failure", "error", "errored", "broken", "regression"), "bad"
     ),
 }
-"""What `status` and `result` of a case say: GoogleTest, CTest and others write them."""
+"""Meaning of a case's `status` and `result`, as written by GoogleTest, CTest and others."""
 
 _Attributes = list[tuple[str, str]]
-"""By plain names, of which one may be there several times: each counts."""
+"""Attributes by lower-case name; a name may occur several times, and each value counts."""
 
 
 @dataclass
 class _Suite:
-    """What is known of a suite, those in it included."""
+    """Counts of a suite and the suites in it."""
 
     said: int = 0
-    """Tests that it says to have."""
+    """Number of tests that the suite declares."""
     said_not_run: int = 0
     cases: int = 0
     not_run: int = 0
 
 
 class _Report:
-    """What a JUnit report says, taken down while it is parsed: all of its suites and cases.
+    """The content of a JUnit report, collected while it is parsed.
 
-    Names count in any letter case and namespace.
+    Names are compared without letter case and namespace.
     """
 
     def __init__(self) -> None:
         self._root = ""
         self._whole = _Suite()
         self._suites = [self._whole]
-        """Those that are open, the report first."""
+        """Open suites; the first is the report itself."""
         self._suite_count = self._bad = 0
         self._case_not_run = False
-        """Of the case that is open."""
+        """Attributes of the open case."""
         self._doubt = ""
-        """Why the report does not say enough."""
+        """Why the report is not conclusive."""
         self._started_at: float | None = None
         self._durations: dict[int, list[float]] = {2: [], 3: []}
-        """Of suites at the top, and in these."""
+        """Totals over the top-level suites, including nested ones."""
         self._failures: dict[str, tuple[str, list[str]]] = {}
-        """Message and text of the first failure, and of the first error."""
+        """Message and text of the first failure and of the first error."""
         self._text: list[str] | None = None
-        """Of the failure that is open."""
+        """Text of the open failure."""
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
-        """An element begins."""
+        """Handle the start of an element."""
         name = _plain(tag)
         said = [(_plain(key), value) for key, value in attributes.items()]
         self._root = self._root or name
@@ -171,12 +171,12 @@ class _Report:
                 self._doubt = f"a test case has the {key} `{text[:40]}`, which is not known"
 
     def data(self, text: str) -> None:
-        """Text in an element."""
+        """Handle text in an element."""
         if self._text is not None:
             self._text.append(text)
 
     def end(self, tag: str) -> None:
-        """An element ends."""
+        """Handle the end of an element."""
         self._text = None
         name = _plain(tag)
         if name == "testcase":
@@ -189,10 +189,10 @@ class _Report:
                 self._doubt = f"a suite of {suite.said} tests has {suite.cases} of them"
 
     def close(self) -> None:
-        """The report ends."""
+        """Handle the end of the report."""
 
     def result(self) -> TestResult:
-        """The verdict: passed is what has cases, none of which failed in any suite."""
+        """The verdict: passed requires at least one case and no failure in any suite."""
         if self._root not in _SUITES:
             return _no_report(f"its outermost element is `{self._root[:40]}`")
         duration = next((sum(d) for d in self._durations.values() if d), None)
@@ -214,18 +214,18 @@ class _Report:
 
 
 def _plain(name: str) -> str:
-    """A name of XML without its namespace, in small letters."""
+    """An XML name in lower case, without namespace."""
     return name.rpartition("}")[2].lower()
 
 
 def _states(said: _Attributes) -> dict[tuple[str, str], str | None]:
-    """What each `status` and `result` means; None when that is not known."""
+    """Meaning of each `status` and `result`; None if it is unknown."""
     found = (pair for pair in said if pair[0] in {"status", "result"})
     return {pair: _STATES.get(pair[1].strip().lower()) for pair in found}
 
 
 def _count(said: _Attributes, *names: str) -> int:
-    """The sum of all counters of these names."""
+    """Sum of all counters with these names."""
     numbers = [(name, int(text or 0)) for name, text in said if name in names]
     for name, number in numbers:
         if number < 0:
@@ -234,7 +234,7 @@ def _count(said: _Attributes, *names: str) -> int:
 
 
 _LATEST = float(1 << 33)
-"""Times and durations beyond say nothing [s]: calendars must hold the sum of two."""
+"""Largest plausible time or duration [s]; a calendar must hold the sum of two."""
 
 
 def _seconds(text: str | None) -> float | None:
@@ -246,13 +246,13 @@ def _seconds(text: str | None) -> float | None:
 
 
 _FAILED_LEAF = "[✕] -- "
-"""In a drawn behaviour tree, what precedes the message of the behaviour that failed."""
+"""Marks the message of the failed behaviour in a printed behaviour tree."""
 _TREE = ("-^-", "[", "{", "-->", "/_/")
-"""How the lines of a drawn behaviour tree begin; they say little without the rest of it."""
+"""Line prefixes of a printed behaviour tree; such lines alone say little."""
 
 
 def _detail(text: str, limit: int = 200) -> str:
-    """The message of the behaviour that failed, or the first line; shortened in the middle."""
+    """Message of the failed behaviour, or the first line; shortened in the middle."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     failed = [line.partition(_FAILED_LEAF)[2] for line in lines if _FAILED_LEAF in line]
     first = "" if not lines or lines[0].startswith(_TREE) else lines[0]

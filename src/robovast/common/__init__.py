@@ -1,4 +1,4 @@
-"""The public API for plugins and notebooks; names are imported when they are first used."""
+"""The public API for plugins and notebooks; names are imported on first use."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""A campaign's folder in plain Python values, for notebooks and plugins."""
+"""Reads a campaign's folder into plain Python values, for notebooks and plugins."""
 
 from __future__ import annotations
 
 import json
-import xml.etree.ElementTree as ET  # of text that was judged before
+import xml.etree.ElementTree as ET  # the text was checked before
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,7 +16,7 @@ from robovast.campaign.layout import JOB_LINK, RUN_RECORD, TEST_RESULT, Layout, 
 
 
 def list_config_dirs(campaign_dir: str | Path) -> list[Path]:
-    """Folders of a campaign's configurations, by name; none when the campaign is missing."""
+    """Folders of a campaign's configurations, by name; empty if the campaign is missing."""
     root = Path(campaign_dir)
     if not root.is_dir():
         return []
@@ -25,16 +25,16 @@ def list_config_dirs(campaign_dir: str | Path) -> list[Path]:
 
 
 def list_run_dirs(config_dir: str | Path) -> list[Path]:
-    """Folders of a configuration's runs, by number; none when the configuration is missing."""
+    """Folders of a configuration's runs, by number; empty if the configuration is missing."""
     folder = Path(config_dir)
     return Layout(folder.parent).run_folders_of(folder.name) if folder.is_dir() else []
 
 
 def read_test_result(run_dir: str | Path) -> dict[str, Any]:
-    """What a run's test.xml says.
+    """The content of a run's test.xml.
 
     Returns:
-        `success`, `duration_sec`, `start_time` (ISO 8601, UTC; None when it is not said), `errors`,
+        `success`, `duration_sec`, `start_time` (ISO 8601, UTC; None if unknown), `errors`,
         `failures`, `tests`, and `failure_message` (None when it passed).
 
     Raises:
@@ -55,7 +55,7 @@ def read_test_result(run_dir: str | Path) -> dict[str, Any]:
 
 
 def _counts(path: Path, found: verdict.Verdict) -> dict[str, int]:
-    """Test cases of a test.xml, and those that failed or had an error."""
+    """Numbers of test cases in a test.xml: all, failed, with errors."""
     kinds = {"tests": "testcase", "failures": "failure", "errors": "error"}
     if found is verdict.Verdict.ERRORED:
         return dict.fromkeys(kinds, 0)
@@ -64,7 +64,7 @@ def _counts(path: Path, found: verdict.Verdict) -> dict[str, int]:
 
 
 def aggregate_run_status(run_dirs: Iterable[str | Path]) -> str:
-    """`passed`, `failed`, `mixed`, or `no_runs` without any verdict."""
+    """`passed`, `failed`, `mixed`, or `no_runs` if no run has a verdict."""
     results = (verdict.read_test_result(Path(run)).verdict for run in run_dirs)
     said = {str(result) for result in results if result is not verdict.Verdict.ERRORED}
     if len(said) > 1:
@@ -76,7 +76,7 @@ def read_scenario_config(config_dir: str | Path) -> dict[str, Any]:
     """Scenario parameters of a configuration, `{scenario: {parameter: value}}`.
 
     Raises:
-        FileNotFoundError: the configuration has none.
+        FileNotFoundError: the configuration's file of parameters is missing.
     """
     return _read_yaml(Path(config_dir) / "_config" / "scenario.config")
 
@@ -85,7 +85,7 @@ def read_sysinfo(run_dir: str | Path) -> dict[str, Any]:
     """The machine that executed a run.
 
     Raises:
-        FileNotFoundError: neither the run nor its job says it.
+        FileNotFoundError: neither the run nor its job has a `sysinfo.yaml`.
     """
     run = Path(run_dir)
     own = run / "sysinfo.yaml"
@@ -93,7 +93,7 @@ def read_sysinfo(run_dir: str | Path) -> dict[str, Any]:
 
 
 def _job_folder(run: Path) -> Path:
-    """The folder of a run's job: by the run's link, or by its record where links got lost."""
+    """The folder of a run's job, from its link or, where links were lost, from its record."""
     linked = job_folder(run)
     if linked is not None:
         return linked
@@ -105,7 +105,7 @@ def _job_folder(run: Path) -> Path:
 
 
 def read_execution_metadata(campaign_dir: str | Path) -> dict[str, Any]:
-    """How a campaign was executed.
+    """The record of a campaign's execution.
 
     Raises:
         FileNotFoundError: the campaign has no `_execution/execution.yaml`.
@@ -114,7 +114,7 @@ def read_execution_metadata(campaign_dir: str | Path) -> dict[str, Any]:
 
 
 def read_resolved_configurations(campaign_dir: str | Path) -> dict[str, Any]:
-    """Every configuration of a campaign as it was executed.
+    """All configurations of a campaign as they were executed.
 
     Raises:
         FileNotFoundError: the campaign has no `_transient/configurations.yaml`.

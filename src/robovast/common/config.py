@@ -1,4 +1,4 @@
-"""Parameters of variation types, for plugins."""
+"""Parameter models of variation types, for plugins."""
 
 from robovast.model.variation_config import (
     VariationConfig,

@@ -1,4 +1,4 @@
-"""The compatibility version; and how campaign folders are named, for plugins."""
+"""The compatibility version, and names of campaign folders, for plugins."""
 
 from robovast.model.naming import (
     campaign_folder_name,

@@ -1,4 +1,4 @@
-"""Files that cost much to make, for plugins."""
+"""A cache of files that are expensive to make, for plugins."""
 
 from robovast.base.file_cache import FileCache
 

@@ -1,4 +1,4 @@
-"""Expansion for plugins and scripts, as plain dicts."""
+"""Expansion of documents to plain dicts, for plugins and scripts."""
 
 from __future__ import annotations
 
@@ -20,18 +20,17 @@ def generate_scenario_variations(
     Args:
         variation_file: the .vast file.
         progress_update_callback: receives the messages of variation types.
-        variation_classes: must be None: variation types are found by their names in the file.
-        output_dir: folder for generated files; a new temporary one when None.
-        use_cache: without a meaning here: an expansion is always made anew.
+        variation_classes: must be None; variation types are found by their names in the file.
+        output_dir: folder for generated files; None makes a new temporary folder.
+        use_cache: has no effect; every call expands anew.
 
     Returns:
         The campaign, with its `configs` (`name`, `config`, `_config_files`, `_config_name`,
-        `_variations` and what plugins added), and the `GUI_CLASS` of each variation type that has
-        one, by its name.
+        `_variations` and additions of plugins), and the `GUI_CLASS` of variation types, by name.
 
     Raises:
-        InputError: the file is wrong.
-        ValueError: `variation_classes` are given.
+        InputError: the file is invalid.
+        ValueError: `variation_classes` is given.
     """
     del use_cache
     if variation_classes is not None:

@@ -1,4 +1,4 @@
-"""Sizes and progress for people, for plugins."""
+"""Progress messages and readable sizes, for plugins."""
 
 from robovast.base.progress_bar import ProgressBar, fmt_size
 

@@ -53,7 +53,7 @@ def test_only_files_are_read(tmp_path: Path) -> None:
     found, missing = contents(root)
     assert found == {"a/b/file": b"content"}
     link = "it is a link, which is not followed"
-    assert missing == {"folder": link, "link": link, "pipe": "it is no regular file"}
+    assert missing == {"folder": link, "link": link, "pipe": "it is not a regular file"}
     assert contents(root / "folder") == ({}, {})
     assert contents(root / "none") == ({}, {})
 

@@ -127,7 +127,7 @@ def test_a_malicious_archive_leaves_nothing(tmp_path: Path, what: str) -> None:
 def test_a_link_alone_is_no_campaign(tmp_path: Path) -> None:
     (tmp_path / "other" / "_config").mkdir(parents=True)
     archive = archive_of(tmp_path, link("evil", "../../../other"))
-    with pytest.raises(InputError, match="holds no campaign"):
+    with pytest.raises(InputError, match="contains no campaign"):
         import_archive(archive, tmp_path / "results")
 
 
@@ -144,7 +144,7 @@ def test_a_pipe_or_a_device_is_not_read(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a.tgz")
     (tmp_path / "b.tgz").symlink_to("/dev/zero")
     for name in ("a.tgz", "b.tgz"):
-        with pytest.raises(InputError, match="is no regular file"):
+        with pytest.raises(InputError, match="is not a regular file"):
             import_archive(tmp_path / name, tmp_path / "results")
 
 
@@ -152,12 +152,12 @@ def test_a_file_of_another_kind_is_refused_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("no archive\n" * 100)
     with pytest.raises(InputError) as caught:
         import_archive(tmp_path / "notes.txt", tmp_path / "results")
-    assert "(it begins as no tar or zip file does). Fetch it again." in str(caught.value)
+    assert "(it does not begin like a tar or zip file). Fetch it again." in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 def test_what_holds_no_campaign_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="holds no campaign, but a, b"):
+    with pytest.raises(InputError, match="contains no campaign, but a, b"):
         import_archive(archive_of(tmp_path, member("a"), member("b")), tmp_path / "results")
     with pytest.raises(InputError, match="No such file"):
         import_archive(tmp_path / "missing.tar.gz", tmp_path / "results")
@@ -165,7 +165,7 @@ def test_what_holds_no_campaign_is_refused(tmp_path: Path) -> None:
 
 def test_a_campaign_with_a_name_of_unfinished_work_is_refused(tmp_path: Path) -> None:
     archive = archive_of(tmp_path, member(".other.part/_config/x.vast"))
-    with pytest.raises(InputError, match="hidden is no campaign"):
+    with pytest.raises(InputError, match="hidden folders are not campaigns"):
         import_archive(archive, tmp_path / "results")
     assert list((tmp_path / "results").iterdir()) == []
 

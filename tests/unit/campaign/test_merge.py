@@ -170,7 +170,7 @@ def test_no_run_comes_twice(tmp_path: Path) -> None:
     third = make_campaign(tmp_path, "third", {"one": "A"}, 1)
     again = merge_campaigns([merged, third], tmp_path / "again").target
     for both in ([first, merged], [again, second], [merged, again]):
-        with pytest.raises(InputError, match=r"both hold the runs of camp.*--campaign"):
+        with pytest.raises(InputError, match=r"both contain the runs of camp.*--campaign"):
             merge_campaigns(both, tmp_path / "twice")
     assert not (tmp_path / "twice").exists()
 
@@ -190,10 +190,10 @@ def test_copies_under_other_names_are_refused(tmp_path: Path, *, records: bool) 
     shutil.copytree(first, tmp_path / "copy", symlinks=True)
     merged = merge_campaigns([first], tmp_path / "merged").target
     for other in (tmp_path / "copy", merged):
-        with pytest.raises(InputError, match="both hold the run"):
+        with pytest.raises(InputError, match="both contain the run"):
             merge_campaigns([first, other], tmp_path / "twice")
     merged = merged.rename(tmp_path / "other name")
-    with pytest.raises(InputError, match=r"both hold the run one/0: .* would come twice"):
+    with pytest.raises(InputError, match=r"both contain the run one/0, .* would occur twice"):
         merge_campaigns([tmp_path / "copy", merged], tmp_path / "twice")
 
 

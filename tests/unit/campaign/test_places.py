@@ -11,7 +11,7 @@ from robovast.campaign.places import Keys, run_of, set_apart, why_no_place
     "key", ["../evil", "/etc/passwd", "hall/0/../../../evil", "a//b", "a/./b", "a/", "", ".", "a\0"]
 )
 def test_what_is_no_path_has_no_place(key: str) -> None:
-    assert "no path in a folder" in why_no_place(key)
+    assert "not a path within a folder" in why_no_place(key)
 
 
 @pytest.mark.parametrize(
@@ -28,15 +28,15 @@ def test_what_is_no_path_has_no_place(key: str) -> None:
     ],
 )
 def test_places_that_commands_keep_for_themselves_are_not_for_a_bucket(key: str) -> None:
-    assert "keep their own files" in why_no_place(key)
+    assert "reserved for the commands" in why_no_place(key)
 
 
 def test_a_name_that_terminals_obey_is_no_configurations() -> None:
-    assert "no configuration" in why_no_place("hall\n\x1b[31m/0/run.json")
+    assert "a configuration cannot" in why_no_place("hall\n\x1b[31m/0/run.json")
 
 
 def test_a_record_is_no_folder() -> None:
-    assert "run.json is no folder" in why_no_place("hall/0/run.json/x")
+    assert "run.json is not a folder" in why_no_place("hall/0/run.json/x")
 
 
 @pytest.mark.parametrize(

@@ -86,7 +86,7 @@ def test_a_list_is_read_as_it_was_written() -> None:
 @pytest.mark.parametrize("which", ["path", "key"])
 def test_a_list_that_leads_out_is_refused(path: str, which: str) -> None:
     item = {"path": "a", "key": "a", "size": 1, "sha256": "", which: path}
-    with pytest.raises(ValueError, match="leads out"):
+    with pytest.raises(ValueError, match="leaves its folder"):
         read_list(json.dumps({"files": [item]}).encode())
 
 
@@ -119,7 +119,7 @@ def test_what_no_writer_writes_is_no_list(bad: dict[str, object]) -> None:
     good = {"path": "a", "key": "a", "size": 1, "sha256": ""}
     other = {**good, "path": "b", "key": "b"}
     assert read_list(json.dumps({"files": [good, other]}).encode())
-    with pytest.raises(ValueError, match="it "):
+    with pytest.raises(ValueError, match=r"it |occurs twice|leaves"):
         read_list(json.dumps({"files": [{**good, **bad}, other]}).encode())
 
 

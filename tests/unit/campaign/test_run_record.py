@@ -49,7 +49,7 @@ def test_a_record_of_a_newer_format_is_no_verdict_for_any_reader(
 ) -> None:
     campaign = finished_campaign(tmp_path, 3)
     change(campaign, schema=2, verdict=verdict)
-    reason = "run.json is of a newer version of RoboVAST than this"
+    reason = "run.json was written by a newer version of RoboVAST"
     assert told(campaign) == {("errored", reason)}
 
 

@@ -107,10 +107,10 @@ def test_whatever_failed_anywhere_is_failed(tmp_path: Path, text: str) -> None:
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("<a/>", "no JUnit report: its outermost element is `a`"),
+        ("<a/>", "not a JUnit report: its outermost element is `a`"),
         ("<html><body><p>404</p></body></html>", "outermost element is `html`"),
-        ("<!DOCTYPE html><html/>", "no JUnit report"),
-        ("<testcase/>", "no JUnit report"),
+        ("<!DOCTYPE html><html/>", "not a JUnit report"),
+        ("<testcase/>", "not a JUnit report"),
         ("<testsuites/>", "no test case"),
         ("<testsuites><testcase/></testsuites>", "no test case"),
         ('<testsuite errors="0" failures="0" tests="0"/>', "no test case"),
@@ -192,7 +192,7 @@ def test_times_that_are_large_can_be_added(tmp_path: Path) -> None:
 def test_a_pipe_or_a_link_is_no_result(tmp_path: Path) -> None:
     (tmp_path / "0").mkdir()
     os.mkfifo(tmp_path / "0" / "test.xml")
-    assert "is no regular file" in read_test_result(tmp_path / "0").reason
+    assert "is not a regular file" in read_test_result(tmp_path / "0").reason
     (tmp_path / "test.xml").write_text(GOOD)
     (tmp_path / "link").symlink_to(tmp_path)
     assert read_test_result(tmp_path / "link").verdict is Verdict.ERRORED

@@ -91,7 +91,7 @@ error: 2 problems in bad.vast
         "  - ParamVariationList: {name: speed, values: [1]}\n" + TAIL,
         """\
 bad.vast:5:29: configuration[0].variations[0].ParameterVariationList: the key `values` is missing
-    Its values, one configuration for each; of several parameters lists, as long as `name`.
+    One value for each configuration; with several parameters, lists as long as `name`.
 bad.vast:5:43: configuration[0].variations[0].ParameterVariationList.value: unknown key `value`
     Did you mean `values`?
 bad.vast:6:5: configuration[0].variations[1]: there is no plugin `ParamVariationList` in \
@@ -188,8 +188,8 @@ BAD = [
     (["exec", "local", "prepare-run", "file"], 5, "/file is a file, and results go into"),
     (["exec", "local", "run", "file", "--runtime", "process"], 5, "file is a file, and results"),
     (["exec", "cluster", "prepare-run", "file"], 5, "file is a file, and results go into"),
-    (["results", "postprocess", "-r", "file"], 2, "file is a file; name the folder of results"),
-    (["import-results", "file"], 2, "(it begins as no tar or zip file does). Fetch it again."),
+    (["results", "postprocess", "-r", "file"], 2, "file is a file; name a results folder"),
+    (["import-results", "file"], 2, "(it does not begin like a tar or zip file). Fetch it again."),
     (["exec", "cluster", "monitor", "--once"], 3, "no kubeconfig has a current context"),
     (["exec", "cluster", "run", "-x", "lab"], 3, "there is no context `lab` in your kubeconfig"),
     (["exec", "cluster", "run", "--dry-run", "--queue", "Q_Q"], 2, "queue_name: must match"),

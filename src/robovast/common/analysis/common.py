@@ -1,4 +1,4 @@
-"""Results in notebooks."""
+"""Functions to read results in notebooks."""
 
 from robovast.analysis.notebooks.common import (
     calculate_speeds_from_poses,

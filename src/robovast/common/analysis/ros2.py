@@ -1,4 +1,4 @@
-"""What a recorded bag holds, for notebooks."""
+"""Content of recorded bags, for notebooks."""
 
 from robovast.analysis.notebooks.ros2 import get_bag_info, print_bag_topics
 

@@ -1,4 +1,4 @@
-"""Finding a variation type by name, for plugins."""
+"""Finds variation types by name, for plugins."""
 
 from robovast.model.variations.loader import load_variation
 

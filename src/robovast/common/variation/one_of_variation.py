@@ -1,4 +1,4 @@
-"""Alternatives, for plugins."""
+"""OneOfVariation, for plugins."""
 
 from robovast.model.variations.one_of_variation import OneOfVariation
 

@@ -1,4 +1,4 @@
-"""Variations of parameters, for plugins."""
+"""Variations of scenario parameters, for plugins."""
 
 from robovast.model.variations.parameter_variation import (
     ParameterVariationDistributionGaussian,

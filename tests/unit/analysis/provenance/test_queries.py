@@ -164,7 +164,7 @@ def test_campaigns_are_found(tmp_path: Path) -> None:
     (tmp_path / "notes").mkdir()
     assert find_campaigns(tmp_path) == [aborted, first, second]
     assert find_campaigns(first) == [first]
-    with pytest.raises(InputError, match="holds no campaign"):
+    with pytest.raises(InputError, match="contains no campaign"):
         find_campaigns(tmp_path / "notes")
     with pytest.raises(InputError, match="no such folder"):
         find_campaigns(tmp_path / "nowhere")
