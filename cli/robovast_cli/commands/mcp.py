@@ -53,7 +53,7 @@ def mcp(
 
     Example: claude mcp add robovast -- vast mcp -r results
     """
-    from robovast.evaluation.campaigns import is_campaign
+    from robovast.model.naming import holds_campaign
 
     try:
         from robovast.mcp.serving import serve_http, serve_stdio
@@ -62,7 +62,7 @@ def mcp(
             f"The server needs {error.name}; install the extra: pip install 'robovast[mcp]'."
         ) from None
     folder = (results_dir or ctx.obj.results).resolve()
-    root = folder.parent if is_campaign(folder) else folder
+    root = folder.parent if holds_campaign(folder) else folder
     if transport == "stdio":
         serve_stdio(root, debug)
         return

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from robovast.base.errors import ExitCode, InputError
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import SYSTEM_LOG, Layout
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.execution.local import LocalOptions, Observer, Summary, resume_campaign, run_campaign
@@ -100,7 +100,7 @@ def summary_lines(summary: Summary) -> Iterator[str]:
 
 
 def _log(summary: Summary, record: RunRecord) -> Path:
-    return shown(Layout(summary.campaign).job(record.job) / "logs" / "system.log")
+    return shown(Layout(summary.campaign).job(record.job) / SYSTEM_LOG)
 
 
 def _counts(summary: Summary) -> str:

@@ -20,6 +20,7 @@ from robovast.agent.upload import SIDE_BY_SIDE
 from robovast.agent.watch import EndedRun, JobWatch
 from robovast.base.safe_paths import pinned
 from robovast.base.signals import call_on_signals
+from robovast.campaign.layout import JOBS
 from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.exit_codes import AgentExit, exit_code_of
 from robovast.kubeapi.messages import verdict_ranges, write_message
@@ -105,7 +106,7 @@ class _Keeper:
         self._verdicts = verdicts
 
     def run_over(self, ended: EndedRun) -> None:
-        self._background.do(lambda: self._store_run(ended, self._folders.out / "_jobs"))
+        self._background.do(lambda: self._store_run(ended, self._folders.out / JOBS))
 
     def job_over(self, job: PodJob, folder: Path, last: EndedRun | None) -> None:
         self._background.do(lambda: self._results.store_job(job, folder))

@@ -13,7 +13,7 @@ from itertools import count
 from typing import BinaryIO
 
 from robovast.agent.pack import job_name
-from robovast.campaign.layout import RUN_RECORD
+from robovast.campaign.layout import RUN_RECORD, parameters_key
 from robovast.campaign.places import Keys
 from robovast.campaign.run_files import FileList, StoredFile, Writer, write_list
 from robovast.campaign.run_record import RunRecord, parse_run_record
@@ -134,8 +134,3 @@ class Bucket:
     def claim_of(self, pack: int, number: int) -> bytes:
         """What was claimed as a job; empty when nothing was."""
         return self.store.read(self.name, parameters_key(job_name(pack, number))) or b""
-
-
-def parameters_key(job: str) -> str:
-    """Key of a job's parameter documents; who creates the object has the job's name."""
-    return f"_transient/{job}.params.yaml"

@@ -17,11 +17,12 @@ from robovast.agent.mounts import Folders
 from robovast.agent.sources import copy_inputs
 from robovast.base.errors import InputError
 from robovast.campaign.configurations import read_variants, variants_digest
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import CONFIGURATIONS, Layout
 from robovast.kubeapi.exit_codes import PlanError
 from robovast.model.document import Document, load_document
 from robovast.model.expansion import Composition, Variant, compose, select_any
 from robovast.model.expansion.containers import refuse_containers
+from robovast.model.naming import CONFIG
 from robovast.model.packs import CampaignPlan, PlanSpec
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
@@ -145,9 +146,9 @@ def open_composed(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
     """
     layout = Layout(campaign.folders.inputs)
     shutil.rmtree(layout.root, ignore_errors=True)
-    download(campaign, "_config/", layout.root)
+    download(campaign, f"{CONFIG}/", layout.root)
     if campaign.plan.composed is None:  # an older version composed it
-        download(campaign, "_transient/configurations.yaml", layout.root)
+        download(campaign, CONFIGURATIONS, layout.root)
         name, variants = read_variants(layout)
         return load_document(layout.config / name), variants
     composed = Composed(campaign.bucket, layout, campaign.plan.composed)
@@ -163,7 +164,7 @@ def fetch_variant_files(campaign: Campaign, variants: Sequence[Variant], variant
         StorageError: they cannot be fetched.
     """
     if variant.files:
-        download(campaign, f"{variant.name}/_config/", campaign.folders.inputs)
+        download(campaign, f"{variant.name}/{CONFIG}/", campaign.folders.inputs)
     if isinstance(variants, Composed):
         check_files(variants.files[variant.name], campaign.folders.inputs)
 

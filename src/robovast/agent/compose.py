@@ -12,7 +12,7 @@ from robovast.agent.digests import file_digest
 from robovast.agent.mounts import Folders
 from robovast.agent.upload import SIDE_BY_SIDE, store_own_tree
 from robovast.base.errors import InputError
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import CONFIGURATIONS, Layout
 from robovast.execution.generate import write_configurations
 from robovast.kubeapi.exit_codes import AgentExit
 from robovast.kubeapi.messages import LIMIT, write_message
@@ -22,7 +22,6 @@ from robovast.model.expansion.expand import DEFAULT_ENTRY
 from robovast.model.packs import format_breaks
 from robovast.model.plan import breaks
 
-CONFIGURATIONS = "_transient/configurations.yaml"
 DIGEST_LIMIT = 100
 """Of the message, for the digest that is known last [byte]."""
 

@@ -22,8 +22,9 @@ from robovast.base.yaml_files import parse_yaml
 from robovast.campaign.configurations import configuration_record, variant_of
 from robovast.campaign.layout import Layout
 from robovast.model.expansion import Variant
+from robovast.model.naming import CONFIG, TRANSIENT
 
-FOLDER = "_transient/variants/"
+FOLDER = f"{TRANSIENT}/variants/"
 LIST = f"{FOLDER}list.json"
 PART = 50
 """Variants in one object: a pod reads those of its pack, and at most so many others."""
@@ -57,7 +58,7 @@ def _item(variant: Variant) -> dict[str, Any]:
         "entry": variant.entry,
         "record": dump_yaml(configuration_record(variant, timings=False)),
         "files": {
-            f"{variant.name}/_config/{file.name}": file_digest(file.source)
+            f"{variant.name}/{CONFIG}/{file.name}": file_digest(file.source)
             for file in variant.files
         },
     }

@@ -19,7 +19,7 @@ from robovast.agent.upload import SIDE_BY_SIDE, store_own_tree
 from robovast.base.printable import printable
 from robovast.base.ranges import format_ranges, spans, truncate
 from robovast.base.serialization import dump_yaml
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import INDEX, JOB_LINKS, Layout
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.execution.generate import write_execution
@@ -28,7 +28,7 @@ from robovast.kubeapi.messages import LIMIT, write_message
 from robovast.kubeapi.status import FAILING_LIMIT
 from robovast.model.document import Document
 from robovast.model.expansion import Variant
-from robovast.model.naming import campaign_time
+from robovast.model.naming import EXECUTION, TRANSIENT, campaign_time
 from robovast.model.plan import Run
 from robovast.model.repetition import GroupSizes, list_key, list_name, list_text, retry_groups
 
@@ -116,10 +116,10 @@ def _store_execution(
         image_revision="",
     )
     links = {f"{item['variant']}/{item['run']}": item["job"] for item in index if "job" in item}
-    (layout.transient / "job_links.yaml").write_text(dump_yaml(links), encoding="utf-8")
+    (layout.root / JOB_LINKS).write_text(dump_yaml(links), encoding="utf-8")
     text = json.dumps({"campaign": campaign.plan.campaign, "runs": index}, indent=1)
-    (layout.execution / "index.json").write_text(text + "\n", encoding="utf-8")
-    prefixes = ("_execution/", "_transient/")
+    (layout.root / INDEX).write_text(text + "\n", encoding="utf-8")
+    prefixes = (f"{EXECUTION}/", f"{TRANSIENT}/")
     there = {o.key for prefix in prefixes for o in bucket.store.objects(bucket.name, prefix)}
     store_own_tree(bucket, layout.root, there=there)
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from robovast.agent.mounts import Folders
 from robovast.agent.pack import Pack, PodJob
 from robovast.base import safe_paths
+from robovast.campaign.layout import JOBS, LOGS, Layout
 from robovast.execution.job_config import (
     PARAMETER_FILE,
     is_pack,
@@ -22,8 +23,8 @@ def prepare_output(folders: Folders, job: PodJob) -> None:
     """Make the folders that a job writes to, in place of what jobs before it made there."""
     out = folders.out
     out.mkdir(parents=True, exist_ok=True)
-    safe_paths.remove(out / "_jobs", out)
-    safe_paths.make_folder(out / "_jobs" / job.name / "logs", out)
+    safe_paths.remove(out / JOBS, out)
+    safe_paths.make_folder(Layout(out).job(job.name) / LOGS, out)
     if not is_pack(job):
         safe_paths.make_folder(out / job.runs[0].path, out)
 

@@ -18,6 +18,7 @@ from robovast.agent.upload import open_files, store_files
 from robovast.agent.watch import EndedRun
 from robovast.base import safe_paths
 from robovast.base.containers import named_digest
+from robovast.campaign.layout import JOBS
 from robovast.campaign.own_names import set_own_names_aside
 from robovast.campaign.places import Keys
 from robovast.campaign.records import Circumstances, make_record
@@ -104,7 +105,7 @@ class Results:
 
     def store_job(self, job: PodJob, folder: Path) -> None:
         """Store what a job that is over left beside its runs, and remove its folder."""
-        prefix = f"_jobs/{self._name(job)}/"
+        prefix = f"{JOBS}/{self._name(job)}/"
         there = Keys(item.key for item in self._bucket.store.objects(self._bucket.name, prefix))
 
         def store(path: str, _: int, file: BinaryIO) -> bool:
@@ -120,7 +121,7 @@ class Results:
         """Store the small files of a job that goes on, now and then."""
         if time.monotonic() < self._next_snapshot:
             return
-        prefix = f"_jobs/{self._name(job)}/"
+        prefix = f"{JOBS}/{self._name(job)}/"
         for path, file in open_files(folder):
             if isinstance(file, OSError):
                 continue  # it is told of at the end of the job

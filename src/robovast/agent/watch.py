@@ -15,8 +15,9 @@ from robovast.agent.silence import Silence
 from robovast.base import safe_paths
 from robovast.base.stopwatch import Stopwatch
 from robovast.campaign.judge import Ending, judge
+from robovast.campaign.layout import JOBS, RUNNING, SYSTEM_LOG, Layout
 from robovast.campaign.verdict import TestResult, Verdict, read_test_result
-from robovast.execution.progress import LOG, JobOutput, keep_the_rest
+from robovast.execution.progress import JobOutput, keep_the_rest
 from robovast.model.plan import Run
 
 POLL = 0.1
@@ -30,7 +31,7 @@ KILL_DELAY = 2.0
 KILLED = 137
 """Exit code of a container that was killed, as by the kernel when memory runs out."""
 
-_NOT_OUTPUT = frozenset({".job", ".running", "_jobs"})
+_NOT_OUTPUT = frozenset({".job", RUNNING, JOBS})
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ class JobWatch:
         self._receiver = receiver
         self._is_stopping = is_stopping
         self._silence = silence
-        self._output = JobOutput(folders.out, folders.out / "_jobs" / job.name, folders.out)
+        self._output = JobOutput(folders.out, Layout(folders.out).job(job.name), folders.out)
         self._current = 0
         """Index of the run that is being executed."""
         self._stopwatch: Stopwatch | None = None
@@ -118,7 +119,7 @@ class JobWatch:
                 return ending
             if self._stopwatch is None and self._never_starts(give_up):
                 return None
-            self._silence.look(lambda: self._output.own / LOG)
+            self._silence.look(lambda: self._output.own / SYSTEM_LOG)
             time.sleep(POLL)
 
     def _never_starts(self, give_up: float) -> bool:

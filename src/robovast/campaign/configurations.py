@@ -21,7 +21,7 @@ def read_configurations(layout: Layout) -> dict[str, Any]:
     Raises:
         InputError: the folder is not a campaign, or the file is damaged.
     """
-    path = layout.transient / "configurations.yaml"
+    path = layout.configurations
     data = read_mapping(path)
     if not path.exists():
         raise InputError(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from robovast.base.errors import InputError
 from robovast.base.printable import is_printable, one_line
-from robovast.model.naming import is_campaign_dir
+from robovast.model.naming import holds_campaign, is_campaign_dir
 
 LOGGER = logging.getLogger(__name__)
 
@@ -15,10 +15,9 @@ LOGGER = logging.getLogger(__name__)
 def find_campaigns(results: Path) -> list[Path]:
     """The campaigns in a folder, sorted by name; the folder itself if it is a campaign.
 
-    A campaign is recognized by its `_execution` folder or the .vast file in its `_config` folder;
-    if it was aborted early, by its name. Hidden folders are ignored, since they are still being
-    written. Names that no campaign or configuration can have (escape sequences, line ends, invalid
-    UTF-8) are left out with a warning.
+    A campaign is recognized by its content; if it was aborted early, by its name. Hidden folders
+    are ignored, since they are still being written. Names that no campaign or configuration can
+    have (escape sequences, line ends, invalid UTF-8) are left out with a warning.
 
     Raises:
         InputError: the folder is missing or contains no campaign.
@@ -27,12 +26,12 @@ def find_campaigns(results: Path) -> list[Path]:
         raise InputError(f"{results} is a file; name a results folder or a campaign's folder.")
     if not results.is_dir():
         raise InputError(f"{results}: there is no such folder.")
-    if _holds_campaign(results):
+    if holds_campaign(results):
         _warn_of_names(results)
         return [results]
     visible = (path for path in sorted(results.iterdir()) if not path.name.startswith("."))
     folders = (path for path in visible if path.is_dir())
-    found = [path for path in folders if is_campaign_dir(path) or _holds_campaign(path)]
+    found = [path for path in folders if is_campaign_dir(path) or holds_campaign(path)]
     if not found:
         raise InputError(
             f"{results} contains no campaign: neither it nor a folder in it has a .vast file in "
@@ -51,7 +50,3 @@ def _warn_of_names(folder: Path) -> None:
                 "%s: left out: no campaign or configuration has such a name. Rename it.",
                 one_line(str(path)),
             )
-
-
-def _holds_campaign(path: Path) -> bool:
-    return (path / "_execution").is_dir() or any((path / "_config").glob("*.vast"))

@@ -8,9 +8,9 @@ from robovast.base.atomic import explained, put_in_place, scratch_folder
 from robovast.base.errors import InputError
 from robovast.base.printable import one_line
 from robovast.campaign.archive import refuse_links_out, unpack
+from robovast.model.naming import holds_campaign
 
 _SUFFIXES = (".tar.gz", ".tgz", ".tar.xz", ".tar.bz2", ".tar", ".zip")
-_CAMPAIGN_FOLDERS = ("_config", "_execution")
 
 
 def import_archive(archive: Path, output: Path, *, force: bool = False) -> Path:
@@ -64,10 +64,10 @@ def campaign_of_archive(name: str) -> str:
 def _campaign_in(archive: Path, whole: Path) -> Path:
     content = list(whole.iterdir())
     folder = content[0] if len(content) == 1 else whole
-    if not folder.is_symlink() and any((folder / name).is_dir() for name in _CAMPAIGN_FOLDERS):
+    if not folder.is_symlink() and holds_campaign(folder):
         return folder
     names = ", ".join(sorted(path.name for path in content)[:5]) or "nothing"
     raise InputError(
         f"{archive} contains no campaign, but {names}. It must contain one campaign's folder, with "
-        "`_config` in it. Nothing was imported."
+        "a .vast file in `_config`. Nothing was imported."
     )

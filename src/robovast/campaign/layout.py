@@ -1,4 +1,4 @@
-"""The layout of a campaign's folder: the path of everything in it.
+"""The layout of a campaign, as a folder or a bucket: the path of everything in it.
 
 ```
 <name>-YYYY-MM-DD-HHMMSS/
@@ -22,8 +22,33 @@ from pathlib import Path
 
 from robovast.base.printable import is_printable
 from robovast.base.safe_paths import is_folder
+from robovast.model.naming import CONFIG, EXECUTION, TRANSIENT
+
+JOBS = "_jobs"
+CONFIGURATIONS = f"{TRANSIENT}/configurations.yaml"
+"""This and the following paths are relative to the campaign's folder, or keys in its bucket."""
+JOB_LINKS = f"{TRANSIENT}/job_links.yaml"
+EXECUTION_RECORD = f"{EXECUTION}/execution.yaml"
+INDEX = f"{EXECUTION}/index.json"
+COLUMNAR_TABLES = f"{EXECUTION}/tables.duckdb"
+SQLITE_TABLES = f"{EXECUTION}/data.db"
+CAMPAIGN_STORE = "campaign.db"
+METADATA = "metadata.yaml"
+GRAPH = "metadata.prov.json"
+POSTPROCESSING = "postprocessing.yaml"
+"""Provenance of generated files, in each run's folder and in `_transient`."""
+
+VARIANT_RECORD = f"{CONFIG}/config.yaml"
+"""This and the following paths are relative to a variant's folder."""
+SCENARIO_CONFIG = f"{CONFIG}/scenario.config"
+
+SYSINFO = "sysinfo.yaml"
+"""This and the following paths are relative to a job's folder."""
+LOGS = "logs"
+SYSTEM_LOG = f"{LOGS}/system.log"
 
 RUN_RECORD = "run.json"
+"""This and the following paths are relative to a run's folder."""
 TEST_RESULT = "test.xml"
 JOB_LINK = "job"
 """Link from a run's folder to the folder of the job that executed it."""
@@ -45,22 +70,32 @@ class Layout:
     @property
     def config(self) -> Path:
         """Copy of all inputs of the campaign."""
-        return self.root / "_config"
+        return self.root / CONFIG
 
     @property
     def execution(self) -> Path:
         """Records of the campaign's execution."""
-        return self.root / "_execution"
+        return self.root / EXECUTION
 
     @property
     def transient(self) -> Path:
         """Generated intermediate files."""
-        return self.root / "_transient"
+        return self.root / TRANSIENT
+
+    @property
+    def configurations(self) -> Path:
+        """Record of all variants."""
+        return self.root / CONFIGURATIONS
+
+    @property
+    def execution_record(self) -> Path:
+        """Record of when and how the campaign was executed."""
+        return self.root / EXECUTION_RECORD
 
     @property
     def jobs(self) -> Path:
         """Output of the jobs, apart from their runs."""
-        return self.root / "_jobs"
+        return self.root / JOBS
 
     @property
     def running(self) -> Path:
@@ -82,7 +117,7 @@ class Layout:
 
     def variant_config(self, name: str) -> Path:
         """Inputs of this variant only."""
-        return self.root / name / "_config"
+        return self.root / name / CONFIG
 
     def run(self, path: str) -> Path:
         """Folder of a run, by `<variant>/<number>`."""
@@ -106,6 +141,16 @@ def is_variant(name: str) -> bool:
     return not name.startswith(("_", ".")) and is_printable(name)
 
 
+def parameters_key(job: str) -> str:
+    """Key of a job's parameters; on a cluster, the pod that creates the object owns the name."""
+    return f"{TRANSIENT}/{job}.params.yaml"
+
+
+def job_link_target(job: str) -> Path:
+    """Target of the link `job` in a run's folder."""
+    return Path("..", "..", JOBS, job)
+
+
 def job_folder(run: Path) -> Path | None:
     """The folder of the job that executed a stored run, or None.
 
@@ -116,7 +161,7 @@ def job_folder(run: Path) -> Path | None:
         parts = Path(os.readlink(run / JOB_LINK)).parts
     except OSError:
         return None
-    inside = parts[parts.index("_jobs") :] if "_jobs" in parts else ()
+    inside = parts[parts.index(JOBS) :] if JOBS in parts else ()
     folder = run.parent.parent.joinpath(*inside)
     usable = len(inside) > 1 and ".." not in inside and is_folder(folder, run.parent.parent)
     return folder if usable else None

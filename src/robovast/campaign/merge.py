@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any
 
 from robovast.base import safe_paths
@@ -18,12 +18,19 @@ from robovast.base.atomic import appearing_folder
 from robovast.base.errors import InputError
 from robovast.base.serialization import dump_yaml, fingerprint
 from robovast.base.yaml_files import read_mapping
-from robovast.campaign.layout import RUN_RECORD, Layout, is_variant
+from robovast.campaign.layout import (
+    JOB_LINK,
+    JOB_LINKS,
+    JOBS,
+    RUN_RECORD,
+    VARIANT_RECORD,
+    Layout,
+    is_variant,
+    job_link_target,
+)
 from robovast.campaign.run_record import copy_run_record, read_run_record
 from robovast.campaign.verdict import read_test_result
 
-JOB = "job"
-"""Link from a run's folder to its job's own output."""
 MERGED_FROM = "merged_from"
 """Key in a merged campaign's `execution.yaml`: the names of the original campaigns."""
 
@@ -74,7 +81,7 @@ def merge_campaigns(campaigns: Sequence[Path], target: Path) -> MergeResult:
     merged = _named(_grouped(parts))
     with appearing_folder(target) as folder:
         layout = Layout(folder)
-        _copy(campaigns[-1] / "_config", layout.config)
+        _copy(Layout(campaigns[-1]).config, layout.config)
         for campaign in map(Layout, campaigns):
             if campaign.jobs.is_dir():
                 _copy(campaign.jobs, layout.job(campaign.root.name))
@@ -95,7 +102,7 @@ def _check(campaigns: Sequence[Path]) -> None:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice:
         raise InputError(f"two of the campaigns are named {twice}; rename the folder of one.")
-    if not (campaigns[-1] / "_config").is_dir():
+    if not Layout(campaigns[-1]).config.is_dir():
         raise InputError(f"{campaigns[-1]} has no `_config` folder, so it cannot be merged.")
     _check_origins(campaigns)
     _check_runs(campaigns)
@@ -148,13 +155,13 @@ def _origins(campaign: Layout) -> list[str]:
 
 
 def _execution(campaign: Layout) -> dict[str, Any]:
-    return read_mapping(campaign.execution / "execution.yaml")
+    return read_mapping(campaign.execution_record)
 
 
 def _parts(layout: Layout) -> Iterator[_Part]:
     for folder in sorted(layout.root.iterdir()):
-        if (folder / "_config").is_dir() and is_variant(folder.name):
-            identity = read_mapping(folder / "_config" / "config.yaml")
+        if layout.variant_config(folder.name).is_dir() and is_variant(folder.name):
+            identity = read_mapping(folder / VARIANT_RECORD)
             yield _Part(layout, folder.name, identity.get("config_identifier"))
 
 
@@ -228,15 +235,15 @@ class _Runs:
 
     def _link_job(self, run: Path, campaign: str) -> str | None:
         """Adjust a copied run's link to its job's new place; return the job's new name."""
-        link = run / JOB
+        link = run / JOB_LINK
         if not link.is_symlink():
             return None
-        _, found, inside = link.readlink().as_posix().partition("_jobs/")
+        _, found, inside = link.readlink().as_posix().partition(f"{JOBS}/")
         if not found:
             return None
         job = f"{campaign}/{inside}"
         link.unlink()
-        link.symlink_to(PurePath("../../_jobs") / job)
+        link.symlink_to(job_link_target(job))
         self.jobs[f"{run.parent.name}/{run.name}"] = job
         return job
 
@@ -252,22 +259,19 @@ def _write_records(
     execution = _execution(campaigns[-1])
     origins = [origin for campaign in campaigns for origin in _origins(campaign)]
     layout.execution.mkdir()
-    (layout.execution / "execution.yaml").write_text(
+    layout.execution_record.write_text(
         dump_yaml({**execution, "runs": runs.most, MERGED_FROM: origins}), encoding="utf-8"
     )
     layout.transient.mkdir()
-    (layout.transient / "job_links.yaml").write_text(dump_yaml(runs.jobs), encoding="utf-8")
-    (layout.transient / "configurations.yaml").write_text(
+    (layout.root / JOB_LINKS).write_text(dump_yaml(runs.jobs), encoding="utf-8")
+    layout.configurations.write_text(
         dump_yaml(_configurations(campaigns, merged)), encoding="utf-8"
     )
 
 
 def _configurations(campaigns: Sequence[Layout], merged: dict[str, list[_Part]]) -> dict[str, Any]:
     """`configurations.yaml` of the merged campaign."""
-    read = {
-        campaign.root: read_mapping(campaign.transient / "configurations.yaml")
-        for campaign in campaigns
-    }
+    read = {campaign.root: read_mapping(campaign.configurations) for campaign in campaigns}
     entries = {
         (root, entry.get("name")): entry
         for root, data in read.items()

@@ -12,7 +12,15 @@ from typing import Any
 from robovast.base.safe_paths import MOST_OF_ALL, is_file, read_file
 from robovast.base.yaml_files import parse_yaml
 from robovast.campaign import verdict
-from robovast.campaign.layout import JOB_LINK, RUN_RECORD, TEST_RESULT, Layout, job_folder
+from robovast.campaign.layout import (
+    JOB_LINK,
+    RUN_RECORD,
+    SCENARIO_CONFIG,
+    SYSINFO,
+    TEST_RESULT,
+    Layout,
+    job_folder,
+)
 
 
 def list_config_dirs(campaign_dir: str | Path) -> list[Path]:
@@ -78,7 +86,7 @@ def read_scenario_config(config_dir: str | Path) -> dict[str, Any]:
     Raises:
         FileNotFoundError: the configuration's file of parameters is missing.
     """
-    return _read_yaml(Path(config_dir) / "_config" / "scenario.config")
+    return _read_yaml(Path(config_dir) / SCENARIO_CONFIG)
 
 
 def read_sysinfo(run_dir: str | Path) -> dict[str, Any]:
@@ -88,8 +96,8 @@ def read_sysinfo(run_dir: str | Path) -> dict[str, Any]:
         FileNotFoundError: neither the run nor its job has a `sysinfo.yaml`.
     """
     run = Path(run_dir)
-    own = run / "sysinfo.yaml"
-    return _read_yaml(own if is_file(own, run) else _job_folder(run) / "sysinfo.yaml")
+    own = run / SYSINFO
+    return _read_yaml(own if is_file(own, run) else _job_folder(run) / SYSINFO)
 
 
 def _job_folder(run: Path) -> Path:
@@ -110,7 +118,7 @@ def read_execution_metadata(campaign_dir: str | Path) -> dict[str, Any]:
     Raises:
         FileNotFoundError: the campaign has no `_execution/execution.yaml`.
     """
-    return _read_yaml(Layout(Path(campaign_dir)).execution / "execution.yaml")
+    return _read_yaml(Layout(Path(campaign_dir)).execution_record)
 
 
 def read_resolved_configurations(campaign_dir: str | Path) -> dict[str, Any]:
@@ -119,7 +127,7 @@ def read_resolved_configurations(campaign_dir: str | Path) -> dict[str, Any]:
     Raises:
         FileNotFoundError: the campaign has no `_transient/configurations.yaml`.
     """
-    return _read_yaml(Layout(Path(campaign_dir)).transient / "configurations.yaml")
+    return _read_yaml(Layout(Path(campaign_dir)).configurations)
 
 
 def _read_yaml(path: Path) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
+from robovast.campaign.layout import EXECUTION_RECORD
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.campaigns import active_jobs, is_own_folder
 from robovast.evaluation.inside import resolved
@@ -62,7 +63,7 @@ class CampaignIndex:
         except OSError as error:
             raise InputError(f"{self.name} cannot be read: {error.strerror}.") from None
         known = {entry.name: found for entry in folders if (found := self._look(entry))}
-        execution = read_yaml(self.results, f"{self.name}/_execution/execution.yaml")
+        execution = read_yaml(self.results, f"{self.name}/{EXECUTION_RECORD}")
         active = active_jobs(self.results, self.name)
         variants = [item.variant for _, item in sorted(known.items(), key=_by_name)]
         before = (self.variants, self._execution, self.active)

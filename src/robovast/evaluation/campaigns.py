@@ -8,15 +8,11 @@ import re
 from pathlib import Path
 
 from robovast.base.errors import InputError
-from robovast.campaign.layout import is_variant
+from robovast.campaign.layout import JOBS, RUNNING, SYSTEM_LOG, is_variant
 from robovast.evaluation.summaries import ActiveJob
+from robovast.model.naming import holds_campaign
 
 _JOB = re.compile(r"job-([0-9]{1,9})")
-
-
-def is_campaign(path: Path) -> bool:
-    """Whether a folder holds a campaign."""
-    return any((path / name).is_dir() for name in ("_execution", "_transient", "_config"))
 
 
 def find_campaigns(results: Path) -> list[str]:
@@ -31,7 +27,7 @@ def find_campaigns(results: Path) -> list[str]:
         raise InputError(
             f"{results}: cannot be read: {error.strerror}. Name the results folder with `-r`."
         ) from None
-    names = [entry.name for entry in folders if is_campaign(Path(entry))]
+    names = [entry.name for entry in folders if holds_campaign(Path(entry))]
     return sorted(names, key=lambda name: (name[-17:], name), reverse=True)  # by the time in it
 
 
@@ -46,10 +42,10 @@ def is_own_folder(entry: os.DirEntry[str]) -> bool:
 def active_jobs(results: Path, campaign: str) -> tuple[ActiveJob, ...] | None:
     """Jobs of a campaign that are being executed, in order; None when nothing executes it."""
     root = results / campaign
-    if not _is_locked(root / ".running" / "lock"):
+    if not _is_locked(root / RUNNING / "lock"):
         return None
     try:
-        found = [_JOB.fullmatch(name) for name in os.listdir(root / ".running")]
+        found = [_JOB.fullmatch(name) for name in os.listdir(root / RUNNING)]
     except OSError:  # it has just ended
         return ()
     numbers = sorted(int(match[1]) for match in found if match)
@@ -73,6 +69,6 @@ def _is_locked(path: Path) -> bool:
 
 def _log(root: Path, job: str) -> str | None:
     """The job's own log, else what its process prints."""
-    candidates = (f"_jobs/{job}/logs/system.log", f".running/{job}/console.log")
+    candidates = (f"{JOBS}/{job}/{SYSTEM_LOG}", f"{RUNNING}/{job}/console.log")
     found = (path for path in candidates if (root / path).is_file())
     return next((f"{root.name}/{path}" for path in found), None)

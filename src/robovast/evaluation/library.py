@@ -9,9 +9,10 @@ from threading import Lock
 
 from robovast.base.errors import InputError
 from robovast.evaluation.campaign_index import CampaignIndex
-from robovast.evaluation.campaigns import find_campaigns, is_campaign
+from robovast.evaluation.campaigns import find_campaigns
 from robovast.evaluation.inside import MissingError, resolved
 from robovast.evaluation.summaries import CampaignSummary
+from robovast.model.naming import holds_campaign
 
 BUSY, CALM = 10, 100
 """A campaign is looked through after this many times what that takes; CALM when nothing runs."""
@@ -82,7 +83,7 @@ class Library:
         known = self._shelves.get(name)
         if known is None:
             path = resolved(self.results, name)
-            if path.parent != self.results or path.name != name or not is_campaign(path):
+            if path.parent != self.results or path.name != name or not holds_campaign(path):
                 raise MissingError(f"There is no campaign {name}.")
             known = self._shelves.setdefault(name, _Shelf(CampaignIndex(self.results, name)))
         return known

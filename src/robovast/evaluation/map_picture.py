@@ -11,8 +11,10 @@ from typing import Any
 
 from robovast.base.errors import InputError
 from robovast.base.serialization import dump_yaml
+from robovast.campaign.layout import CONFIGURATIONS
 from robovast.evaluation.inside import MissingError, open_inside, read_small
 from robovast.evaluation.untrusted import LONGEST, MOST_VALUES, mapping, parse_yaml
+from robovast.model.naming import CONFIG
 
 _RECORD = "_navigation"
 _LARGEST_FILE = 64 << 20
@@ -53,7 +55,7 @@ def _record(results: Path, campaign: str, variant: str) -> Mapping[str, Any]:
     first = dump_yaml([{"name": variant}])
     lines: list[str] = []
     try:
-        with open_inside(results, f"{campaign}/_transient/configurations.yaml") as file:
+        with open_inside(results, f"{campaign}/{CONFIGURATIONS}") as file:
             text = io.TextIOWrapper(file, encoding="utf-8", errors="replace")
             for line in iter(partial(text.readline, LONGEST), ""):
                 if len(lines) > MOST_VALUES or (lines and not line.startswith(" ")):
@@ -72,11 +74,11 @@ def _copy_map(
 ) -> Path:
     """The map's two files in a folder of our own: the one must not name the other elsewhere."""
     name = str(record.get("map_file", "")).removeprefix("/config/")
-    place = f"{campaign}/{variant}/_config/{name}"
+    place = f"{campaign}/{variant}/{CONFIG}/{name}"
     try:
         content = read_small(results, place)
     except MissingError:
-        place = f"{campaign}/_config/{name}"
+        place = f"{campaign}/{CONFIG}/{name}"
         content = read_small(results, place)
     data = dict(mapping(parse_yaml(content)))
     image = str(data.get("image", ""))

@@ -11,6 +11,7 @@ from math import isfinite
 from pathlib import Path
 
 from robovast.base.errors import InputError
+from robovast.campaign.layout import SQLITE_TABLES
 from robovast.evaluation.database import opened
 from robovast.evaluation.inside import MissingError
 
@@ -65,7 +66,7 @@ def metric(
 
 
 def _file(campaign: str) -> str:
-    return f"{campaign}/_execution/data.db"
+    return f"{campaign}/{SQLITE_TABLES}"
 
 
 def _tables(connection: sqlite3.Connection) -> dict[str, list[str]]:

@@ -9,7 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
-from robovast.campaign.layout import RUN_RECORD, TEST_RESULT
+from robovast.campaign.layout import (
+    JOB_LINK,
+    JOBS,
+    POSTPROCESSING,
+    RUN_RECORD,
+    SYSINFO,
+    TEST_RESULT,
+)
 from robovast.evaluation.files import FileEntry, list_files
 from robovast.evaluation.inside import read_small, resolved
 from robovast.evaluation.launch.commands import as_shell, repeat_words
@@ -108,8 +115,8 @@ def run_record(results: Path, place: str) -> Mapping[str, Any]:
 
 def _job_folder(results: Path, campaign: str, place: str, record: Mapping[str, Any]) -> str | None:
     """The job's folder relative to the results; None when there is none inside."""
-    named = [f"{campaign}/_jobs/{record['job']}"] if record.get("job") else []
-    for candidate in (*named, f"{place}/job"):
+    named = [f"{campaign}/{JOBS}/{record['job']}"] if record.get("job") else []
+    for candidate in (*named, f"{place}/{JOB_LINK}"):
         try:
             folder = resolved(results, candidate)
         except InputError:
@@ -133,7 +140,7 @@ def _is_usage(name: str) -> bool:
 
 def _sysinfo(results: Path, place: str, job: str | None) -> Mapping[str, Any]:
     for folder in filter(None, (place, job)):
-        if found := read_yaml(results, f"{folder}/sysinfo.yaml"):
+        if found := read_yaml(results, f"{folder}/{SYSINFO}"):
             return found
     return {}
 
@@ -153,7 +160,7 @@ def _failure(results: Path, place: str) -> str:
 
 
 def _origins(results: Path, campaign: str, place: str) -> Iterator[Origin]:
-    entries = read_yaml(results, f"{place}/postprocessing.yaml").get("entries")
+    entries = read_yaml(results, f"{place}/{POSTPROCESSING}").get("entries")
     for entry in entries if isinstance(entries, list) else ():
         if isinstance(entry, dict) and "output" in entry:
             sources = entry.get("sources")

@@ -11,7 +11,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from robovast.campaign.layout import RUN_RECORD
+from robovast.campaign.layout import RUN_RECORD, SCENARIO_CONFIG
 from robovast.campaign.run_record import RunRecord, parse_run_record, result_without_record
 from robovast.evaluation.summaries import RunSummary, VariantRuns
 from robovast.evaluation.untrusted import mapping, plain, read_yaml
@@ -40,7 +40,7 @@ def read_variant(results: Path, campaign: str, name: str) -> VariantRuns:
     if first is not None:
         parameters = _bounded(first.parameters)
     else:
-        scenarios = read_yaml(results, f"{campaign}/{name}/_config/scenario.config")
+        scenarios = read_yaml(results, f"{campaign}/{name}/{SCENARIO_CONFIG}")
         parameters = next(map(mapping, scenarios.values()), {})
     runs = [
         _from_record(number, record)

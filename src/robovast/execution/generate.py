@@ -13,12 +13,13 @@ from typing import Any
 from robovast.base.serialization import dump_yaml, to_plain
 from robovast.base.version import __version__
 from robovast.campaign.configurations import configuration_record
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import SCENARIO_CONFIG, VARIANT_RECORD, Layout
 from robovast.execution.contract import contract_files
 from robovast.model.document import Document
 from robovast.model.expansion import Composition, Variant
 from robovast.model.identity import Identities
 from robovast.model.inputs import campaign_files, container_files
+from robovast.model.naming import CONFIG
 from robovast.model.scenario import read_scenario
 
 
@@ -55,7 +56,7 @@ def write_configurations(
         if number % 100 == 0:
             tell(variant.name)
         _write_variant(layout, variant, scenario, identities.of(variant))
-    with (layout.transient / "configurations.yaml").open("w", encoding="utf-8") as record:
+    with layout.configurations.open("w", encoding="utf-8") as record:
         record.writelines(_configurations(document, composition.variants, timings=timings))
 
 
@@ -81,7 +82,7 @@ def write_execution(
         "cluster_info": None,
         "env": document.vast.execution.env,
     }
-    (layout.execution / "execution.yaml").write_text(dump_yaml(record), encoding="utf-8")
+    layout.execution_record.write_text(dump_yaml(record), encoding="utf-8")
 
 
 def copy_file(source: Path, target: Path) -> None:
@@ -91,14 +92,14 @@ def copy_file(source: Path, target: Path) -> None:
 
 
 def _write_variant(layout: Layout, variant: Variant, scenario: str, identity: Any) -> None:
-    folder = str(layout.variant_config(variant.name))  # there may be very many: no Path for each
-    for path in (os.path.dirname(folder), folder):
+    own = str(layout.variant(variant.name))  # there may be very many: no Path for each
+    for path in (own, f"{own}/{CONFIG}"):
         with contextlib.suppress(FileExistsError):
             os.mkdir(path)
-    _write_text(f"{folder}/config.yaml", dump_yaml(identity))
-    _write_text(f"{folder}/scenario.config", dump_yaml({scenario: dict(variant.parameters)}))
+    _write_text(f"{own}/{VARIANT_RECORD}", dump_yaml(identity))
+    _write_text(f"{own}/{SCENARIO_CONFIG}", dump_yaml({scenario: dict(variant.parameters)}))
     for file in variant.files:
-        copy_file(file.source, Path(folder) / file.name)
+        copy_file(file.source, Path(own, CONFIG, file.name))
 
 
 def _write_text(path: str, text: str) -> None:

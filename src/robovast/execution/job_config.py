@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.serialization import dump_yaml_documents
+from robovast.campaign.layout import JOBS
 from robovast.model.plan import Job
 
 PARAMETER_FILE = "scenario.params.yaml"
@@ -102,6 +103,6 @@ def job_environment(
 def output_places(job: Job, out_dir: str) -> dict[str, str]:
     """The part of a job's environment that says where its output goes."""
     return {
-        "OUTPUT_DIR": f"{out_dir}/_jobs/{job.name}",
+        "OUTPUT_DIR": f"{out_dir}/{JOBS}/{job.name}",
         "SCENARIO_OUTPUT_DIR": out_dir if is_pack(job) else f"{out_dir}/{job.runs[0].path}",
     }

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robovast.base import safe_paths
+from robovast.campaign.layout import SYSTEM_LOG
 from robovast.model.plan import Run
 
 FINISHED_RUNS = "finished_runs"
 """File in a job's folder where the contract's scripts list the runs that are over."""
-LOG = Path("logs", "system.log")
-"""A job's log, in its own folder."""
 _LOG_END = 4096
 """Of a log, what is looked through for its last line [bytes]."""
 
@@ -51,7 +50,7 @@ class JobOutput:
 
     def log_end(self) -> bytes:
         """The end of the job's log; empty without one."""
-        return end_of(self.own / LOG, self.root)
+        return end_of(self.own / SYSTEM_LOG, self.root)
 
     def take(self, run: Run, stored: Path) -> Path:
         """Move what a run wrote to where no job reaches it, whatever modes it gave its folders.

@@ -8,15 +8,12 @@ from typing import Any
 from fastmcp import FastMCP
 
 from robovast.analysis.provenance.query import query_names, read_query
-from robovast.analysis.provenance.writing import GRAPH
-from robovast.analysis.tables.columnar import FILE
 from robovast.base.errors import InputError
+from robovast.campaign.layout import COLUMNAR_TABLES, GRAPH
 from robovast.evaluation.inside import MissingError, resolved
 from robovast.evaluation.library import Library
 from robovast.mcp.question import answer
 from robovast.mcp.tools import add_tools
-
-_TABLES = f"_execution/{FILE}"
 
 
 class QueryTools:
@@ -43,7 +40,7 @@ class QueryTools:
         Args:
             campaign: name of a campaign; all of the results folder when omitted.
         """
-        return answer("tables", self._having(_TABLES, campaign))
+        return answer("tables", self._having(COLUMNAR_TABLES, campaign))
 
     def query_run_data(self, sql: str, campaign: str = "") -> dict[str, Any]:
         """Query the tables of campaigns with SQL (DuckDB); nothing can be changed.
@@ -55,7 +52,7 @@ class QueryTools:
             sql: one statement.
             campaign: name of a campaign; all of the results folder when omitted.
         """
-        return answer("sql", self._having(_TABLES, campaign), sql)
+        return answer("sql", self._having(COLUMNAR_TABLES, campaign), sql)
 
     def list_provenance_queries(self) -> dict[str, str]:
         """List the named queries of `query_provenance` and what each answers."""

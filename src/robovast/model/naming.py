@@ -1,10 +1,17 @@
-"""Names of campaign folders."""
+"""Names of campaign folders, and how to recognize them."""
 
 from __future__ import annotations
 
 import re
 from datetime import datetime
 from pathlib import Path
+
+CONFIG = "_config"
+"""Folder of inputs, in a campaign's folder and in each variant's."""
+EXECUTION = "_execution"
+"""Folder of records of the execution."""
+TRANSIENT = "_transient"
+"""Folder of generated intermediate files."""
 
 _CAMPAIGN = re.compile(r"^(?P<name>.+)-(?P<timestamp>\d{4}-\d{2}-\d{2}-\d{6}(?:\d{2})?)$")
 
@@ -25,6 +32,12 @@ def campaign_folder_name(name: str, started: datetime) -> str:
 def is_campaign_dir(path: str | Path) -> bool:
     """True for names of campaign folders; those of `run.sh` include hundredths of a second."""
     return _CAMPAIGN.match(Path(path).name) is not None
+
+
+def holds_campaign(folder: Path) -> bool:
+    """True for a folder with the content of a campaign, whatever its name."""
+    own = any((folder / name).is_dir() for name in (EXECUTION, TRANSIENT))
+    return own or any((folder / CONFIG).glob("*.vast"))
 
 
 def get_campaign(name: str = "campaign") -> str:

@@ -14,6 +14,7 @@ from functools import cached_property
 from itertools import groupby
 
 from robovast.base.ranges import Span, clip, count, format_ranges, ids, merge, parse_ranges
+from robovast.model.naming import TRANSIENT
 from robovast.model.packs import PlanSpec
 
 _GROUP = re.compile(r"([1-9]\d{0,8})x([1-9]\d{0,8})")
@@ -96,7 +97,7 @@ def list_name(text: str) -> str:
 
 def list_key(name: str) -> str:
     """Key of a list of bad runs in the campaign's bucket."""
-    return f"_transient/bad-runs-{name}.txt"
+    return f"{TRANSIENT}/bad-runs-{name}.txt"
 
 
 def list_text(runs: Iterable[Span]) -> str:

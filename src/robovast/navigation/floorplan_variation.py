@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field
 
 from robovast.base.errors import DocumentError, InputError
+from robovast.model.naming import CONFIG, TRANSIENT
 from robovast.model.variation_config import get_validated_config
 from robovast.model.variations import ProvContribution
 from robovast.navigation.base import Config, NavigationConfig, NavigationVariation, with_record
@@ -159,8 +160,8 @@ class _FloorplanVariation(NavigationVariation):
     def _in_campaign(self, path: Path) -> str:
         """Where a model is in a campaign."""
         if self._is_input(path):
-            return f"_config/{path.relative_to(Path(self.base_path).resolve())}"
-        return f"_transient/fpm/{path.name}"
+            return f"{CONFIG}/{path.relative_to(Path(self.base_path).resolve())}"
+        return f"{TRANSIENT}/fpm/{path.name}"
 
     def _generator(self) -> dict[str, Any]:
         """What to record of a generator that is not ours."""

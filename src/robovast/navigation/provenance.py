@@ -7,6 +7,7 @@ from typing import Any
 from urllib.parse import quote
 
 from robovast.base.version import __version__
+from robovast.model.naming import CONFIG
 from robovast.model.variations import ProvContribution
 
 Node = dict[Any, Any]
@@ -64,9 +65,9 @@ class _Graph:
         self._generator = URIRef(_GENERATOR + name)
         self._model = campaign[record["model"]]
         self._files = {
-            key: config[f"_config/{record[key]}"] for key in ("map_file", "image", "mesh_file")
+            key: config[f"{CONFIG}/{record[key]}"] for key in ("map_file", "image", "mesh_file")
         }
-        self._graph = [config[f"_config/{name}"] for name in record["graph"]]
+        self._graph = [config[f"{CONFIG}/{name}"] for name in record["graph"]]
 
     def contribution(self, vast_id: str) -> ProvContribution:
         """Everything: nodes, what the scenario references, what runs use."""

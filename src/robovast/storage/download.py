@@ -26,7 +26,7 @@ from typing import Protocol, TypeVar
 from robovast.base.atomic import put_in_place
 from robovast.base.errors import RobovastError, StorageError
 from robovast.base.locks import exclusive_folder
-from robovast.campaign.layout import RUN_RECORD, STAGE
+from robovast.campaign.layout import JOB_LINK, RUN_RECORD, STAGE, job_link_target
 from robovast.campaign.places import run_of, set_apart, why_no_place
 from robovast.campaign.run_files import is_writers, shown
 from robovast.storage.belonging import occupy
@@ -392,7 +392,7 @@ def _keeping(path: str) -> Iterator[None]:
 
 def _link_job(run: Path) -> None:
     """Restore what S3 cannot hold: the link to the job that executed the run."""
-    target, link = job_link(run / RUN_RECORD), run / "job"
+    target, link = job_link(run / RUN_RECORD), run / JOB_LINK
     if target is not None and not os.path.lexists(link):
         link.symlink_to(target)
 
@@ -404,7 +404,7 @@ def job_link(record: Path) -> Path | None:
     except (ValueError, TypeError, KeyError):
         return None  # a record of another version; the files are all here
     named = isinstance(job, str) and _JOB.fullmatch(job)
-    return Path("..", "..", "_jobs", job) if named else None
+    return job_link_target(job) if named else None
 
 
 @contextlib.contextmanager

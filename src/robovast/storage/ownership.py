@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING
 from pydantic import ValidationError
 
 from robovast.base.errors import InputError, StorageError
+from robovast.model.naming import TRANSIENT
 from robovast.model.packs import Owner
 from robovast.storage.bucket_names import buckets_of
 
 if TYPE_CHECKING:
     from robovast.storage.s3 import ObjectStore
 
-OWNER = "_transient/owner.json"
+OWNER = f"{TRANSIENT}/owner.json"
 
 
 class OtherOwnerError(StorageError):

@@ -1,4 +1,4 @@
-"""Folders that are called as no campaign or configuration can be harm no others."""
+"""Campaigns are told from other folders, and those that no campaign is called as harm nobody."""
 
 from __future__ import annotations
 
@@ -12,10 +12,25 @@ import yaml
 from support.campaigns.finished import finished_campaign
 
 from robovast.analysis.provenance import write_metadata
+from robovast.base.errors import InputError
 from robovast.campaign.finding import find_campaigns
+from robovast.campaign.importing import import_archive
 from robovast.campaign.layout import Layout
 from robovast.campaign.merge import merge_campaigns
 from robovast.evaluation.campaign_index import CampaignIndex
+from robovast.evaluation.campaigns import find_campaigns as shown_campaigns
+
+
+def test_everybody_takes_the_same_folders_for_campaigns(tmp_path: Path) -> None:
+    """A configuration has a `_config`, too."""
+    campaign = finished_campaign(tmp_path / "results", 1)
+    shutil.copytree(campaign / "c-1", campaign.with_name("c-1"), symlinks=True)
+    archive = Path(shutil.make_archive(str(tmp_path / "c-1"), "tar", campaign.parent, "c-1"))
+
+    assert find_campaigns(campaign.parent) == [campaign]
+    assert shown_campaigns(campaign.parent) == [campaign.name]
+    with pytest.raises(InputError, match="contains no campaign"):
+        import_archive(archive, tmp_path / "imported")
 
 
 @pytest.mark.parametrize("name", [b"x\xff", b"x\x1b[2J", b"x\nall passed"])

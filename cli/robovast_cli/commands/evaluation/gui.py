@@ -93,7 +93,7 @@ def gui(
     their .vast files name. The page answers on this machine only, at an address that holds a
     secret. Ctrl-C ends it.
     """
-    from robovast.evaluation.campaigns import is_campaign
+    from robovast.model.naming import holds_campaign
 
     try:
         from robovast.evaluation.server.serve import serve
@@ -105,7 +105,7 @@ def gui(
     root = folder.resolve()
     if not skip_postprocessing and not _postprocess(folder, force, override):
         return ExitCode.INTERRUPTED
-    campaign = root.name if is_campaign(root) else ""
+    campaign = root.name if holds_campaign(root) else ""
 
     def show(address: str) -> None:
         page = f"{address}#/campaign/{quote(campaign)}" if campaign else address
@@ -149,9 +149,10 @@ def _postprocess(folder: Path, force: bool, override: Path | None) -> bool:
     What fails is said, and the page shows what there is.
     """
     from robovast.analysis.postprocessing.events import Options
-    from robovast.evaluation.campaigns import find_campaigns, is_campaign
+    from robovast.evaluation.campaigns import find_campaigns
+    from robovast.model.naming import holds_campaign
     from robovast_cli.commands.results.postprocessing import run
 
-    if not is_campaign(folder) and not find_campaigns(folder):
+    if not holds_campaign(folder) and not find_campaigns(folder):
         return True
     return run(folder, Options(override=override, force=force)) is not ExitCode.INTERRUPTED

@@ -24,12 +24,12 @@ def index(
 
     `vast results postprocess` makes it, too. What a search wrote itself is left as it is.
     """
-    from robovast.analysis.tables.campaign_store import FILE, index_campaign
+    from robovast.analysis.tables.campaign_store import index_campaign
     from robovast.campaign.finding import find_campaigns
-    from robovast.campaign.layout import Layout
+    from robovast.campaign.layout import CAMPAIGN_STORE, Layout
     from robovast_cli.ui.output import say
     from robovast_cli.workspace import shown
 
     for campaign in find_campaigns(results_dir or ctx.obj.results):
         made = index_campaign(Layout(campaign.absolute()), force=force)
-        say(f"{shown(campaign)}: {FILE}{'' if made else ' is up to date'}")
+        say(f"{shown(campaign)}: {CAMPAIGN_STORE}{'' if made else ' is up to date'}")

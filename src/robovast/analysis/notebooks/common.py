@@ -15,7 +15,7 @@ import yaml
 
 from robovast.base.safe_paths import open_file, read_file
 from robovast.base.yaml_files import parse_yaml
-from robovast.campaign.layout import RUN_RECORD, TEST_RESULT
+from robovast.campaign.layout import RUN_RECORD, SCENARIO_CONFIG, TEST_RESULT
 from robovast.campaign.run_record import read_run_record
 from robovast.campaign.verdict import Verdict, read_test_result
 
@@ -159,7 +159,7 @@ def _as_category(value: Any) -> Any:
 
 
 def _read_scenario_parameters(config_dir: Path) -> Mapping[str, Any]:
-    path = config_dir / "_config" / "scenario.config"
+    path = config_dir / SCENARIO_CONFIG
     scenarios = parse_yaml(read_file(path)) or {}
     return next(iter(scenarios.values()), None) or {}
 
@@ -176,9 +176,9 @@ def get_scenario_parameter(data_dir: str | Path, parameter_name: str) -> Any:
     """
     folder = Path(data_dir).absolute()
     for candidate in (folder, *folder.parents[:2]):
-        if (candidate / "_config" / "scenario.config").is_file():
+        if (candidate / SCENARIO_CONFIG).is_file():
             return _read_scenario_parameters(candidate).get(parameter_name)
-    raise FileNotFoundError(f"{folder}: no _config/scenario.config here or in the folders above")
+    raise FileNotFoundError(f"{folder}: no {SCENARIO_CONFIG} here or in the folders above")
 
 
 def read_output_csv(run_dir: str | Path, filename: str, skiprows: int = 0) -> pd.DataFrame:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from robovast.base.safe_paths import extents, has_holes, open_file, read_file, status
-from robovast.campaign.layout import RUN_RECORD
+from robovast.campaign.layout import POSTPROCESSING, RUN_RECORD
 from robovast.campaign.run_record import PLACE, record_text
 
 _CHUNK = 1 << 20
@@ -20,11 +20,8 @@ Stamp = tuple[int, int, int]
 Files = dict[str, Stamp]
 """Every file below a folder by its relative path; links are not followed."""
 
-RECORD = "postprocessing.yaml"
-"""What made which file; written by the orchestration itself, so no input of anything."""
 
-
-def scan(folder: str | Path, ignored: Iterable[str] = (RECORD,)) -> Files:
+def scan(folder: str | Path, ignored: Iterable[str] = (POSTPROCESSING,)) -> Files:
     """The files below a folder.
 
     Args:

@@ -13,7 +13,14 @@ from robovast.analysis.postprocessing.state import State, Unit
 from robovast.analysis.postprocessing.survey import OWN, WHOLE, Survey
 from robovast.base.errors import RobovastError
 from robovast.base.version import __version__
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import (
+    CAMPAIGN_STORE,
+    COLUMNAR_TABLES,
+    GRAPH,
+    METADATA,
+    SQLITE_TABLES,
+    Layout,
+)
 
 TABLES = 2
 """Version of the tables' columns: with another one every run is read again."""
@@ -79,7 +86,7 @@ def _parts(survey: Survey, versions: Mapping[str, str], options: Options) -> Ite
     if not options.skip_tables:
         yield from _tables(layout, survey.document, runs)
     if not options.skip_metadata:
-        files = (layout.root / "metadata.yaml", layout.root / "metadata.prov.json")
+        files = (layout.root / METADATA, layout.root / GRAPH)
         yield _Part("metadata", files, lambda: _describe(layout.root))
 
 
@@ -87,13 +94,13 @@ def _tables(layout: Layout, document: Path | None, runs: Mapping[str, str]) -> I
     from robovast.analysis.tables.campaign_store import write_campaign_store
     from robovast.analysis.tables.sqlite_tables import update_sqlite
 
-    columnar, rows = layout.execution / "tables.duckdb", layout.execution / "data.db"
+    columnar, rows = layout.root / COLUMNAR_TABLES, layout.root / SQLITE_TABLES
     if find_spec("duckdb") is not None:
         yield _Part("tables", (columnar,), lambda: _update_columnar(layout, runs), incremental=True)
-    yield _Part("data.db", (rows,), lambda: update_sqlite(layout, runs), incremental=True)
+    yield _Part(rows.name, (rows,), lambda: update_sqlite(layout, runs), incremental=True)
     yield _Part(
-        "campaign.db",
-        (layout.root / "campaign.db",),
+        CAMPAIGN_STORE,
+        (layout.root / CAMPAIGN_STORE,),
         lambda: write_campaign_store(layout, document, runs),
     )
 

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from robovast.analysis.postprocessing.content import RECORD
 from robovast.analysis.postprocessing.outcome import Entry
 from robovast.base.atomic import write_atomically
 from robovast.base.serialization import dump_yaml, to_plain
 from robovast.base.yaml_files import read_mapping_leniently
+from robovast.campaign.layout import POSTPROCESSING, Layout
 from robovast.campaign.places import run_of
 
 
@@ -43,10 +43,10 @@ def merge(campaign: Path, entries: Iterable[Entry]) -> None:
     for entry in entries:
         grouped.setdefault(run_of(entry["output"]), []).append(entry)
     for run, items in grouped.items():
-        folder = campaign / run if run else campaign / "_transient"
+        folder = campaign / run if run else Layout(campaign).transient
         if folder.is_dir() or not run:
             folder.mkdir(exist_ok=True)
-            update(folder / RECORD, items)
+            update(folder / POSTPROCESSING, items)
 
 
 def update(path: Path, entries: Iterable[Entry], **facts: Any) -> None:

@@ -20,7 +20,6 @@ from robovast.analysis.postprocessing.commands import (
     unfolded,
     why_not,
 )
-from robovast.analysis.postprocessing.content import RECORD
 from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Observer, Options
 from robovast.analysis.postprocessing.finish import finish
 from robovast.analysis.postprocessing.plan import all_done
@@ -31,7 +30,7 @@ from robovast.analysis.postprocessing.workers import started
 from robovast.base.errors import InputError, RobovastError
 from robovast.campaign.configurations import read_configurations
 from robovast.campaign.finding import find_campaigns
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import POSTPROCESSING, Layout
 from robovast.model.document.commands import ROSOUT
 from robovast.model.document.model import PluginCall
 from robovast.model.quantities import machine_cpus
@@ -154,7 +153,7 @@ def _logs_are_implied(asked: Sequence[PluginCall]) -> bool:
 
 def _given(layout: Layout, options: Options) -> dict[str, Any]:
     """What commands get beside their parameters."""
-    image = records.read_record(layout.execution / "execution.yaml").get("image")
+    image = records.read_record(layout.execution_record).get("image")
     asked = {"debug": options.debug, "force": options.force}
     known = {"execution_image": image} if image else {}
     return known | {name: True for name, wanted in asked.items() if wanted}
@@ -192,9 +191,8 @@ def _record(layout: Layout, commands: Sequence[Command], started_at: str) -> Non
     """What was done when, for the campaign's provenance."""
     layout.transient.mkdir(exist_ok=True)
     listed = [{"plugin": command.name, "params": command.parameters} for command in commands]
-    records.update(
-        layout.transient / RECORD, [], started_at=started_at, ended_at=_now(), commands=listed
-    )
+    path = layout.transient / POSTPROCESSING
+    records.update(path, [], started_at=started_at, ended_at=_now(), commands=listed)
 
 
 def _now() -> str:

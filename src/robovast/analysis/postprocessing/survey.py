@@ -11,7 +11,6 @@ from functools import lru_cache
 from pathlib import Path
 
 from robovast.analysis.postprocessing.content import (
-    RECORD,
     Files,
     changed,
     combined,
@@ -21,17 +20,26 @@ from robovast.analysis.postprocessing.content import (
     stamp_of,
 )
 from robovast.analysis.postprocessing.state import Unit
-from robovast.campaign.layout import JOB_LINK, Layout, job_folder
+from robovast.campaign.layout import (
+    CAMPAIGN_STORE,
+    GRAPH,
+    JOB_LINK,
+    METADATA,
+    POSTPROCESSING,
+    Layout,
+    job_folder,
+)
 from robovast.model.document.commands import JOB_LOGS
+from robovast.model.naming import CONFIG, TRANSIENT
 
 OWN = "."
 """The unit of the campaign's own files, beside those of its runs."""
 WHOLE = ""
 """The unit of everything: its inputs are those of all others."""
 
-_GENERATED = ("metadata.yaml", "metadata.prov.json", "metadata.dot", "metadata.pdf", "campaign.db")
+_GENERATED = (METADATA, GRAPH, "metadata.dot", "metadata.pdf", CAMPAIGN_STORE)
 """Files of a campaign's folder that are made of all others."""
-_OWN_FOLDERS = ("_config", "_transient")
+_OWN_FOLDERS = (CONFIG, TRANSIENT)
 _MADE_OF_LOGS = re.compile(r"logs/[^/]*\.(csv|webm|part)$")
 _RECORDINGS = ("rosbag2", f"{JOB_LINK}/{JOB_LOGS}")
 
@@ -121,7 +129,7 @@ class Survey:
         if unit != OWN:
             folder = self.folder(unit)
             job = job_folder(folder)
-            parts["/config"] = self._tree_digest(folder.parent / "_config")
+            parts["/config"] = self._tree_digest(folder.parent / CONFIG)
             parts["/job"] = self._job_digest(job) if job else combined({})
         return combined(parts)
 
@@ -132,7 +140,7 @@ class Survey:
         variant = run.rpartition("/")[0]
         job = job_folder(self.campaign / run)
         stamps = self._job_stamps(str(job)) if job else []
-        return [self._variant_stamp(f"{self.campaign}/{variant}/_config"), *stamps]
+        return [self._variant_stamp(f"{self.campaign}/{variant}/{CONFIG}"), *stamps]
 
     def _own_files(self) -> Files:
         found: Files = {}
@@ -141,7 +149,7 @@ class Survey:
                 status = entry.stat()
                 found[entry.name] = (status.st_size, status.st_mtime_ns, status.st_ctime_ns)
         for name in _OWN_FOLDERS:
-            ignored = [RECORD, *([self.document.name] if self.document else [])]
+            ignored = [POSTPROCESSING, *([self.document.name] if self.document else [])]
             files = scan(self.campaign / name, ignored)
             found.update((f"{name}/{path}", stamp) for path, stamp in files.items())
         return found

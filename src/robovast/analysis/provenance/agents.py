@@ -10,6 +10,7 @@ from robovast.analysis.provenance.contributions import Node
 from robovast.analysis.provenance.vocabulary import SOFTWARE, encode_iri, is_iri, path_iri
 from robovast.base.serialization import to_plain
 from robovast.base.version import __version__
+from robovast.model.naming import CONFIG
 
 _ORCID = re.compile(r"^(?:https?://orcid\.org/)?(\d{4}-\d{4}-\d{4}-\d{3}[\dX])$")
 _OWN_KEYS = frozenset({"id", "name", "type", "configuration_files"})
@@ -41,7 +42,7 @@ def _system(agent: dict[str, Any], dataset: str) -> Node:
     }
     if agent.get("type"):
         node["agn:type"] = str(agent["type"])
-    files = [path_iri(f"_config/{file}") for file in _several(agent.get("configuration_files"))]
+    files = [path_iri(f"{CONFIG}/{file}") for file in _several(agent.get("configuration_files"))]
     return {**node, "agn:configuration_files": [{"@id": file} for file in files]} if files else node
 
 

@@ -9,9 +9,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from robovast.analysis.provenance.writing import GRAPH
 from robovast.base.atomic import appearing_file
 from robovast.base.errors import CannotRunError, InputError, StorageError
+from robovast.campaign.layout import GRAPH
 
 DOT = "metadata.dot"
 PDF = "metadata.pdf"

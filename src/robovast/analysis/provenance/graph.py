@@ -30,10 +30,12 @@ from robovast.analysis.provenance.vocabulary import (
     is_iri,
     path_iri,
 )
+from robovast.campaign.layout import CONFIGURATIONS, EXECUTION_RECORD, SCENARIO_CONFIG
+from robovast.model.naming import CONFIG
 
 GENERATION = "config_generation"
 POSTPROCESSING = "postprocessing/"
-_RECORDS = ("_execution/execution.yaml", "_transient/configurations.yaml")
+_RECORDS = (EXECUTION_RECORD, CONFIGURATIONS)
 """What metadata.yaml is made of, beside the folders of the runs."""
 
 
@@ -87,7 +89,7 @@ class Graph:
         self._people = agents.people(self._description.get("creator"), self._dataset)
         self._vast = _optional_iri(metadata.get("vast_file"))
         scenario = metadata.get("scenario_file")
-        self._scenario = path_iri(f"_config/{scenario}") if scenario else None
+        self._scenario = path_iri(f"{CONFIG}/{scenario}") if scenario else None
         self._derivations = derivations_by_run(root.name, metadata)
         self._runs_of_job = Counter(result.get("job") for result in self._results())
         self._written: set[str] = set()
@@ -231,7 +233,7 @@ class Graph:
         yield from contributed
         files = [path_iri(str(file)) for file in entry.get("config_files") or ()]
         yield with_properties(self._scenario_node(entry, iri, files), properties)
-        location = path_iri(f"{name}/_config/scenario.config")
+        location = path_iri(f"{name}/{SCENARIO_CONFIG}")
         yield {"@id": location, "@type": ["Entity", "prov:Location"]}
         made = self._generated_by_hooks(contributed)
         for file in files:
@@ -257,7 +259,7 @@ class Graph:
                 "@type": ["Entity", "smm:ConcreteScenario"],
                 "wasGeneratedBy": GENERATION,
                 "specializationOf": self._scenario,
-                "atLocation": path_iri(f"{entry['name']}/_config/scenario.config"),
+                "atLocation": path_iri(f"{entry['name']}/{SCENARIO_CONFIG}"),
                 "generatedAtTime": as_utc(entry.get("created_at")),
                 "wasDerivedFrom": self._logical(str(origin)) if origin and self._vast else None,
                 "references": files,

@@ -14,6 +14,7 @@ from robovast.analysis.provenance.processor import MetadataProcessor
 from robovast.base.plugins import load_plugin, plugins_of, split_file_reference
 from robovast.base.serialization import to_plain
 from robovast.model.document.model import Plugin, PluginCall
+from robovast.model.naming import CONFIG
 from robovast.model.variations.base_variation import ProvContribution, Variation
 from robovast.model.variations.loader import GROUP, load_variation
 
@@ -95,7 +96,7 @@ class VariationHooks:
         if split_file_reference(name) is None and name not in plugins_of(GROUP):
             self._findings.missing("variation types that are not installed, nothing added", name)
             return None
-        return self._findings.call(name, "", load_variation, name, self._root / "_config")
+        return self._findings.call(name, "", load_variation, name, self._root / CONFIG)
 
 
 def _plain_mapping(function: Any, *args: Any) -> dict[str, Any]:
@@ -145,7 +146,7 @@ def process(
 
 
 def _process_once(metadata: dict[str, Any], call: PluginCall, root: Path) -> dict[str, Any]:
-    found = load_plugin(call.name, PROCESSORS, root / "_config")
+    found = load_plugin(call.name, PROCESSORS, root / CONFIG)
     if not (isinstance(found, type) and issubclass(found, MetadataProcessor)):
         raise TypeError(
             "it must be a class that inherits from robovast.common.metadata.MetadataProcessor"

@@ -12,7 +12,14 @@ from robovast.analysis.provenance.reading import list_files, read_mapping, subfo
 from robovast.analysis.provenance.runs import describe_run
 from robovast.analysis.provenance.times import as_utc, later
 from robovast.base.safe_paths import MOST_OF_ALL
-from robovast.campaign.layout import Layout, is_variant
+from robovast.campaign.layout import (
+    POSTPROCESSING,
+    SCENARIO_CONFIG,
+    VARIANT_RECORD,
+    Layout,
+    is_variant,
+)
+from robovast.model.naming import CONFIG, TRANSIENT
 
 
 def collect_metadata(
@@ -27,16 +34,16 @@ def collect_metadata(
     """
     layout = Layout(root)
     document_name, document = _read_document(layout, configurations.get("vast"), findings)
-    execution = read_mapping(layout.execution / "execution.yaml", findings, root.name)
+    execution = read_mapping(layout.execution_record, findings, root.name)
     hooks = VariationHooks(root, findings)
     metadata = {
         "vast_file": document_name,
-        "run_files": [f"_config/{name}" for name in configurations.get("_run_files") or ()],
+        "run_files": [f"{CONFIG}/{name}" for name in configurations.get("_run_files") or ()],
         "scenario_file": _scenario_file(document, configurations),
         "metadata": document.get("metadata") or configurations.get("metadata") or {},
         "execution": execution,
         "postprocessing": read_mapping(
-            layout.transient / "postprocessing.yaml", findings, root.name, needed=False
+            layout.transient / POSTPROCESSING, findings, root.name, needed=False
         ),
         "configurations": [
             _describe_configuration(layout, item, execution, hooks, findings)
@@ -48,7 +55,7 @@ def collect_metadata(
 
 def read_configurations(root: Path, findings: Findings) -> dict[str, Any]:
     """Content of a campaign's configurations.yaml."""
-    path = Layout(root).transient / "configurations.yaml"
+    path = Layout(root).configurations
     return read_mapping(path, findings, root.name, most=MOST_OF_ALL)
 
 
@@ -66,7 +73,7 @@ def _read_document(
     if not files:
         findings.missing("no .vast file in _config", layout.root.name)
         return None, {}
-    return f"_config/{files[0].name}", read_mapping(files[0], findings, layout.root.name)
+    return f"{CONFIG}/{files[0].name}", read_mapping(files[0], findings, layout.root.name)
 
 
 def _scenario_file(document: dict[str, Any], configurations: dict[str, Any]) -> str | None:
@@ -83,7 +90,7 @@ def _configurations(layout: Layout, configurations: dict[str, Any]) -> Iterator[
     names = {item["name"] for item in listed}
     for folder in subfolders(layout.root):
         if folder not in names and _is_configuration_folder(layout.root / folder):
-            yield {"name": folder, "config": _read_parameters(layout.variant_config(folder))}
+            yield {"name": folder, "config": _read_parameters(layout.variant(folder))}
 
 
 def _is_configuration(item: Any) -> bool:
@@ -95,12 +102,12 @@ def _is_configuration_folder(folder: Path) -> bool:
     if not is_variant(folder.name):
         return False
     inside = subfolders(folder)
-    return "_config" in inside or any(name.isdigit() for name in inside)
+    return CONFIG in inside or any(name.isdigit() for name in inside)
 
 
 def _read_parameters(folder: Path) -> dict[str, Any]:
-    """Scenario parameters in `scenario.config`."""
-    content = read_mapping(folder / "scenario.config", Findings(), "")
+    """Scenario parameters of a variant."""
+    content = read_mapping(folder / SCENARIO_CONFIG, Findings(), "")
     values: Any = next(iter(content.values()), {})
     return values if isinstance(values, dict) else {}
 
@@ -114,20 +121,20 @@ def _describe_configuration(
 ) -> dict[str, Any]:
     name = item["name"]
     folder = layout.variant(name)
-    identity = read_mapping(folder / "_config" / "config.yaml", findings, name)
+    identity = read_mapping(folder / VARIANT_RECORD, findings, name)
     config: dict[str, Any] = item["config"] if isinstance(item.get("config"), dict) else {}
     variations = [dict(v) for v in item.get("_variations") or () if isinstance(v, dict)]
     entry = {
         "name": name,
         "config": config,
-        "config_files": [f"{name}/_config/{file}" for file in _names(item.get("_config_files"))],
+        "config_files": [f"{name}/{CONFIG}/{file}" for file in _names(item.get("_config_files"))],
         "created_at": item.get("created_at") or _created(variations, execution),
         "derived_from": item.get("derived_from") or item.get("_config_name"),
         "config_identifier": identity.get("config_identifier"),
         "sub_identifier": identity.get("sub_identifier") or {},
         "variations": variations,
         "parameters": {key: value for key, value in config.items() if not key.startswith("_")},
-        "transient_files": list(list_files(str(folder / "_transient"), f"{name}/_transient/")),
+        "transient_files": list(list_files(str(folder / TRANSIENT), f"{name}/{TRANSIENT}/")),
     }
     added = hooks.metadata(applied_variations(entry), {**item, **entry})
     runs = sorted(filter(str.isdecimal, subfolders(folder)), key=int)

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from robovast.analysis.provenance.vocabulary import PREFIXES
-from robovast.analysis.provenance.writing import GRAPH
 from robovast.base.errors import CannotRunError, InputError
+from robovast.campaign.layout import GRAPH
 
 _log = logging.getLogger(__name__)
 

@@ -11,15 +11,13 @@ from robovast.analysis.provenance.findings import Findings
 from robovast.analysis.provenance.reading import list_files, read_mapping
 from robovast.analysis.provenance.times import as_utc, from_epoch
 from robovast.base.safe_paths import read_text
-from robovast.campaign.layout import RUN_RECORD, TEST_RESULT, job_folder
+from robovast.campaign.layout import POSTPROCESSING, RUN_RECORD, SYSINFO, TEST_RESULT, job_folder
 from robovast.campaign.run_record import read_run_record, result_without_record
 from robovast.campaign.verdict import Verdict
 
 BAG_PARTS = (".mcap", ".db3")
 RUN_BAG = "rosbag2"
 BAG_METADATA = "metadata.yaml"
-POSTPROCESSING = "postprocessing.yaml"
-SYSINFO = "sysinfo.yaml"
 
 
 def describe_run(root: Path, variant: str, number: str, findings: Findings) -> dict[str, Any]:

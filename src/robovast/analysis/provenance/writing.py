@@ -22,9 +22,7 @@ from robovast.base.errors import InputError, StorageError
 from robovast.base.safe_paths import MOST_OF_ALL
 from robovast.base.serialization import dump_yaml
 from robovast.base.version import __version__
-
-METADATA = "metadata.yaml"
-GRAPH = "metadata.prov.json"
+from robovast.campaign.layout import GRAPH, METADATA
 
 _log = logging.getLogger(__name__)
 

@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from robovast.base.errors import DocumentError, InputError, StorageError
 from robovast.base.yaml_files import read_mapping
 from robovast.campaign.finding import find_campaigns
+from robovast.campaign.layout import Layout
 from robovast.model.document.model import PluginCall, ResultsProcessing
 from robovast.model.document.problems import problems_of
 from robovast.model.document.source import Source
@@ -96,9 +97,9 @@ def snapshot(campaign: Path) -> Path:
     Raises:
         InputError: there is none, or it cannot be told which of several it is.
     """
-    found = sorted((campaign / "_config").glob("*.vast"))
+    found = sorted(Layout(campaign).config.glob("*.vast"))
     if len(found) > 1:
-        recorded = read_mapping(campaign / "_transient" / "configurations.yaml").get("vast")
+        recorded = read_mapping(Layout(campaign).configurations).get("vast")
         found = [path for path in found if path.name == recorded]
     if not found:
         raise InputError(

@@ -24,11 +24,11 @@ from robovast.base.progress_bar import fmt_size
 from robovast.base.safe_paths import MOST_OF_ALL, open_file, read_file
 from robovast.base.serialization import dump_yaml
 from robovast.base.yaml_files import read_mapping
+from robovast.campaign.layout import EXECUTION_RECORD, METADATA
 from robovast.model.naming import get_campaign_timestamp
 
 CHUNK = 2**20
 """How much of a file is held in memory [byte]."""
-METADATA = "metadata.yaml"
 COMPRESSED = frozenset(
     {".gz", ".jpg", ".mcap", ".mp4", ".parquet", ".png", ".webm", ".zip", ".zst"}
 )
@@ -245,7 +245,7 @@ class _Archive:
         metadata = _metadata(self._campaign.path, self._options.metadata)
         made = {METADATA: metadata} if metadata is not None else {}
         described = {**self._campaign.metadata, **self._options.metadata}
-        execution = read_mapping(self._campaign.path / "_execution" / "execution.yaml")
+        execution = read_mapping(self._campaign.path / EXECUTION_RECORD)
         made[RO_CRATE] = ro_crate(self._campaign, described, execution, [*names, *made])
         return made
 

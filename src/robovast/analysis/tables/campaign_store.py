@@ -17,9 +17,8 @@ from robovast.analysis.tables.runs import PARAMETER, run_rows
 from robovast.base.atomic import appearing_file
 from robovast.base.errors import StorageError
 from robovast.base.yaml_files import read_mapping_leniently
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import CAMPAIGN_STORE, Layout
 
-FILE = "campaign.db"
 _OURS = 0x524F424F
 """SQLite's application id of stores that are made of a results folder: these may be replaced."""
 _SCHEMA = """
@@ -47,7 +46,7 @@ def write_campaign_store(layout: Layout, document: Path | None, runs: Iterable[s
     Raises:
         StorageError: the file cannot be written.
     """
-    path = layout.root / FILE
+    path = layout.root / CAMPAIGN_STORE
     try:
         if path.exists() and not _is_ours(path):
             return
@@ -68,7 +67,7 @@ def index_campaign(layout: Layout, *, force: bool) -> bool:
         StorageError: the file cannot be written.
     """
     runs = list(layout.run_folders())
-    path = layout.root / FILE
+    path = layout.root / CAMPAIGN_STORE
     if not force and path.is_file():
         made = path.stat().st_mtime
         if all(folder.stat().st_mtime < made for folder in runs):

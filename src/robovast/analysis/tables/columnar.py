@@ -26,12 +26,11 @@ from robovast.analysis.tables.staging import (
     tables_of,
 )
 from robovast.base.errors import CannotRunError, StorageError
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import COLUMNAR_TABLES, Layout
 
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection
 
-FILE = "tables.duckdb"
 RECORDS = "run_records"
 """Table of what is known of the runs alone; the view `runs` adds their metrics."""
 VIEW = "runs"
@@ -119,7 +118,7 @@ def _claim(connection: DuckDBPyConnection, runs: list[str], versions: Mapping[st
 @contextmanager
 def _connected(layout: Layout, scratch: Path) -> Iterator[DuckDBPyConnection]:
     duckdb = import_duckdb()
-    path = layout.execution / FILE
+    path = layout.root / COLUMNAR_TABLES
     try:
         layout.execution.mkdir(exist_ok=True)
         with closing(_connect(duckdb, path)) as connection:

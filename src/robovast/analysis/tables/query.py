@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robovast.analysis.tables.columnar import (
-    FILE,
     RECORDS,
     VIEW,
     confine,
@@ -21,7 +20,7 @@ from robovast.analysis.tables.columnar import (
 )
 from robovast.analysis.tables.staging import Types, literal, quoted, tables_of
 from robovast.base.errors import InputError, StorageError
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import COLUMNAR_TABLES
 
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection
@@ -97,7 +96,7 @@ def _attached(campaigns: Sequence[Path]) -> Iterator[DuckDBPyConnection]:
     only tables are taken: a view would be executed here.
     """
     duckdb = import_duckdb()
-    files = {campaign: Layout(campaign.absolute()).execution / FILE for campaign in campaigns}
+    files = {campaign: campaign.absolute() / COLUMNAR_TABLES for campaign in campaigns}
     present = {campaign: path for campaign, path in files.items() if path.exists()}
     with closing(duckdb.connect()) as connection:
         confine(connection, files=present.values())

@@ -11,7 +11,7 @@ from typing import Any
 from robovast.base.errors import InputError
 from robovast.base.yaml_files import read_mapping_leniently
 from robovast.campaign.configurations import read_configurations
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import SCENARIO_CONFIG, Layout
 from robovast.campaign.run_record import read_run_record, result_without_record
 
 COLUMNS = {
@@ -90,7 +90,7 @@ def _judged(folder: Path) -> Row:
 
 def _scenario_config(variant: Path) -> Mapping[str, Any]:
     """Parameters in `_config/scenario.config`, below the name of the scenario."""
-    data = read_mapping_leniently(variant / "_config" / "scenario.config")
+    data = read_mapping_leniently(variant / SCENARIO_CONFIG)
     inner = next(iter(data.values()), None)
     return inner if isinstance(inner, dict) else {}
 

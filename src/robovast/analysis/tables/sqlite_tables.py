@@ -24,10 +24,9 @@ from robovast.analysis.tables.csv_files import (
 from robovast.analysis.tables.runs import run_rows
 from robovast.analysis.tables.staging import quoted
 from robovast.base.errors import StorageError
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import SQLITE_TABLES, Layout
 from robovast.campaign.run_files import shown
 
-FILE = "data.db"
 _LOADED = "_loaded"
 """Table that says which version of each run the others hold."""
 _NAMES = "_table_name_map"
@@ -51,7 +50,7 @@ def update_sqlite(layout: Layout, versions: Mapping[str, str]) -> None:
     Raises:
         StorageError: the file cannot be written.
     """
-    path = layout.execution / FILE
+    path = layout.root / SQLITE_TABLES
     try:
         layout.execution.mkdir(exist_ok=True)
         with closing(_connect(path)) as connection, connection:

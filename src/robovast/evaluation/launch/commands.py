@@ -11,6 +11,7 @@ from typing import Any
 
 from robovast.base.errors import InputError
 from robovast.evaluation.inside import resolved
+from robovast.model.naming import CONFIG
 
 RUNTIMES = ("auto", "docker", "podman", "process")
 LONGEST = 500
@@ -85,7 +86,7 @@ def repeat_words(
     Empty when the campaign holds no .vast file.
     """
     try:
-        documents = sorted(resolved(results, f"{campaign}/_config").glob("*.vast"))
+        documents = sorted(resolved(results, f"{campaign}/{CONFIG}").glob("*.vast"))
     except InputError:
         return []
     if not documents:

@@ -17,9 +17,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Lock
 
-from robovast.analysis.postprocessing.content import RECORD, scan, signature
+from robovast.analysis.postprocessing.content import scan, signature
 from robovast.base.errors import CannotRunError, InputError, StorageError
 from robovast.base.safe_paths import read_file
+from robovast.campaign.layout import POSTPROCESSING, RUNNING
 from robovast.evaluation.inside import open_inside, read_small
 from robovast.evaluation.notebooks.workloads import Notebook, Target
 from robovast.evaluation.untrusted import mapping, parse_json
@@ -38,7 +39,7 @@ _FORMAT = 1
 _LARGEST = 64 << 20
 """Of a notebook; outputs that it was saved with may hold pictures [bytes]."""
 _KEY = re.compile(r"[0-9a-f]{64}")
-_OWN = (RECORD, ".cache", ".running")
+_OWN = (POSTPROCESSING, ".cache", RUNNING)
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
-from robovast.evaluation.campaigns import is_campaign
 from robovast.evaluation.inside import MissingError, OutsideError, read_small, resolved
 from robovast.evaluation.untrusted import mapping, parse_yaml
+from robovast.model.naming import CONFIG, holds_campaign
 
 SCOPES = ("campaign", "config", "run")
 """What a notebook is for, by how many folders its data lies below the campaign's."""
@@ -71,7 +71,7 @@ class Target:
         campaign = self.results / self.names[0]
         if path.relative_to(self.results).parts != self.names or not path.is_dir():
             raise MissingError(f"{path} is no folder of results.")
-        if not is_campaign(campaign):
+        if not holds_campaign(campaign):
             raise MissingError(f"{campaign} is no campaign.")
         return path
 
@@ -85,7 +85,7 @@ def target_of(path: Path) -> Target:
     folder = path.resolve()
     for results in reversed(folder.parents[: len(SCOPES)]):  # a configuration looks like one too
         names = folder.relative_to(results).parts
-        if is_campaign(results / names[0]):
+        if holds_campaign(results / names[0]):
             return Target(results, names)
     raise InputError(f"{path} is the folder of no campaign, configuration or run.")
 
@@ -135,7 +135,7 @@ def find_notebook(target: Target, workload: str | None, override: Path | None) -
 
 def _own_document(target: Target) -> Path | None:
     """The campaign's .vast file; None when it has none, as one that was aborted early."""
-    folder = target.results / target.names[0] / "_config"
+    folder = target.results / target.names[0] / CONFIG
     found = sorted(folder.glob("*.vast"))
     if not found:
         return None

@@ -129,7 +129,7 @@ def _stored_files(layout: Layout, variants: Sequence[Variant]) -> list[Variant]:
 
 
 def _planned_runs(layout: Layout) -> int:
-    path = layout.execution / "execution.yaml"
+    path = layout.execution_record
     try:
         return int(read_mapping(path)["runs"])
     except (InputError, ValueError, TypeError, KeyError):

@@ -13,7 +13,7 @@ from robovast.base.atomic import write_atomically
 from robovast.base.locks import exclusive_folder
 from robovast.base.serialization import dump_yaml
 from robovast.base.signals import call_on_signals
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import JOB_LINKS, Layout
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.execution.contract import contract_files
@@ -68,7 +68,7 @@ def _prepare_common(session: Session) -> None:
 def _write_job_links(layout: Layout, records: dict[int, RunRecord]) -> None:
     links = {f"{record.variant}/{record.run}": record.job for record in records.values()}
     with explained(layout.root):
-        write_atomically(layout.transient / "job_links.yaml", dump_yaml(links))
+        write_atomically(layout.root / JOB_LINKS, dump_yaml(links))
 
 
 class _CampaignExecution:

@@ -13,6 +13,7 @@ from typing import Any
 from robovast.base.containers import call, check_engine, fetch_image, image_digest
 from robovast.base.errors import CannotRunError
 from robovast.base.serialization import dump_yaml
+from robovast.campaign.layout import JOBS
 from robovast.execution.compat import VERSION_PATH, check_compat
 from robovast.execution.local import process_tree
 from robovast.execution.local.compose import MAIN, compose_model, run_options
@@ -111,7 +112,7 @@ class ContainerRuntime:
         volumes = [
             f"{spec.config}:/config:ro",
             f"{spec.out}:/out",
-            f"{spec.job}:/out/_jobs/{spec.job.name}",
+            f"{spec.job}:/out/{JOBS}/{spec.job.name}",
         ]
         environment = dict(spec.environment)
         display = os.environ.get("DISPLAY")

@@ -12,13 +12,14 @@ from threading import Event
 from robovast.base import safe_paths
 from robovast.base.stopwatch import Stopwatch
 from robovast.campaign.judge import Ending, judge
+from robovast.campaign.layout import JOBS, LOGS, RUNNING, SYSTEM_LOG, Layout, parameters_key
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import read_test_result
 from robovast.execution.job_config import build_config_folder, is_pack, parameter_documents
 from robovast.execution.local.process_tree import wait
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, store_run
-from robovast.execution.progress import LOG, JobOutput, end_of, keep_the_rest
+from robovast.execution.progress import JobOutput, end_of, keep_the_rest
 from robovast.model.plan import Job, Run
 
 POLL = 0.1
@@ -79,15 +80,15 @@ class JobExecution:
         _remove(self._work, self._work.parent)
         common = self._session.layout.running / "common"
         build_config_folder(self._spec.config, common, self._job, self._session.scenario)
-        parameters = self._session.layout.transient / f"{self._job.name}.params.yaml"
+        parameters = self._session.layout.root / parameters_key(self._job.name)
         parameters.write_text(parameter_documents(self._job, self._session.scenario), "utf-8")
-        (self._spec.job / "logs").mkdir(parents=True, exist_ok=True)
+        (self._spec.job / LOGS).mkdir(parents=True, exist_ok=True)
         self._make_mount_point()
         folders = [
             self._spec.out,
-            self._spec.out / "_jobs",
+            self._spec.out / JOBS,
             self._spec.job,
-            self._spec.job / "logs",
+            self._spec.job / LOGS,
         ]
         if not is_pack(self._job):
             run = self._spec.out / self._job.runs[0].path
@@ -97,7 +98,7 @@ class JobExecution:
 
     def _make_mount_point(self) -> None:
         """Where a run finds the job's own folder below `/out`."""
-        mount_point = self._spec.out / "_jobs" / self._job.name
+        mount_point = Layout(self._spec.out).job(self._job.name)
         if self._session.runtime.out_dir is None:
             mount_point.parent.mkdir(parents=True)
             mount_point.symlink_to(self._spec.job)
@@ -155,10 +156,10 @@ class JobExecution:
     def _keep_the_rest(self) -> None:
         """Keep what the job wrote outside its runs' folders, then remove the work folder."""
         out, own = self._spec.out, self._spec.job
-        for name in ("_jobs", ".running"):
+        for name in (JOBS, RUNNING):
             _remove(out / name, out)
         keep_the_rest(out, own)
-        console, log = self._work / _CONSOLE, own / LOG
+        console, log = self._work / _CONSOLE, own / SYSTEM_LOG
         if not safe_paths.is_file(log, own) and console.is_file():
             safe_paths.move(console, self._work, safe_paths.unused(log, own), own)
         _remove(self._work, self._work.parent)

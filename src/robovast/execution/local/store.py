@@ -11,7 +11,7 @@ from pathlib import Path
 
 from robovast.base.atomic import make_folder, put_in_place
 from robovast.base.errors import StorageError
-from robovast.campaign.layout import JOB_LINK, Layout
+from robovast.campaign.layout import JOB_LINK, Layout, job_link_target
 from robovast.campaign.own_names import set_own_names_aside
 from robovast.campaign.records import Circumstances, make_record
 from robovast.campaign.run_record import RunRecord, read_run_record
@@ -58,7 +58,7 @@ def store_run(
     with explained(session.layout.root):
         folder.mkdir(parents=True, exist_ok=True)
         set_own_names_aside(folder)
-        (folder / JOB_LINK).symlink_to(Path("..") / ".." / "_jobs" / job.name)
+        (folder / JOB_LINK).symlink_to(job_link_target(job.name))
         record.write(folder)
         put_in_place(folder, target, replace=earlier is not None and not earlier.finished)
     return record

@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from robovast.model.naming import is_campaign_dir
+from robovast.model.naming import holds_campaign, is_campaign_dir
 
 CONFIG_MOUNT = "/config/"
 """Path of the .vast file's folder within a container."""
@@ -18,8 +18,8 @@ CONFIG_MOUNT = "/config/"
 _NO_INPUTS = frozenset({"__pycache__"})
 """Folders that other tools generate; run files are never searched there."""
 
-_SIGNS = ("_transient", "out_template")
-"""Folders that mark a campaign, whether executed, generated or written by `prepare-run`."""
+_PREPARED = "out_template"
+"""Folder that `prepare-run` writes."""
 
 
 def match_run_files(folder: Path, pattern: str) -> list[Path]:
@@ -51,7 +51,8 @@ def _is_campaign(folder: Path) -> bool:
 
     Merged, generated and prepared campaigns may have any name.
     """
-    return is_campaign_dir(folder) or any((folder / sign).is_dir() for sign in _SIGNS)
+    is_prepared = (folder / _PREPARED).is_dir()
+    return is_prepared or is_campaign_dir(folder) or holds_campaign(folder)
 
 
 def _matches(path: Path, pattern: str) -> bool:
