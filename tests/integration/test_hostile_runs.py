@@ -14,7 +14,7 @@ from support.campaigns.hostile import KEY, assert_untouched, links, make_host
 from support.campaigns.local import Recorder, make_campaign, run, verdicts
 from support.kube.pod_processes import Campaign, Pod
 
-PACK = "  runs_per_job: 3\n  timeout: 60\n"
+PACK = "  runs_per_job: 3\n  timeout: 20\n"
 ALL_PASSED = dict.fromkeys(("one-1/0", "one-2/0", "one-3/0"), "passed")
 
 Make = Callable[..., Campaign]

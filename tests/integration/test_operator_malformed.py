@@ -26,7 +26,7 @@ from support.patience import eventually
 GROUP = "/apis/robovast.io/v1alpha1"
 KINDS = ("Campaign", "Configuration")
 MIB = 2**20
-ROUND = 1_000
+ROUND = 500
 """Objects that come and go together."""
 
 
