@@ -69,7 +69,7 @@ class Root(TyperGroup):
         self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any
     ) -> Any:
         """Parse the global options."""
-        with usage_explained():
+        with usage_explained(), errors_reported():
             return super().make_context(info_name, args, parent, **extra)
 
     def invoke(self, ctx: Any) -> Any:

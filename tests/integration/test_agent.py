@@ -7,6 +7,7 @@ import hashlib
 import json
 import os
 import random
+import re
 import subprocess
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -470,6 +471,20 @@ def test_a_run_that_fills_the_disk_is_stored_with_what_it_wrote(make: Make) -> N
     assert (verdicts["one-1/0"], len(verdicts)) == ("passed", 3)
     assert verdicts["one-2/0"] != "passed"
     assert "one-2/0/big" in campaign.objects()
+
+
+@one_server
+def test_a_fetch_that_fills_the_disk_says_so_and_is_tried_again(make: Make, tmp_path: Path) -> None:
+    pod = Pod(make(PASS, PACK))
+    with small_disk(pod.work):
+        (pod.work / "fetch.log").symlink_to(tmp_path / "fetch.log")
+        with contextlib.suppress(OSError), (pod.work / "big").open("wb") as file:
+            file.write(bytes(2**24))
+        assert pod.fetch() == 74
+        assert re.fullmatch(
+            r"error: (\S+: )?the disk is full\. Free some space, then repeat it\.\n",
+            pod.log("fetch"),
+        )
 
 
 @one_server

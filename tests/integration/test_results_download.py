@@ -11,6 +11,7 @@ from uuid import uuid4
 
 import pytest
 from robovast_testbed.s3 import Server
+from support.faults.small_disk import small_disk
 
 from robovast.base.errors import StorageError
 from robovast.execution.cluster_config.base import BaseConfig
@@ -146,6 +147,20 @@ def test_after_an_interruption_only_the_rest_is_fetched(
     result, _ = fetch(store, bucket, tmp_path)
     assert result.fetched == 1
     assert set(tree(tmp_path)) == {"hall/0/a", "hall/0/b", "hall/0/run.json"}
+
+
+def test_a_full_disk_is_named_and_what_was_fetched_stays(
+    store: ObjectStore, bucket: str, tmp_path: Path
+) -> None:
+    put_run(store, bucket, "hall/0", small=b"a" * 100)
+    put_run(store, bucket, "hall/1", big=b"b" * 100_000)
+    with (
+        small_disk(2**14),
+        pytest.raises(StorageError, match=r"(?s)^/.*cannot be written: [^()]+$"),
+    ):
+        fetch(store, bucket, tmp_path)
+    result, _ = fetch(store, bucket, tmp_path)
+    assert result.fetched + result.present == 2
 
 
 def test_a_damaged_object_is_refused(store: ObjectStore, bucket: str, tmp_path: Path) -> None:

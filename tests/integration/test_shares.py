@@ -7,12 +7,14 @@ import json
 import os
 import resource
 import tarfile
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from support.faults.small_disk import small_disk
 from support.servers.share_places import Place, gcs, sftp, webdav
 from support.servers.shares import PASSWORD, USER, Gcs, webdav_process
 
@@ -105,6 +107,17 @@ def test_an_archive_comes_home_as_it_was(share: Share, place: Place, tmp_path: P
     size = path.stat().st_size
     assert seen[-1] == (NAME, size, size)
     assert sent[-1] == (size, size)
+
+
+def test_a_full_disk_here_is_no_fault_of_the_share(
+    share: Share, place: Place, tmp_path: Path
+) -> None:
+    put(share, archive(tmp_path))
+    started = time.monotonic()
+    with small_disk(MIB // 2), pytest.raises(StorageError, match="cannot be written: File too la"):
+        download_from_share(share, [NAME], tmp_path / "home")
+    assert time.monotonic() - started < 10, "trying again frees no space"
+    assert not (tmp_path / "home" / NAME).exists()
 
 
 def test_what_is_here_is_not_fetched_again(share: Share, place: Place, tmp_path: Path) -> None:

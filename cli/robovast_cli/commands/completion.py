@@ -11,7 +11,8 @@ from typer.completion import (  # type: ignore[attr-defined]  # documented, not 
 )
 
 from robovast.base.atomic import write_atomically
-from robovast.base.errors import InputError, StorageError
+from robovast.base.errors import InputError
+from robovast.base.file_errors import writing
 from robovast_cli.lazy import new_app
 
 app = new_app("Complete commands and options in your shell.")
@@ -51,7 +52,7 @@ def _install(shell: Shell, home: Path) -> Path:
         "zsh": data / "robovast/completion.zsh",
         "fish": config / "fish/completions/vast.fish",
     }[shell]
-    try:
+    with writing(script):
         script.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(script, text + "\n")
         if shell == "bash":
@@ -59,8 +60,6 @@ def _install(shell: Shell, home: Path) -> Path:
         elif shell == "zsh":
             load = f"autoload -Uz compinit && compinit && source {shlex.quote(str(script))}"
             _add_line(Path(os.environ.get("ZDOTDIR") or home) / ".zshrc", load)
-    except OSError as error:
-        raise StorageError(f"{error.filename}: cannot be written: {error.strerror}.") from error
     return script
 
 

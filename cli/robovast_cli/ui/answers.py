@@ -11,6 +11,7 @@ from typing import Any, Literal
 from robovast.analysis.provenance.query import Answer, Graphs, query_names, read_query
 from robovast.analysis.provenance.vocabulary import PREFIXES
 from robovast.base.errors import InputError
+from robovast.base.file_errors import reading
 from robovast.campaign.finding import find_campaigns
 from robovast_cli.ui.listing import format_table
 from robovast_cli.ui.output import say_data
@@ -43,11 +44,10 @@ def _read(query: str) -> str:
         if query == "-":
             return sys.stdin.read()
         path = Path(query)
-        return path.read_text(encoding="utf-8") if path.is_file() else read_query(query)
+        with reading(path):
+            return path.read_text(encoding="utf-8") if path.is_file() else read_query(query)
     except UnicodeDecodeError:
         raise InputError(f"{query}: is no text in UTF-8.") from None
-    except OSError as error:
-        raise InputError(f"{query}: cannot be read: {error.strerror}.") from error
 
 
 def _print_csv(answer: Answer, graphs: Graphs) -> None:

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import typer
 
 from robovast.base.errors import DocumentError, ExitCode, RobovastError
+from robovast.base.file_errors import is_refusal, sentence
 from robovast.base.printable import printable
 
 BROKEN_PIPE = 141
@@ -42,6 +43,10 @@ def errors_reported() -> Iterator[None]:
         raise
     except Exception as error:
         _show_traceback()
+        if isinstance(error, OSError) and is_refusal(error):
+            silence_stdout()  # what it holds would fail once more, if that is what has failed
+            tell(f"error: {sentence(error)}")
+            raise typer.Exit(ExitCode.STORAGE) from None
         cause = f"{type(error).__name__}: {error}".rstrip(": ").replace("\n", " ")
         tell(f"error: a fault of RoboVAST: {cause} (`vast -l debug …` shows where)")
         raise typer.Exit(ExitCode.INTERNAL) from None
@@ -68,6 +73,6 @@ def _show_traceback() -> None:
 
 
 def tell(text: str) -> None:
-    """Print a line on stderr, as it can be shown; nothing when its reader has gone."""
-    with contextlib.suppress(BrokenPipeError):
+    """Print a line on stderr, as it can be shown; nothing when nobody can read it there."""
+    with contextlib.suppress(OSError):
         print(printable(text), file=sys.stderr, flush=True)  # noqa: T201

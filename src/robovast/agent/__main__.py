@@ -6,12 +6,14 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
 from robovast.agent.mounts import Folders
 from robovast.base.errors import RobovastError
+from robovast.base.file_errors import sentence
 from robovast.kubeapi.exit_codes import AgentExit, exit_code_of_error
 from robovast.kubeapi.messages import write_error
 from robovast.storage.endpoint import Endpoint
@@ -40,8 +42,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _carry_out(options, folders)
     except (RobovastError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)  # noqa: T201
-        write_error(folders.message, error, as_json=options.command in {"agent", "compose"})
+        text = sentence(error) if isinstance(error, OSError) else str(error)
+        print(f"error: {text}", file=sys.stderr)  # noqa: T201
+        with suppress(OSError):  # on a disk that is full; Kubernetes falls back to the log
+            write_error(folders.message, text, as_json=options.command in {"agent", "compose"})
         return exit_code_of_error(error)
 
 

@@ -8,7 +8,9 @@ import shlex
 import shutil
 import subprocess
 import tarfile
+import zlib
 from collections.abc import Iterator
+from gzip import BadGzipFile
 from io import BytesIO
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -67,7 +69,7 @@ def _unpack(bundle: Bundle, store: ObjectStore, target: Path) -> None:
     try:
         with tarfile.open(fileobj=BytesIO(content)) as archive:
             archive.extractall(target, filter="data")
-    except (tarfile.TarError, EOFError, OSError) as error:
+    except (tarfile.TarError, EOFError, BadGzipFile, zlib.error) as error:
         raise InputError(f"{name}: cannot be unpacked: {error}") from error
 
 

@@ -20,6 +20,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from robovast.base.errors import StorageError
+from robovast.base.file_errors import cause
 from robovast.base.safe_paths import create_file
 
 _PART = re.compile(r"\..+\.[0-9]+(-[0-9a-f]{8})?\.part", re.DOTALL)
@@ -206,7 +207,7 @@ def explained(target: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise StorageError(
-            f"{target}: cannot be written: {_cause(error)}. Nothing was left behind."
+            f"{target}: cannot be written: {cause(error)}. Nothing was left behind."
         ) from error
 
 
@@ -319,10 +320,3 @@ def _sync(path: Path | str, flags: int, folder: int | None = None) -> None:
 
 def _raise(error: OSError) -> None:
     raise error
-
-
-def _cause(error: OSError) -> str:
-    if isinstance(error, shutil.Error):  # of copying a tree: one entry for each file
-        source, _, cause = error.args[0][0]
-        return f"{cause} ({source})"
-    return error.strerror or str(error)

@@ -39,10 +39,17 @@ def write_message(path: Path, message: Mapping[str, Any]) -> None:
         message: what it says.
     """
     if path.exists():
-        path.write_text(json.dumps(message), encoding="utf-8")
+        _rewrite(path, json.dumps(message))
 
 
-def write_error(path: Path, error: Exception, *, as_json: bool) -> None:
+def _rewrite(path: Path, text: str) -> None:
+    """Replace what a file says without giving its room away first: the disk may be full."""
+    with path.open("r+b") as file:
+        file.write(text.encode())
+        file.truncate()
+
+
+def write_error(path: Path, error: str, *, as_json: bool) -> None:
     """Leave what went wrong as termination message.
 
     Args:
@@ -53,11 +60,11 @@ def write_error(path: Path, error: Exception, *, as_json: bool) -> None:
     if not path.exists():
         return
     said = path.read_text(encoding="utf-8")
-    text = _shortened(str(error), ERROR_LIMIT)
+    text = _shortened(error, ERROR_LIMIT)
     if as_json:
         write_message(path, {**json.loads(said or "{}"), "error": text})
     else:
-        path.write_text(text, encoding="utf-8")
+        _rewrite(path, text)
 
 
 def _shortened(text: str, limit: int) -> str:

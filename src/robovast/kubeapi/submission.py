@@ -20,6 +20,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from robovast.base.errors import InputError
+from robovast.base.file_errors import reading
 from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
 from robovast.kubeapi.resources import API_VERSION, BundleSource, CampaignSpec, InlineFiles, Source
 from robovast.model.document import Document
@@ -222,13 +223,11 @@ def _input_files(document: Document, select: str | None) -> dict[str, InputFile]
 
 
 def _read(paths: Mapping[str, Path]) -> dict[str, InputFile]:
-    try:
-        return {
-            name: InputFile(path.read_bytes(), bool(path.stat().st_mode & 0o100))
-            for name, path in paths.items()
-        }
-    except OSError as error:
-        raise InputError(f"{error.filename}: cannot be read: {error.strerror}.") from error
+    files = {}
+    for name, path in paths.items():
+        with reading(path):
+            files[name] = InputFile(path.read_bytes(), bool(path.stat().st_mode & 0o100))
+    return files
 
 
 def _fits(vast: Any, files: Mapping[str, InputFile]) -> bool:

@@ -9,7 +9,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ValidationError
 
 from robovast.base.atomic import write_atomically
-from robovast.base.errors import DocumentError, InputError, StorageError
+from robovast.base.errors import DocumentError, InputError
+from robovast.base.file_errors import writing
 from robovast.base.serialization import dump_yaml
 from robovast.model.document.model import Section
 from robovast.model.document.problems import nearest, problems_of
@@ -90,10 +91,8 @@ def create_project(
         "results_dir": _relative(results_dir, path.parent),
         **({"log_level": log_level} if log_level else {}),
     }
-    try:
+    with writing(path):
         write_atomically(path, dump_yaml(data))
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written: {error.strerror}.") from error
     return path
 
 

@@ -25,6 +25,7 @@ from typing import Protocol, TypeVar
 
 from robovast.base.atomic import put_in_place
 from robovast.base.errors import RobovastError, StorageError
+from robovast.base.file_errors import cause
 from robovast.base.locks import exclusive_folder
 from robovast.campaign.layout import JOB_LINK, RUN_RECORD, STAGE, job_link_target
 from robovast.campaign.places import run_of, set_apart, why_no_place
@@ -386,7 +387,7 @@ def _keeping(path: str) -> Iterator[None]:
     except OSError as error:
         if error.errno not in _UNKEEPABLE:
             raise
-        told = f"`{path[:MOST_SHOWN]}` cannot be kept on this disk: {error.strerror}."
+        told = f"`{path[:MOST_SHOWN]}` cannot be kept on this disk: {cause(error)}."
         raise ObjectError(told) from error
 
 
@@ -417,6 +418,6 @@ def _explained(campaign: Path) -> Iterator[None]:
         ) from error
     except OSError as error:
         raise StorageError(
-            f"{campaign}: cannot be written: {error.strerror} ({error.filename}). What was "
-            "fetched stays; repeat the command to go on."
+            f"{error.filename or campaign}: cannot be written: {cause(error)}. What was fetched "
+            "stays; repeat the command to go on."
         ) from error

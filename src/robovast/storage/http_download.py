@@ -11,6 +11,7 @@ from urllib3.exceptions import HTTPError
 
 from robovast.base.backoff import Pauses
 from robovast.base.errors import StorageError
+from robovast.base.file_errors import writing
 from robovast.storage.http_client import CHUNK, PATIENCE, HttpClient
 
 _RANGE = re.compile(r"bytes (?P<first>\d+)-\d+/(?P<total>\d+)")
@@ -40,12 +41,11 @@ def download(
 
     Raises:
         HttpError: the server refused.
-        StorageError: it cannot be reached.
-        OSError: the file cannot be written.
+        StorageError: it cannot be reached, or the file cannot be written.
     """
     pauses = Pauses(PATIENCE)
     etag = ""
-    with dest.open("r+b" if offset and dest.exists() else "wb") as file:
+    with writing(dest), dest.open("r+b" if offset and dest.exists() else "wb") as file:
         file.seek(offset)
         file.truncate()
         while True:

@@ -3,9 +3,13 @@
 import json
 from pathlib import Path
 
+import pytest
+from support.faults.small_disk import small_disk
+
+from robovast.agent.__main__ import main
 from robovast.agent.finish import summary
-from robovast.base.errors import StorageError
 from robovast.campaign.verdict import Verdict
+from robovast.kubeapi.exit_codes import AgentExit
 from robovast.kubeapi.messages import LIMIT, verdict_ranges, write_error, write_message
 
 
@@ -25,7 +29,7 @@ def test_a_message_is_never_longer_than_kubernetes_keeps(tmp_path: Path) -> None
     kinds = (Verdict.PASSED, Verdict.FAILED, Verdict.ERRORED)
     verdicts = {id_: kinds[id_ % 3] for id_ in range(10_000)}
     write_message(path, verdict_ranges(verdicts))
-    write_error(path, StorageError("ü" * 10_000), as_json=True)
+    write_error(path, "ü" * 10_000, as_json=True)
     assert path.stat().st_size <= LIMIT
     assert json.loads(path.read_text())["truncated"] is True
 
@@ -34,15 +38,27 @@ def test_an_error_does_not_hide_the_verdicts(tmp_path: Path) -> None:
     path = tmp_path / "message"
     path.touch()
     write_message(path, verdict_ranges({3: Verdict.PASSED}))
-    write_error(path, StorageError("the disk is full"), as_json=True)
+    write_error(path, "the disk is full", as_json=True)
     told = json.loads(path.read_text())
     assert (told["passed"], told["error"]) == ("3", "the disk is full")
 
 
 def test_outside_a_container_no_message_is_left(tmp_path: Path) -> None:
     write_message(tmp_path / "message", {})
-    write_error(tmp_path / "message", StorageError("no"), as_json=False)
+    write_error(tmp_path / "message", "no", as_json=False)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_message_that_has_no_room_does_not_change_how_a_container_ends(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "message"
+    path.touch()
+    with small_disk(0):
+        code = main(["finish", f"--plan={tmp_path}", f"--message={path}"])
+    assert code == AgentExit.BAD_PLAN
+    assert path.read_text() == "", "Kubernetes reads the log in its place"
+    assert "no plan of this version" in capsys.readouterr().err
 
 
 def entry(id_: int, verdict: Verdict, attempt: int = 1) -> dict[str, object]:

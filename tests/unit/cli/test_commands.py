@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import subprocess
 import sys
@@ -93,6 +94,23 @@ def test_a_fault_is_one_line_and_code_70(vast, sweep, monkeypatch) -> None:
 def test_the_traceback_of_a_fault_is_shown_on_demand(vast, sweep, monkeypatch) -> None:
     fail_with(monkeypatch, KeyError("x"))
     assert "Traceback" in vast("-l", "debug", "config", "list").err
+
+
+@pytest.mark.parametrize("arguments", ["--help", "config list", "config list -o json"])
+def test_output_that_a_full_disk_does_not_take_is_one_message(sweep: Path, arguments: str) -> None:
+    with Path("/dev/full").open("w") as full:
+        result = subprocess.run(
+            [sys.executable, "-m", "robovast_cli", *arguments.split()],
+            stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+    told = "error: the disk is full. Free some space, then repeat it.\n"
+    assert (result.returncode, result.stderr) == (5, told)
+
+
+def test_what_the_machine_refuses_names_the_file(vast, sweep, monkeypatch) -> None:
+    fail_with(monkeypatch, PermissionError(errno.EACCES, "Permission denied", "/x/y"))
+    outcome = vast("config", "list")
+    assert (outcome.code, outcome.err) == (5, "error: /x/y: Permission denied.\n")
 
 
 def test_errors_decide_the_exit_code(vast, sweep, monkeypatch) -> None:

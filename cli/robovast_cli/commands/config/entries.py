@@ -11,7 +11,8 @@ import typer
 import yaml
 
 from robovast.base.atomic import write_atomically
-from robovast.base.errors import DocumentError, InputError, RobovastError, StorageError
+from robovast.base.errors import DocumentError, InputError, RobovastError
+from robovast.base.file_errors import writing
 from robovast.base.serialization import dump_yaml
 from robovast.base.yaml_files import YamlLoader
 from robovast.campaign.configurations import read_variants
@@ -43,11 +44,8 @@ def export_entries(document: Document, patterns: Sequence[str], output: Path | N
         if not asked(f"{output} exists. Replace it?", default=True):
             return
         output.unlink()
-    try:
-        with output.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except OSError as error:
-        raise StorageError(f"{output}: cannot be written: {error.strerror}.") from error
+    with writing(output), output.open("x", encoding="utf-8") as file:
+        file.write(text)
     typer.echo(f"Wrote {_counted(entries)} to {output}.")
 
 
@@ -70,12 +68,10 @@ def import_entries(target: Path, source: Path) -> None:
         raise InputError(f"{source}: none of its configurations can be used in {target}.")
     text = append_entries(target.read_bytes().decode(), entries, target)
     check_source(Source(target, text))
-    try:
+    with writing(target):
         mode = target.stat().st_mode
         write_atomically(target.resolve(), text)
         target.chmod(mode)
-    except OSError as error:
-        raise StorageError(f"{target}: cannot be written: {error.strerror}.") from error
     typer.echo(f"Added {_counted(entries)} to {shown(target)}.")
 
 

@@ -12,6 +12,7 @@ import typer
 
 from robovast.base.atomic import refuse_file
 from robovast.base.errors import StorageError
+from robovast.base.file_errors import writing
 from robovast.campaign.layout import Layout
 from robovast.execution.generate import write_configurations
 from robovast.model.document import Document
@@ -33,7 +34,7 @@ def generate(document: Document, out: Path, *, keep_work: bool, use_cache: bool)
         StorageError: the folder holds something, or cannot be written.
     """
     refuse_file(out)
-    try:
+    with writing(out):
         out.mkdir(parents=True, exist_ok=True)
         if any(out.iterdir()):
             raise StorageError(f"{out} is not empty. Choose a new folder, or empty this one.")
@@ -42,10 +43,6 @@ def generate(document: Document, out: Path, *, keep_work: bool, use_cache: bool)
                 composition = compose(document, work, tell)
             with working(f"Writing {len(composition.variants)} configurations") as tell:
                 write_configurations(document, composition, out, timings=False, tell=tell)
-    except OSError as error:
-        raise StorageError(
-            f"{error.filename or out}: cannot be written: {error.strerror}."
-        ) from error
     count = len(composition.variants)
     typer.echo(f"Wrote {count} configuration{'s' if count != 1 else ''} to {shown(out)}.")
 

@@ -8,7 +8,8 @@ from typing import Any, Literal
 import typer
 
 from robovast.base.atomic import refuse_file
-from robovast.base.errors import InputError, StorageError
+from robovast.base.errors import InputError
+from robovast.base.file_errors import writing
 from robovast.model.document import Document
 from robovast.model.expansion import Variant, select_variants
 from robovast.navigation.base import RECORD
@@ -43,15 +44,11 @@ def write_pictures(document: Document, pattern: str | None, out: Path, kind: For
                 "obstacle variations give them one."
             )
         refuse_file(out)
-        try:
+        with writing(out):
             out.mkdir(parents=True, exist_ok=True)
             for variant in mapped:
                 tell(variant.name)
                 (out / f"{variant.name}.{kind}").write_bytes(_picture(document, variant, kind))
-        except OSError as error:
-            raise StorageError(
-                f"{error.filename or out}: cannot be written: {error.strerror}."
-            ) from error
     noun = "picture" if len(mapped) == 1 else "pictures"
     typer.echo(f"Wrote {len(mapped)} {noun} to {shown(out)}.")
 

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.atomic import appearing_file
-from robovast.base.errors import CannotRunError, InputError, StorageError
+from robovast.base.errors import CannotRunError, InputError
+from robovast.base.file_errors import writing
 from robovast.campaign.layout import GRAPH
 
 DOT = "metadata.dot"
@@ -34,13 +35,11 @@ def write_drawing(campaign_dir: Path) -> None:
             f"{campaign_dir / GRAPH}: cannot be read; `vast results metadata` writes it."
         ) from error
     dot = campaign_dir / DOT
-    try:
+    with writing(campaign_dir):
         with appearing_file(dot) as part:
             part.write_text("".join(_lines(graph["@graph"])), encoding="utf-8")
         with appearing_file(campaign_dir / PDF) as part:
             _draw(dot, part)
-    except OSError as error:
-        raise StorageError(f"{campaign_dir}: cannot be written: {error.strerror}.") from error
 
 
 def _draw(dot: Path, pdf: Path) -> None:

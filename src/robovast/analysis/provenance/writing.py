@@ -18,7 +18,8 @@ from robovast.analysis.provenance.reading import read_mapping
 from robovast.analysis.provenance.times import now
 from robovast.analysis.provenance.vocabulary import context
 from robovast.base.atomic import appearing_file, write_atomically
-from robovast.base.errors import InputError, StorageError
+from robovast.base.errors import InputError
+from robovast.base.file_errors import writing
 from robovast.base.safe_paths import MOST_OF_ALL
 from robovast.base.serialization import dump_yaml
 from robovast.base.version import __version__
@@ -102,7 +103,7 @@ def _write_metadata(
     metadata = collect_metadata(root, configurations, findings)
     times = {"started_at": started, "ended_at": now(), "robovast_version": __version__}
     metadata["generated"] = times
-    with _explained(root):
+    with writing(root):
         write_atomically(root / METADATA, dump_yaml(metadata))
     return metadata
 
@@ -113,7 +114,7 @@ def _write_graph(
     started = now()
     graph = Graph(root, metadata, configurations, findings)
     with (
-        _explained(root),
+        writing(root),
         appearing_file(root / GRAPH) as part,
         part.open("w", encoding="utf-8") as file,
     ):
@@ -148,11 +149,3 @@ def _no_garbage_collection() -> Iterator[None]:
     finally:
         if enabled:
             gc.enable()
-
-
-@contextmanager
-def _explained(root: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise StorageError(f"{root}: cannot be written: {error.strerror}.") from error

@@ -19,6 +19,7 @@ from threading import Lock
 
 from robovast.analysis.postprocessing.content import scan, signature
 from robovast.base.errors import CannotRunError, InputError, StorageError
+from robovast.base.file_errors import reading
 from robovast.base.safe_paths import read_file
 from robovast.campaign.layout import POSTPROCESSING, RUNNING
 from robovast.evaluation.inside import open_inside, read_small
@@ -71,10 +72,8 @@ def data_key(target: Target) -> str:
     Raises:
         InputError: its folder cannot be read.
     """
-    try:
+    with reading(target.folder):
         return signature(scan(target.folder, _OWN))
-    except OSError as error:
-        raise InputError(f"{error.filename}: cannot be read: {error.strerror}.") from None
 
 
 def make_task(notebook: Notebook, target: Target, data: str) -> Task:
@@ -84,10 +83,8 @@ def make_task(notebook: Notebook, target: Target, data: str) -> Task:
         InputError: there is no such notebook.
     """
     path = notebook.file()
-    try:
+    with reading(path):
         content = read_file(path, most=_LARGEST)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}.") from None
     parts = [str(_FORMAT), sys.executable, str(path), str(target.folder), data]
     digest = hashlib.sha256(content)
     digest.update("\0".join(parts).encode("utf-8", "surrogateescape"))

@@ -12,6 +12,7 @@ from typing import Any
 
 from robovast.base.atomic import refuse_file
 from robovast.base.errors import CannotRunError, StorageError
+from robovast.base.file_errors import writing
 from robovast.base.serialization import dump_yaml
 from robovast.campaign.layout import Layout
 from robovast.common.execution import COMPAT_VERSION
@@ -82,14 +83,12 @@ def _silent(message: str) -> None:
 def _make_room(output: Path) -> None:
     """Replace what an earlier prepare-run left, results excepted; never anything else."""
     refuse_file(output)
-    try:
+    with writing(output):
         if output.is_dir() and any(output.iterdir()) and not (output / "run.sh").is_file():
             raise StorageError(f"{output} holds other files; choose an empty or a new folder.")
         output.mkdir(parents=True, exist_ok=True)
         for name in ("out_template", "jobs"):
             shutil.rmtree(output / name, ignore_errors=True)
-    except OSError as error:
-        raise StorageError(f"{output}: cannot be written: {error.strerror}.") from error
 
 
 def _write_jobs(

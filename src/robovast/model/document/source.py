@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 
 from robovast.base.errors import DocumentError, InputError, Place, Problem
+from robovast.base.file_errors import reading
 from robovast.base.yaml_files import YamlLoader
 
 KeyPath = tuple[Hashable, ...]
@@ -112,15 +113,12 @@ class Source:
             DocumentError: it is not YAML, repeats a key, or its aliases repeat too many values.
         """
         try:
-            return cls(file, file.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            raise InputError(f"{file}: there is no such file.") from None
+            with reading(file):
+                return cls(file, file.read_text(encoding="utf-8"))
         except UnicodeDecodeError as error:
             raise InputError(
                 f"{file}: not a text file in UTF-8 (byte {error.start}): is it really a .vast file?"
             ) from None
-        except OSError as error:
-            raise InputError(f"{file}: cannot be read: {error.strerror}.") from None
 
     def place(self, path: KeyPath, *, key: bool = False) -> Place:
         """Position of a value or its key; if the path does not exist, of its nearest parent."""

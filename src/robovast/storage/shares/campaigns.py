@@ -14,6 +14,7 @@ from pathlib import Path
 from robovast.base.atomic import put_in_place
 from robovast.base.environment import dotenv_loaded
 from robovast.base.errors import CannotRunError, InputError, RobovastError, StorageError
+from robovast.base.file_errors import writing
 from robovast.base.plugins import load_plugin, plugins_of, raised
 from robovast.campaign.importing import campaign_of_archive, import_archive
 from robovast.storage.shares.base import BaseShareProvider, check_variables
@@ -199,10 +200,8 @@ def download_from_share(
         if folder.exists() and not force:
             present.append(folder)
             continue
-        try:
+        with writing(output):
             fetched.append(_bring(share, campaign, output, force, keep_archive, progress))
-        except OSError as error:
-            raise StorageError(f"{output}: cannot be written: {error.strerror}.") from error
     return fetched, present
 
 

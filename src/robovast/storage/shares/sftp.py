@@ -16,6 +16,7 @@ from paramiko import PKey, SFTPClient, SFTPFile, SSHClient
 
 from robovast.base.backoff import Pauses
 from robovast.base.errors import InputError, StorageError
+from robovast.base.file_errors import writing
 from robovast.storage.shares.base import (
     INSECURE_SSL,
     BaseShareProvider,
@@ -121,7 +122,7 @@ class SftpShareProvider(BaseShareProvider):
     ) -> None:
         """Download an archive; a connection that is cut is made again for the rest."""
         path = Path(dest)
-        with path.open("r+b" if resume_offset and path.exists() else "wb") as file:
+        with writing(path), path.open("r+b" if resume_offset and path.exists() else "wb") as file:
             file.seek(resume_offset)
             file.truncate()
 
@@ -131,7 +132,8 @@ class SftpShareProvider(BaseShareProvider):
                     source.seek(file.tell())
                     _prefetch(source, size)
                     while data := source.read(CHUNK):
-                        file.write(data)
+                        with writing(path):  # or it would count as the server's
+                            file.write(data)
                         if progress_callback:
                             progress_callback(file.tell(), size)
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from robovast.base.atomic import refuse_file
 from robovast.base.errors import StorageError
+from robovast.base.file_errors import writing
 from robovast.kubeapi.submission import SubmitOptions, campaign_name, prepare_submission
 from robovast.model.document import Document
 from robovast.storage.bucket_names import BUNDLES_BUCKET
@@ -47,7 +48,7 @@ def prepare_run(
     where = f" --namespace {namespace}" if namespace else ""
     text = _README.format(name=name, namespace=where)
     refuse_file(output)
-    try:
+    with writing(output):
         if output.is_dir() and any(output.iterdir()) and not (output / FILE).is_file():
             raise StorageError(f"{output} holds other files; choose an empty or a new folder.")
         output.mkdir(parents=True, exist_ok=True)
@@ -57,6 +58,4 @@ def prepare_run(
             (output / key).write_bytes(submission.archive.content)
             text += _UPLOAD.format(key=key, bucket=BUNDLES_BUCKET)
         (output / "README.md").write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise StorageError(f"{output}: cannot be written: {error.strerror}.") from error
     say(f"Go on with {output / 'README.md'}.")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import CannotRunError, InputError, StorageError
+from robovast.base.file_errors import writing
 from robovast.base.plugins import load_plugin, plugins_of
 from robovast.base.serialization import dump_yaml
 from robovast.base.yaml_files import parse_yaml
@@ -101,7 +102,7 @@ def prepare_setup(name: str, options: Sequence[str], output: Path, namespace: st
     """
     config, given, changes = _config(name, options)
     values = _external_secret(config) | _kueue(config, is_there=False, context=None)
-    try:
+    with writing(output):
         if output.is_dir() and any(output.iterdir()) and not (output / "values.yaml").is_file():
             raise StorageError(f"{output} holds other files; choose an empty or a new folder.")
         output.mkdir(parents=True, exist_ok=True)
@@ -110,8 +111,6 @@ def prepare_setup(name: str, options: Sequence[str], output: Path, namespace: st
         (output / "values.yaml").write_text(dump_yaml(_merge(values, changes)), encoding="utf-8")
         config.prepare_setup_cluster(str(output), namespace=namespace, **given)
         (output / "README.md").write_text(_readme(name, config, namespace), encoding="utf-8")
-    except OSError as error:
-        raise StorageError(f"{output}: cannot be written: {error.strerror}.") from error
     say(f"Go on with {output / 'README.md'}.")
 
 
