@@ -1,6 +1,7 @@
 """Helpers for scripts that convert ROS bags, in a container or here.
 
-This file needs nothing but Python, so that it works beside a script wherever that runs.
+This file needs nothing but Python, so that it works beside a script wherever that runs:
+its atomic writing is its own.
 """
 
 from __future__ import annotations

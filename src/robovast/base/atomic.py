@@ -46,10 +46,7 @@ def write_atomically(path: Path, text: str, *, lasting: bool = True) -> None:
     with _part_of(path) as part:
         with create_file(part) as file:
             file.write(text.encode())
-        if lasting:
-            put_in_place(part, path)
-        else:
-            os.replace(part, path)
+        put_in_place(part, path, lasting=lasting)
 
 
 @contextmanager
@@ -103,7 +100,15 @@ def scratch_folder(target: Path) -> Iterator[Path]:
         os.close(lock)
 
 
-def put_in_place(source: Path, target: Path, *, replace: bool = False) -> None:
+def part_name(target: Path) -> Path:
+    """Where a file or folder can be written before it takes its target's place."""
+    name = os.fsdecode(os.fsencode(target.name)[:_LONGEST])
+    return target.with_name(f".{name}.{os.getpid()}-{secrets.token_hex(4)}.part")
+
+
+def put_in_place(
+    source: Path, target: Path, *, replace: bool = False, lasting: bool = True
+) -> None:
     """Give a complete file or folder its name, for good; what it replaces goes last.
 
     At every instant the target is the old or the new. On file systems that cannot exchange two
@@ -114,6 +119,7 @@ def put_in_place(source: Path, target: Path, *, replace: bool = False) -> None:
         source: on the same file system; no longer there afterwards.
         target: its place.
         replace: take the place of a folder that is there; a file always does.
+        lasting: as for `write_atomically`; a folder always is.
 
     Raises:
         StorageError: a folder is there and shall not be replaced.
@@ -122,19 +128,20 @@ def put_in_place(source: Path, target: Path, *, replace: bool = False) -> None:
     if is_folder:
         _refuse_taken(target, replace=replace)
         sync_tree(source)
-    else:
+    elif lasting:
         _sync(source, os.O_RDONLY)
     make_folder(target.parent)
     if is_folder and os.path.lexists(target):
         _replace_folder(source, target)
     else:
         os.replace(source, target)
-        sync_folder(target.parent)
+        if lasting:
+            sync_folder(target.parent)
 
 
 def discard(folder: Path) -> None:
     """Remove a folder; by its name it is gone at once."""
-    part = _part_name(folder)
+    part = part_name(folder)
     folder.rename(part)
     _remove(part)
 
@@ -217,14 +224,9 @@ def _refuse_taken(target: Path, *, replace: bool) -> None:
         raise StorageError(f"{target} exists already; nothing was written.")
 
 
-def _part_name(target: Path) -> Path:
-    name = os.fsdecode(os.fsencode(target.name)[:_LONGEST])
-    return target.with_name(f".{name}.{os.getpid()}-{secrets.token_hex(4)}.part")
-
-
 @contextmanager
 def _part_of(target: Path) -> Iterator[Path]:
-    part = _part_name(target)
+    part = part_name(target)
     try:
         yield part
     finally:
@@ -234,7 +236,7 @@ def _part_of(target: Path) -> Iterator[Path]:
 def _claimed_part(target: Path) -> tuple[Path, int]:
     """A new part's folder, and the lock on it."""
     while True:
-        part = _part_name(target)
+        part = part_name(target)
         part.mkdir()
         try:
             lock = os.open(part, os.O_RDONLY | os.O_DIRECTORY)

@@ -11,7 +11,7 @@ import time
 from collections.abc import Collection
 from pathlib import Path
 
-from robovast.base.atomic import discard, sweep
+from robovast.base.atomic import discard, sweep, write_atomically
 from robovast.base.errors import StorageError
 from robovast.campaign.places import ORIGIN
 from robovast.model.naming import is_campaign_dir
@@ -48,7 +48,7 @@ def mirror(store: ObjectStore, results: Path) -> list[str]:
                 folder = folder_for(results, name, owner)
                 for warning in download_campaign(store, bucket, folder, Silent()).warnings:
                     LOGGER.info("%s: %s", bucket, warning)
-                (folder / ORIGIN).write_text(bucket, encoding="utf-8")
+                write_atomically(folder / ORIGIN, bucket, lasting=False)
         except StorageError as error:
             LOGGER.warning("%s: %s", bucket, error)
             failed.append(bucket)

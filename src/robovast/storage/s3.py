@@ -411,7 +411,7 @@ class _Meter:
 
 
 def _part(target: Path, content: str) -> Path:
-    """Where a file is while it is incomplete: beside it, under a name of its content."""
+    """Where a file is while it is incomplete: named by its content, to be resumed by anyone."""
     tag = hashlib.sha256(content.encode("utf-8", "surrogateescape")).hexdigest()[:12]
     name = os.fsdecode(os.fsencode(target.name)[:200])  # file systems count bytes
     return target.with_name(f".{name}.{tag}.part")

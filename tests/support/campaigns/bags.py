@@ -13,6 +13,9 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from robovast.analysis.bags.convert import Conversion, convert_run
+from robovast.model.document.commands import BagCommand
+
 START = 1_700_000_000_000_000_000
 """[ns]"""
 SECOND = 1_000_000_000
@@ -140,3 +143,9 @@ def rows(path: Path) -> list[dict[str, str]]:
     """The rows of a CSV file by column."""
     with path.open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
+
+
+def convert_alone(bag: Path, job: BagCommand, definitions: Path | None = None) -> Conversion:
+    """Do one job with one bag."""
+    job = job.model_copy(update={"bag_dir": bag.name})
+    return convert_run(bag.parent, [job], definitions)

@@ -94,28 +94,6 @@ class _Task:
     """What the files are said to be made from, where that is not the bag's own path."""
 
 
-def convert_bag(
-    bag_dir: Path, run_dir: Path, jobs: Sequence[BagCommand], *, definitions: Path | None = None
-) -> Conversion:
-    """Do every job in one pass over a bag.
-
-    Files take their names when they are complete; of an interrupted conversion none remain. A job
-    that fails does not stop the others.
-
-    Args:
-        bag_dir: the bag.
-        run_dir: where files are written.
-        jobs: what is wanted.
-        definitions: folder searched for message definitions that the bag lacks.
-
-    Raises:
-        StorageError: a file cannot be written.
-    """
-    conversion = Conversion()
-    _convert(bag_dir, [_Task(job, run_dir) for job in jobs], definitions, conversion)
-    return conversion
-
-
 def convert_run(
     run_dir: Path, jobs: Sequence[BagCommand], definitions: Path | None = None
 ) -> Conversion:
@@ -210,8 +188,8 @@ def _convert(
             distribution=info.distribution,
             topics=dict(info.topics),
         )
-        for number, task in enumerate(tasks):
-            works.append(_Work(task, context, number, conversion))
+        for task in tasks:
+            works.append(_Work(task, context, conversion))
         feeds = _Feeds(context, works)
         read_bag(bag, info, feeds.subscribe, context.warn)
         feeds.report()
@@ -229,14 +207,13 @@ def _convert(
 class _Work:
     """A task at work on a bag; when it fails, the others go on."""
 
-    def __init__(self, task: _Task, context: Context, number: int, conversion: Conversion) -> None:
+    def __init__(self, task: _Task, context: Context, conversion: Conversion) -> None:
         self._task = task
         self._failures = conversion.failures
         self.context = replace(
             context,
             folder=task.folder,
             window=task.window,
-            number=number,
             warn=lambda text: conversion.remarks.setdefault((task.job, text)),
         )
         self._worker: Worker | None = None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -36,8 +35,6 @@ class Context:
     """Type of each topic that the bag's metadata name."""
     window: tuple[int, int] | None = None
     """From when to when the run took place [ns], where the bag is of several runs."""
-    number: int = 0
-    """Of the job: several may write a file of one name."""
 
     def table(
         self,
@@ -48,11 +45,7 @@ class Context:
     ) -> Table:
         """A CSV file; see `Table`."""
         path = self.folder / name
-        return Table(path, self.part(path), leading, columns, title)
-
-    def part(self, path: Path) -> Path:
-        """What a file is called before it is complete."""
-        return path.with_name(f".{path.name}.{self.number}.{os.getpid()}.part")
+        return Table(path, leading, columns, title)
 
     def types(self, definition: Definition) -> Typesdict:
         """Fields of a message type and of all in it."""

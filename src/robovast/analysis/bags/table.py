@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import os
 import sys
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from functools import lru_cache
@@ -13,6 +12,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
+from robovast.base.atomic import part_name, put_in_place
 from robovast.base.safe_paths import create_file
 
 Key = Hashable
@@ -40,7 +40,6 @@ class Table:
     def __init__(
         self,
         path: Path,
-        part: Path,
         leading: Sequence[str],
         columns: Columns = no_columns,
         title: Callable[[str], str] | None = None,
@@ -49,7 +48,6 @@ class Table:
 
         Args:
             path: the CSV file.
-            part: what it is called before it is complete.
             leading: names of the cells that every row begins with.
             columns: names of the columns of each further cell, by the row's key.
             title: what the file calls a column, by its name; then all columns are sorted by it,
@@ -59,7 +57,7 @@ class Table:
         self._leading = list(leading)
         self._columns = columns
         self._title = title
-        self._part = part
+        self._part = part_name(path)
         self._file = create_file(self._part, buffering=_BUFFER)
         self._runs: list[tuple[Key, int]] = []
         self._key: Key | None = None
@@ -91,7 +89,7 @@ class Table:
         keys = list(dict.fromkeys(key for key, _ in self._runs))
         self._file.close()
         if len(keys) == 1 and self._title is None:
-            os.replace(self._part, self.path)
+            put_in_place(self._part, self.path, lasting=False)
         else:
             self._rewrite(keys)
 
@@ -127,7 +125,7 @@ class Table:
         title = self._title or str
         if self._title is not None:
             columns.sort(key=lambda column: title(column[1]))
-        final = self._part.with_suffix(".all")
+        final = part_name(self.path)
         csv.field_size_limit(sys.maxsize)  # a cell holds a whole string, however long
         with (
             self._part.open(newline="", encoding="utf-8") as source,
@@ -142,7 +140,7 @@ class Table:
                 order = spread[key]
                 writer.writerows(order([*row, ""]) for row in islice(rows, count))
         self._part.unlink()
-        os.replace(final, self.path)
+        put_in_place(final, self.path, lasting=False)
 
     def _spread(self, key: Key, columns: list[tuple[bool, str]]) -> Any:
         """What takes a row of a key, with an empty cell at its end, to the columns of all.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 from robovast.analysis.bags.job import Context, nothing_on
 from robovast.analysis.bags.source import Consumer, Topic
 from robovast.analysis.bags.topics import topic_file
+from robovast.base.atomic import part_name, put_in_place
 from robovast.base.optional_deps import VIDEO
 from robovast.base.safe_paths import create_file
 from robovast.model.document.commands import ImagesToWebm
@@ -47,7 +47,7 @@ class VideoWorker:
         self._context = context
         self._topic = job.topic
         path = context.folder / f"{topic_file(context, job.topic)}.webm"
-        self._video = _Video(path, context.part(path), job.fps)
+        self._video = _Video(path, job.fps)
 
     def subscribe(self, topic: Topic) -> Consumer | None:
         """What appends the images of the topic."""
@@ -110,9 +110,9 @@ def _raw(image: Any) -> VideoFrame:
 class _Video:
     """A WebM file; the first frame decides its size."""
 
-    def __init__(self, path: Path, part: Path, fps: float) -> None:
+    def __init__(self, path: Path, fps: float) -> None:
         self.path = path
-        self._part = part
+        self._part = part_name(path)
         self._fps = fps
         self._container: Any = None
         self._stream: Any = None
@@ -137,7 +137,7 @@ class _Video:
             return False
         self._container.mux(self._stream.encode(None))
         self._container.close()
-        os.replace(self._part, self.path)
+        put_in_place(self._part, self.path, lasting=False)
         return True
 
     def discard(self) -> None:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
 import shutil
 import subprocess
 import sys
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,6 +16,7 @@ from tempfile import TemporaryDirectory
 from threading import Lock
 
 from robovast.analysis.postprocessing.content import scan, signature
+from robovast.base.atomic import appearing_file
 from robovast.base.errors import CannotRunError, InputError, StorageError
 from robovast.base.file_errors import reading
 from robovast.base.safe_paths import read_file
@@ -216,9 +215,9 @@ class Runner:
             shutil.rmtree(target, ignore_errors=True)
             target.mkdir()
             for name in ("output.html", "result.json"):  # complete when the last is there
-                with suppress(FileNotFoundError):
-                    shutil.copyfile(folder / name, target / f"{name}.part")
-                    os.replace(target / f"{name}.part", target / name)
+                if (folder / name).exists():
+                    with appearing_file(target / name) as part:
+                        shutil.copyfile(folder / name, part)
             _remove_oldest(self._cache)
         except OSError as error:
             raise StorageError(f"{target} cannot be written: {error.strerror}.") from None

@@ -14,7 +14,7 @@ from support.campaigns.bags import START, Bag, rows
 
 from robovast.analysis.bags import commands, files
 from robovast.analysis.bags.behaviors import BehaviorsWorker
-from robovast.analysis.bags.convert import convert_bag, convert_run
+from robovast.analysis.bags.convert import convert_run
 from robovast.analysis.bags.jobs import WORKERS
 from robovast.base.errors import StorageError
 from robovast.campaign.run_record import RunRecord
@@ -148,7 +148,7 @@ def test_nothing_but_complete_files_is_left(
     monkeypatch.setitem(WORKERS, BehaviorsToCsv, Interrupting)
     jobs = [bag_command(name, {}) for name in ("rosbags_tf_to_csv", "rosbags_bt_to_csv")]
     with pytest.raises(KeyboardInterrupt):
-        convert_bag(run / "rosbag2", run, jobs)
+        convert_run(run, jobs)
     assert {path.name for path in run.iterdir()} == before
 
 

@@ -11,9 +11,9 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin
-from support.campaigns.bags import START, Bag, rows
+from support.campaigns.bags import START, Bag, convert_alone, rows
 
-from robovast.analysis.bags.convert import Conversion, convert_bag
+from robovast.analysis.bags.convert import Conversion
 from robovast.model.document.commands import TopicsToCsv
 
 COUNT = 200
@@ -47,7 +47,7 @@ def record_chunks(file: Path, compression: CompressionType) -> None:
 
 
 def convert(folder: Path) -> Conversion:
-    return convert_bag(folder, folder.parent, [TopicsToCsv(topics=["/a"])])
+    return convert_alone(folder, TopicsToCsv(topics=["/a"]))
 
 
 def numbers(folder: Path) -> list[int]:

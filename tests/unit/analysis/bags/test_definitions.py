@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 from mcap.writer import Writer
 from rosbags.rosbag2 import StoragePlugin
-from support.campaigns.bags import START, Bag, rows
+from support.campaigns.bags import START, Bag, convert_alone, rows
 
-from robovast.analysis.bags.convert import convert_bag
 from robovast.model.document.commands import TopicsToCsv
 
 PAYLOAD = b"\x00\x01\x00\x00" + (7).to_bytes(4, "little")
@@ -29,7 +28,7 @@ def record(folder: Path, type_: str, encoding: str, text: str) -> Path:
 
 def convert(bag: Path, definitions: Path | None = None) -> list[str]:
     job = TopicsToCsv(topics=["/a"])
-    warnings = convert_bag(bag, bag.parent, [job], definitions=definitions).warnings
+    warnings = convert_alone(bag, job, definitions).warnings
     return [text for text in warnings if "metadata.yaml" not in text and "no message" not in text]
 
 

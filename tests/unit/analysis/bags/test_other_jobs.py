@@ -15,17 +15,17 @@ from support.campaigns.bags import (
     TREE,
     TREE_TYPE,
     Bag,
+    convert_alone,
     rows,
     typestore,
 )
 
-from robovast.analysis.bags.convert import convert_bag
 from robovast.base.errors import InputError
 from robovast.model.document.commands import bag_command
 
 
 def convert(bag: Path, command: str, **parameters: Any) -> list[str]:
-    return convert_bag(bag, bag.parent, [bag_command(command, parameters)]).warnings
+    return convert_alone(bag, bag_command(command, parameters)).warnings
 
 
 def columns(path: Path, *names: str) -> list[tuple[str, ...]]:
@@ -198,7 +198,7 @@ def test_a_definition_beside_the_vast_file_counts_before_a_known_one(
     folder.mkdir(parents=True)
     (folder / "NavigateToPose.action").write_text(f"---\n---\n{fields}")
     job = bag_command("rosbags_action_to_csv", {"action": "a"})
-    convert_bag(undefined_feedback, tmp_path, [job], definitions=tmp_path / "config")
+    convert_alone(undefined_feedback, job, tmp_path / "config")
     assert columns(tmp_path / "action_a_feedback.csv", "feedback_way_to_go") == [
         ("7.5",),
         ("6.5",),

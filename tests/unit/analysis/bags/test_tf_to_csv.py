@@ -4,9 +4,8 @@ import math
 from pathlib import Path
 
 import pytest
-from support.campaigns.bags import START, Bag, rows
+from support.campaigns.bags import START, Bag, convert_alone, rows
 
-from robovast.analysis.bags.convert import convert_bag
 from robovast.model.document.commands import TfToCsv
 
 QUARTER = math.pi / 2
@@ -15,7 +14,7 @@ QUARTER = math.pi / 2
 def poses(bag: Path, *frames: str) -> tuple[list[dict[str, float]], list[str]]:
     """Rows with numbers, times from the start; warnings."""
     job = TfToCsv(frames=frames) if frames else TfToCsv()
-    done = convert_bag(bag, bag.parent, [job])
+    done = convert_alone(bag, job)
     path = bag.parent / "poses.csv"
     table = rows(path) if path.exists() else []
     numbers = [

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
-from support.campaigns.bags import START, Bag, rows, typestore
+from support.campaigns.bags import START, Bag, convert_alone, rows, typestore
 
-from robovast.analysis.bags.convert import convert_bag
 from robovast.model.document.commands import TopicsToCsv
 from rosbags_common import gen_msg_values
 
@@ -74,7 +73,7 @@ def everything() -> Callable[..., object]:
 
 
 def convert(bag: Path, *topics: str) -> list[str]:
-    done = convert_bag(bag, bag.parent, [TopicsToCsv(topics=topics)])
+    done = convert_alone(bag, TopicsToCsv(topics=topics))
     return done.warnings
 
 
