@@ -254,7 +254,7 @@ BAD_MESSAGES = {
     "writes_outside": "other/x: it is outside of the campaign",
     "hides_it": "was refused to write",
     "claims_outside": "says that it wrote ../x, outside of the campaign",
-    "leaves_no_json": "its provenance file is no JSON",
+    "leaves_no_json": "its provenance file is not JSON",
     "takes_b": "missing a required argument: 'b'; its parameters are: `b`",
     "no_function": "is a int, which cannot be called",
     "missing": "has no `missing`; it has",
@@ -503,7 +503,7 @@ def test_two_at_once_on_one_campaign_are_refused(tmp_path: Path) -> None:
 
     campaign = finished_campaign(tmp_path, 1, BOTH, PLUGINS)
     with opened(campaign):
-        assert "another `vast results postprocess` is at work on it" in failures(campaign)[0]
+        assert "another `vast results postprocess` is processing it" in failures(campaign)[0]
 
 
 def test_a_damaged_cache_starts_anew(tmp_path: Path) -> None:

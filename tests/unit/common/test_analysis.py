@@ -195,7 +195,7 @@ def test_lists_of_nested_items(tmp_path: Path, level: int, columns: list[str]) -
         "items: [{feedback: {pose: {x: 1}}, l: [1, {z: 3}]}]\nnone: {}\n"
     )
     assert list(read_output_yaml_list(tmp_path, "items.yaml", "items", level)) == columns
-    with pytest.raises(ValueError, match="`none` is no list"):
+    with pytest.raises(ValueError, match="`none` is not a list"):
         read_output_yaml_list(tmp_path, "items.yaml", "none")
     with pytest.raises(KeyError):
         read_output_yaml_list(tmp_path, "items.yaml", "absent")

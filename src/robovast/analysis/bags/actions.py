@@ -1,4 +1,4 @@
-"""Feedback and status of an action as two CSV files."""
+"""Writes feedback and status of an action to two CSV files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def _joined(name: str) -> str:
 
 
 class ActionWorker(TableWorker):
-    """Every message on an action's feedback and status topics."""
+    """Writes all messages on an action's feedback and status topics."""
 
     def __init__(self, context: Context, job: ActionToCsv) -> None:
         action = job.action.strip("/")
@@ -28,6 +28,6 @@ class ActionWorker(TableWorker):
         super().__init__(context, tables)
 
     def subscribe(self, topic: Topic) -> Consumer | None:
-        """What writes the messages of either topic."""
+        """The consumer of either topic's messages, or None."""
         table = self._tables.get(topic.name)
         return table.timed_consumer(topic) if table else None

@@ -1,4 +1,4 @@
-"""What the behaviours of a tree did, as one CSV file."""
+"""Writes the status changes of a tree's behaviours to a CSV file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _STATUS = {1: b"INVALID", 2: b"RUNNING", 3: b"SUCCESS", 4: b"FAILURE"}
 
 
 class BehaviorsWorker:
-    """A row whenever a behaviour's status has changed."""
+    """Writes a row whenever a behaviour's status changes."""
 
     def __init__(self, context: Context, job: BehaviorsToCsv) -> None:
         self._context = context
@@ -27,20 +27,20 @@ class BehaviorsWorker:
         self._seen = False
 
     def subscribe(self, topic: Topic) -> Consumer | None:
-        """What writes the changes in a topic of trees."""
+        """The consumer of a topic of behaviour trees, or None."""
         if topic.type != TREE_TYPE:
             return None
         read = self._context.reader(topic)
         return lambda time, data: self._tree(time, read(data))
 
     def finish(self) -> list[Path]:
-        """The table; none when no behaviour was recorded."""
+        """The table; empty if no behaviour was recorded."""
         if not self._seen:
             self._context.warn(nothing_on(self._context, f"a topic of type {TREE_TYPE}"))
         return written(self._table)
 
     def discard(self) -> None:
-        """Leave nothing behind."""
+        """Remove unfinished files."""
         self._table.discard()
 
     def _tree(self, time: int, tree: Any) -> None:

@@ -1,8 +1,8 @@
-"""The post-processing commands for ROS bags, as a .vast file names them.
+"""The postprocessing commands for ROS bags.
 
-Each works on every run below a results folder: a campaign's, a configuration's or one run's. A run
-without a bag, and a bag of which not all can be read, are stated and are no failure. Every command
-takes `provenance_file`, as all post-processing commands do, and returns its entries instead.
+Each command processes all runs in a results folder: of a campaign, a configuration or a single run.
+Missing and damaged bags are reported but are not failures. Like all postprocessing commands, these
+accept `provenance_file`, but they return provenance entries instead of writing them.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from robovast.analysis.bags.convert import Conversion
 
 Result = tuple[bool, str, list[dict[str, Any]]]
-"""Success, message, provenance entries with paths relative to the results folder."""
+"""Success, message, and provenance entries with paths relative to the results folder."""
 
 _WORTH_PROCESSES = 32 << 20
-"""Bytes of bags from which more than one process is worth its start."""
+"""Size of bags [bytes] above which several processes are used."""
 
 
 def rosbags_to_csv(
@@ -43,9 +43,9 @@ def rosbags_to_csv(
 
     Args:
         results_dir: folder of a campaign, a configuration or a run.
-        config_dir: folder of the .vast file, searched for definitions that a bag lacks.
-        topics: the topics; without any nothing is done.
-        bag_dir: how the path of a bag's folder ends.
+        config_dir: folder of the .vast file; also searched for message definitions.
+        topics: the topics; nothing is done without any.
+        bag_dir: path suffix of the bag's folder.
         provenance_file: not used.
     """
     parameters = {"topics": topics, "bag_dir": bag_dir}
@@ -67,7 +67,7 @@ def rosbags_tf_to_csv(
         config_dir: folder of the .vast file.
         frames: the frames.
         csv_filename: name of the file.
-        bag_dir: how the path of a bag's folder ends.
+        bag_dir: path suffix of the bag's folder.
         provenance_file: not used.
     """
     parameters = {"frames": frames, "csv_filename": csv_filename, "bag_dir": bag_dir}
@@ -87,7 +87,7 @@ def rosbags_bt_to_csv(
         results_dir: folder of a campaign, a configuration or a run.
         config_dir: folder of the .vast file.
         csv_filename: name of the file.
-        bag_dir: how the path of a bag's folder ends.
+        bag_dir: path suffix of the bag's folder.
         provenance_file: not used.
     """
     parameters = {"csv_filename": csv_filename, "bag_dir": bag_dir}
@@ -106,10 +106,10 @@ def rosbags_action_to_csv(
 
     Args:
         results_dir: folder of a campaign, a configuration or a run.
-        config_dir: folder of the .vast file, searched for the action's definition.
-        action: name of the action, as `navigate_to_pose`.
-        filename_prefix: how the names of the files begin; `action_<action>` when left out.
-        bag_dir: how the path of a bag's folder ends.
+        config_dir: folder of the .vast file; also searched for the action's definition.
+        action: name of the action, such as `navigate_to_pose`.
+        filename_prefix: prefix of the file names; by default `action_<action>`.
+        bag_dir: path suffix of the bag's folder.
         provenance_file: not used.
     """
     parameters = {"action": action, "filename_prefix": filename_prefix, "bag_dir": bag_dir}
@@ -125,7 +125,7 @@ def rosbags_rosout_to_csv(
     bag_dir: str = JOB_LOGS,
     provenance_file: str | None = None,  # noqa: ARG001
 ) -> Result:
-    """Write what nodes logged to one CSV file.
+    """Write the log messages of nodes to one CSV file.
 
     Args:
         results_dir: folder of a campaign, a configuration or a run.
@@ -133,8 +133,8 @@ def rosbags_rosout_to_csv(
         min_level: lowest level: DEBUG, INFO, WARN, ERROR or FATAL, or its number (10 to 50).
         skip_levels: names of levels to leave out.
         csv_filename: name of the file.
-        bag_dir: how the path of a bag's folder ends; by default it is the run's bag that has logs,
-            or else its job's recording.
+        bag_dir: path suffix of the bag's folder; by default the run's bag with log messages, or
+            else the recording of its job.
         provenance_file: not used.
     """
     parameters = {
@@ -161,7 +161,7 @@ def rosbags_to_webm(
         config_dir: folder of the .vast file.
         topic: a topic of compressed or raw images.
         fps: frame rate where the stamps of images do not advance.
-        bag_dir: how the path of a bag's folder ends.
+        bag_dir: path suffix of the bag's folder.
         provenance_file: not used.
     """
     parameters = {"topic": topic, "fps": fps, "bag_dir": bag_dir}
@@ -176,14 +176,14 @@ def rosbags_process(
     bag_dir: str | None = None,
     provenance_file: str | None = None,  # noqa: ARG001
 ) -> Result:
-    """Do several of the commands for bags in one pass over each bag.
+    """Execute several bag commands in one pass over each bag.
 
     Args:
         results_dir: folder of a campaign, a configuration or a run.
-        config_dir: folder of the .vast file, searched for definitions that a bag lacks.
-        plugins: `type`, a command's name without `rosbags_`, and the command's parameters.
-        workers: not used: runs are worked on side by side anyhow.
-        bag_dir: how the path of a bag's folder ends, where a command does not say it.
+        config_dir: folder of the .vast file; also searched for message definitions.
+        plugins: mappings of `type`, a command's name without `rosbags_`, and its parameters.
+        workers: not used; runs are processed in parallel anyway.
+        bag_dir: path suffix of the bag's folder, for commands that do not set it.
         provenance_file: not used.
     """
     parameters = {"plugins": list(plugins), "bag_dir": bag_dir}
@@ -195,7 +195,7 @@ def _call(name: str, parameters: Mapping[str, Any]) -> PluginCall:
 
 
 def _convert(call: PluginCall, results_dir: str, config_dir: str) -> Result:
-    """Do what a call asks for on all runs below a folder."""
+    """Execute a command on all runs in a folder."""
     base = Path(results_dir)
     try:
         ROS.require("reading ROS bags")
@@ -210,7 +210,7 @@ def _convert(call: PluginCall, results_dir: str, config_dir: str) -> Result:
 
 
 def _runs(base: Path) -> list[Path]:
-    """Run folders at or below a folder of a campaign, a configuration or a run."""
+    """Run folders in the folder of a campaign, a configuration or a run."""
     if base.name.isdigit():
         return [base]
     below = [path for path in base.iterdir() if path.name.isdigit() and path.is_dir()]
@@ -220,7 +220,7 @@ def _runs(base: Path) -> list[Path]:
 
 
 def _mapped(jobs: list[BagCommand], folder: Path, runs: list[Path]) -> Iterator[Conversion]:
-    """What comes out of each run, in order; large bags are shared among processes."""
+    """The conversion of each run, in order; several processes share large bags."""
     from robovast.analysis.bags.convert import convert_run
 
     work = partial(convert_run, jobs=jobs, definitions=folder)

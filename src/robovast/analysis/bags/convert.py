@@ -1,4 +1,4 @@
-"""Everything that is wanted from the bags of a run, in one pass over each bag."""
+"""Executes all jobs for the bags of a run in one pass over each bag."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from robovast.model.document.commands import JOB_LOGS, BagCommand, RosoutToCsv
 from rosbags_common import find_rosbags
 
 BAG = "rosbag2"
-"""What the folder of a run's bag is called."""
+"""Default name of a bag's folder."""
 
 _UNDECODABLE = (
     struct.error,
@@ -47,27 +47,27 @@ class Output:
 
     path: Path
     bag: Path
-    """What it was made from."""
+    """The files that it was made from."""
     job: BagCommand
 
 
 @dataclass
 class Conversion:
-    """What came out of some bags."""
+    """The result of converting bags."""
 
     outputs: list[Output] = field(default_factory=list)
     remarks: dict[tuple[BagCommand | None, str], None] = field(default_factory=dict)
-    """What is missing or could not be read, each with the job that it is about, or none."""
+    """Missing or unreadable data; each remark with the job it concerns, or None."""
     failures: dict[BagCommand, str] = field(default_factory=dict)
-    """Why jobs failed; the others were done."""
+    """Reasons of failed jobs."""
 
     @property
     def warnings(self) -> list[str]:
-        """All remarks and failures, each once."""
+        """All remarks and failures, without duplicates."""
         return list(dict.fromkeys([*(text for _, text in self.remarks), *self.failures.values()]))
 
     def provenance(self, results_dir: Path) -> list[dict[str, Any]]:
-        """An entry `{output, sources, plugin, params}` per file, its paths relative to a folder."""
+        """Entries `{output, sources, plugin, params}` with paths relative to a folder."""
         return [
             {
                 "output": str(output.path.relative_to(results_dir)),
@@ -85,28 +85,28 @@ class _Task:
 
     job: BagCommand
     folder: Path
-    """Where files are written."""
+    """Output folder."""
     window: tuple[int, int] | None = None
-    """From when to when the run took place [ns], for bags of several runs."""
+    """Start and end of the run [ns], for bags of several runs."""
     shared: bool = False
-    """The files are of all runs of a job, so none of the run's."""
+    """The bag contains all runs of a job, so its files do not belong to a single run."""
     source: Path | None = None
-    """What the files are said to be made from, where that is not the bag's own path."""
+    """Recorded as source of the files in place of the bag's own path."""
 
 
 def convert_run(
     run_dir: Path, jobs: Sequence[BagCommand], definitions: Path | None = None
 ) -> Conversion:
-    """Do every job in one pass over each bag of a run.
+    """Execute all jobs in one pass over each bag of a run.
 
-    Files are written beside each bag. Log messages are taken from the recording of the run's job,
-    cut to the run, where the run has none itself; the whole recording's table is beside it.
+    Files are written beside each bag. If the run's own bag has no log messages, they are taken from
+    the recording of the run's job, cut to the run; the table of the whole recording is beside it.
 
     Args:
         run_dir: the run's folder.
-        jobs: what is wanted; each says how the path of its bag ends, at any depth of the run's
-            folder or in its job's.
-        definitions: folder searched for message definitions that a bag lacks.
+        jobs: the jobs; each sets the path suffix of its bag, which is searched at any depth of the
+            run's and its job's folder.
+        definitions: folder that is searched for message definitions missing from a bag.
 
     Raises:
         StorageError: a file cannot be written.
@@ -126,7 +126,7 @@ def convert_run(
 
 
 def _tasks(run_dir: Path, job: BagCommand) -> Iterator[tuple[Path, _Task]]:
-    """A job on each bag that it is about."""
+    """The tasks of a job: one for each of its bags."""
     own = _bags(run_dir, job.bag_dir)
     recording = _recording(run_dir, job.bag_dir)
     if isinstance(job, RosoutToCsv):
@@ -141,7 +141,7 @@ def _tasks(run_dir: Path, job: BagCommand) -> Iterator[tuple[Path, _Task]]:
 
 
 def _missing(run_dir: Path, job: BagCommand) -> tuple[BagCommand | None, str]:
-    """The remark that there is no bag for a job."""
+    """The remark that a job's bag is missing."""
     name = BAG if job.bag_dir == JOB_LOGS else job.bag_dir
     if _bags(run_dir, name):
         return job, f"neither its bag nor its job's recording has {ROSOUT}"
@@ -149,21 +149,21 @@ def _missing(run_dir: Path, job: BagCommand) -> tuple[BagCommand | None, str]:
 
 
 def _bags(run_dir: Path, bag_dir: str) -> list[Path]:
-    """Bags of a run whose path ends so."""
+    """Bags of a run whose path has a suffix."""
     end = Path(bag_dir).parts
     found = (Path(path) for path in find_rosbags(run_dir, end[-1]))
     return [bag for bag in found if bag.relative_to(run_dir).parts[-len(end) :] == end]
 
 
 def _recording(run_dir: Path, bag_dir: str) -> Path | None:
-    """The recording of a run's job: in the run's campaign, wherever its link to the job leads."""
+    """The recording of a run's job; always in the run's own campaign, whatever the link says."""
     job = job_folder(run_dir) if bag_dir.startswith("logs/") else None
     return job / bag_dir if job is not None and is_folder(job / bag_dir, job) else None
 
 
 @contextmanager
 def _unmoved(folders: Iterable[Path]) -> Iterator[None]:
-    """Folders keep their time: a job that got tables of its own recording has not changed."""
+    """Preserve modification times of folders, so that new tables do not count as changes."""
     times = {folder: folder.stat().st_mtime_ns for folder in folders}
     try:
         yield
@@ -175,7 +175,7 @@ def _unmoved(folders: Iterable[Path]) -> Iterator[None]:
 def _convert(
     bag: Path, tasks: Sequence[_Task], definitions: Path | None, conversion: Conversion
 ) -> None:
-    """Do tasks in one pass over a bag, and add what comes out."""
+    """Execute tasks in one pass over a bag and add their results."""
     works: list[_Work] = []
     warn = conversion.remarks.setdefault
     try:
@@ -205,7 +205,7 @@ def _convert(
 
 
 class _Work:
-    """A task at work on a bag; when it fails, the others go on."""
+    """A task in progress; its failure does not affect others."""
 
     def __init__(self, task: _Task, context: Context, conversion: Conversion) -> None:
         self._task = task
@@ -223,7 +223,7 @@ class _Work:
             self._failures[task.job] = str(error)
 
     def subscribe(self, topic: Topic) -> Consumer | None:
-        """Who takes the messages of a topic."""
+        """The consumer of a topic's messages, or None."""
         try:
             consumer = self._worker.subscribe(topic) if self._worker else None
         except DefinitionError as error:
@@ -250,7 +250,7 @@ class _Work:
         return consume
 
     def finish(self, bag: Path) -> list[Output]:
-        """The files, complete."""
+        """Complete the files and return them."""
         try:
             paths = self._worker.finish() if self._worker else []
         except OSError:
@@ -262,7 +262,7 @@ class _Work:
         return [] if self._task.shared else [Output(p, source, self._task.job) for p in paths]
 
     def discard(self) -> None:
-        """Leave nothing behind."""
+        """Remove unfinished files."""
         if self._worker is not None:
             self._worker.discard()
 
@@ -274,15 +274,17 @@ class _Work:
 
 
 def _may_have_rosout(bag: Path, recording: Path | None) -> bool:
-    """Whether a bag has logs; where it does not say which topics it has, and there is no other
-    recording, it is read."""
+    """Whether a bag may have log messages.
+
+    A bag with unknown topics is read only if the job has no other recording.
+    """
     ignored: list[str] = []
     topics = read_info(bag, ignored.append).topics
     return ROSOUT in topics or not (topics or recording)
 
 
 def _window(run_dir: Path) -> tuple[int, int] | None:
-    """From when to when a run took place [ns], as its record says."""
+    """Start and end of a run [ns], from its record."""
     record = read_run_record(run_dir)
     try:
         return (_moment(record.started_at), _moment(record.finished_at)) if record else None
@@ -295,7 +297,7 @@ def _moment(text: str) -> int:
 
 
 class _Feeds:
-    """Connects topics with those that want them."""
+    """Connects topics with their consumers."""
 
     def __init__(self, context: Context, works: Sequence[_Work]) -> None:
         self._context = context
@@ -310,13 +312,13 @@ class _Feeds:
         return self._feeds[topic].consumer()
 
     def report(self) -> None:
-        """Say how many messages could not be decoded."""
+        """Warn of messages that could not be decoded."""
         for feed in self._feeds.values():
             feed.report()
 
 
 class _Feed:
-    """Hands the messages of a topic out, and counts those that cannot be decoded."""
+    """Passes a topic's messages to its consumers and counts messages that cannot be decoded."""
 
     def __init__(self, topic: Topic, consumers: list[tuple[_Work, Consumer]]) -> None:
         self._topic = topic
@@ -329,11 +331,11 @@ class _Feed:
         return self._take if self._consumers else None
 
     def report(self) -> None:
-        """Say it to the first that wanted them."""
+        """Warn through the first consumer's context."""
         if self._damaged:
             self._works[0].context.warn(
-                f"{self._damaged} messages on {self._topic.name} are left out: they are no "
-                f"{self._topic.type} ({self._reason})"
+                f"{self._damaged} messages on {self._topic.name} are left out: they are not valid "
+                f"{self._topic.type} messages ({self._reason})"
             )
 
     def _take(self, time: int, data: bytes) -> None:

@@ -1,7 +1,7 @@
-"""What a message type consists of: from the bag, from files beside the .vast file, from ROS.
+"""Message definitions: from the bag, from files beside the .vast file, or from ROS.
 
-Bags of ROS 2 Iron and later carry the definitions of their types. Older ones do not, and none
-before Kilted carries those of action feedback.
+Bags since ROS 2 Iron contain the definitions of their message types; those of action feedback are
+missing before Kilted.
 """
 
 from __future__ import annotations
@@ -33,37 +33,37 @@ _FEEDBACK = "_FeedbackMessage"
 
 
 class DefinitionError(ValueError):
-    """A message type is not defined, or in a way that cannot be read."""
+    """A message type is undefined, or its definition cannot be read."""
 
 
 @dataclass(frozen=True)
 class Definition:
-    """A message type as a bag defines it."""
+    """The definition of a message type in a bag."""
 
     type: str
-    """Full name, as `nav_msgs/msg/Odometry`."""
+    """Full name, such as `nav_msgs/msg/Odometry`."""
     encoding: str = ""
-    """`ros2msg`, `ros2idl`, or empty when the bag leaves it undefined."""
+    """`ros2msg`, `ros2idl`, or empty if the bag does not define the type."""
     text: str = ""
 
     @property
     def given(self) -> bool:
-        """True when the bag defines the type."""
+        """True if the bag defines the type."""
         return self.encoding in {"ros2msg", "ros2idl", "omgidl"} and bool(self.text)
 
 
 @lru_cache(maxsize=512)
 def types_of(definition: Definition, folder: Path | None, distribution: str) -> Typesdict:
-    """Fields of a message type and of every type in it, by type.
+    """Fields of a message type and of all types it uses, by type.
 
     Args:
-        definition: what the bag says.
-        folder: searched for `<package>/action/<Name>.action` and `<package>/msg/<Name>.msg` when
-            the bag says nothing.
-        distribution: ROS distribution, as `jazzy`, whose own types fill what is missing.
+        definition: the definition in the bag.
+        folder: searched for `<package>/action/<Name>.action` and `<package>/msg/<Name>.msg` if the
+            bag does not define the type.
+        distribution: ROS distribution such as `jazzy`, whose types complete the definition.
 
     Raises:
-        DefinitionError: the type, or one that it uses, is defined nowhere.
+        DefinitionError: the type, or one that it uses, is undefined.
     """
     try:
         own = _own_types(definition, folder)
@@ -88,7 +88,7 @@ def _what_is_missing(type_: str) -> str:
 
 
 def _missing(type_: str, types: Typesdict) -> list[str]:
-    """Types that a type is made of, itself included, and that are not defined."""
+    """Undefined types among a type and those it uses."""
     missing: list[str] = []
     wanted, seen = [type_], {type_}
     while wanted:
@@ -110,7 +110,7 @@ def _used(field: FieldDesc) -> list[str]:
 
 
 def typestore_of(definition: Definition, folder: Path | None, distribution: str) -> Typestore:
-    """What deserializes messages of a type; see `types_of`."""
+    """A store that deserializes messages of a type; see `types_of`."""
     return _typestore(definition, folder, distribution)
 
 
@@ -138,7 +138,7 @@ def _own_types(definition: Definition, folder: Path | None) -> Typesdict:
 
 
 def _types_from_idl(text: str) -> Typesdict:
-    """Types of IDL files, one after the other, each perhaps under a line with its name."""
+    """Types in concatenated IDL files, each optionally preceded by a line with its name."""
     types: Typesdict = {}
     for part in _IDL_SEPARATOR.split(text):
         if part.strip():
@@ -163,7 +163,7 @@ def _types_from_files(type_: str, folder: Path | None) -> Typesdict:
 
 
 def _feedback(action: Path) -> str:
-    """The last of the three parts of an action's definition."""
+    """The last of the three parts of an action definition."""
     return re.split(r"^---\s*$", action.read_text(encoding="utf-8"), flags=re.MULTILINE)[-1]
 
 

@@ -1,4 +1,4 @@
-"""All messages of a bag: its files, one after the other, compressed or not."""
+"""Reads all messages of a bag from its files in order, compressed or not."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ _ZSTD = ".zstd"
 
 @dataclass(frozen=True)
 class BagInfo:
-    """What `metadata.yaml` of a bag says; a recorder that was stopped leaves none."""
+    """Content of a bag's `metadata.yaml`; recorders that were killed leave none."""
 
     files: tuple[str, ...] = ()
     distribution: str = ""
-    """ROS distribution, as `jazzy`."""
+    """ROS distribution, such as `jazzy`."""
     compressed_messages: bool = False
     topics: dict[str, str] = field(default_factory=dict)
     """Type of each topic."""
 
 
 def read_info(folder: Path, warn: Warn) -> BagInfo:
-    """What the metadata of a bag says, if it has any."""
+    """Read the metadata of a bag, if there are any."""
     try:
         text = read_text(folder / "metadata.yaml")
         return _info(parse_yaml(text)["rosbag2_bagfile_information"])
@@ -57,13 +57,13 @@ def _info(data: dict[str, Any]) -> BagInfo:
 
 
 def read_bag(folder: Path, info: BagInfo, subscribe: Subscribe, warn: Warn) -> None:
-    """Hand every message of a bag to whoever subscribes to its topic, in the order of recording.
+    """Pass every message of a bag to its topic's consumer, in recording order.
 
     Args:
         folder: the bag.
-        info: of `read_info`.
-        subscribe: is asked at least once for every topic that the files know.
-        warn: is told what is missing or could not be read.
+        info: result of `read_info`.
+        subscribe: called at least once for every topic of the files.
+        warn: receives warnings about missing and unreadable data.
     """
     if info.compressed_messages:
         subscribe = _decompressing(subscribe, warn)
@@ -77,10 +77,10 @@ def read_bag(folder: Path, info: BagInfo, subscribe: Subscribe, warn: Warn) -> N
 
 
 def _files(folder: Path) -> list[Path]:
-    """Files with messages, in the order in which they were recorded."""
+    """Files with messages, in recording order."""
     names = (name for name in os.listdir(folder) if name.removesuffix(_ZSTD).endswith(_KINDS))
     plain: dict[str, Path] = {}
-    for name in sorted(names):  # of a file and its compressed copy the first is the plain one
+    for name in sorted(names):  # plain files come before their compressed copies
         if is_file(folder / name, folder):
             plain.setdefault(name.removesuffix(_ZSTD), folder / name)
     return sorted(plain.values(), key=lambda path: _natural(path.name))
@@ -112,7 +112,7 @@ def _read_compressed(path: Path, subscribe: Subscribe, warn: Warn) -> None:
 
 
 def _decompressing(subscribe: Subscribe, warn: Warn) -> Subscribe:
-    """Subscribe to messages that are compressed one by one."""
+    """Subscribe to individually compressed messages."""
 
     def wrapped(topic: Topic) -> Consumer | None:
         consumer = subscribe(topic)

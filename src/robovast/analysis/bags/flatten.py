@@ -1,8 +1,8 @@
-"""Messages as CSV cells: a function compiled for each message type, names for its cells.
+"""Converts messages to CSV cells by a function that is compiled for each message type.
 
-A message's cells follow its fields in order. Which there are depends on its *shape*: the lengths of
-all sequences in it, in order. Formatting is what a conversion spends its time on, so
-runs of numbers are formatted at once.
+A message's cells follow the order of its fields. Their number depends on the message's *shape*: the
+lengths of all its sequences, in order. Formatting takes most of a conversion's time, so numbers are
+formatted in groups.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 Shape = tuple[int, ...]
 Flatten = Callable[[bytes, list[bytes]], Shape]
-"""Appends the cells of a message (CDR without its four leading bytes); returns its shape."""
+"""Appends the cells of a message (CDR without its 4-byte header); returns the message's shape."""
 
 _CODES = {
     "bool": "?",
@@ -45,7 +45,7 @@ _CODES = {
     "float64": "d",
 }
 _PLACEHOLDER = "structure_needs_at_least_one_member"
-"""What IDL has in a message without fields."""
+"""Placeholder that IDL puts into messages without fields."""
 _NEEDS_QUOTES = re.compile(rb'[",\r\n]').search
 
 
@@ -57,7 +57,7 @@ def text_cell(raw: bytes) -> bytes:
 
 
 def number_text(values: Any) -> bytes:
-    """Numbers (a tuple or an array) with commas between; `nan`, `inf`, `-inf` if not finite."""
+    """Comma-separated numbers (a tuple or an array); `nan`, `inf`, `-inf` if not finite."""
     text = orjson.dumps(values, option=orjson.OPT_SERIALIZE_NUMPY)[1:-1]
     if b"null" not in text:
         return text
@@ -68,29 +68,29 @@ def number_text(values: Any) -> bytes:
 
 
 def number_cells(values: Any) -> list[bytes]:
-    """Numbers (not empty) as one cell each."""
+    """One cell for several numbers (not empty)."""
     return number_text(values).split(b",")
 
 
 def bool_cells(values: Any) -> list[bytes]:
-    """Truth values as `True` and `False`."""
+    """One cell for truth values, as `True` and `False`."""
     return [b"True" if value else b"False" for value in values]
 
 
 def seconds_cell(nanoseconds: int) -> bytes:
-    """A time [ns] as seconds, exactly."""
+    """A time [ns] in seconds, without rounding."""
     return b"%d.%09d" % divmod(nanoseconds, 1_000_000_000)
 
 
 def array_cell(values: NDArray[Any]) -> bytes:
-    """An array (not empty) as one cell for all its columns, which are sorted by name."""
+    """One cell for an array (not empty), whose columns are sorted by name."""
     ordered = values[_sorted_places(len(values))]
     return b",".join(bool_cells(ordered)) if ordered.dtype == bool else number_text(ordered)
 
 
 @lru_cache(maxsize=64)
 def _sorted_places(count: int) -> NDArray[np.int64]:
-    """0 to n - 1 in the order of the names `[0]` to `[n - 1]`."""
+    """Indexes 0 to n - 1, sorted by the names `[0]` to `[n - 1]`."""
     return np.array(sorted(range(count), key="{}]".format))
 
 
@@ -98,10 +98,10 @@ def _sorted_places(count: int) -> NDArray[np.int64]:
 class _Field:
     name: str
     of: str
-    """A message type, or a key of `_CODES`, or `string`."""
+    """A message type, a key of `_CODES`, or `string`."""
     base: bool
     count: int | None
-    """Length of a fixed array; None of anything else."""
+    """Length of a fixed array; None for anything else."""
     sequence: bool
 
 
@@ -126,9 +126,9 @@ def _field(name: str, description: FieldDesc) -> _Field:
 
 
 def columns_of(type_: str, types: Typesdict, shape: Shape) -> list[list[str]]:
-    """Names of the columns of each cell of a message that has a shape.
+    """Column names of each cell of a message with this shape.
 
-    A name is the path to a field, as `a.b[0].c`. All numbers of a sequence are one cell.
+    A name is the path to a field, such as `a.b[0].c`. All numbers of a sequence form one cell.
     """
     return list(_columns(type_, types, iter(shape), ""))
 
@@ -151,12 +151,12 @@ def _columns(
 
 
 def compile_flatten(type_: str, types: Typesdict, big_endian: bool = False) -> Flatten:
-    """The function that flattens messages of a type.
+    """Compile the function that flattens messages of a type.
 
-    It raises ValueError, IndexError or struct.error for bytes that are no such message.
+    The function raises ValueError, IndexError or struct.error for invalid messages.
 
     Raises:
-        DefinitionError: the type uses one that is not defined or not supported.
+        DefinitionError: the type uses an undefined or unsupported type.
     """
     compiler = _Compiler(types, ">" if big_endian else "<")
     compiler.message(type_)
@@ -164,10 +164,10 @@ def compile_flatten(type_: str, types: Typesdict, big_endian: bool = False) -> F
 
 
 class _Compiler:
-    """Writes the source of a flattening function.
+    """Generates the source of a flattening function.
 
-    In it `b` is the message, `o` the offset in it, `c` its cells, `s` its shape. While writing, the
-    offset is known to be `residue` modulo `modulus`, which settles most padding beforehand.
+    Its variables are the message `b`, the offset `o`, the cells `c` and the shape `s`. During
+    generation the offset is known to be `residue` modulo `modulus`, which determines most padding.
     """
 
     def __init__(self, types: Typesdict, order: str) -> None:
@@ -188,7 +188,7 @@ class _Compiler:
         }
 
     def function(self) -> Flatten:
-        """The function of what has been written."""
+        """Compile the generated source."""
         self.flush()
         self.emit("if o > len(b) or o + 3 < len(b): raise ValueError('wrong size')")
         self.emit("return tuple(s)")
@@ -206,7 +206,7 @@ class _Compiler:
     def message(self, type_: str) -> None:
         fields = list(_fields(type_, self.types))
         if not fields:
-            self.skip(1)  # a struct without a member has one byte on the wire
+            self.skip(1)  # an empty struct takes one byte
         for field in fields:
             self.field(field)
 
@@ -242,7 +242,7 @@ class _Compiler:
         self.read_length()
         self.emit("s.append(n)")
         if not field.base or field.of == "string":
-            # Every element takes a byte at least; a damaged length may be anything.
+            # Every element takes at least one byte; a damaged length may be anything.
             self.emit("if n > len(b): raise ValueError('wrong length')")
             self.loop("n", field)
             return
@@ -258,7 +258,7 @@ class _Compiler:
         self.modulus, self.residue = min(size, 4), 0
 
     def array(self, code: str, count: str) -> str:
-        """Expression of an array of this machine's byte order."""
+        """An expression for an array in native byte order."""
         source = self.constant(np.dtype(f"{self.order}{code}"))
         native = self.constant(np.dtype(code))
         return f"array(b, {source}, {count}, o).astype({native}, copy=False)"
@@ -276,7 +276,7 @@ class _Compiler:
         self.skip(4)
 
     def numbers(self, base: str, count: int) -> None:
-        """Values of fixed size: gathered, so that one call reads and formats many of them."""
+        """Collect fixed-size values, so that one call reads and formats many of them."""
         code = _CODES[base]
         size = Struct(f"<{code}").size
         group = code if code in "f?" else "n"
@@ -289,7 +289,7 @@ class _Compiler:
         self.residue = (self.residue + padding + size * count) % self.modulus
 
     def flush(self) -> None:
-        """Write what reads and formats the values gathered so far."""
+        """Generate code for the collected values."""
         if not self.run:
             return
         layout = Struct(self.order + "".join(self.run))
@@ -303,7 +303,7 @@ class _Compiler:
         self.group = ""
 
     def align(self, size: int) -> None:
-        """Write what moves the offset to a multiple of a size."""
+        """Generate code that aligns the offset."""
         if size <= self.modulus:
             if self.residue % size:
                 self.skip(-self.residue % size)

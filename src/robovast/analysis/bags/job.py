@@ -1,4 +1,4 @@
-"""What works on the messages of a bag for one command, and what it is given."""
+"""Interface of the workers that execute bag commands, and their context."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ _LITTLE, _BIG = b"\x00\x01", b"\x00\x00"
 
 @dataclass(frozen=True)
 class Context:
-    """The bag that is read, and where results go."""
+    """The bag and the output of a worker."""
 
     bag: Path
     folder: Path
-    """Where files are written."""
+    """Output folder."""
     warn: Warn
     definitions: Path | None
     """Folder with message definitions that the bag may lack."""
     distribution: str
-    """ROS distribution of the recorder, as `jazzy`; empty when unknown."""
+    """ROS distribution of the recorder, such as `jazzy`; empty if unknown."""
     topics: dict[str, str]
-    """Type of each topic that the bag's metadata name."""
+    """Type of each topic in the bag's metadata."""
     window: tuple[int, int] | None = None
     """From when to when the run took place [ns], where the bag is of several runs."""
 
@@ -48,39 +48,39 @@ class Context:
         return Table(path, leading, columns, title)
 
     def types(self, definition: Definition) -> Typesdict:
-        """Fields of a message type and of all in it."""
+        """Fields of a message type and of all types it uses."""
         return types_of(definition, self.definitions, self.distribution)
 
     def reader(self, topic: Topic) -> Callable[[bytes], object]:
-        """What makes an object of a message."""
+        """A function that deserializes messages."""
         store = typestore_of(topic.definition, self.definitions, self.distribution)
         type_ = topic.type
         return lambda data: store.deserialize_cdr(data, type_)
 
     def flattener(self, topic: Topic) -> Flatten:
-        """What appends the cells of a message as it is in the bag, and returns its shape."""
+        """A function that appends the cells of a raw message and returns its shape."""
         return _flattener(topic.definition, self.definitions, self.distribution)
 
     def columns(self, topic: Topic, shape: Shape) -> list[list[str]]:
-        """Names of the columns of each cell of a message that has a shape."""
+        """Column names of each cell of a message with this shape."""
         return columns_of(topic.type, self.types(topic.definition), shape)
 
 
 class Worker(Protocol):
-    """A job at work on one bag."""
+    """A job in progress on one bag."""
 
     def subscribe(self, topic: Topic) -> Consumer | None:
-        """Who takes the messages of a topic; it may be asked again for each file of the bag.
+        """The consumer of a topic's messages, or None; called again for each file of the bag.
 
         Raises:
-            DefinitionError: the topic is wanted, but its messages cannot be understood.
+            DefinitionError: the topic's messages cannot be decoded.
         """
 
     def finish(self) -> list[Path]:
-        """Complete the files; they are returned."""
+        """Complete the files and return them."""
 
     def discard(self) -> None:
-        """Leave nothing behind."""
+        """Remove unfinished files."""
 
 
 def nothing_on(context: Context, what: str) -> str:

@@ -1,4 +1,4 @@
-"""Which class executes each of the commands for bags."""
+"""Maps bag commands to the classes that execute them."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ WORKERS: dict[type[BagCommand], Callable[[Context, Any], Worker]] = {
 
 
 def start(job: BagCommand, context: Context) -> Worker:
-    """Begin to work on a bag.
+    """Create a worker for a bag.
 
     Raises:
-        CannotRunError: what the command needs is not installed.
+        CannotRunError: a required package is not installed.
     """
     return WORKERS[type(job)](context, job)

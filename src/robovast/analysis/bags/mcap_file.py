@@ -1,7 +1,7 @@
-"""Messages of an MCAP file, whatever is left of it.
+"""Reads the messages of an MCAP file, even a damaged one.
 
-Records are read one after the other, since the index at the end is what a crash leaves out. A
-chunk is decoded as far as it goes; one whose checksum is wrong is left out.
+Records are read sequentially, because a crash leaves no index at the end. A truncated chunk is
+decoded as far as possible; a chunk with a wrong checksum is left out.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from robovast.analysis.bags.source import Consumer, Subscribe, Topic, Warn
 MAGIC = b"\x89MCAP0\r\n"
 _RECORD = Struct("<BQ").unpack_from
 _MESSAGE = Struct("<BQHIQ").unpack_from
-"""Opcode and length of the record, channel, sequence number, time received [ns]."""
+"""Opcode and length of the record, channel, sequence number, time of receipt [ns]."""
 _RECORD_SIZE = 9
 _MESSAGE_SIZE = 31
 _LARGEST = 1 << 30
-"""Of a record, which is held in memory [bytes]."""
+"""Largest record [bytes], since records are held in memory."""
 _END = (Opcode.DATA_END, Opcode.FOOTER)
 _KNOWN = frozenset(Opcode)
 _UNREADABLE = (
@@ -40,19 +40,19 @@ _UNREADABLE = (
     ValueError,
     IndexError,
     KeyError,
-    RuntimeError,  # of lz4
+    RuntimeError,  # raised by lz4
     zstandard.ZstdError,
 )
 
 
 def read_mcap(file: IO[bytes], name: str, subscribe: Subscribe, warn: Warn) -> None:
-    """Hand every message of a file to whoever subscribes to its topic.
+    """Pass every message of a file to its topic's consumer.
 
     Args:
         file: the file, open for reading.
-        name: what warnings call it.
-        subscribe: is asked once for every channel.
-        warn: is told what could not be read.
+        name: name in warnings.
+        subscribe: called once for every channel.
+        warn: receives warnings about unreadable data.
     """
     magic = file.read(len(MAGIC))
     if magic != MAGIC:
@@ -76,7 +76,7 @@ class _McapFile:
         }
 
     def read(self) -> None:
-        """Read record after record up to the end of the data."""
+        """Read all records up to the end of the data."""
         chunks = self.summary() if self.file.seekable() else []
         while True:
             start = self.file.tell()
@@ -101,12 +101,12 @@ class _McapFile:
                 return
 
     def lost(self, start: int, following: int | None) -> None:
-        """Say that a part of the file cannot be read."""
+        """Warn that a part of the file cannot be read."""
         end = "its end" if following is None else f"byte {following}"
         self.warn(f"{self.name} is damaged: from byte {start} to {end} it cannot be read")
 
     def summary(self) -> list[int]:
-        """Take the channels that the end of the file repeats; where its chunks begin."""
+        """Add the channels repeated in the summary; return the start offsets of the chunks."""
         position = self.file.tell()
         self.file.seek(0)
         try:
@@ -124,7 +124,7 @@ class _McapFile:
         return [chunk.chunk_start_offset for chunk in summary.chunk_indexes]
 
     def record(self, opcode: int, head: bytes, content: bytes, start: int) -> None:
-        """Take one record, which may be cut off."""
+        """Process a record, which may be truncated."""
         if opcode == Opcode.MESSAGE:
             self.messages(head + content)
         elif opcode in self.handlers:
@@ -134,11 +134,11 @@ class _McapFile:
                 self.warn(f"{self.name}: the record at byte {start} is left out: {error}")
 
     def add_schema(self, schema: Schema) -> None:
-        """Keep a schema for the channels that refer to it."""
+        """Store a schema for channels that refer to it."""
         self.schemas[schema.id] = schema
 
     def add_channel(self, channel: Channel) -> None:
-        """Ask who takes a channel's messages."""
+        """Find the consumer of a channel's messages."""
         if channel.id in self.consumers:
             return
         schema = self.schemas.get(channel.schema_id)
@@ -151,7 +151,7 @@ class _McapFile:
         self.consumers[channel.id] = self.subscribe(topic)
 
     def chunk(self, content: bytes) -> None:
-        """Hand out the messages of a chunk, of one that is cut off as far as it goes."""
+        """Process the messages of a chunk, as far as a truncated chunk goes."""
         chunk = Chunk.read(_stream(content))
         data = _decompress(chunk)
         whole = len(data) == chunk.uncompressed_size
@@ -160,7 +160,7 @@ class _McapFile:
         self.messages(data)
 
     def messages(self, data: bytes) -> None:
-        """Hand out the messages in a sequence of records."""
+        """Process the messages in a sequence of records."""
         offset, end = 0, len(data)
         consumers = self.consumers
         while offset + _RECORD_SIZE <= end:
@@ -188,5 +188,5 @@ def _decompress(chunk: Chunk) -> bytes:
     if chunk.compression == "lz4":
         return bytes(lz4.frame.LZ4FrameDecompressor().decompress(chunk.data))
     if chunk.compression:
-        raise ValueError(f"its compression {chunk.compression} is not known")
+        raise ValueError(f"its compression {chunk.compression} is unknown")
     return chunk.data

@@ -1,4 +1,4 @@
-"""Feedback of Nav2's actions from Humble to Jazzy, whose bags leave it undefined."""
+"""Feedback types of Nav2's actions from Humble to Jazzy, whose bags do not define them."""
 
 _DISTANCE = "float32 distance_traveled"
 _NAVIGATION = """\

@@ -1,4 +1,4 @@
-"""What nodes logged, as one CSV file."""
+"""Writes the log messages of nodes to a CSV file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _COLUMNS = (
 
 
 class RosoutWorker:
-    """Every log message of a level."""
+    """Writes log messages of at least a given level."""
 
     def __init__(self, context: Context, job: RosoutToCsv) -> None:
         self._context = context
@@ -36,21 +36,21 @@ class RosoutWorker:
         self._seen = False
 
     def subscribe(self, topic: Topic) -> Consumer | None:
-        """What writes the messages of the topic of logs."""
+        """The consumer of the log topic, or None."""
         if topic.name != ROSOUT:
             return None
         read = self._context.reader(topic)
         return lambda time, data: self._log(time, read(data))
 
     def finish(self) -> list[Path]:
-        """The table, also one without rows: nothing was logged."""
+        """The table, which has no rows if nothing was logged."""
         if not self._seen:
             self._context.warn(nothing_on(self._context, ROSOUT))
         self._table.close()
         return [self._table.path]
 
     def discard(self) -> None:
-        """Leave nothing behind."""
+        """Remove unfinished files."""
         self._table.discard()
 
     def _log(self, time: int, log: Any) -> None:
@@ -69,6 +69,6 @@ class RosoutWorker:
         self._table.add((), cells)
 
     def _elsewhere(self, time: int) -> bool:
-        """True when a message is of another run that shares the bag."""
+        """True if a message belongs to another run in the same bag."""
         window = self._context.window
         return window is not None and not window[0] <= time <= window[1]

@@ -1,4 +1,4 @@
-"""What all kinds of bag files have in common."""
+"""Types shared by all readers of bag files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from robovast.analysis.bags.definitions import Definition
 
 Consumer = Callable[[int, bytes], None]
-"""Takes a message: when it was received [ns], and its bytes as they are in the bag."""
+"""Receives a message: time of receipt [ns], and its bytes in the bag."""
 
 Warn = Callable[[str], None]
 
@@ -19,14 +19,14 @@ class Topic:
 
     name: str
     definition: Definition
-    """Of its messages."""
+    """Serialization of its messages."""
     serialization: str = "cdr"
 
     @property
     def type(self) -> str:
-        """Full name of its message type."""
+        """Full name of the message type."""
         return self.definition.type
 
 
 Subscribe = Callable[[Topic], Consumer | None]
-"""Says who takes the messages of a topic; None when nobody does."""
+"""Returns the consumer of a topic's messages, or None."""

@@ -1,4 +1,4 @@
-"""Messages of an SQLite file of a bag, whatever is left of it."""
+"""Reads the messages of a bag's SQLite file, even a damaged one."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from robovast.analysis.bags.source import Consumer, Subscribe, Topic, Warn
 
 
 def read_sqlite(path: Path, subscribe: Subscribe, warn: Warn) -> None:
-    """Hand every message of a file to whoever subscribes to its topic.
+    """Pass every message of a file to its topic's consumer.
 
     Args:
         path: the file.
-        subscribe: is asked once for every topic.
-        warn: is told what could not be read.
+        subscribe: called once for every topic.
+        warn: receives warnings about unreadable data.
     """
     if path.stat().st_size == 0:
         warn(f"{path.name} is empty (0 bytes)")
@@ -35,21 +35,21 @@ def read_sqlite(path: Path, subscribe: Subscribe, warn: Warn) -> None:
 
 
 def _open(path: Path) -> sqlite3.Connection:
-    """The database, with what a recorder that was stopped has left in its log.
+    """Open the database, including the write-ahead log of a recorder that was killed.
 
     Raises:
         sqlite3.DatabaseError: it cannot be read.
     """
     try:
         return _connect(path, "mode=ro")
-    except sqlite3.OperationalError:  # where nothing can be written the log cannot be used
+    except sqlite3.OperationalError:  # on read-only file systems the log cannot be used
         return _connect(path, "immutable=1")
 
 
 def _connect(path: Path, options: str) -> sqlite3.Connection:
     database = sqlite3.connect(f"{path.absolute().as_uri()}?{options}", uri=True)
     try:
-        # Without it a file that is cut off is refused as a whole.
+        # Otherwise SQLite refuses a truncated file as a whole.
         database.execute("PRAGMA writable_schema = ON")
         database.execute("SELECT count(*) FROM sqlite_master")
     except sqlite3.DatabaseError:
@@ -68,7 +68,7 @@ def _consumers(database: sqlite3.Connection, subscribe: Subscribe) -> dict[int, 
 
 
 def _definitions(database: sqlite3.Connection) -> dict[str, Definition]:
-    """Definitions by type; bags of ROS before Iron have none."""
+    """Definitions by type; bags before ROS 2 Iron have none."""
     tables = database.execute("SELECT name FROM sqlite_master WHERE name = 'message_definitions'")
     if tables.fetchone() is None:
         return {}
@@ -79,6 +79,6 @@ def _definitions(database: sqlite3.Connection) -> dict[str, Definition]:
 
 
 def _query(consumers: dict[int, Consumer | None]) -> str:
-    # Not sorted by time: a damaged file could then not be read at all.
+    # No ORDER BY: sorting would fail on a damaged file.
     wanted = ",".join(str(number) for number, consumer in consumers.items() if consumer)
     return f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({wanted})"  # noqa: S608

@@ -1,4 +1,4 @@
-"""Rows of cells as a CSV file whose columns may differ from row to row."""
+"""Writes rows to a CSV file; different rows may have different columns."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from robovast.base.atomic import part_name, put_in_place
 from robovast.base.safe_paths import create_file
 
 Key = Hashable
-"""What decides which cells a row has, as the shape of a message."""
+"""Determines the cells of a row, such as the shape of a message."""
 
 _BUFFER = 1 << 20
 
 
 Columns = Callable[[Any], list[list[str]]]
-"""Names of the columns of each cell of a row, by the row's key."""
+"""Column names of each cell of a row, by the row's key."""
 
 
 def no_columns(_key: Key) -> list[list[str]]:
-    """Columns of rows that have none but the leading ones."""
+    """No columns besides the leading ones."""
     return []
 
 
 class Table:
-    """A CSV file: leading columns, then the rest sorted by name.
+    """A CSV file: leading columns, then the others sorted by name.
 
-    Every row has a key that decides which cells it has. Rows are written as they come; when keys
-    differed, the file is written once more at the end, with the columns of all.
+    Every row has a key that determines its cells. Rows are written immediately; if their keys
+    differ, the file is rewritten at the end with the columns of all keys.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class Table:
         columns: Columns = no_columns,
         title: Callable[[str], str] | None = None,
     ) -> None:
-        """Open a file that takes its name when it is closed.
+        """Create a file that gets its final name when it is closed.
 
         Args:
             path: the CSV file.
@@ -66,25 +66,25 @@ class Table:
         self._orders = lru_cache(maxsize=256)(self._order_of)
 
     def add(self, key: Key, cells: list[bytes]) -> None:
-        """Write a row: its leading cells, then those of its key."""
+        """Write a row: the leading cells, then the key's cells."""
         if key != self._key:
             self._switch(key)
         self._count += 1
         self._file.write(b",".join(self._order(cells)) + b"\n")
 
     def add_lines(self, lines: Iterable[bytes]) -> None:
-        """Write rows that are whole, where rows have no cells but the leading ones."""
+        """Write formatted rows, for tables with leading columns only."""
         if self._key is None:
             self._switch(())
         self._file.writelines(line + b"\n" for line in lines)
 
     @property
     def is_empty(self) -> bool:
-        """True when it has no rows."""
+        """True if the table has no rows."""
         return self._key is None
 
     def close(self) -> None:
-        """Finish the file and give it its name."""
+        """Complete the file and rename it to its final name."""
         self._end_run()
         keys = list(dict.fromkeys(key for key, _ in self._runs))
         self._file.close()
@@ -94,7 +94,7 @@ class Table:
             self._rewrite(keys)
 
     def discard(self) -> None:
-        """Leave nothing behind."""
+        """Remove unfinished files."""
         self._file.close()
         self._part.unlink(missing_ok=True)
 
@@ -110,7 +110,7 @@ class Table:
             self._runs.append((self._key, self._count))
 
     def _order_of(self, key: Key) -> Any:
-        """What takes the cells of a row to their order in the file."""
+        """A function that sorts a row's cells into file order."""
         lead = len(self._leading)
         cells = self._columns(key)
         rest = sorted(range(len(cells)), key=lambda place: cells[place][0])
@@ -143,11 +143,11 @@ class Table:
         put_in_place(final, self.path, lasting=False)
 
     def _spread(self, key: Key, columns: list[tuple[bool, str]]) -> Any:
-        """What takes a row of a key, with an empty cell at its end, to the columns of all.
+        """A function that maps a key's row, with an empty cell at its end, to the common columns.
 
         Args:
-            key: of the row.
-            columns: whether each is a leading one, and its name.
+            key: the row's key.
+            columns: for each column, whether it is a leading one, and its name.
         """
         every = [*((True, name) for name in self._leading)]
         every += ((False, name) for name in self._sorted(key))
@@ -156,7 +156,7 @@ class Table:
 
 
 def written(table: Table) -> list[Path]:
-    """The file of a table that is complete; one without rows is not written."""
+    """The complete table's file; a table without rows is not written."""
     if table.is_empty:
         table.discard()
         return []

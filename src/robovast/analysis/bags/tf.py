@@ -1,4 +1,4 @@
-"""Poses of frames in `map`, as one CSV file."""
+"""Writes poses of frames in `map` to a CSV file."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _COLUMNS = (
 
 
 class TfWorker:
-    """Pose [m, rad] of each frame in `map` at each of its stamps, with the time of receipt [s]."""
+    """Writes each frame's pose [m, rad] in `map` at each stamp, with the time of receipt [s]."""
 
     def __init__(self, context: Context, job: TfToCsv) -> None:
         self._context = context
@@ -39,7 +39,7 @@ class TfWorker:
         self._tree = TransformTree()
 
     def subscribe(self, topic: Topic) -> Consumer | None:
-        """What collects the transforms of a topic."""
+        """The consumer of a topic of transforms, or None."""
         static = _STATIC.get(topic.name)
         if static is None or topic.type != _TYPE:
             return None
@@ -47,20 +47,20 @@ class TfWorker:
         return lambda time, data: add(data, static, time)
 
     def finish(self) -> list[Path]:
-        """The table; none when no pose is known."""
+        """The table; empty if no pose is known."""
         if self._tree.frames:
             self._write()
         else:
             self._context.warn(nothing_on(self._context, "/tf"))
         if self._tree.rejected:
             self._context.warn(
-                f"{self._tree.rejected} transforms are left out: not finite, not normalized, "
-                "without a frame, or of a frame in itself"
+                f"{self._tree.rejected} transforms are left out: they are not finite, not "
+                "normalized, lack a frame name, or have one frame as parent and child"
             )
         return written(self._table)
 
     def discard(self) -> None:
-        """Leave nothing behind."""
+        """Remove unfinished files."""
         self._table.discard()
 
     def _write(self) -> None:

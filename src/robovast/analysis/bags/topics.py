@@ -1,4 +1,4 @@
-"""Topics as CSV: every message a row, every field a column."""
+"""Writes topics to CSV files: a row for each message, a column for each field."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robovast.model.document.commands import TopicsToCsv, flat
 
 
 class MessageTable:
-    """A CSV file of the messages of one topic."""
+    """A CSV file with the messages of one topic."""
 
     def __init__(
         self,
@@ -27,27 +27,27 @@ class MessageTable:
         self._table = context.table(name, leading, self._columns, title)
 
     def consumer(self, topic: Topic) -> Consumer:
-        """What writes a row with time [ns] and type for each message."""
+        """A consumer that writes each message with its time [ns] and type."""
         add = self._adder(topic)
         kind = text_cell(topic.type.encode())
         return lambda time, data: add(data, [b"%d" % time, kind])
 
     def timed_consumer(self, topic: Topic) -> Consumer:
-        """What writes a row with the time [s] for each message."""
+        """A consumer that writes each message with its time [s]."""
         add = self._adder(topic)
         return lambda time, data: add(data, [seconds_cell(time)])
 
     @property
     def is_empty(self) -> bool:
-        """True when there was no message."""
+        """True if there was no message."""
         return self._table.is_empty
 
     def written(self) -> list[Path]:
-        """The file, complete; none when there was no message."""
+        """The complete file; empty if there was no message."""
         return written(self._table)
 
     def discard(self) -> None:
-        """Leave nothing behind."""
+        """Remove unfinished files."""
         self._table.discard()
 
     def _adder(self, topic: Topic) -> Callable[[bytes, list[bytes]], None]:
@@ -68,27 +68,27 @@ class MessageTable:
 
 
 class TableWorker:
-    """Writes a table for each of some topics; how a message becomes a row, subclasses say."""
+    """Base class of workers that write a table per topic; subclasses convert messages to rows."""
 
     def __init__(self, context: Context, tables: Mapping[str, MessageTable]) -> None:
         self._context = context
         self._tables = tables
 
     def finish(self) -> list[Path]:
-        """The tables; of a topic without messages there is none, which is said."""
+        """The tables; warns of topics without messages, which have no table."""
         for topic, table in self._tables.items():
             if table.is_empty:
                 self._context.warn(nothing_on(self._context, topic))
         return [path for table in self._tables.values() for path in table.written()]
 
     def discard(self) -> None:
-        """Leave nothing behind."""
+        """Remove unfinished files."""
         for table in self._tables.values():
             table.discard()
 
 
 class TopicsWorker(TableWorker):
-    """Each topic as `<bag>_<topic>.csv`, its slashes as underscores."""
+    """Writes each topic to `<bag>_<topic>.csv`, with slashes as underscores."""
 
     def __init__(self, context: Context, job: TopicsToCsv) -> None:
         columns = ["timestamp", "type"]
@@ -98,11 +98,11 @@ class TopicsWorker(TableWorker):
         )
 
     def subscribe(self, topic: Topic) -> Consumer | None:
-        """What writes the messages of a topic that is wanted."""
+        """The consumer of a requested topic, or None."""
         table = self._tables.get(topic.name)
         return table.consumer(topic) if table else None
 
 
 def topic_file(context: Context, topic: str) -> str:
-    """Name of the file of a topic, without its ending."""
+    """File name of a topic without suffix."""
     return f"{context.bag.name}_{flat(topic)}"

@@ -1,7 +1,7 @@
 """The transform tree over the whole time of a bag.
 
-Poses between two stamps are interpolated, as tf2 does: linearly in position, spherically in
-orientation. Nothing is extrapolated.
+Poses between two stamps are interpolated like in tf2: linearly in position, spherically in
+orientation. Poses are never extrapolated.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Mask = NDArray[np.bool_]
 
 _NORM_TOLERANCE = 1e-2
 _SIZE = 56
-"""Bytes of seven numbers: position x, y, z [m] and orientation x, y, z, w."""
+"""Seven numbers in bytes: position x, y, z [m] and orientation x, y, z, w."""
 
 
 _ORDERS = {b"\x00\x01": "<", b"\x00\x00": ">"}
@@ -29,14 +29,14 @@ _LENGTHS = {order: Struct(f"{order}I").unpack_from for order in "<>"}
 
 
 class _Recorded(NamedTuple):
-    """Transforms as they are on the wire, and when each was received [ns]."""
+    """Serialized transforms, and their times of receipt [ns]."""
 
     transforms: bytearray
     received: array[int]
 
 
 _Found = dict[str, dict[bytes, _Recorded]]
-"""By byte order and the part that holds the frames' names."""
+"""Transforms by byte order and serialized frame names."""
 
 
 class Poses(NamedTuple):
@@ -47,7 +47,7 @@ class Poses(NamedTuple):
     orientation: Floats
     """(n, 4) unit quaternions x, y, z, w."""
     valid: Mask
-    """(n,) False where the tree does not say it."""
+    """(n,) False where the pose is unknown."""
 
 
 class _Samples(NamedTuple):
@@ -57,13 +57,13 @@ class _Samples(NamedTuple):
     times: Times
     """(n,) [ns]"""
     received: Times
-    """(n,) when the bag received each [ns]"""
+    """(n,) times of receipt [ns]"""
     values: Floats
     """(n, 7) position [m] and orientation."""
 
 
 class _Link:
-    """Pose of a frame in its parent, which may change, over time."""
+    """A frame's pose in its parent over time; the parent may change."""
 
     def __init__(self, child: str, samples: _Samples, static: bool) -> None:
         times, values = samples.times, samples.values
@@ -84,7 +84,7 @@ class _Link:
         self.orientation: Floats = values[keep, 3:]
 
     def at(self, times: Times) -> tuple[Indices, Poses]:
-        """Number of the parent, and pose in it, at each of n times."""
+        """Index of the parent, and pose in it, at each of n times."""
         last = len(self.times) - 1
         if self.static:
             before = after = np.zeros(len(times), dtype=np.int64)
@@ -108,7 +108,7 @@ def _frame(name: bytes) -> str:
 
 
 def _order(times: Times, sound: Indices, static: bool) -> Indices:
-    """Which samples count, by time: of static ones the last, of two with one stamp the first."""
+    """Indexes of valid samples by time: the last static one, the first of equal stamps."""
     if static:
         return sound[np.argsort(times[sound], kind="stable")][-1:]
     _, first = np.unique(times[sound], return_index=True)
@@ -117,22 +117,22 @@ def _order(times: Times, sound: Indices, static: bool) -> Indices:
 
 
 class TransformTree:
-    """Transforms of a whole recording."""
+    """All transforms of a recording."""
 
     def __init__(self) -> None:
         self._moving: _Found = {"<": {}, ">": {}}
         self._fixed: _Found = {"<": {}, ">": {}}
 
     def add(self, data: bytes, static: bool, received: int) -> None:
-        """Take a tf2_msgs/msg/TFMessage as it is in a bag.
+        """Add a serialized tf2_msgs/msg/TFMessage.
 
         Args:
             data: the message.
-            static: its transforms hold at all times.
-            received: when [ns].
+            static: its transforms are valid at all times.
+            received: time of receipt [ns].
 
         Raises:
-            ValueError: it is no such message (also struct.error).
+            ValueError: the message is invalid (also struct.error).
         """
         order = _ORDERS.get(data[:2])
         if order is None:
@@ -161,7 +161,7 @@ class TransformTree:
 
     @cached_property
     def _links(self) -> dict[str, _Link]:
-        """By frame; to be asked for only when all transforms have been added."""
+        """Links by frame; call this only after all transforms have been added."""
         return {
             child: _Link(child, samples, static)
             for found, static in ((self._fixed, True), (self._moving, False))
@@ -170,7 +170,7 @@ class TransformTree:
 
     @property
     def rejected(self) -> int:
-        """How many are not finite, not normalized, without a parent or of a frame in itself."""
+        """Number of transforms not finite, not normalized, without parent or to themselves."""
         return sum(link.rejected for link in self._links.values())
 
     @cached_property
@@ -184,8 +184,7 @@ class TransformTree:
         return sorted(parents | set(self._sound))
 
     def stamps(self, frame: str) -> tuple[Times, Times]:
-        """When something was said of a frame, of itself or of what it is fixed to: stamps, and when
-        the bag received them [ns]."""
+        """Stamps of a frame, or of what it is fixed to, and their times of receipt [ns]."""
         seen: set[str] = set()
         while frame in self._sound and frame not in seen:
             seen.add(frame)
@@ -198,11 +197,11 @@ class TransformTree:
         return nothing, nothing
 
     def poses(self, frame: str, reference: str, times: Times) -> Poses:
-        """Pose of a frame in another at each of n times [ns].
+        """Poses of a frame in a reference frame at n times [ns].
 
         Args:
             frame: the frame.
-            reference: the frame in which positions and orientations are given.
+            reference: the reference frame.
             times: (n,) [ns].
         """
         roots, poses = self._climb(frame, reference, times, frozenset())
@@ -221,7 +220,7 @@ class TransformTree:
     def _climb(
         self, frame: str, stop: str, times: Times, seen: frozenset[str]
     ) -> tuple[NDArray[np.object_], Poses]:
-        """Name of the frame where the way up ends, at `stop` or a root, and the pose in it."""
+        """Walk up the tree to `stop` or a root; return that frame's name and the pose in it."""
         count = len(times)
         ends = np.full(count, frame, dtype=object)
         if frame == stop or frame not in self._sound:
@@ -229,7 +228,7 @@ class TransformTree:
             return ends, Poses(np.zeros((count, 3)), identity, np.ones(count, dtype=bool))
         link = self._sound[frame]
         parents, poses = link.at(times)
-        if frame in seen:  # a loop leads nowhere
+        if frame in seen:  # a cycle
             return ends, poses._replace(valid=np.zeros(count, dtype=bool))
         position, orientation = poses.position.copy(), poses.orientation.copy()
         valid = poses.valid.copy()
@@ -250,7 +249,7 @@ def _samples(found: _Found) -> dict[str, _Samples]:
         parent, child = _names(order, names)
         raw = np.frombuffer(transforms, np.uint8).reshape(-1, 8 + len(names) + _SIZE)
         stamps = np.ascontiguousarray(raw[:, :8]).view(f"{order}i4").astype(np.int64)
-        stamps[:, 1] &= 0xFFFFFFFF  # nanoseconds have no sign
+        stamps[:, 1] &= 0xFFFFFFFF  # nanoseconds are unsigned
         values = np.ascontiguousarray(raw[:, -_SIZE:]).view(f"{order}f8").astype(np.float64)
         times = stamps @ np.array([1_000_000_000, 1])
         new = _Samples([parent] * len(values), times, np.array(received, dtype=np.int64), values)
@@ -260,7 +259,7 @@ def _samples(found: _Found) -> dict[str, _Samples]:
 
 
 def _names(order: str, names: bytes) -> tuple[str, str]:
-    """Parent and child."""
+    """Names of parent and child."""
     length = _LENGTHS[order]
     (size,) = length(names, 0)
     start = (size + 7) & -4
@@ -278,12 +277,12 @@ def _joined(one: _Samples, other: _Samples) -> _Samples:
 
 
 def slerp(start: Floats, end: Floats, share: Floats) -> Floats:
-    """Orientations between two, on the shorter way.
+    """Interpolate orientations on the shorter arc.
 
     Args:
         start: (n, 4) quaternions x, y, z, w.
-        end: (n, 4), likewise.
-        share: (n,) of the way, 0 to 1.
+        end: (n, 4) quaternions x, y, z, w.
+        share: (n,) position on the arc, from 0 to 1.
 
     Returns:
         (n, 4) unit quaternions.
@@ -307,7 +306,7 @@ def euler(orientation: Floats) -> Floats:
     roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     sine = np.clip(2 * (w * y - z * x), -1.0, 1.0)
     yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    upright = np.abs(sine) > 1 - 1e-12  # roll and yaw turn about one axis: all is yaw
+    upright = np.abs(sine) > 1 - 1e-12  # gimbal lock: everything counts as yaw
     yaw = np.where(upright, -np.sign(sine) * 2 * np.arctan2(x, w), yaw)
     angles: Floats = np.column_stack((np.where(upright, 0.0, roll), np.arcsin(sine), yaw))
     return angles

@@ -1,4 +1,4 @@
-"""Images of a topic as a WebM video."""
+"""Writes the images of a topic to a WebM video."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ COMPRESSED = "sensor_msgs/msg/CompressedImage"
 RAW = "sensor_msgs/msg/Image"
 
 _MAGIC = {b"\xff\xd8": "mjpeg", b"\x89P": "png", b"RI": "webp"}
-"""How the bytes of each image format begin, and what decodes it."""
+"""First bytes of each image format, and its decoder."""
 _ENCODINGS = {
     "rgb8": ("rgb24", 3),
     "8UC3": ("bgr24", 3),
@@ -40,7 +40,7 @@ _MILLISECONDS = Fraction(1, 1000)
 
 
 class VideoWorker:
-    """A topic of compressed or raw images as VP9 video, each frame at the time of its stamp."""
+    """Writes compressed or raw images as VP9 video; each frame is shown at its stamp."""
 
     def __init__(self, context: Context, job: ImagesToWebm) -> None:
         VIDEO.require(job.command)
@@ -50,12 +50,12 @@ class VideoWorker:
         self._video = _Video(path, job.fps)
 
     def subscribe(self, topic: Topic) -> Consumer | None:
-        """What appends the images of the topic."""
+        """The consumer of the topic's images, or None."""
         if topic.name != self._topic:
             return None
         frames: dict[str, Callable[[Any], VideoFrame]] = {COMPRESSED: _decoded, RAW: _raw}
         if topic.type not in frames:
-            self._context.warn(f"{topic.name} is no topic of images but of {topic.type}")
+            self._context.warn(f"{topic.name} has no images but {topic.type}")
             return None
         read, frame = self._context.reader(topic), frames[topic.type]
 
@@ -67,14 +67,14 @@ class VideoWorker:
         return consume
 
     def finish(self) -> list[Path]:
-        """The video; none without images."""
+        """The video; empty if there are no images."""
         if self._video.close():
             return [self._video.path]
         self._context.warn(nothing_on(self._context, self._topic))
         return []
 
     def discard(self) -> None:
-        """Leave nothing behind."""
+        """Remove unfinished files."""
         self._video.discard()
 
 
@@ -85,7 +85,7 @@ def _decoded(image: Any) -> VideoFrame:
     name = _MAGIC.get(data[:2])
     if name is None:
         raise ValueError(f"images in the format {image.format!r} are not supported")
-    # A fresh one each time: a decoder takes the images before for references.
+    # A decoder uses previous images as references, so each image needs a new one.
     decoder = cast("VideoCodecContext", av.CodecContext.create(name, "r"))
     try:
         frames = decoder.decode(av.Packet(data))
@@ -108,7 +108,7 @@ def _raw(image: Any) -> VideoFrame:
 
 
 class _Video:
-    """A WebM file; the first frame decides its size."""
+    """A WebM file; the first frame determines its size."""
 
     def __init__(self, path: Path, fps: float) -> None:
         self.path = path
@@ -120,7 +120,7 @@ class _Video:
         self._last = -1
 
     def add(self, frame: VideoFrame, time: int) -> None:
-        """Append a frame; where the time [ns] does not advance the nominal rate does."""
+        """Append a frame; if the time [ns] does not advance, the nominal frame rate is used."""
         if self._container is None:
             self._open(frame, time)
         moment = (time - self._start) // 1_000_000
@@ -132,7 +132,7 @@ class _Video:
         self._container.mux(self._stream.encode(frame))
 
     def close(self) -> bool:
-        """Complete the file; False when there is none, since there was no frame."""
+        """Complete the file; return False if there was no frame."""
         if self._container is None:
             return False
         self._container.mux(self._stream.encode(None))
@@ -141,7 +141,7 @@ class _Video:
         return True
 
     def discard(self) -> None:
-        """Leave nothing behind."""
+        """Remove unfinished files."""
         if self._container is not None:
             self._container.close()
         self._part.unlink(missing_ok=True)
@@ -149,11 +149,11 @@ class _Video:
     def _open(self, frame: VideoFrame, time: int) -> None:
         import av
 
-        create_file(self._part).close()  # not through a link that is there
+        create_file(self._part).close()  # never write through an existing link
         self._container = av.open(str(self._part), "w", format="webm")
         rate = Fraction(self._fps).limit_denominator(1000)
         self._stream = self._container.add_stream("libvpx-vp9", rate=rate, options=_OPTIONS)
-        # Chroma is halved: sizes are even.
+        # Chroma has half the resolution, so sizes must be even.
         self._stream.width, self._stream.height = frame.width & -2, frame.height & -2
         self._stream.pix_fmt = "yuv420p"
         self._stream.codec_context.time_base = _MILLISECONDS

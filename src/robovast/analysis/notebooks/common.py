@@ -1,11 +1,11 @@
-"""Results in notebooks, read from the folder of a run, a configuration or a campaign."""
+"""Reads results for notebooks from the folder of a run, a configuration or a campaign."""
 
 from __future__ import annotations
 
 import math
 import os
 import warnings
-import xml.etree.ElementTree as ET  # of text that `read_test_result` accepted
+import xml.etree.ElementTree as ET  # `read_test_result` has accepted the text
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -20,23 +20,23 @@ from robovast.campaign.run_record import read_run_record
 from robovast.campaign.verdict import Verdict, read_test_result
 
 _SHORTEST_STEP = 1e-6
-"""Steps that are not longer have no speed [s]."""
+"""Shorter steps have no speed [s]."""
 
 
 def for_each_run(
     data_dir: str | Path, func: Callable[[Path], Any], debug: bool = False
 ) -> list[Any]:
-    """What a function returns for every run folder at or below `data_dir`.
+    """Call a function for every run in `data_dir` and return its results.
 
-    What it raises for a run is printed, and the others go on.
+    Exceptions of the function are printed and do not stop the others.
 
     Args:
         data_dir: folder of a run, a configuration or a campaign.
-        func: is called with the folder of a run.
+        func: called with each run's folder.
         debug: print each folder.
 
     Raises:
-        ValueError: there is no such folder, or no run in it.
+        ValueError: the folder is missing or contains no run.
     """
     results = []
     for run in _run_folders(data_dir):
@@ -54,24 +54,24 @@ def read_output_files(
     reader_func: Callable[[Path], pd.DataFrame | None],
     debug: bool = False,
 ) -> pd.DataFrame:
-    """The data frames that a reader makes of every run, one below the other.
+    """Concatenate the data frames that a reader function makes from each run.
 
-    Runs for which the reader raises are left out, with one warning; one for which it returns None
-    has no rows.
+    Runs for which the reader raises are left out with one warning; a reader may return None for a
+    run without rows.
 
     Args:
         data_dir: folder of a run, a configuration or a campaign.
-        reader_func: makes a data frame of a run's folder, as
+        reader_func: makes a data frame from a run's folder, such as
             `lambda run: read_output_csv(run, "poses.csv")`.
         debug: print each folder.
 
     Returns:
-        All rows. Behind the reader's columns, which they replace where names are equal, stand
-        `run` (text), `config` and each scenario parameter (mappings and lists as YAML), all
-        categorical; NaN where a configuration has no such parameter.
+        All rows. The reader's columns are followed by `run` (text), `config` and each scenario
+        parameter (mappings and lists as YAML), which replace columns of the same name and are all
+        categorical; NaN if a configuration lacks the parameter.
 
     Raises:
-        ValueError: there is no such folder, no run in it, or none that could be read.
+        ValueError: the folder is missing, contains no run, or no run could be read.
     """
     frames: list[pd.DataFrame] = []
     failed: list[str] = []
@@ -102,7 +102,7 @@ def read_output_files(
 
 
 def _said(error: Exception) -> str:
-    """What an error means, in words that need no knowledge of Python where that is common."""
+    """Describe an error, common ones without Python's terms."""
     if isinstance(error, FileNotFoundError) and error.filename is not None:
         return f"it has no {error.filename}"
     return f"{type(error).__name__}: {error}"
@@ -114,14 +114,14 @@ def _first_of(failed: list[str]) -> str:
 
 
 def _categorical(frame: pd.DataFrame, names: Iterable[str]) -> pd.DataFrame:
-    """The frame with these columns last, and categorical."""
+    """Move these columns to the end of the frame and make them categorical."""
     last = [name for name in names if name in frame]
     own = [name for name in frame if name not in last]
     return frame[[*own, *last]].astype(dict.fromkeys(last, "category"))
 
 
 def _run_folders(data_dir: str | Path) -> list[Path]:
-    root = Path(os.path.abspath(data_dir))  # a run's and its configuration's names are needed
+    root = Path(os.path.abspath(data_dir))  # the names of run and configuration are needed
     if not root.is_dir():
         raise ValueError(f"{data_dir}: no such folder")
     runs = sorted(_runs_below(root), key=lambda run: (*run.parts[:-1], len(run.name), run.name))
@@ -131,9 +131,9 @@ def _run_folders(data_dir: str | Path) -> list[Path]:
 
 
 def _runs_below(folder: Path) -> Iterator[Path]:
-    """Folders with a verdict or a record at or below a folder; what lies inside of one is its own.
+    """Folders at or below a folder that have a verdict or a record; they are not searched further.
 
-    A campaign's `_config`, `_jobs` and what is hidden hold no runs.
+    A campaign's `_config`, `_jobs` and hidden folders contain no runs.
     """
     if (folder / TEST_RESULT).is_file() or (folder / RUN_RECORD).is_file():
         yield folder
@@ -165,7 +165,7 @@ def _read_scenario_parameters(config_dir: Path) -> Mapping[str, Any]:
 
 
 def get_scenario_parameter(data_dir: str | Path, parameter_name: str) -> Any:
-    """A scenario parameter of the configuration that a folder belongs to; None when it has none.
+    """A scenario parameter of a folder's configuration; None if it is not set.
 
     Args:
         data_dir: folder of a run or a configuration.
@@ -182,46 +182,46 @@ def get_scenario_parameter(data_dir: str | Path, parameter_name: str) -> Any:
 
 
 def read_output_csv(run_dir: str | Path, filename: str, skiprows: int = 0) -> pd.DataFrame:
-    """A CSV file of a run.
+    """Read a CSV file of a run.
 
     Args:
         run_dir: folder of the run.
         filename: the CSV file.
-        skiprows: how many lines stand before the header.
+        skiprows: number of lines before the header.
 
     Raises:
-        FileNotFoundError: the run has no such file.
+        FileNotFoundError: the file is missing.
     """
     path = Path(run_dir) / filename
-    open_file(path).close()  # it is one: to read from a pipe would never end
+    open_file(path).close()  # refuse pipes, which would block
     return pd.read_csv(path, skiprows=skiprows)
 
 
 def read_output_yaml_list(
     run_dir: str | Path, filename: str, list_key: str, merge_level: int = 0
 ) -> pd.DataFrame:
-    """A list in a YAML file of a run as rows.
+    """Read a list in a YAML file of a run as rows.
 
     Args:
         run_dir: folder of the run.
         filename: the YAML file.
         list_key: key of the list.
-        merge_level: how many levels of nested mappings and lists become columns `a_b`, `a_0`.
+        merge_level: number of nested levels that become columns such as `a_b`, `a_0`.
 
     Raises:
-        FileNotFoundError: the run has no such file.
-        KeyError: the file has no such key.
-        ValueError: what stands there is no list.
+        FileNotFoundError: the file is missing.
+        KeyError: the file lacks the key.
+        ValueError: the value is not a list.
     """
     data = parse_yaml(read_file(Path(run_dir) / filename)) or {}
     items = data[list_key]
     if not isinstance(items, list):
-        raise ValueError(f"{filename}: `{list_key}` is no list")
+        raise ValueError(f"{filename}: `{list_key}` is not a list")
     return pd.DataFrame([_flat(item, merge_level) for item in items])
 
 
 def _flat(item: Any, levels: int) -> dict[str, Any]:
-    """The values of a nested item, by the names and indices that lead to them."""
+    """The values of a nested item by their path of names and indexes."""
     row: dict[str, Any] = {}
     for name, value in _children(item):
         inside = list(_children(value)) if levels > 0 else []
@@ -240,11 +240,11 @@ def _children(value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def get_run_status(run_dir: str | Path) -> tuple[str, str | None]:
-    """How a run ended: `passed`, `failed`, or `unknown` without a verdict; and a summary.
+    """A run's status (`passed`, `failed`, or `unknown` without a verdict) and a summary.
 
-    The summary of a failure is the message of the behaviour that failed, else of the last one
-    that succeeded, else the failure's own message when that is a single line, else None. Without
-    a verdict it is the reason in the run's record.
+    A failure's summary is the message of the failed behaviour, else of the last successful one,
+    else the failure's own message if it is a single line, else None. Without a verdict, the summary
+    is the reason in the run's record.
     """
     run = Path(run_dir)
     record = read_run_record(run)
@@ -259,7 +259,7 @@ def get_run_status(run_dir: str | Path) -> tuple[str, str | None]:
 
 
 def _failure_summary(path: Path) -> str | None:
-    """The message of the behaviour that made a run fail, out of the tree in its test.xml."""
+    """The message of the behaviour that made a run fail, from the tree in its test.xml."""
     root = ET.parse(path).getroot()  # noqa: S314  # judged already: no entities
     found = next((e for kind in ("failure", "error") for e in root.iter(kind)), None)
     if found is None:
@@ -274,12 +274,12 @@ def _failure_summary(path: Path) -> str | None:
 
 
 def read_run_statuses(data_dir: str | Path) -> pd.DataFrame:
-    """One row per run, by path: `run`, `config`, `status`, `summary`, as `get_run_status` has them.
+    """One row per run, sorted by path: `run`, `config`, `status`, `summary`; see `get_run_status`.
 
-    No columns when there is no run.
+    There are no columns if there is no run.
 
     Raises:
-        ValueError: there is no such folder.
+        ValueError: the folder is missing.
     """
     root = Path(data_dir)
     if not root.is_dir():
@@ -298,13 +298,13 @@ _BEHAVIOR_INFO = ["behavior_name", "id", "start_time", "end_time", "duration", "
 
 
 def get_behavior_info(behavior_name: str, behavior_dataframe: pd.DataFrame) -> pd.DataFrame:
-    """Every execution of a behaviour, from its first RUNNING to its first SUCCESS or FAILURE.
+    """All executions of a behaviour, from its first RUNNING to its first SUCCESS or FAILURE.
 
     Args:
         behavior_name: the behaviour's name.
         behavior_dataframe: content of behaviors.csv (`timestamp`, `behavior_name`,
-            `behavior_id`, `status_name`) with the columns `run` and `config`, as
-            `read_output_files` returns it.
+            `behavior_id`, `status_name`) with the columns `run` and `config`, as returned by
+            `read_output_files`.
 
     Returns:
         Rows `behavior_name, id, start_time, end_time, duration, run, config` [s]; executions
@@ -339,17 +339,17 @@ _SPEEDS = [
 
 
 def calculate_speeds_from_poses(df: pd.DataFrame) -> pd.DataFrame:
-    """Speeds from each pose to the next one of the same run and frame.
+    """Speeds between consecutive poses of the same run and frame.
 
     Args:
         df: content of poses.csv (`timestamp` [s], `position.x`, `position.y` [m],
-            `orientation.yaw` [rad]); rows of several runs and frames are told apart by the
-            columns `run`, `config` and `frame`.
+            `orientation.yaw` [rad]); the columns `run`, `config` and `frame` separate runs and
+            frames.
 
     Returns:
         Rows `run, config, position.x, position.y, orientation.yaw, timestamp, linear_speed` [m/s],
-        `angular_speed` [rad/s], `dt` [s]. A run's last pose has none, nor have those that the next
-        one follows within a microsecond.
+        `angular_speed` [rad/s], `dt` [s]; without the last pose of each run, and without poses
+        that are followed by another within a microsecond.
     """
     groups = [name for name in ("run", "config", "frame") if name in df]
     ordered = df.sort_values([*groups, "timestamp"], kind="stable")

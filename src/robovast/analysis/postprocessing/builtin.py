@@ -1,4 +1,4 @@
-"""Built-in commands that work on a campaign as a whole."""
+"""Built-in commands for whole campaigns."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ def command(
     provenance_file: str | None = None,
     execution_image: str | None = None,
 ) -> tuple[bool, str]:
-    """Execute a program: `SCRIPT --provenance-file FILE ARGS… RESULTS_DIR`, in the results' folder.
+    """Execute `SCRIPT --provenance-file FILE ARGS… RESULTS_DIR` in the results folder.
 
     Args:
         results_dir: the campaign's folder.
         config_dir: folder of the .vast file, also in $CONFIG_DIR.
         script: path relative to the .vast file, or the name of a program.
         args: its arguments.
-        provenance_file: where it may say what it made.
-        execution_image: of the campaign; in $ROBOVAST_IMAGE, where that is not set.
+        provenance_file: path where the program may write provenance entries.
+        execution_image: the campaign's image; passed in $ROBOVAST_IMAGE unless that is set.
     """
     folder, results = os.path.abspath(config_dir), os.path.abspath(results_dir)
     program = _program(folder, script)
@@ -59,7 +59,7 @@ def command(
 
 
 def _program(folder: str, script: str) -> list[str]:
-    """What to execute; of a file that lost its mode on the way, the program in its first line."""
+    """The command line; if a script lost its executable mode, with the interpreter of its `#!`."""
     path = Path(folder) / script
     if not path.is_file():
         return [script]
@@ -78,14 +78,14 @@ def compress(
     exclude_dirs: Sequence[str] = (".cache",),
     overwrite: bool = False,
 ) -> tuple[bool, str]:
-    """Pack the campaign into `<campaign>.tar.gz`.
+    """Pack the campaign into the archive `<campaign>.tar.gz`.
 
     Args:
         results_dir: the campaign's folder.
         config_dir: folder of the .vast file; `output_dir` is relative to it.
-        output_dir: where the archive goes; the results folder when left out.
+        output_dir: folder of the archive; by default the results folder.
         exclude_dirs: names of folders to leave out.
-        overwrite: replace an archive that is there; otherwise it is kept as it is.
+        overwrite: replace an existing archive; otherwise it is kept.
     """
     campaign = Path(results_dir)
     folder = Path(config_dir, output_dir) if output_dir else campaign.parent

@@ -1,4 +1,4 @@
-"""Postprocessing of one campaign: calls what is out of date, in the order of the document."""
+"""Postprocesses one campaign: calls outdated commands in the order of the document."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from robovast.analysis.postprocessing.survey import OWN, WHOLE, Survey
 from robovast.analysis.postprocessing.workers import Workers
 
 _KEPT = 200
-"""Runs after which what is finished is written down."""
+"""Number of runs after which finished work is stored."""
 _NOTICES = 10
-"""Different messages of a step that are shown."""
+"""Number of different messages that are shown per step."""
 
 
 def look(survey: Survey, state: State, runs: Iterable[str], *, force: bool) -> dict[str, Unit]:
-    """Every unit as it is, `WHOLE` included.
+    """The current state of every unit, including `WHOLE`.
 
-    What no longer holds is taken back at once.
+    Claims that no longer hold are withdrawn immediately.
 
     Args:
-        survey: of the campaign.
-        state: what was finished.
-        runs: of the campaign.
-        force: take everything back.
+        survey: the campaign's survey.
+        state: the stored state.
+        runs: the campaign's runs.
+        force: withdraw all claims.
     """
     known = state.units()
     units = survey.look_at_all([OWN, *runs], known)
@@ -50,7 +50,7 @@ def look(survey: Survey, state: State, runs: Iterable[str], *, force: bool) -> d
 
 
 def _spoilt(units: Mapping[str, Unit], known: Mapping[str, Unit]) -> bool:
-    """Whether a file that a command made, in whatever folder, was removed or altered."""
+    """Whether a command's output, in any folder, was removed or changed."""
     before = ((unit, known.get(path)) for path, unit in units.items())
     return any(old is not None and unit.made != old.made for unit, old in before)
 
@@ -68,7 +68,7 @@ def per_run_keys(commands: Iterable[Command], survey: Survey, workers: Workers) 
 
 @dataclass
 class CampaignWork:
-    """The commands of one campaign at work."""
+    """Executes the commands of one campaign."""
 
     survey: Survey
     state: State
@@ -76,13 +76,13 @@ class CampaignWork:
     observer: Observer
     summary: CampaignSummary
     units: dict[str, Unit]
-    """As they are; kept up to date."""
+    """Current state of all units, kept up to date."""
 
     def work_off(self, commands: Sequence[Command]) -> None:
-        """Call every command where it is stale.
+        """Call all outdated commands.
 
         Raises:
-            StoppedError: the user asked to stop; what was finished is stored.
+            StoppedError: the user asked to stop; finished work is stored.
         """
         steps = plan(commands, per_run_keys(commands, self.survey, self.workers), self.units)
         self._keep(taken_back(steps, self.units).values())
@@ -139,7 +139,7 @@ class CampaignWork:
         notices.tell(self.observer)
 
     def _made(self, before: Mapping[str, Files]) -> Iterator[str]:
-        """Files that changed since, relative to the campaign; the units are brought up to date."""
+        """Files that changed since, relative to the campaign; also updates the units."""
         moved: list[Unit] = []
         for path, files in before.items():
             after = self.survey.files(path)
@@ -150,7 +150,7 @@ class CampaignWork:
         self._keep(moved)
 
     def _note(self, command: Command, run: str, outcome: Outcome, notices: Notices) -> None:
-        """What a command said; a failure goes into the summary."""
+        """Add a command's messages to the notices, or its failure to the summary."""
         if outcome.success:
             for line in outcome.message.splitlines():
                 notices.add(f"{command.title}: {line}", run)
@@ -162,17 +162,17 @@ class CampaignWork:
 
 
 class Notices:
-    """What commands said of runs: equal lines are told once."""
+    """Messages of commands about runs; equal messages are shown once."""
 
     def __init__(self) -> None:
         self._runs: dict[str, list[str]] = {}
 
     def add(self, text: str, run: str) -> None:
-        """Something was said of a run, or of the campaign as a whole (empty)."""
+        """Add a message about a run, or about the whole campaign (empty)."""
         self._runs.setdefault(text, []).append(run)
 
     def tell(self, observer: Observer) -> None:
-        """Tell the most frequent."""
+        """Show the most frequent messages."""
         ordered = sorted(self._runs.items(), key=lambda item: -len(item[1]))
         for text, runs in ordered[:_NOTICES]:
             more = f" and {len(runs) - 1} more" if len(runs) > 1 else ""

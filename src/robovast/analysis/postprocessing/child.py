@@ -1,9 +1,9 @@
-"""A process that calls plugins, so that one which hangs, crashes or exits ends nothing else.
+"""Executes plugins in a separate process, so that hangs, crashes and exits affect nothing else.
 
     python -m robovast.analysis.postprocessing.child DESCRIPTOR
 
-reads requests from stdin and writes replies to the descriptor, both as lines of JSON. What a plugin
-prints goes to stderr.
+reads requests from stdin and writes replies to the descriptor, both as lines of JSON. Output of
+plugins goes to stderr.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from robovast.base.plugins import load_plugin, raised
 from robovast.model.document.commands import GROUP, BagCommand, bag_command
 
 GIVEN = ("provenance_file", "execution_image", "debug", "force")
-"""What a plugin is given beside its parameters, when it takes it."""
+"""Arguments that a plugin receives besides its parameters, if it accepts them."""
 
 Plugin = Callable[..., Any]
 
 
 def main() -> None:
-    """Answer requests until there are no more."""
+    """Answer requests until stdin ends."""
     replies = os.fdopen(int(sys.argv[1]), "w", encoding="utf-8")
     requests = os.fdopen(os.dup(0), encoding="utf-8")
-    os.dup2(2, 1)  # nothing that a plugin prints may stand between replies
+    os.dup2(2, 1)  # keep plugins' output apart from the replies
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     guard = Guard()
     guard.install()
@@ -66,7 +66,7 @@ def _reply(request: Mapping[str, Any], guard: Guard) -> Any:
 
 
 def is_per_run(request: Mapping[str, Any]) -> bool:
-    """Whether a plugin asks to be called for one run at a time; False when it cannot be loaded."""
+    """Whether a plugin wants to be called for each run; False if it cannot be loaded."""
     try:
         return bool(getattr(_load(request), "per_run", False))
     except InputError:
@@ -74,12 +74,12 @@ def is_per_run(request: Mapping[str, Any]) -> bool:
 
 
 def call(request: Mapping[str, Any], guard: Guard) -> Outcome:
-    """Call a plugin; whatever goes wrong in it is an outcome.
+    """Call a plugin; all its errors become outcomes.
 
     Args:
         request: `name`, `parameters`, `folder` (of the .vast file), `results_dir`, `campaign`
-            and `scratch`, a folder for this process alone.
-        guard: watches its writes.
+            and `scratch`, a temporary folder of this process.
+        guard: restricts the plugin's writes.
     """
     try:
         return _guarded(request, guard)
@@ -97,10 +97,10 @@ def call(request: Mapping[str, Any], guard: Guard) -> Outcome:
 
 
 def convert_bags(calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
-    """Do several of the commands for bags in one pass over each bag of a run.
+    """Execute several bag commands in one pass over each bag of a run.
 
     Args:
-        calls: requests that differ in `name` and `parameters` alone.
+        calls: requests that differ only in `name` and `parameters`.
     """
     try:
         return _convert_bags(calls)
@@ -121,7 +121,7 @@ def _convert_bags(calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
     entries = read_entries(done.provenance(run), "", run, campaign)
     outcomes = []
     for number, (job, call) in enumerate(zip(jobs, calls, strict=True)):
-        # What is said of a bag as a whole is told once.
+        # Remarks on a whole bag are reported once.
         about: list[BagCommand | None] = [None, job] if number == 0 else [job]
         said = "" if call["quiet"] else "\n".join(t for of, t in done.remarks if of in about)
         failure = done.failures.get(job)
@@ -154,12 +154,12 @@ def _load(request: Mapping[str, Any]) -> Any:
 
 
 def prepare(plugin: Any, request: Mapping[str, Any], provenance: Path) -> Callable[[], Any]:
-    """The call of a plugin, after its signature was compared with the parameters.
+    """Bind a plugin's parameters after comparing them with its signature.
 
-    A class is instantiated, with the parameters when its constructor takes any.
+    Classes are instantiated, with the parameters if the constructor takes any.
 
     Raises:
-        InputError: it cannot be called so; with what it takes.
+        InputError: the parameters do not match; the message lists the valid ones.
     """
     parameters = dict(request["parameters"])
     if inspect.isclass(plugin):
@@ -201,22 +201,22 @@ def _bound(
 
 
 def _named_folders(request: Mapping[str, Any]) -> Iterator[Path]:
-    """Folders that the user's parameters name: to write there is what was asked for."""
+    """Folders named in the user's parameters, where the plugin may therefore write."""
     for value in request["parameters"].values():
         if isinstance(value, str) and ("/" in value or (Path(request["folder"]) / value).is_dir()):
             yield Path(request["folder"], value)
 
 
 def _file_entries(path: Path, plugin: str, base: Path, campaign: Path) -> list[dict[str, Any]]:
-    """Entries that a script in a container left."""
+    """Provenance entries that a script wrote to a file."""
     if not path.exists():
         return []
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise NonsenseError(f"its provenance file is no JSON: {error}") from error
+        raise NonsenseError(f"its provenance file is not JSON: {error}") from error
     if not isinstance(data, dict):
-        raise NonsenseError("its provenance file holds no `entries`")
+        raise NonsenseError("its provenance file has no `entries`")
     return read_entries(data.get("entries"), plugin, base, campaign)
 
 

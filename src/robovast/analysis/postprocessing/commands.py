@@ -1,4 +1,4 @@
-"""The commands of a campaign's .vast file, each with a key that changes when its result may."""
+"""The commands in a campaign's .vast file, each with a key that changes when its result may."""
 
 from __future__ import annotations
 
@@ -32,27 +32,27 @@ from robovast.model.document.source import Source
 
 @dataclass(frozen=True)
 class Command:
-    """A plugin with its parameters, as one .vast file calls it."""
+    """A plugin with its parameters, as called in a .vast file."""
 
     name: str
     parameters: dict[str, Any]
     folder: Path
-    """Of the .vast file: paths are relative to it."""
+    """Folder of the .vast file; paths are relative to it."""
     key: str
-    """Equal for equal names, parameters, code and, where they matter, commands before."""
+    """Digest of name, parameters, code and, where relevant, of the preceding commands."""
     given: Mapping[str, Any] = field(default_factory=dict)
-    """What it gets beside its parameters, when it takes it."""
+    """Arguments besides the parameters, for plugins that accept them."""
     quiet: bool = False
-    """Nobody asked for it: that it found nothing is not worth a word."""
+    """The command is implied, not in the document; empty results are not reported."""
 
     @property
     def reads_bags(self) -> bool:
-        """It belongs to those that share one pass over a run's bags."""
+        """Whether the command can share one pass over a run's bags with others."""
         return self.name in BAG_COMMANDS
 
     @property
     def title(self) -> str:
-        """How messages call it."""
+        """The command's name in messages."""
         parts = split_file_reference(self.name)
         return parts[1] if parts else self.name
 
@@ -62,18 +62,18 @@ class _Section(BaseModel):
 
 
 class _Processing(BaseModel):
-    """The part of a .vast file that matters here: a file of another tool may hold more."""
+    """The relevant part of a .vast file; other tools' files may contain more."""
 
     results_processing: _Section = Field(default_factory=_Section)
     analysis: _Section = Field(default_factory=_Section)
 
 
 def read_calls(path: Path) -> list[PluginCall]:
-    """The postprocessing commands in a .vast file, under either spelling; all else is not checked.
+    """The postprocessing commands in a .vast file, under either spelling; the rest is not checked.
 
     Raises:
         InputError: the file cannot be read.
-        DocumentError: what is wrong with the commands.
+        DocumentError: the commands are invalid.
     """
     source = Source.read(path)
     sections = source.data if isinstance(source.data, dict) else {}
@@ -93,16 +93,17 @@ def resolve(
     given: Mapping[str, Any] | None = None,
     quiet: Sequence[PluginCall] = (),
 ) -> list[Command]:
-    """Commands in the order in which they are worked off.
+    """Commands in execution order.
 
-    Those that read bags stand together where the first of them stands, and need nothing of each
-    other. Any other command may read what those before it made, so its key covers theirs.
+    Commands that read bags are grouped at the position of the first of them and do not depend on
+    one another. Any other command may read the output of preceding ones, so its key includes
+    theirs.
 
     Args:
-        calls: as the document has them, each of which can be called.
-        folder: of the document.
-        given: what commands get beside their parameters.
-        quiet: those of the calls that nobody asked for.
+        calls: the document's calls; all must be callable.
+        folder: the document's folder.
+        given: arguments besides the parameters.
+        quiet: the calls that are implied, not in the document.
     """
     commands: list[Command] = []
     for call in _ordered(calls):
@@ -124,7 +125,7 @@ def _ordered(calls: Iterable[PluginCall]) -> list[PluginCall]:
 
 
 def why_not(call: PluginCall) -> str | None:
-    """Why a command cannot be called, whatever it is called for; None for all that is known now."""
+    """Why a command can never be called; None if nothing is known against it."""
     try:
         if call.name in BAG_COMMANDS:
             job = bag_command(call.name, call.parameters)
@@ -139,11 +140,11 @@ def why_not(call: PluginCall) -> str | None:
 
 
 def skipped(calls: Iterable[PluginCall], names: Sequence[str]) -> list[PluginCall]:
-    """The calls without those that are skipped by name, or by the name in a file reference; also
-    those that `rosbags_process` holds.
+    """The calls without skipped ones, which are given by name or by the name in a file reference;
+    commands within `rosbags_process` can be skipped, too.
 
     Raises:
-        InputError: a name is none of the document's.
+        InputError: the document has no command of that name.
     """
     kept = list(calls)
     for name in names:
@@ -158,8 +159,8 @@ def skipped(calls: Iterable[PluginCall], names: Sequence[str]) -> list[PluginCal
 
 
 def unfolded(calls: Iterable[PluginCall]) -> list[PluginCall]:
-    """The calls with those that `rosbags_process` holds in its place; a wrong one stays as it is,
-    to be told of when it is its turn."""
+    """The calls, with each valid `rosbags_process` replaced by its commands; errors are reported
+    when it is called."""
     return [
         part for call in calls for part in (expanded([call]) if why_not(call) is None else [call])
     ]
@@ -182,7 +183,7 @@ def _key(call: PluginCall, folder: Path, before: list[str]) -> str:
 
 
 def _code_version(name: str, folder: Path) -> str:
-    """A digest of a plugin's source; its name alone when that cannot be found."""
+    """A digest of a plugin's source, or its name if the source cannot be found."""
     parts = split_file_reference(name)
     try:
         if parts is not None:
@@ -193,7 +194,7 @@ def _code_version(name: str, folder: Path) -> str:
 
 
 def _package_version(entry: EntryPoint) -> str:
-    """A digest of the distribution's version and of the modules beside the plugin's."""
+    """A digest of the distribution's version and the modules in the plugin's package."""
     version = entry.dist.version if entry.dist else ""
     spec = find_spec(entry.module)
     if spec is None or not spec.origin:

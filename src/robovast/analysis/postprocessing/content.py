@@ -1,4 +1,4 @@
-"""Whether files changed: cheaply by their time stamps, surely by their content."""
+"""Detects changed files: quickly by time stamps, reliably by content."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from robovast.campaign.run_record import PLACE, record_text
 
 _CHUNK = 1 << 20
 Stamp = tuple[int, int, int]
-"""Size [bytes], modified and changed [ns]."""
+"""Size [bytes], times of modification and change [ns]."""
 Files = dict[str, Stamp]
-"""Every file below a folder by its relative path; links are not followed."""
+"""All files in a folder by relative path; links are not followed."""
 
 
 def scan(folder: str | Path, ignored: Iterable[str] = (POSTPROCESSING,)) -> Files:
     """The files below a folder.
 
     Args:
-        folder: where; one that is not there has no files.
-        ignored: names in the folder itself that do not count.
+        folder: the folder; a missing one has no files.
+        ignored: names directly in the folder that are ignored.
     """
     found: Files = {}
     try:
@@ -49,7 +49,7 @@ def _scan(folder: str, prefix: str, found: Files, ignored: frozenset[str]) -> No
 
 
 def stamp_of(path: str) -> int:
-    """When a folder's list of files changed [ns]; 0 when it is not there."""
+    """Modification time of a folder [ns]; 0 if it is missing."""
     try:
         return os.stat(path).st_mtime_ns
     except OSError:
@@ -57,19 +57,19 @@ def stamp_of(path: str) -> int:
 
 
 def signature(files: Files, beside: Iterable[int] = ()) -> str:
-    """A digest that is equal when no file changed since.
+    """A digest that stays the same while no file changes.
 
     Args:
-        files: what `scan` found.
-        beside: time stamps of what else counts.
+        files: result of `scan`.
+        beside: further time stamps to include.
     """
     text = f"{sorted(files.items())}{list(beside)}"
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
 
 def file_digest(path: Path) -> str:
-    """SHA-256 of a file's content, or of where a link points; of a file with holes, which may be
-    of any size, of what is between them."""
+    """SHA-256 of a file's content, or of a link's target; of sparse files, which may have any size,
+    only the data between the holes is hashed."""
     if path.is_symlink():
         return hashlib.sha256(os.readlink(path).encode(errors="surrogateescape")).hexdigest()
     with open_file(path) as file:
@@ -90,7 +90,7 @@ def _digest_of_extents(file: BinaryIO) -> str:
 
 
 def _record_digest(path: Path) -> str:
-    """Digest of a record as it was before it had a place in a bucket; empty when it has none."""
+    """Digest of a record without its reference to a bucket; empty if it has none."""
     try:
         record = json.loads(read_file(path))
         del record[PLACE]
@@ -100,7 +100,7 @@ def _record_digest(path: Path) -> str:
 
 
 def digests(folder: Path, names: Iterable[str]) -> dict[str, str]:
-    """SHA-256 of files by their relative path; what is no plain file is left out."""
+    """SHA-256 of files by relative path; only regular files are included."""
     paths = ((name, folder / name) for name in sorted(names))
     return {n: _digest(n, path) for n, path in paths if _is_plain(path)}
 
@@ -115,11 +115,11 @@ def _is_plain(path: Path) -> bool:
 
 
 def combined(parts: Mapping[str, str]) -> str:
-    """One digest of several named ones."""
+    """One digest of several named digests."""
     text = repr(sorted(parts.items()))
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def changed(before: Files, after: Files) -> list[str]:
-    """Files that are new, or not what they were; sorted."""
+    """New and changed files, sorted."""
     return sorted(name for name, stamp in after.items() if before.get(name) != stamp)

@@ -1,4 +1,4 @@
-"""The options of postprocessing, and the events that its observer receives."""
+"""Options of postprocessing, and the events that an observer receives."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ from robovast.base.errors import ExitCode
 
 @dataclass(frozen=True)
 class Options:
-    """How results are postprocessed."""
+    """Options of postprocessing."""
 
     override: Path | None = None
-    """A .vast file in place of the one that each campaign holds."""
+    """A .vast file that replaces those in the campaigns."""
     force: bool = False
-    """Do everything again."""
+    """Repeat everything."""
     skip: tuple[str, ...] = ()
-    """Commands to leave out, by name."""
+    """Names of commands to leave out."""
     skip_rosout: bool = False
-    """Leave out the conversion of ROS logs, which the document need not ask for."""
+    """Leave out the conversion of ROS logs, which is done even if the document does not list it."""
     skip_tables: bool = False
     """Write no tables: neither `data.db`, `tables.duckdb` nor `campaign.db`."""
     skip_metadata: bool = False
     """Write neither metadata.yaml nor metadata.prov.json."""
     jobs: int | None = None
-    """Runs side by side; as many as there are CPUs when None."""
+    """Number of parallel processes; None means the number of CPUs."""
     time_limit: float = 3600.0
-    """For one call of a command [s]."""
+    """Time limit for one call of a command [s]."""
     debug: bool = False
-    """Show what plugins print; otherwise it goes to `_execution/postprocessing.log`."""
+    """Show the output of plugins; otherwise it goes to `_execution/postprocessing.log`."""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """A command that did not succeed."""
+    """A command that failed."""
 
     campaign: str
     command: str
     where: str
-    """The run, as `<variant>/<number>`; empty when it was the campaign as a whole."""
+    """The run, as `<variant>/<number>`; empty for the whole campaign."""
     message: str
     code: ExitCode = ExitCode.TEST_FAILED
 
@@ -51,35 +51,35 @@ class Failure:
 
 @dataclass
 class CampaignSummary:
-    """How postprocessing of one campaign ended."""
+    """Result of postprocessing one campaign."""
 
     campaign: Path
     runs: int = 0
     worked: set[str] = field(default_factory=set)
-    """Runs that something was done for."""
+    """Number of runs that were processed."""
     commands: int = 0
-    """Commands that the document has, without those that are skipped."""
+    """Number of the document's commands, without skipped ones."""
     failures: list[Failure] = field(default_factory=list)
     interrupted: bool = False
 
 
 class Observer(Protocol):
-    """Is told what happens."""
+    """Receives progress events."""
 
     def campaign_started(self, campaign: Path, runs: int) -> None:
-        """A campaign with so many runs is looked at."""
+        """Postprocessing of a campaign with this number of runs starts."""
 
     def step_started(self, title: str, total: int) -> None:
-        """A step begins, on so many runs; 1 when it is one call for all."""
+        """A step starts, with its number of calls."""
 
     def step_advanced(self) -> None:
-        """One of them has ended."""
+        """A call of the step has ended."""
 
     def failed(self, failure: Failure) -> None:
-        """A command did not succeed."""
+        """A command failed."""
 
     def message(self, text: str) -> None:
-        """Something worth knowing."""
+        """A message for the user."""
 
     def campaign_finished(self, summary: CampaignSummary) -> None:
-        """A campaign is done with."""
+        """Postprocessing of a campaign has ended."""

@@ -1,4 +1,4 @@
-"""What follows the commands: tables, metadata and graph, where anything changed since."""
+"""Writes tables, metadata and the graph after the commands, if anything changed."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from robovast.campaign.layout import (
 )
 
 TABLES = 2
-"""Version of the tables' columns: with another one every run is read again."""
+"""Version of the tables' columns; after a change all runs are read again."""
 
 
 @dataclass(frozen=True)
 class _Part:
-    """Something that is made of a whole campaign."""
+    """A result that is made from a whole campaign."""
 
     name: str
     files: tuple[Path, ...]
     write: Callable[[], None]
     incremental: bool = False
-    """What it holds already is left as it is, so that doing it again begins with nothing."""
+    """The result is updated incrementally, so repeating it must start from scratch."""
 
 
 def finish(
@@ -45,15 +45,15 @@ def finish(
     observer: Observer,
     summary: CampaignSummary,
 ) -> None:
-    """Write what is made of a whole campaign, where it is not up to date.
+    """Write those results of a whole campaign that are out of date.
 
     Args:
-        survey: of the campaign.
-        state: remembers of which files each part was made.
-        units: of the campaign, after all commands.
-        options: say what to leave out.
-        observer: is told.
-        summary: takes failures.
+        survey: the campaign's survey.
+        state: stores the files that each result was made from.
+        units: the campaign's units after all commands.
+        options: which results to leave out.
+        observer: receives progress events.
+        summary: collects failures.
     """
     if find_spec("duckdb") is None and summary.worked and not options.skip_tables:
         observer.message("No tables.duckdb is written: `pip install 'robovast[query]'`.")
@@ -76,7 +76,7 @@ def finish(
 
 
 def _version(unit: Unit) -> str:
-    """Changes with the content of any file of a unit."""
+    """A digest that changes with the content of any file of a unit."""
     return combined({"inputs": unit.inputs, "tables": str(TABLES), **unit.made})
 
 

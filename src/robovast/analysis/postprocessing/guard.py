@@ -1,7 +1,7 @@
-"""Refuses a plugin's writes outside of its campaign.
+"""Refuses writes of plugins outside their campaign.
 
-It sees what Python code of the process opens, renames or removes, by its audit events; programs
-that a plugin starts are not seen.
+It intercepts Python's audit events for opening, renaming and removing files; programs that a plugin
+starts are not restricted.
 """
 
 from __future__ import annotations
@@ -23,33 +23,33 @@ _PATHS: dict[str, tuple[tuple[int, int], ...]] = {
     "os.mkdir": ((0, 2),),
     "os.truncate": ((0, 1),),
 }
-"""Events that change a folder: which of their arguments are the paths, and the open folders that
-these are relative to."""
+"""Events that change folders: positions of the path arguments, and of the open folders that the
+paths are relative to."""
 
 
 class Guard:
-    """What the plugin in this process may write at the moment."""
+    """Restricts what the current plugin of this process may write."""
 
     def __init__(self) -> None:
         self._results: str | None = None
         self._allowed: tuple[str, ...] = ()
         self._elsewhere = (os.path.realpath(tempfile.gettempdir()), "/dev", "/proc")
         self.refused: str | None = None
-        """What was refused first since `allow`."""
+        """The first path that was refused since `allow`."""
 
     def install(self) -> None:
-        """Watch this process from now on to its end."""
+        """Install the audit hook for the rest of the process."""
         sys.addaudithook(self._hear)
 
     def allow(self, campaign: Path, folders: Iterable[Path]) -> None:
-        """Let what follows write to a campaign, beside it in the results folder, and to folders."""
+        """Allow writes to a campaign, its siblings in the results folder, and other folders."""
         self.refused = None
         self._results = os.path.realpath(campaign.parent)
         own = (campaign, *folders, *_caches())
         self._allowed = tuple(os.path.realpath(path) for path in own)
 
     def allow_all(self) -> None:
-        """Let what follows write anywhere."""
+        """Allow writes anywhere."""
         self._results = None
 
     def _hear(self, event: str, arguments: tuple[Any, ...]) -> None:
@@ -84,7 +84,7 @@ def _written(event: str, arguments: tuple[Any, ...]) -> Iterator[str]:
 
 
 def _path(path: Any, folder: Any) -> Iterator[str]:
-    """A path as text; what is opened already, and has a number, was looked at then."""
+    """A path as text; file descriptors were checked when they were opened."""
     if isinstance(path, str | bytes | os.PathLike):
         base = os.readlink(f"/proc/self/fd/{folder}") if folder not in (-1, None) else ""
         yield os.path.join(base, os.fsdecode(path))
@@ -95,7 +95,7 @@ def _below(path: str, folders: Iterable[str]) -> bool:
 
 
 def _caches() -> Iterator[Path]:
-    """Where libraries keep what they may lose."""
+    """Cache folders of libraries."""
     home = Path.home()
     yield Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
     yield Path(os.environ.get("MPLCONFIGDIR") or home / ".config" / "matplotlib")

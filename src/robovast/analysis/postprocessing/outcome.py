@@ -1,4 +1,4 @@
-"""The outcome of a command: success, a message, and what its files were made from."""
+"""The outcome of a command: success, a message, and the origin of its files."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ Entry = dict[str, Any]
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one call of a command ended."""
+    """Result of one call of a command."""
 
     success: bool
     message: str
     entries: list[Entry] = field(default_factory=list)
 
     def plain(self) -> dict[str, Any]:
-        """As JSON can hold it."""
+        """The outcome as JSON data."""
         return asdict(self)
 
 
 class NonsenseError(ValueError):
-    """A plugin returned what no plugin may return."""
+    """A plugin returned an invalid value."""
 
 
 def read_returned(value: Any, plugin: str, base: Path, campaign: Path) -> Outcome:
-    """The outcome in what a plugin returned.
+    """Validate a plugin's return value.
 
     Args:
         value: `(success, message)` or `(success, message, entries)`.
-        plugin: its name, for entries that do not say it.
+        plugin: the plugin's name, for entries without one.
         base: folder that the entries' paths are relative to.
         campaign: folder that the outcome's paths are relative to.
 
     Raises:
-        NonsenseError: it is neither, or an entry is none.
+        NonsenseError: the value or an entry is invalid.
     """
     parts = tuple(value) if isinstance(value, tuple | list) else ()
     if len(parts) not in (2, 3) or parts[0] not in (True, False) or not isinstance(parts[1], str):
@@ -50,10 +50,10 @@ def read_returned(value: Any, plugin: str, base: Path, campaign: Path) -> Outcom
 
 
 def read_entries(value: Any, plugin: str, base: Path, campaign: Path) -> list[Entry]:
-    """Provenance entries with their paths relative to the campaign.
+    """Validate provenance entries and make their paths relative to the campaign.
 
     Raises:
-        NonsenseError: it is no list of entries, or an output is outside of the campaign.
+        NonsenseError: an entry is invalid, or an output is outside of the campaign.
     """
     if value is None:
         return []
@@ -81,13 +81,13 @@ def _entry(item: Any, plugin: str, base: Path, campaign: Path) -> Entry:
 
 
 def _source(path: str | Path, base: Path, campaign: Path) -> str:
-    """A source where it really is: a run's link to its job is followed."""
+    """A source's real path: a run's link to its job is followed."""
     real = os.path.realpath(base / path)
     return _relative(real, base, Path(os.path.realpath(campaign))) or str(path)
 
 
 def _relative(path: str | Path, base: Path, campaign: Path) -> str | None:
-    """A path relative to the campaign; None when it is outside."""
+    """A path relative to the campaign; None if it is outside."""
     parts: list[str] = []
     for part in PurePosixPath(base.absolute(), path).parts:
         if part == "..":

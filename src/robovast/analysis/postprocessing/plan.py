@@ -1,4 +1,4 @@
-"""Which commands are to be called, and for which runs: decided before the first is called."""
+"""Decides which commands to call for which runs, before the first call."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from robovast.analysis.postprocessing.survey import OWN, WHOLE
 
 @dataclass(frozen=True)
 class Step:
-    """Commands that are called for runs side by side, or one that is called for all at once."""
+    """Commands that are called for each run, or one that is called for the whole campaign."""
 
     commands: tuple[Command, ...]
     runs: Mapping[str, tuple[Command, ...]] | None
-    """What to call for each run; None for a command that takes the campaign as a whole."""
+    """Commands for each run; None for a command on the whole campaign."""
 
 
 def all_done(commands: Iterable[Command], units: Mapping[str, Unit]) -> bool:
-    """Whether nothing is stale, whatever the commands are called for."""
+    """Whether all commands are up to date, per run or for the whole campaign."""
     runs = [unit.done for path, unit in units.items() if path not in (OWN, WHOLE)]
     every = frozenset.intersection(*runs) if runs else frozenset()
     return {command.key for command in commands} <= every | units[WHOLE].done
 
 
 def plan(commands: Sequence[Command], per_run: Set[str], units: Mapping[str, Unit]) -> list[Step]:
-    """The steps to take, in order.
+    """The steps to execute, in order.
 
-    A command may read what those before it made: when one is called, so are all after it, of the
-    same run or, where either takes the campaign as a whole, of all runs. Those that read bags need
-    nothing of each other.
+    Commands may read the output of preceding ones: after a call, all later commands are called, for
+    the same run or, if either command takes the whole campaign, for all runs. Commands that read
+    bags do not depend on one another.
 
     Args:
-        commands: in the order in which they are worked off.
+        commands: in execution order.
         per_run: keys of the commands that are called for each run.
-        units: what each of them, and the campaign (`WHOLE`), has finished.
+        units: stored state of the runs and of the campaign (`WHOLE`).
     """
     steps: list[Step] = []
     for alone, group in groupby(commands, lambda command: command.key in per_run):
@@ -71,7 +71,7 @@ def _stale(commands: Iterable[Command], done: Set[str], renewed: bool) -> tuple[
 
 
 def taken_back(steps: Iterable[Step], units: Mapping[str, Unit]) -> dict[str, Unit]:
-    """The units that claim what the steps are about to do again, without these claims."""
+    """Units changed by the steps, without the claims that the steps will renew."""
     found: dict[str, Unit] = {}
     for step in steps:
         calls = {WHOLE: step.commands} if step.runs is None else step.runs

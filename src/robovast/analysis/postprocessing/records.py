@@ -1,4 +1,4 @@
-"""`postprocessing.yaml`: which command made which file of a run, and from what."""
+"""`postprocessing.yaml`: which command made each file of a run, and from which sources."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from robovast.campaign.places import run_of
 def with_found(
     entries: Iterable[Entry], found: Iterable[str], plugin: str, parameters: Mapping[str, Any]
 ) -> list[Entry]:
-    """Entries, and one for each found file that none of them names.
+    """Add an entry for each found file that has none.
 
     Args:
-        entries: what a command said.
-        found: files that it made, relative to the campaign.
-        plugin: its name.
-        parameters: its parameters.
+        entries: entries of a command.
+        found: files that the command made, relative to the campaign.
+        plugin: the command's name.
+        parameters: the command's parameters.
     """
     said = list(entries)
     named = {entry["output"] for entry in said}
@@ -35,9 +35,9 @@ def with_found(
 
 
 def merge(campaign: Path, entries: Iterable[Entry]) -> None:
-    """Write entries where the run is that they are about; of none, into `_transient`.
+    """Write entries to the folders of their runs; entries without a run go to `_transient`.
 
-    An entry replaces the one of the same output and plugin.
+    An entry replaces one with the same output and plugin.
     """
     grouped: dict[str, list[Entry]] = {}
     for entry in entries:
@@ -50,7 +50,7 @@ def merge(campaign: Path, entries: Iterable[Entry]) -> None:
 
 
 def update(path: Path, entries: Iterable[Entry], **facts: Any) -> None:
-    """Put entries, and other facts, into one file."""
+    """Write entries and other facts to one file."""
     before = read_record(path)
     old = before.get("entries")
     merged = {_identity(e): e for e in old if isinstance(e, dict)} if isinstance(old, list) else {}
@@ -61,7 +61,7 @@ def update(path: Path, entries: Iterable[Entry], **facts: Any) -> None:
 
 
 def read_record(path: Path) -> dict[str, Any]:
-    """Content of a `postprocessing.yaml`; empty when there is none that can be read."""
+    """The content of a `postprocessing.yaml`; empty if it is missing or unreadable."""
     return read_mapping_leniently(path)
 
 

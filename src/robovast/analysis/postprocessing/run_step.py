@@ -1,4 +1,4 @@
-"""Calling all commands that are due for one run."""
+"""Calls all outdated commands for one run."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from robovast.analysis.postprocessing.worker import Worker
 
 @dataclass(frozen=True)
 class RunWork:
-    """What was done for a run."""
+    """Work done for a run."""
 
     unit: Unit
-    """The run as it is now."""
+    """Current state of the run."""
     outcomes: list[tuple[Command, Outcome]]
 
 
 def request(command: Command, campaign: Path, results: Path) -> dict[str, Any]:
-    """What a worker needs to call a command."""
+    """The data that a worker needs to call a command."""
     return {
         "name": command.name,
         "parameters": command.parameters,
@@ -40,10 +40,10 @@ def request(command: Command, campaign: Path, results: Path) -> dict[str, Any]:
 
 
 def work_on_run(worker: Worker, survey: Survey, unit: Unit, commands: Sequence[Command]) -> RunWork:
-    """Call commands for a run, one after the other; one that fails does not stop the next.
+    """Call commands for a run, one after the other; failures do not stop later commands.
 
     Raises:
-        StoppedError: the user asked to stop; nothing is claimed then.
+        StoppedError: the user asked to stop; nothing is recorded as finished.
         OSError: the run's record cannot be written.
     """
     work = RunWork(unit, [])

@@ -1,4 +1,4 @@
-"""Postprocessing of the campaigns in a results folder, one after the other."""
+"""Postprocesses the campaigns in a results folder, one after the other."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ LOG = "postprocessing.log"
 
 
 def postprocess(results: Path, options: Options, observer: Observer) -> list[CampaignSummary]:
-    """Work off the postprocessing commands of every campaign, where they are stale.
+    """Call the outdated postprocessing commands of every campaign.
 
-    What goes wrong in one campaign is in its summary and does not stop the others.
+    Errors in one campaign are reported in its summary and do not stop the others.
 
     Args:
-        results: folder of campaigns, or of one.
-        options: what the user chose.
-        observer: is told what happens.
+        results: folder of campaigns, or of one campaign.
+        options: the user's options.
+        observer: receives progress events.
 
     Raises:
         InputError: there is no campaign, or the overriding .vast file cannot be read.
@@ -100,7 +100,7 @@ def _postprocess(
 
 
 def _document(layout: Layout, observer: Observer) -> Path | None:
-    """The campaign's .vast file; None when it has none, as one that was aborted early."""
+    """The campaign's .vast file; None if it has none, for example after an early abort."""
     found = sorted(layout.config.glob("*.vast"))
     if not found:
         observer.message(f"{layout.root.name} holds no .vast file, so it has no commands.")
@@ -117,10 +117,10 @@ def _document(layout: Layout, observer: Observer) -> Path | None:
 
 
 def _calls(asked: Sequence[PluginCall], options: Options, tell: _Tell) -> list[PluginCall]:
-    """The calls of a document that are to be made, and can be.
+    """The calls of a document that are not skipped and can be called.
 
     Raises:
-        InputError: a name that the user skips is none of the document's.
+        InputError: the document has no command of a skipped name.
     """
     names = [name for name in options.skip if not (name == ROSOUT and _logs_are_implied(asked))]
     calls = unfolded(skipped(asked, names))
@@ -136,7 +136,7 @@ def _implied(
     runs: Sequence[str],
     observer: Observer,
 ) -> list[PluginCall]:
-    """The conversion of logs, which a document need not ask for."""
+    """The implied conversion of logs, which is done even if the document does not list it."""
     skips = options.skip_rosout or ROSOUT in options.skip
     if skips or not _logs_are_implied(asked) or not survey.has_recording(runs):
         return []
@@ -161,13 +161,13 @@ def _given(layout: Layout, options: Options) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class _Tell:
-    """Says of a command once why it cannot be called."""
+    """Reports once per command why it cannot be called."""
 
     observer: Observer
     summary: CampaignSummary
 
     def can_be_called(self, call: PluginCall) -> bool:
-        """False when it cannot, whatever it is called for."""
+        """False if the command can never be called."""
         reason = why_not(call)
         if reason is not None:
             failure = Failure(self.summary.campaign.name, call.name, "", reason)
@@ -178,7 +178,7 @@ class _Tell:
 
 @contextmanager
 def _log(layout: Layout, options: Options) -> Iterator[IO[bytes]]:
-    """Where what plugins print goes."""
+    """The destination of the plugins' output."""
     if options.debug:
         yield sys.stderr.buffer
         return
@@ -188,7 +188,7 @@ def _log(layout: Layout, options: Options) -> Iterator[IO[bytes]]:
 
 
 def _record(layout: Layout, commands: Sequence[Command], started_at: str) -> None:
-    """What was done when, for the campaign's provenance."""
+    """Record commands and times for the campaign's provenance."""
     layout.transient.mkdir(exist_ok=True)
     listed = [{"plugin": command.name, "params": command.parameters} for command in commands]
     path = layout.transient / POSTPROCESSING

@@ -1,7 +1,7 @@
-"""What postprocessing has finished, in `<campaign>/.cache/postprocessing.db`.
+"""The finished postprocessing, stored in `<campaign>/.cache/postprocessing.db`.
 
-A row is written after the work that it claims, and taken back before that work is done again: a
-crash in between loses a claim, never makes a false one.
+A row claims finished work. It is written after the work, and withdrawn before the work is repeated:
+a crash may lose claims but never leaves false ones.
 """
 
 from __future__ import annotations
@@ -24,31 +24,31 @@ SCHEMA = 1
 
 @dataclass(frozen=True)
 class Unit:
-    """What is known of a run's folder, or (path "") of the campaign itself."""
+    """State of a run's folder, or of the campaign itself (empty path)."""
 
     path: str
     signature: str = ""
-    """Of all its files when its last command had ended."""
+    """Signature of all files when the last command had ended."""
     inputs: str = ""
     """Digest of the content that no command made."""
     made: dict[str, str] = field(default_factory=dict)
     """Digests of the files that commands made, by relative path."""
     done: frozenset[str] = frozenset()
-    """Keys of the commands that succeeded on these inputs."""
+    """Keys of the commands that succeeded with these inputs."""
 
     def without(self, keys: Iterable[str]) -> Unit:
-        """The same, claiming less."""
+        """The same unit without some of its claims."""
         return replace(self, done=self.done - set(keys))
 
 
 class State:
-    """The rows of one campaign."""
+    """The stored rows of one campaign."""
 
     def __init__(self, connection: sqlite3.Connection) -> None:
         self._connection = connection
 
     def units(self) -> dict[str, Unit]:
-        """Every row by its path."""
+        """All rows by path."""
         rows = self._connection.execute("SELECT path, signature, inputs, made, done FROM unit")
         return {
             path: Unit(path, sign, inputs, json.loads(made), frozenset(done.split()))
@@ -56,7 +56,7 @@ class State:
         }
 
     def store(self, units: Iterable[Unit]) -> None:
-        """Write rows; they replace those of the same path."""
+        """Write rows; rows of the same path are replaced."""
         rows = [
             (u.path, u.signature, u.inputs, json.dumps(u.made), " ".join(sorted(u.done)))
             for u in units
@@ -65,12 +65,12 @@ class State:
             self._connection.executemany("REPLACE INTO unit VALUES (?, ?, ?, ?, ?)", rows)
 
     def remove(self, paths: Iterable[str]) -> None:
-        """Forget units that are no more."""
+        """Remove units that no longer exist."""
         with self._connection:
             self._connection.executemany("DELETE FROM unit WHERE path = ?", ((p,) for p in paths))
 
     def note(self, name: str) -> str:
-        """What was noted under a name; empty when nothing was."""
+        """The value stored under a name; empty if there is none."""
         row = self._connection.execute("SELECT value FROM note WHERE name = ?", (name,)).fetchone()
         return str(row[0]) if row else ""
 
@@ -82,7 +82,7 @@ class State:
 
 @contextmanager
 def opened(campaign: Path) -> Iterator[State]:
-    """The state of a campaign, for one process at a time.
+    """Open the state of a campaign, for one process at a time.
 
     Raises:
         StorageError: another process works on the campaign, or the file cannot be written.
@@ -103,12 +103,12 @@ def _lock(descriptor: int, campaign: Path) -> None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         raise StorageError(
-            f"{campaign}: another `vast results postprocess` is at work on it; wait for its end."
+            f"{campaign}: another `vast results postprocess` is processing it; wait for its end."
         ) from None
 
 
 def _connect(path: Path) -> sqlite3.Connection:
-    """The database; one that is damaged, or of another version, starts anew: it is a cache."""
+    """The database; a damaged one, or one of another version, is recreated, since it is a cache."""
     connection = sqlite3.connect(path)
     try:
         version = connection.execute("PRAGMA user_version").fetchone()[0]

@@ -1,4 +1,4 @@
-"""Finding what changed in a campaign since its last postprocessing."""
+"""Finds changes in a campaign since its last postprocessing."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ from robovast.model.document.commands import JOB_LOGS
 from robovast.model.naming import CONFIG, TRANSIENT
 
 OWN = "."
-"""The unit of the campaign's own files, beside those of its runs."""
+"""The unit of the campaign's own files, apart from its runs."""
 WHOLE = ""
-"""The unit of everything: its inputs are those of all others."""
+"""The unit of the whole campaign; its inputs are those of all other units."""
 
 _GENERATED = (METADATA, GRAPH, "metadata.dot", "metadata.pdf", CAMPAIGN_STORE)
 """Files of a campaign's folder that are made of all others."""
@@ -45,7 +45,7 @@ _RECORDINGS = ("rosbag2", f"{JOB_LINK}/{JOB_LOGS}")
 
 
 class Survey:
-    """Files of one campaign, unit by unit."""
+    """The files of one campaign by unit."""
 
     def __init__(self, campaign: Path, document: Path | None) -> None:
         self.campaign = campaign
@@ -56,35 +56,35 @@ class Survey:
         self._job_digest = lru_cache(maxsize=None)(_job_digest)
 
     def runs(self) -> list[str]:
-        """Every stored run as `<variant>/<number>`."""
+        """All stored runs as `<variant>/<number>`."""
         return [
             f"{folder.parent.name}/{folder.name}" for folder in Layout(self.campaign).run_folders()
         ]
 
     def has_recording(self, runs: Iterable[str]) -> bool:
-        """Whether any run has a bag in its folder, or a recording of its job's logs."""
+        """Whether any run has a bag, or its job a recording of logs."""
         return any(
             os.path.isdir(f"{self.campaign}/{run}/{below}") for run in runs for below in _RECORDINGS
         )
 
     def folder(self, unit: str) -> Path:
-        """Where the files of a unit are."""
+        """The folder of a unit."""
         return self.campaign / unit
 
     def files(self, unit: str) -> Files:
-        """The files of a unit, as they are now."""
+        """The current files of a unit."""
         return self._own_files() if unit == OWN else scan(f"{self.campaign}/{unit}")
 
     def signature(self, unit: str, files: Files) -> str:
-        """Tells at once that nothing changed; that something did must be looked at."""
+        """A digest; if it is equal, nothing changed, otherwise the content must be compared."""
         return signature(files, () if unit == OWN else self._beside(unit))
 
     def look(self, unit: str, known: Unit | None) -> Unit:
-        """A unit as it is now: it keeps what it claims when its content is the same.
+        """The current state of a unit, with its stored claims if the content is the same.
 
         Args:
-            unit: which.
-            known: what was stored.
+            unit: the unit's path.
+            known: the stored state.
         """
         files = self.files(unit)
         sign = self.signature(unit, files)
@@ -98,7 +98,7 @@ class Survey:
         return Unit(unit, sign, inputs, made)
 
     def look_at_all(self, units: Iterable[str], known: Mapping[str, Unit]) -> dict[str, Unit]:
-        """Every unit as it is now, by path."""
+        """The current state of all units, by path."""
         names = list(units)
         quick = {name: known.get(name) for name in names}
         moved = [name for name, unit in quick.items() if not self._same(name, unit)]
@@ -108,12 +108,12 @@ class Survey:
         return {name: found.get(name) or known[name] for name in names}
 
     def worked(self, unit: Unit, before: Files, after: Files) -> Unit:
-        """A unit after a command worked on it.
+        """A unit's state after a command worked on it.
 
         Args:
-            unit: as it was before.
-            before: its files then.
-            after: its files now.
+            unit: the previous state.
+            before: the previous files.
+            after: the current files.
         """
         new = set(changed(before, after))
         made = {name: digest for name, digest in unit.made.items() if name in after}
@@ -124,7 +124,7 @@ class Survey:
         return replace(unit, signature=self.signature(unit.path, after), inputs=inputs, made=made)
 
     def inputs(self, unit: str, names: Iterable[str]) -> str:
-        """A digest of the content that a unit's commands read, but for what others made."""
+        """A digest of the content that a unit's commands read, without generated files."""
         parts = digests(self.folder(unit), names)
         if unit != OWN:
             folder = self.folder(unit)
@@ -156,12 +156,12 @@ class Survey:
 
 
 def _job_stamps(folder: str) -> list[int]:
-    """When the files of a job were last added to: no one changes them after that."""
+    """Modification times of a job's folders; its files never change afterwards."""
     return [stamp_of(f"{folder}{below}") for below in ("", "/logs", "/logs/rosout_bag")]
 
 
 def _job_digest(folder: Path) -> str:
-    """Of a job's files, without the tables that are made of its recordings."""
+    """Digest of a job's files, without tables made from its recordings."""
     names = (name for name in scan(folder) if not _MADE_OF_LOGS.match(name))
     return combined(digests(folder, names))
 

@@ -1,4 +1,4 @@
-"""Calls plugins in a process of their own, with a time limit."""
+"""Calls plugins in a separate process, with a time limit."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from typing import IO, Any
 from robovast.analysis.postprocessing.outcome import Outcome
 
 TOOLS = Path(__file__).parent / "tools"
-"""Programs that plugins find on their PATH, as `docker_exec.sh`."""
+"""Folder of programs on the plugins' PATH, such as `docker_exec.sh`."""
 _START = 60.0
-"""Time that a process may take to start [s]."""
+"""Time limit for the start of a process [s]."""
 _PIECE = 1 << 16
 
 
 class StoppedError(Exception):
-    """The user asked to stop; what was in progress is not finished."""
+    """The user asked to stop; work in progress is not finished."""
 
 
 class Worker:
-    """One process that calls one plugin at a time; replaced when a plugin ends or stalls it."""
+    """A process that calls one plugin at a time; it is replaced if a plugin ends or blocks it."""
 
     def __init__(self, log: IO[bytes], time_limit: float, stopped: threading.Event) -> None:
         self._log = log
@@ -50,17 +50,17 @@ class Worker:
         error: BaseException | None,
         at: TracebackType | None,
     ) -> None:
-        """End the process, and take away what it left."""
+        """End the process and remove its temporary files."""
         self.close()
         self._scratch.cleanup()
 
     def per_run(self, call: Mapping[str, Any]) -> bool:
-        """Whether a plugin is to be called for each run."""
+        """Whether a plugin wants to be called for each run."""
         reply = self._ask({**call, "ask": "per_run"})
         return reply is True
 
     def call(self, call: Mapping[str, Any]) -> Outcome:
-        """Call a plugin; also one that crashes or stalls has an outcome.
+        """Call a plugin; crashes and hangs also produce an outcome.
 
         Args:
             call: `name`, `parameters`, `folder`, `results_dir`, `campaign`.
@@ -72,7 +72,7 @@ class Worker:
         return Outcome(**reply) if isinstance(reply, dict) else Outcome(False, str(reply))
 
     def convert_bags(self, calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
-        """Do several of the commands for bags in one pass; an outcome for each.
+        """Execute several bag commands in one pass; returns an outcome for each.
 
         Raises:
             StoppedError: the user asked to stop meanwhile.
@@ -83,8 +83,8 @@ class Worker:
         return [Outcome(False, str(reply)) for _ in calls]
 
     def close(self) -> None:
-        """End the process, and what it started."""
-        from robovast.execution.local.process_tree import stop  # slow, and rarely needed
+        """End the process and everything it started."""
+        from robovast.execution.local.process_tree import stop  # slow to import, and rarely needed
 
         if self._process is not None:
             stop(self._process, grace=1.0)
@@ -95,7 +95,7 @@ class Worker:
             self._process = None
 
     def _ask(self, request: Mapping[str, Any]) -> Any:
-        """The reply; a text when there is none, saying why."""
+        """The reply; a text with the reason if there is none."""
         process = self._running()
         try:
             assert process.stdin is not None  # noqa: S101  # it is a pipe
@@ -113,7 +113,7 @@ class Worker:
         return json.loads(line) if line else self._ended()
 
     def _line(self, deadline: float) -> bytes | None:
-        """The next line; empty when the process has ended, None when it takes too long."""
+        """The next line; empty at the end of the process, None after the deadline."""
         line = b""
         while not line.endswith(b"\n"):
             self._refuse_when_stopped()
@@ -149,11 +149,11 @@ class Worker:
                 )
             finally:
                 os.close(theirs)
-            self._line(time.monotonic() + _START)  # its start is not the plugin's time
+            self._line(time.monotonic() + _START)  # the start does not count as the plugin's time
         return self._process
 
     def _ended(self) -> str:
-        """How the process ended, of itself."""
+        """How the process ended by itself."""
         assert self._process is not None  # noqa: S101  # it was asked
         code = self._process.wait()
         self.close()

@@ -1,4 +1,4 @@
-"""Several plugin processes side by side."""
+"""Several parallel plugin processes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ResultT = TypeVar("ResultT")
 
 
 class Workers:
-    """A fixed number of workers; each is started when it is first needed."""
+    """A fixed number of workers; each starts when it is first needed."""
 
     def __init__(self, workers: Sequence[Worker], stopped: threading.Event) -> None:
         self._count = len(workers)
@@ -28,7 +28,7 @@ class Workers:
 
     @contextmanager
     def one(self) -> Iterator[Worker]:
-        """A worker that nobody else uses meanwhile."""
+        """A worker for exclusive use."""
         worker = self._idle.get()
         try:
             yield worker
@@ -38,10 +38,10 @@ class Workers:
     def map(
         self, work: Callable[[Worker, ItemT], ResultT], items: Sequence[ItemT]
     ) -> Iterator[ResultT]:
-        """What `work` returns for each item, as they become ready.
+        """Results of `work` for each item, in order of completion.
 
         Raises:
-            StoppedError: the user asked to stop, after all that was ready has been returned.
+            StoppedError: the user asked to stop; available results were returned before.
         """
 
         def one(item: ItemT) -> ResultT:
@@ -68,12 +68,12 @@ class Workers:
 
 @contextmanager
 def started(count: int, log: IO[bytes], time_limit: float) -> Iterator[Workers]:
-    """Workers that stop when the user asks to (SIGINT, SIGTERM, SIGHUP).
+    """Workers that stop on SIGINT, SIGTERM and SIGHUP.
 
     Args:
-        count: how many.
-        log: where what plugins print goes.
-        time_limit: for one call [s].
+        count: number of workers.
+        log: destination of the plugins' output.
+        time_limit: time limit for one call [s].
     """
     stopped = threading.Event()
     with ExitStack() as stack:
