@@ -213,7 +213,7 @@ def test_long_text_comes_in_parts_that_add_up(results: Path, assistant: Assistan
     assert len(parts) > 1
     assert "".join(part["text"] for part in parts) == (results / path).read_text()
     film = assistant.call("get_artifact", path=f"{NAME}/hall-1/0/film.webm")
-    assert "is no text" in film.message
+    assert "is not text" in film.message
 
 
 def test_plugins_add_tools_and_a_broken_one_is_reported(assistant: Assistant, log: Path) -> None:

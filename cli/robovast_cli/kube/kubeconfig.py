@@ -62,7 +62,7 @@ def _read(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise InputError(f"the kubeconfig {path} cannot be read: {error.strerror}.") from error
     except UnicodeDecodeError:
-        raise InputError(f"the kubeconfig {path} is no text in UTF-8.") from None
+        raise InputError(f"the kubeconfig {path} is not text in UTF-8.") from None
     if not isinstance(data, dict):
         raise InputError(f"{path} is no kubeconfig: it holds no mapping.")
     return data

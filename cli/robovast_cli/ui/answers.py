@@ -47,7 +47,7 @@ def _read(query: str) -> str:
         with reading(path):
             return path.read_text(encoding="utf-8") if path.is_file() else read_query(query)
     except UnicodeDecodeError:
-        raise InputError(f"{query}: is no text in UTF-8.") from None
+        raise InputError(f"{query}: is not text in UTF-8.") from None
 
 
 def _print_csv(answer: Answer, graphs: Graphs) -> None:

@@ -72,7 +72,7 @@ class InputFile:
 
     @cached_property
     def text(self) -> str | None:
-        """Its text; None when it is no text in UTF-8."""
+        """Its text; None when it is not text in UTF-8."""
         try:
             return self.content.decode("utf-8")
         except UnicodeDecodeError:

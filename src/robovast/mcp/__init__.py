@@ -1,5 +1,5 @@
 """Results as tools for assistants, over the Model Context Protocol.
 
-The tools only read, and only below the results folder. An answer is bounded in size, and says what
-was cut and how to get the rest.
+The tools are read-only and restricted to the results folder. Answers are limited in size; a
+truncated answer says how to get the rest.
 """

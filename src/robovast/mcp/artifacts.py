@@ -1,4 +1,4 @@
-"""Tools about the files of campaigns: lists, text, logs, tables."""
+"""Tools for the files of campaigns: lists, text, logs, tables."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from robovast.mcp.bounds import MOST_BYTES, fitted, page, size
 from robovast.mcp.tools import add_tools
 
 _CHUNK = 20_000
-"""Of a text file in one answer [bytes]."""
+"""Most of a text file in one answer [bytes]."""
 _MOST_ROWS = 150
-"""Of a CSV file in one answer."""
+"""Most rows of a CSV file in one answer."""
 
 Level = Literal["debug", "info", "warn", "error", "fatal"]
 
 
 class ArtifactTools:
-    """What runs and campaigns left behind."""
+    """Files of runs and campaigns."""
 
     name = "artifacts"
 
@@ -44,7 +44,7 @@ class ArtifactTools:
             folder: relative to the results folder: a campaign, `<campaign>/_config` (scenario and
                 .vast file), `<campaign>/<configuration>/_config`, or
                 `<campaign>/<configuration>/<run>`.
-            offset: where to go on after an answer that was cut.
+            offset: where to continue after a truncated answer.
         """
         files = list_files(self._results, folder)
         items = [{"path": file.path, "kind": file.kind, "size": file.size} for file in files]
@@ -58,7 +58,7 @@ class ArtifactTools:
 
         Args:
             path: relative to the results folder, as `list_artifacts` and `get_run` give it.
-            offset: where to go on after an answer that was cut [bytes].
+            offset: where to continue after a truncated answer [bytes].
         """
         begin = max(0, offset)
         with open_inside(self._results, path) as file:
@@ -66,7 +66,7 @@ class ArtifactTools:
             file.seek(begin)
             content = file.read(_CHUNK)
         if b"\0" in content:
-            raise InputError(f"{path} is no text ({total} bytes).")
+            raise InputError(f"{path} is not text ({total} bytes).")
         answer = {"text": content.decode("utf-8", "replace"), "total": total}
         if begin + len(content) < total:
             answer["cut"] = (
@@ -88,10 +88,9 @@ class ArtifactTools:
         Args:
             path: relative to the results folder, one of `logs` of `get_run`.
             text: only lines with this text, in capitals or not.
-            levels: only lines of these levels; all when omitted.
-            before: only lines before this number, 0 for all: how to go on after an answer that
-                was cut.
-            end: of a log that is large the part before this place [bytes], 0 for its last part.
+            levels: only lines of these levels; by default all.
+            before: only lines before this number, 0 for all; continues after a truncated answer.
+            end: in a large log, search the part before this offset [bytes]; 0 means the last part.
         """
         question = LogQuestion(
             text, frozenset(levels or ()), before=before or None, end=end or None
@@ -108,23 +107,23 @@ class ArtifactTools:
             answer["cut"] = f"earlier lines match too; go on with before={lines[0][0]}"
         if found.begin > 0:
             answer["part"] = (
-                f"only bytes {found.begin} to {found.end} of {found.size} were searched, and lines "
-                f"numbered from there; the part before is end={found.begin}"
+                f"only bytes {found.begin} to {found.end} of {found.size} were searched; line "
+                f"numbers are relative to them; search the part before with end={found.begin}"
             )
         return answer
 
     def get_run_data(self, path: str, columns: list[str] | None = None) -> Any:
-        """Get the rows of a CSV file, evenly thinned out when there are many.
+        """Get the rows of a CSV file; a large number of rows is thinned out evenly.
 
         Args:
             path: relative to the results folder, a file of kind `table`.
-            columns: names of columns; the first ones when omitted.
+            columns: names of columns; by default the first ones.
         """
         return fitted(_rows(read_table(self._results, path, columns or ())))
 
 
 def _last(lines: list[LogLine]) -> list[list[Any]]:
-    """The last lines that an answer holds; one at least."""
+    """The last lines that fit into an answer, at least one."""
     kept: list[list[Any]] = []
     left = MOST_BYTES
     for line in reversed(lines):

@@ -1,4 +1,4 @@
-"""Answers that an assistant can hold: bounded in size, and open about what was cut."""
+"""Limits the size of answers and marks what was cut."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from typing import Any
 from pydantic_core import to_jsonable_python
 
 MOST_BYTES = 30_000
-"""Of one answer as JSON."""
+"""Largest size of an answer as JSON [bytes]."""
 _ITEM_BYTES = 6_000
-"""Of one item of a list as JSON."""
+"""Largest size of a list item as JSON [bytes]."""
 
 
 @dataclass(frozen=True)
 class _Limits:
     text: int
-    """Characters of one text."""
+    """Characters per text."""
     many: int
-    """Items of one list or mapping."""
+    """Items per list or mapping."""
 
 
 _STEPS = tuple(_Limits(*pair) for pair in ((8000, 400), (2000, 100), (500, 40), (150, 12), (60, 4)))
@@ -29,11 +29,11 @@ _DEEPEST = 12
 
 
 def fitted(value: Any, most: int = MOST_BYTES) -> Any:
-    """A value as plain data that JSON can hold, cut only as far as its size demands.
+    """A value as JSON data, truncated only as far as necessary.
 
     Args:
         value: dataclasses, mappings, sequences, scalars.
-        most: size of the result as JSON [bytes].
+        most: largest size of the result as JSON [bytes].
     """
     data = to_jsonable_python(value, fallback=str, bytes_mode="base64")
     for limits in _STEPS:
@@ -44,10 +44,10 @@ def fitted(value: Any, most: int = MOST_BYTES) -> Any:
 
 
 def page(items: Sequence[Any], offset: int = 0, *, name: str = "items") -> dict[str, Any]:
-    """As many items from an offset on as an answer holds.
+    """As many items from an offset on as fit into an answer.
 
     Returns:
-        The items under `name`; `total`; where some are left out, `cut`, which says how to go on.
+        The items under `name`; `total`; if some are left out, `cut`, which says how to continue.
     """
     begin = max(0, offset)
     chosen: list[Any] = []
@@ -96,7 +96,7 @@ def _cut_mapping(data: Mapping[str, Any], limits: _Limits, depth: int) -> dict[s
 
 
 def _shortened(text: str, most: int) -> str:
-    whole = text.encode("utf-8", "replace").decode()  # half a surrogate pair cannot be sent
+    whole = text.encode("utf-8", "replace").decode()  # lone surrogates cannot be encoded
     if len(whole) <= most:
         return whole
     return f"{whole[:most]}… ({len(whole) - most} characters cut)"

@@ -1,4 +1,4 @@
-"""Tools about campaigns, their configurations and their runs."""
+"""Tools for campaigns, their configurations and their runs."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from robovast.mcp.bounds import fitted, page
 from robovast.mcp.tools import add_tools
 
 _MOST_VALUES = 20
-"""A parameter with more values than these is not looked at value by value."""
+"""Parameters with more values are not analyzed by value."""
 
 
 class CampaignTools:
-    """What was varied and how it ended."""
+    """Campaigns: variations and results."""
 
     name = "campaigns"
 
@@ -55,9 +55,9 @@ class CampaignTools:
         return fitted({**asdict(summary), "active_jobs": active or ()})
 
     def inspect_campaign(self, campaign: str) -> Any:
-        """Compute where a campaign fails: by parameter value, and for which reasons.
+        """Compute where a campaign fails: by parameter value and by reason.
 
-        Runs that were interrupted do not count.
+        Interrupted runs do not count.
         """
         variants = self._library.campaign(campaign).variants
         reasons = Counter(
@@ -72,10 +72,10 @@ class CampaignTools:
         )
 
     def inspect_campaign_comparison(self, before: str, after: str) -> Any:
-        """Compute what got worse or better between two campaigns, and whether chance explains it.
+        """Compare two campaigns: what got worse or better, and whether chance explains it.
 
-        Configurations of equal parameters are compared with Fisher's exact test, corrected for
-        their number (Holm).
+        Configurations with equal parameters are compared by Fisher's exact test, with Holm's
+        correction for their number.
         """
         a, b = (self._library.campaign(name).variants for name in (before, after))
         found = compare(a, b)
@@ -118,7 +118,7 @@ class CampaignTools:
             verdict: only runs with this verdict.
             configuration: only runs of this configuration.
             reason: only runs whose reason has this text, in capitals or not.
-            offset: where to go on after an answer that was cut.
+            offset: where to continue after a truncated answer.
         """
         needle = reason.casefold()
         found = [

@@ -1,4 +1,4 @@
-"""Listening on this machine only."""
+"""Listening sockets restricted to this machine."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ _FAMILIES = {"127.0.0.1": socket.AF_INET, "localhost": socket.AF_INET, "::1": so
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A socket that can be connected to.
+    """Create a listening socket.
 
     Args:
-        host: the loopback interface by name or address.
-        port: 0 for any free one.
+        host: the loopback interface, by name or address.
+        port: 0 for any free port.
 
     Raises:
-        InputError: the host is another, or the port is taken.
+        InputError: the host is not this machine's loopback interface, or the port is taken.
     """
     if host not in _FAMILIES:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Tools and prompts by which an assistant finds its way."""
+"""Tools and prompts that introduce the server to an assistant."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _GROUPS = (
 
 
 class OrientationTools:
-    """What the server can do."""
+    """Tools and prompts about the server itself."""
 
     name = "orientation"
 

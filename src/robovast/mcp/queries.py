@@ -1,4 +1,4 @@
-"""Tools that ask the tables and the provenance of campaigns."""
+"""Tools that query the tables and the provenance of campaigns."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robovast.mcp.tools import add_tools
 
 
 class QueryTools:
-    """Questions over all runs at once."""
+    """Queries over all runs."""
 
     name = "queries"
 
@@ -38,7 +38,7 @@ class QueryTools:
         """List the tables that `query_run_data` asks, with columns and types.
 
         Args:
-            campaign: name of a campaign; all of the results folder when omitted.
+            campaign: name of a campaign; by default all in the results folder.
         """
         return answer("tables", self._having(COLUMNAR_TABLES, campaign))
 
@@ -50,7 +50,7 @@ class QueryTools:
 
         Args:
             sql: one statement.
-            campaign: name of a campaign; all of the results folder when omitted.
+            campaign: name of a campaign; by default all in the results folder.
         """
         return answer("sql", self._having(COLUMNAR_TABLES, campaign), sql)
 
@@ -65,13 +65,13 @@ class QueryTools:
             query: a name that `list_provenance_queries` gives, or SPARQL. The prefixes rdf, rdfs,
                 xsd, prov, dcterms, dcat, foaf, robovast, smm, scenarios, env, agn, qudt and unit
                 need not be declared.
-            campaign: name of a campaign; all of the results folder when omitted.
+            campaign: name of a campaign; by default all in the results folder.
         """
         text = query if "{" in query else read_query(query)
         return answer("sparql", self._having(GRAPH, campaign), text)
 
     def _having(self, file: str, campaign: str) -> list[Path]:
-        """Folders of the campaigns that have a file, inside of the results folder."""
+        """Folders of the campaigns that contain a file."""
         names = self._library.names()
         if campaign and campaign not in names:
             raise MissingError(f"There is no campaign {campaign}: `list_campaigns` lists them.")

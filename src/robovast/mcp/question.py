@@ -1,8 +1,8 @@
-"""One question in SQL or SPARQL, answered in a process of its own.
+"""Answers one SQL or SPARQL query in a separate process.
 
-An assistant may ask for what takes forever or all memory, of files that anyone may have written:
-such a process is ended, and the server goes on. Run as a module, it reads the question as JSON from
-standard input and prints the answer.
+Queries may take forever or exhaust memory, and may read files from anyone: the process can be
+killed while the server continues. Run as a module, it reads the query as JSON from standard input
+and prints the answer.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from robovast.base.errors import CannotRunError, InputError, RobovastError
 from robovast.mcp.bounds import MOST_BYTES, fitted, page
 
 PATIENCE = 60.0
-"""How long an answer may take [s]."""
+"""Time limit of an answer [s]."""
 MEMORY = 4 << 30
-"""Address space of the process [bytes]."""
+"""Address space limit of the process [bytes]."""
 MOST_ROWS = 1000
-"""Rows of an answer that are read."""
+"""Most rows of an answer that are read."""
 
 _SEATS = BoundedSemaphore(2)
-"""Questions that are answered at a time."""
+"""Limits the number of parallel queries."""
 
 _ESCAPE = re.compile(r"\\u([0-9A-Fa-f]{4})|\\U(000[0-9A-Fa-f]{5})")
 
@@ -37,21 +37,21 @@ Kind = Literal["sql", "tables", "sparql"]
 
 
 def answer(kind: Kind, campaigns: Sequence[Path], text: str = "") -> dict[str, Any]:
-    """The answer to a question, read-only and bounded in size.
+    """Answer a query, read-only and limited in size.
 
     Args:
-        kind: of question; `tables` asks which tables there are.
-        campaigns: folders of the campaigns that are asked.
+        kind: kind of query; `tables` lists the tables.
+        campaigns: folders of the campaigns.
         text: the query.
 
     Raises:
-        InputError: the query is wrong, there is nothing to ask, or it takes too long.
+        InputError: the query is invalid, there is no data, or it takes too long.
         CannotRunError: the extra `query` is not installed, or the process ended without answer.
     """
     if kind == "sparql" and "service" in _unescaped(text):
         raise InputError(
-            "SERVICE would ask other machines, which is not done here; leave that word out of the "
-            "query."
+            "SERVICE would query other servers, which is not allowed here; remove that word from "
+            "the query."
         )
     question = {"kind": kind, "campaigns": [str(path) for path in campaigns], "text": text}
     try:
@@ -65,7 +65,7 @@ def answer(kind: Kind, campaigns: Sequence[Path], text: str = "") -> dict[str, A
             )
     except subprocess.TimeoutExpired:
         raise InputError(
-            f"the query was ended after {PATIENCE:.0f} s; ask fewer campaigns or for less."
+            f"the query was ended after {PATIENCE:.0f} s; query fewer campaigns or less data."
         ) from None
     if not done.stdout:
         last = done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]
@@ -80,7 +80,7 @@ def answer(kind: Kind, campaigns: Sequence[Path], text: str = "") -> dict[str, A
 
 
 def _unescaped(text: str) -> str:
-    """A query in small letters, without the escapes that SPARQL replaces before it reads."""
+    """A query in lower case, with SPARQL's escapes resolved."""
     return _ESCAPE.sub(lambda found: chr(int(found[1] or found[2], 16)), text).casefold()
 
 

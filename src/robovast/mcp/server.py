@@ -1,4 +1,4 @@
-"""The MCP server: its tools, and those of plugins."""
+"""The MCP server with its own tools and those of plugins."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from robovast.mcp.tools import McpPlugin
 GROUP = "robovast.mcp_plugins"
 """Entry-point group of plugins."""
 MOST_OF_ANY = 250_000
-"""Of any answer as it is sent, those of plugins included [bytes]."""
+"""Largest size of any answer, including those of plugins [bytes]."""
 
 _INSTRUCTIONS = (
     "Results of robot test campaigns, read-only. A campaign has configurations, a configuration "
@@ -34,7 +34,7 @@ _log = logging.getLogger(__name__)
 
 
 def make_server(results: Path, auth: AuthProvider | None = None) -> FastMCP:
-    """The server of a results folder, with the tools of all plugins that can be loaded.
+    """Create the server of a results folder, with the tools of all loadable plugins.
 
     Raises:
         InputError: the folder cannot be read.
@@ -66,9 +66,9 @@ def make_server(results: Path, auth: AuthProvider | None = None) -> FastMCP:
 
 
 def _add_plugin(name: str, server: FastMCP) -> None:
-    """Add what a plugin offers: all of it, or nothing and a warning.
+    """Add a plugin's tools completely, or warn and add nothing.
 
-    Where names are the same, the server's own tools come first.
+    The server's own tools take precedence over equal names.
     """
     try:
         plugin: McpPlugin = load_plugin(name, GROUP, ".")()

@@ -1,4 +1,4 @@
-"""Running the server: over standard input and output, or HTTP on the loopback interface."""
+"""Runs the server: over standard input and output, or HTTP on the loopback interface."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _PATHS: dict[HttpTransport, str] = {"streamable-http": "/mcp", "sse": "/sse"}
 
 
 class OneToken(TokenVerifier):
-    """Lets in who knows the token."""
+    """Accepts a single token."""
 
     def __init__(self, token: str) -> None:
         super().__init__()
         self._token = token
 
     async def verify_token(self, token: str) -> AccessToken | None:
-        """What the token of a request allows; None when it is another."""
+        """The permissions of a request's token; None if the token is wrong."""
         if not secrets.compare_digest(token.encode(), self._token.encode()):
             return None
         return AccessToken(token=token, client_id="user", scopes=[])
@@ -41,13 +41,13 @@ def serve_stdio(results: Path, debug: bool = False) -> None:
 
     Args:
         results: the results folder.
-        debug: whether all messages are logged, to standard error.
+        debug: whether to log all messages to standard error.
 
     Raises:
         InputError: the folder cannot be read.
     """
     server = _server(results, None, debug)
-    # A thread waits for standard input, and nothing else would end it before the next line.
+    # A thread blocks on standard input, and nothing else would end it before the next line.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     anyio.run(lambda: server.run_stdio_async(show_banner=False, log_level=_level(debug)))
 
@@ -64,14 +64,16 @@ def serve_http(
 
     Args:
         results: the results folder.
-        address: host, which must be this machine's loopback interface, and port; 0 for any free.
-        token: secret that each request must carry (`Authorization: Bearer …`).
-        ready: is called with the URL once it can be connected to.
+        address: host, which must be this machine's loopback interface, and port; 0 for any free
+            port.
+        token: secret in the header of each request (`Authorization: Bearer …`).
+        ready: called with the URL once the server accepts connections.
         transport: `streamable-http`, or `sse` for old clients.
-        debug: whether all messages are logged, to standard error.
+        debug: whether to log all messages to standard error.
 
     Raises:
-        InputError: the folder cannot be read, the host is another, or the port is taken.
+        InputError: the folder cannot be read, the host is not the loopback interface, or the port
+            is taken.
     """
     server = _server(results, OneToken(token), debug)
     path = _PATHS[transport]

@@ -1,4 +1,4 @@
-"""What every tool of this package has in common."""
+"""Shared parts of all tools."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from robovast.base.errors import RobovastError
 
 
 class McpPlugin(Protocol):
-    """A group of tools; entry points of `robovast.mcp_plugins` name such classes."""
+    """A group of tools; entry points of `robovast.mcp_plugins` refer to such classes."""
 
     @property
     def name(self) -> str:
-        """What reports call it."""
+        """Name in messages."""
 
     def register(self, mcp: FastMCP) -> None:
-        """Add its tools, prompts and resources to a server."""
+        """Add tools, prompts and resources to a server."""
 
 
 _READS = {
@@ -33,13 +33,13 @@ _READS = {
 
 
 def add_tools(mcp: FastMCP, *functions: Callable[..., Any]) -> None:
-    """Add functions that only read as tools, under their own names."""
+    """Add read-only functions as tools under their own names."""
     for function in functions:
         mcp.tool(_refusing(function), annotations=_READS)
 
 
 def _refusing(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function whose errors for users reach the assistant as they are."""
+    """Wrap a function so that its errors for users reach the assistant unchanged."""
 
     @functools.wraps(function)
     def tool(*args: Any, **kwargs: Any) -> Any:

@@ -109,7 +109,7 @@ def test_another_file_can_say_what_to_publish(vast, results: Path, tmp_path: Pat
 @pytest.mark.parametrize(
     ("publication", "code", "message"),
     [
-        ("[]", 2, "nothing is to be published"),
+        ("[]", 2, "there is nothing to publish"),
         ("[{zip: {file_name: x}}]", 2, "has no parameter `file_name`; it has filename,"),
         ("[{zip: {filename: '{x}.zip'}}]", 2, "There are: robot, timestamp."),
         ("[{zip: 7}]", 2, "x.vast:3:"),
@@ -138,7 +138,7 @@ def test_plugins_are_listed_with_their_parameters(vast) -> None:
     out = vast("results", "publish-commands").out
     assert "zip  (robovast" in out
     lines = [" ".join(line.split()) for line in out.splitlines()]
-    assert "bucket required name of the bucket; it is made when it is missing." in lines
+    assert "bucket required name of the bucket; it is created if missing." in lines
     assert any(line.startswith("omit_hidden default false leave folders") for line in lines)
     assert not any(line.endswith(("default none", "default false")) for line in lines)
     assert "context" not in out

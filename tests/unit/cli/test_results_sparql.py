@@ -106,7 +106,7 @@ def test_nothing_to_ask_says_what_to_do(vast, results: Path) -> None:
     ("query", "cause"),
     [
         ("failure-rat", "Did you mean `failure-rate`?"),
-        ("latin.rq", "latin.rq: is no text in UTF-8."),
+        ("latin.rq", "latin.rq: is not text in UTF-8."),
         ("broken.rq", "the query is wrong"),
     ],
 )

@@ -22,7 +22,7 @@ Files = dict[str, Stamp]
 
 
 def scan(folder: str | Path, ignored: Iterable[str] = (POSTPROCESSING,)) -> Files:
-    """The files below a folder.
+    """The files in a folder.
 
     Args:
         folder: the folder; a missing one has no files.

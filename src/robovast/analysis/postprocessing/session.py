@@ -152,7 +152,7 @@ def _logs_are_implied(asked: Sequence[PluginCall]) -> bool:
 
 
 def _given(layout: Layout, options: Options) -> dict[str, Any]:
-    """What commands get beside their parameters."""
+    """Arguments that commands receive besides their parameters."""
     image = records.read_record(layout.execution_record).get("image")
     asked = {"debug": options.debug, "force": options.force}
     known = {"execution_image": image} if image else {}

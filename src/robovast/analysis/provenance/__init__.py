@@ -1,4 +1,4 @@
-"""What a campaign was, as metadata.yaml, as a PROV-O graph, and as answers to SPARQL queries."""
+"""Describes campaigns: metadata.yaml, a PROV-O graph, and answers to SPARQL queries."""
 
 from robovast.analysis.provenance.writing import (
     PluginFaultsError,

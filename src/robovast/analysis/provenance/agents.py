@@ -1,4 +1,4 @@
-"""Agents of the graph: RoboVAST, the robots of a campaign, the people who made it."""
+"""Agents in the graph: RoboVAST, the robots of a campaign, and its creators."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ def _system(agent: dict[str, Any], dataset: str) -> Node:
 
 
 def people(creators: Any, dataset: str) -> list[Node]:
-    """Persons from a name, an ORCID, a mapping with `name` and `id` or `orcid`, or a list of such.
+    """Persons from names, ORCIDs, mappings with `name` and `id` or `orcid`, or a list of these.
 
     Args:
-        creators: as the .vast file has them.
+        creators: the creators as written in the .vast file.
         dataset: IRI of the dataset.
     """
     return [_person(creator, dataset) for creator in _several(creators) if creator]

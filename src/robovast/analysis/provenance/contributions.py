@@ -1,4 +1,4 @@
-"""What hooks add to the graph, as JSON-LD that is written as it is."""
+"""Converts contributions of hooks to JSON-LD."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ Node = dict[str, Any]
 
 
 def plain_node(node: Any) -> Node:
-    """A node of a hook: keys as terms of the context, rdflib's values as JSON-LD.
+    """Convert a hook's node: keys become terms of the context, rdflib's values become JSON-LD.
 
     Raises:
-        TypeError: it is no mapping, or holds what JSON-LD cannot say.
+        TypeError: it is not a mapping, or has a value that JSON-LD cannot express.
     """
     if not isinstance(node, Mapping):
         raise TypeError(f"a graph node must be a dict, not {node!r}")
@@ -25,10 +25,10 @@ def plain_node(node: Any) -> Node:
 
 
 def plain_iri(iri: Any) -> str:
-    """An IRI of a hook.
+    """Validate an IRI of a hook.
 
     Raises:
-        TypeError: it is no text.
+        TypeError: it is not text.
     """
     if not isinstance(iri, str):
         raise TypeError(f"an IRI must be text, not {iri!r}")
@@ -70,7 +70,7 @@ _XSD_DOUBLE = {"nan": "NaN", "inf": "INF", "-inf": "-INF"}
 
 
 def _text(value: str) -> Any:
-    """Text as it is; rdflib's IRIs, blank nodes and literals, which are text too, as such."""
+    """Text unchanged; rdflib's IRIs, blank nodes and literals, which are text too, as JSON-LD."""
     kind = type(value).__name__
     if kind in {"URIRef", "Namespace"}:
         return {"@id": encode_iri(str(value))}
@@ -89,7 +89,7 @@ def _literal(value: Any) -> dict[str, Any]:
 
 
 def with_properties(node: Node, properties: Iterable[Node]) -> Node:
-    """A node with further properties; values of one that it has already are added."""
+    """Add properties to a node; values of existing properties are appended."""
     merged = dict(node)
     for key, value in (item for one in properties for item in one.items()):
         merged[key] = [*_several(merged[key]), *_several(value)] if key in merged else value

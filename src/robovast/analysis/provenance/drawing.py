@@ -1,4 +1,4 @@
-"""The provenance graph as a drawing of Graphviz."""
+"""Draws the provenance graph with Graphviz."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def write_drawing(campaign_dir: Path) -> None:
 
     Raises:
         InputError: the campaign has no graph.
-        CannotRunError: Graphviz is not here, or cannot draw it; `metadata.dot` is written.
+        CannotRunError: Graphviz is missing or fails; `metadata.dot` is written.
         StorageError: a file cannot be written.
     """
     try:
@@ -46,7 +46,7 @@ def _draw(dot: Path, pdf: Path) -> None:
     program = shutil.which("dot")
     if program is None:
         raise CannotRunError(
-            f"{dot} is written, but Graphviz, which draws it, is not here: install `graphviz` "
+            f"{dot} is written, but Graphviz, which draws it, is missing: install `graphviz` "
             "with the package manager of your system."
         )
     drawn = subprocess.run(

@@ -1,4 +1,4 @@
-"""What was missing and what went wrong while a campaign was described."""
+"""Collects missing data and errors of plugins while a campaign is described."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from robovast.base.plugins import raised, split_file_reference
 
 _MOST_NAMED = 3
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
-"""In the text of an object: it would make equal faults differ."""
+"""Memory address in an object's text; it would make equal errors look different."""
 
 ResultT = TypeVar("ResultT")
 
 
 class Findings:
-    """Collects what is missing (stated, never fatal) and the faults of plugins.
+    """Missing data (reported, never fatal) and errors of plugins.
 
     Args:
         own_plugins: whether plugins in the campaign's own files are executed.
@@ -29,24 +29,24 @@ class Findings:
         self._faults: dict[str, list[str]] = {}
 
     def missing(self, what: str, where: str) -> None:
-        """Note that something is not there, as `no test.xml` in `hall-1/0`."""
+        """Add missing data, such as `no test.xml` in `hall-1/0`."""
         self._missing.setdefault(what, []).append(where)
 
     def leaves_out(self, plugin: str) -> bool:
-        """Whether a plugin shall not be executed; then it is noted as missing."""
+        """Whether a plugin must not be executed; then it is added as missing."""
         if self._own_plugins or split_file_reference(plugin) is None:
             return False
         self.missing("plugins of the campaign that were not executed, nothing added", plugin)
         return True
 
     def fault(self, what: str, where: str = "") -> None:
-        """Note that a plugin did wrong."""
+        """Add an error of a plugin."""
         self._faults.setdefault(_ADDRESS.sub("", what), []).append(where)
 
     def call(
         self, who: str, where: str, function: Callable[..., ResultT], *args: Any
     ) -> ResultT | None:
-        """The result of a plugin's function; None, and a fault, when it raises or exits."""
+        """Call a plugin's function; if it raises or exits, add an error and return None."""
         try:
             return function(*args)
         except InputError as error:
@@ -57,12 +57,12 @@ class Findings:
 
     @property
     def notices(self) -> list[str]:
-        """One line for each kind of missing thing."""
+        """One line for each kind of missing data."""
         return [f"{what}: {_places(where)}" for what, where in self._missing.items()]
 
     @property
     def faults(self) -> list[str]:
-        """One line for each kind of fault."""
+        """One line for each kind of error."""
         return [
             f"{what} (in {_places(where)})" if any(where) else what
             for what, where in self._faults.items()

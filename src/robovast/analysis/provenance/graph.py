@@ -1,4 +1,4 @@
-"""The PROV-O graph of a campaign, as JSON-LD nodes made of its metadata."""
+"""The PROV-O graph of a campaign: JSON-LD nodes made from its metadata."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ _RECORDS = (EXECUTION_RECORD, CONFIGURATIONS)
 
 
 def campaign_iri(root: Path, metadata: dict[str, Any]) -> str:
-    """IRI of a campaign: its dataset, its folder and a slash."""
+    """IRI of a campaign: its dataset's IRI, its folder's name and a slash."""
     return dataset_iri(metadata) + path_iri(root.name) + "/"
 
 
 def dataset_iri(metadata: dict[str, Any]) -> str:
-    """IRI of the dataset that the .vast file names, else the default one."""
+    """IRI of the dataset in the .vast file, or the default one."""
     named = _section(metadata, "metadata").get("dataset_iri")
     if not is_iri(named):
         return DEFAULT_DATASET
@@ -63,9 +63,9 @@ class Graph:
     Args:
         root: the campaign's folder.
         metadata: content of its metadata.yaml.
-        configurations: content of its configurations.yaml; hooks also see what variations left
-            for themselves there.
-        findings: is told what hooks did wrong.
+        configurations: content of its configurations.yaml, including the variations' private keys,
+            which hooks may use.
+        findings: collects errors of hooks.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class Graph:
         self._written: set[str] = set()
 
     def nodes(self) -> Iterator[Node]:
-        """All nodes but those of the graph file itself."""
+        """All nodes except those of the graph file itself."""
         yield agents.software()
         yield from self._systems
         yield from self._people
@@ -112,9 +112,9 @@ class Graph:
         """Nodes of the graph file itself.
 
         Args:
-            name: of the file.
-            started: when work on it began.
-            ended: when it was complete.
+            name: the file's name.
+            started: when writing began.
+            ended: when the file was complete.
         """
         yield _file_activity(
             "graph/", "robovast:PostprocessingGraph", ["metadata.yaml"], started, ended
@@ -189,10 +189,9 @@ class Graph:
         )
 
     def _modified(self, name: str) -> str | None:
-        """When a file of `_config` was changed last.
+        """When a file of `_config` was last modified.
 
-        The time of the file itself, unless it was copied since: then the time of the execution,
-        which is when the campaign took it.
+        A file that was copied afterwards has the time of the execution, when the campaign took it.
         """
         executed = as_utc(_section(self._metadata, "execution").get("execution_time"))
         try:
@@ -244,7 +243,7 @@ class Graph:
             yield from self._run(result, [iri, *files, *used])
 
     def _generated_by_hooks(self, nodes: Iterable[Node]) -> set[str]:
-        """IRIs, relative to the campaign, of what a hook says an activity generated."""
+        """IRIs, relative to the campaign, of entities that a hook's activities generated."""
         return {
             str(node.get("@id", "")).removeprefix(self.iri)
             for node in nodes
@@ -269,7 +268,7 @@ class Graph:
         )
 
     def _applied(self, entry: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-        """The variations of a configuration with the IRI of each application."""
+        """A configuration's variations, with the IRI of each application."""
         seen: Counter[str] = Counter()
         for record in entry.get("variations") or ():
             kind = _kind(record)
@@ -301,11 +300,11 @@ class Graph:
         )
 
     def _is_alone(self, result: dict[str, Any]) -> bool:
-        """True when no other run shares a run's job."""
+        """True if no other run shares the run's job."""
         return self._runs_of_job[result.get("job")] == 1
 
     def _once(self, node: Node | None) -> Iterator[Node]:
-        """A node, unless the very same was written already."""
+        """A node, unless an equal one was written already."""
         if node is None:
             return
         text = json.dumps(node, default=str)
@@ -314,7 +313,7 @@ class Graph:
             yield node
 
     def _contributions(self, entry: dict[str, Any]) -> tuple[list[Node], list[Node], list[str]]:
-        """Nodes, properties of the scenario and IRIs used by runs, from hooks."""
+        """The hooks' nodes, properties of the scenario and IRIs used by runs."""
         nodes: list[Node] = []
         properties: list[Node] = []
         used: list[str] = []
@@ -338,7 +337,7 @@ class Graph:
         return fresh, properties, used
 
     def _jobs(self) -> Iterator[Node]:
-        """Jobs of several runs: what they wrote is no single run's."""
+        """Nodes of jobs with several runs, whose output belongs to no single run."""
         described = set()
         for result in self._results():
             job = result.get("job")
@@ -391,7 +390,7 @@ def _plain_contribution(found: Any) -> tuple[list[Node], Node, list[str]]:
 
 
 def _kind(record: dict[str, Any]) -> str:
-    """Name of a variation type; of one in a file the name of its class."""
+    """Name of a variation type; for one in a file, the name of its class."""
     return str(record.get("name")).rpartition(":")[2]
 
 

@@ -1,4 +1,4 @@
-"""Calling what plugins add: hooks of variations, metadata processors."""
+"""Calls plugins: hooks of variations and metadata processors."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from robovast.model.variations.loader import GROUP, load_variation
 
 PROCESSORS = "robovast.metadata_processing"
 _FIXED = frozenset({"name", "test_results"})
-"""Keys of a configuration's entry that say what it is; no hook may set them."""
+"""Keys that identify a configuration; hooks must not set them."""
 
 
 class VariationHooks:
-    """The hooks of the variation types that a campaign used.
+    """The hooks of a campaign's variation types.
 
     Args:
         root: the campaign's folder.
-        findings: is told what is missing and what plugins did wrong.
+        findings: collects missing data and errors of plugins.
     """
 
     def __init__(self, root: Path, findings: Findings) -> None:
@@ -37,7 +37,7 @@ class VariationHooks:
         self._load = cache(self._load_once)
 
     def metadata(self, names: Iterable[str], entry: dict[str, Any]) -> dict[str, Any]:
-        """What `collect_config_metadata` of each variation type adds to an entry."""
+        """Additions of `collect_config_metadata` of each variation type to an entry."""
         added: dict[str, Any] = {}
         folder = self._root / entry["name"]
         for name in names:
@@ -54,7 +54,7 @@ class VariationHooks:
     def contributions(
         self, names: Iterable[str], entry: dict[str, Any], *context: Any
     ) -> list[tuple[str, ProvContribution]]:
-        """What `collect_prov_metadata` of each variation type adds, with who says so.
+        """Additions of `collect_prov_metadata` of each variation type, with the hook's name.
 
         Args:
             names: the variation types of the configuration.
@@ -76,11 +76,11 @@ class VariationHooks:
         return found
 
     def any_contributes(self, names: Iterable[str]) -> bool:
-        """True when a variation type has something to add to the graph."""
+        """True if any variation type contributes to the graph."""
         return any(self._hook(name, "collect_prov_metadata") for name in names)
 
     def _hook(self, name: str, method: str) -> tuple[str, Any] | None:
-        """A hook that a variation type overrides, and how it is called in messages."""
+        """A hook that a variation type overrides, and its name in messages."""
         found = self._load(name)
         if found is None:
             return None
@@ -119,7 +119,7 @@ def _contribution(function: Any, *args: Any) -> ProvContribution | None:
 
 
 def processors_of(document: dict[str, Any], findings: Findings) -> list[PluginCall]:
-    """The processors that a .vast file names, in its order."""
+    """The processors in a .vast file, in order."""
     section = document.get("results_processing") or {}
     written = section.get("metadata_processing") if isinstance(section, dict) else None
     try:
@@ -136,7 +136,7 @@ _CALLS = TypeAdapter(list[Plugin])
 def process(
     metadata: dict[str, Any], calls: Iterable[PluginCall], root: Path, findings: Findings
 ) -> dict[str, Any]:
-    """Metadata after all processors; one that does wrong changes nothing."""
+    """Apply all processors to the metadata; processors that fail are skipped."""
     for call in calls:
         if findings.leaves_out(call.name):
             continue

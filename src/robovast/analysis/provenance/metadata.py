@@ -1,4 +1,4 @@
-"""The content of metadata.yaml, from what is in a campaign's folder."""
+"""Collects the content of metadata.yaml from a campaign's folder."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from robovast.model.naming import CONFIG, TRANSIENT
 def collect_metadata(
     root: Path, configurations: dict[str, Any], findings: Findings
 ) -> dict[str, Any]:
-    """Content of metadata.yaml, with what hooks and processors add.
+    """The content of metadata.yaml, including additions of hooks and processors.
 
     Args:
         root: the campaign's folder.
         configurations: content of its configurations.yaml.
-        findings: is told what is missing and what plugins did wrong.
+        findings: collects missing data and errors of plugins.
     """
     layout = Layout(root)
     document_name, document = _read_document(layout, configurations.get("vast"), findings)
@@ -60,7 +60,7 @@ def read_configurations(root: Path, findings: Findings) -> dict[str, Any]:
 
 
 def applied_variations(entry: dict[str, Any]) -> list[str]:
-    """Names of the variation types of a configuration, each once, in order."""
+    """Names of a configuration's variation types in order, without duplicates."""
     found = entry.get("variations") or entry.get("_variations") or ()
     return list(dict.fromkeys(str(v["name"]) for v in found if isinstance(v, dict) and "name" in v))
 
@@ -68,7 +68,7 @@ def applied_variations(entry: dict[str, Any]) -> list[str]:
 def _read_document(
     layout: Layout, named: Any, findings: Findings
 ) -> tuple[str | None, dict[str, Any]]:
-    """Name and content of the campaign's .vast file, as it was written."""
+    """Name and content of the campaign's .vast file."""
     files = sorted(layout.config.glob("*.vast"), key=lambda file: (file.name != named, file.name))
     if not files:
         findings.missing("no .vast file in _config", layout.root.name)
@@ -84,7 +84,7 @@ def _scenario_file(document: dict[str, Any], configurations: dict[str, Any]) -> 
 
 
 def _configurations(layout: Layout, configurations: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """The configurations that are listed, then those that merely have a folder."""
+    """The listed configurations, then those that only have a folder."""
     listed = [item for item in configurations.get("configs") or () if _is_configuration(item)]
     yield from listed
     names = {item["name"] for item in listed}
@@ -145,13 +145,13 @@ def _describe_configuration(
 
 
 def _names(files: Any) -> Iterator[str]:
-    """Relative names of files that are listed as names, or as pairs with absolute paths."""
+    """Relative names of files, which are listed as names or as pairs with absolute paths."""
     for file in files or ():
         yield str(file[0] if isinstance(file, list | tuple) and file else file)
 
 
 def _created(variations: Iterable[dict[str, Any]], execution: dict[str, Any]) -> str | None:
-    """When a configuration was complete: after its last variation, else when runs began."""
+    """When a configuration was created: after its last variation, or when runs began."""
     ends = [end for _, end in map(variation_times, variations) if end]
     if ends:
         return max(ends)

@@ -1,4 +1,4 @@
-"""Who made which table of what: the entries that postprocessing recorded, by run."""
+"""The recorded origin of tables and other generated files, by run."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Derivation:
-    """A file that postprocessing made; paths are relative to the campaign."""
+    """A file made by postprocessing; paths are relative to the campaign."""
 
     output: str
     sources: tuple[str, ...]
@@ -18,7 +18,7 @@ class Derivation:
 
 
 def derivations_by_run(campaign: str, metadata: dict[str, Any]) -> dict[str, list[Derivation]]:
-    """What was made, by the folder of the run that it is in; "" for what is in none.
+    """Derivations by the folder of the run that contains them; "" for those outside of runs.
 
     Args:
         campaign: name of the campaign's folder.
@@ -60,7 +60,7 @@ def _sources(sources: Any, campaign: str, folder: str) -> Iterable[str]:
 def _in_campaign(path: str, campaign: str, folder: str) -> str:
     """A path relative to the campaign.
 
-    Plugins write them relative to the results folder, to the campaign or to the run.
+    Plugins write paths relative to the results folder, the campaign or the run.
     """
     parts = [part for part in path.split("/") if part not in {"", "."}]
     if campaign in parts:

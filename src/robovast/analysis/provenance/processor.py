@@ -7,10 +7,10 @@ from typing import Any
 
 
 class MetadataProcessor:
-    """Completes or changes the metadata of a campaign before it is written.
+    """Base class of plugins that add to or change a campaign's metadata before it is written.
 
-    The parameters of the .vast file are given to the constructor by name; without a constructor
-    of its own a subclass finds them as attributes.
+    The parameters in the .vast file are passed to the constructor by name; without its own
+    constructor, a subclass finds them as attributes.
     """
 
     def __init__(self, **parameters: Any) -> None:
@@ -18,10 +18,10 @@ class MetadataProcessor:
             setattr(self, name, value)
 
     def process_metadata(self, metadata: dict[str, Any], campaign_dir: Path) -> dict[str, Any]:
-        """The metadata to write.
+        """Return the metadata to write.
 
         Args:
-            metadata: content of metadata.yaml so far; may be changed in place.
+            metadata: current content of metadata.yaml; may be changed in place.
             campaign_dir: the campaign's folder.
         """
         raise NotImplementedError(f"{type(self).__name__} does not implement `process_metadata`")

@@ -23,15 +23,15 @@ Row = tuple[Any, ...]
 
 
 def query_names() -> dict[str, str]:
-    """The queries of the package: name and what it is about."""
+    """The built-in queries: name and description."""
     return {name: text.partition("\n")[0].lstrip("# ") for name, text in _queries().items()}
 
 
 def read_query(name: str) -> str:
-    """Text of a query of the package.
+    """Text of a built-in query.
 
     Raises:
-        InputError: there is none of that name.
+        InputError: there is no query of that name.
     """
     known = _queries()
     if name in known:
@@ -51,9 +51,9 @@ def _queries() -> dict[str, str]:
 
 
 class Answer:
-    """Result of a query, to be read once: as rows that are made meanwhile, or as CSV.
+    """Result of a query, for a single iteration: as rows, which are made on demand, or as CSV.
 
-    A cell is text, a number, a boolean or None; IRIs are written in full.
+    A cell is text, a number, a boolean or None; IRIs are absolute.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Answer:
         return (tuple([_plain(term) for term in row]) for row in self._rows)
 
     def csv(self) -> str:
-        """All rows as CSV with a header, lines ending in a line feed; faster than the rows."""
+        """All rows as CSV with a header and line feeds; faster than iteration."""
         if self._to_csv is not None:
             return self._to_csv().decode().replace("\r\n", "\n")
         text = io.StringIO()
@@ -81,13 +81,13 @@ class Answer:
 
 
 class Graphs:
-    """The graphs of some campaigns, in memory.
+    """The graphs of several campaigns in memory.
 
     Args:
         campaigns: folders of campaigns; those without a graph are left out, with a warning.
 
     Raises:
-        InputError: none has a graph, one cannot be read, or two have one IRI.
+        InputError: no campaign has a graph, a graph cannot be read, or two share an IRI.
         CannotRunError: the extra `query` is not installed.
     """
 
@@ -112,20 +112,20 @@ class Graphs:
         return len(self._store)
 
     def ask(self, text: str) -> Answer:
-        """The answer to a query; the usual prefixes need not be declared.
+        """Answer a query; common prefixes need not be declared.
 
-        A query that asks for triples (CONSTRUCT, DESCRIBE) has the columns subject, predicate and
-        object; one that asks yes or no (ASK) has the column answer.
+        Results of CONSTRUCT and DESCRIBE have the columns subject, predicate and object; results of
+        ASK have the column answer.
 
         Raises:
-            InputError: the query is wrong, with the place and what may be meant.
+            InputError: the query is invalid; the message gives the position and suggestions.
         """
         try:
             result = self._store.query(text, prefixes=PREFIXES)
         except SyntaxError as error:
             cause, expected, _ = str(error).partition(": expected one of")
             if expected:
-                cause += ": what stands there is not expected, or something before it is missing"
+                cause += ": unexpected text, or something before it is missing"
             raise InputError(f"the query is wrong: {cause}.{_advice(text)}") from None
         if isinstance(result, self._engine.QueryBoolean):
             return Answer(["answer"], [(bool(result),)])
@@ -147,9 +147,9 @@ class Graphs:
         if not fresh:
             folders = ", ".join(str(folder) for folder in self.campaigns.values())
             raise InputError(
-                f"{file.parent} has the IRI of a campaign that is loaded already ({folders}), so "
-                "that their runs could not be told apart. Query them one by one, or give one "
-                "another name or another `metadata.dataset_iri`."
+                f"{file.parent} has the same IRI as a loaded campaign ({folders}), so their runs "
+                "could not be distinguished. Query them one by one, or give one another name or "
+                "another `metadata.dataset_iri`."
             )
         self.campaigns.update(dict.fromkeys(fresh, file.parent))
 
@@ -194,7 +194,7 @@ _QUOTED = re.compile(r"\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*'|<[^<>\s]*>")
 
 
 def _advice(text: str) -> str:
-    """What may be meant by a query that cannot be parsed."""
+    """Suggestions for a query that cannot be parsed."""
     bare = _COMMENT.sub("", _QUOTED.sub("", text))
     missing = bare.count("{") - bare.count("}")
     advice = ""
@@ -204,7 +204,7 @@ def _advice(text: str) -> str:
         advice += f" {side} `{kind}` {noun} missing."
     same = next((name for name, own in _queries().items() if _essence(own) == _essence(text)), None)
     if same is not None:
-        advice += f" `{same}` is this query without the slip: `vast results sparql {same}`."
+        advice += f" `{same}` is the corrected query: `vast results sparql {same}`."
     used = set(re.findall(r"(?<![\w:])([A-Za-z][\w-]*):[A-Za-z_]", bare))
     declared = set(re.findall(r"(?i)\bprefix\s+([\w-]*):", bare))
     if unknown := sorted(used - declared - PREFIXES.keys()):
@@ -213,5 +213,5 @@ def _advice(text: str) -> str:
 
 
 def _essence(text: str) -> str:
-    """A query without what is easily mistyped: blanks, comments, dots and braces."""
+    """A query without easily mistyped parts: blanks, comments, dots and braces."""
     return re.sub(r"[\s.{}]+", "", _COMMENT.sub("", text)).lower()

@@ -1,4 +1,4 @@
-"""Reading what others wrote into a campaign: what cannot be read is noted and left out."""
+"""Reads others' files in a campaign; unreadable ones are reported and left out."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from robovast.base.safe_paths import MOST, read_file
 from robovast.base.yaml_files import parse_yaml
 
 LINKS = frozenset({"job"})
-"""Names in a run's folder that lead out of it."""
+"""Suffixes of links in a run's folder that leave it."""
 
 
 def read_mapping(
     path: Path, findings: Findings, where: str, *, needed: bool = True, most: int = MOST
 ) -> dict[str, Any]:
-    """A mapping in a YAML file; empty when there is none.
+    """Read a mapping from a YAML file; empty if the file is missing.
 
     Args:
         path: the file; bytes that are not UTF-8 are replaced.
-        findings: is told when the file is damaged, or is needed and missing.
-        where: how the place is named there.
-        needed: a missing file is worth mentioning.
-        most: a larger one counts as damaged [bytes].
+        findings: collects damaged files, and missing ones if they are needed.
+        where: the location's name in findings.
+        needed: whether a missing file is reported.
+        most: largest size; larger files count as damaged [bytes].
     """
     try:
         data = _parse(read_file(path, most=most))
@@ -45,7 +45,7 @@ def read_mapping(
 
 @lru_cache(maxsize=64)
 def _parse(content: bytes) -> Any:
-    """The first document, parsed once: jobs of a machine write the same system information."""
+    """Parse the first document; cached, since a machine's jobs write equal system information."""
     return parse_yaml(content.decode("utf-8", "replace").lstrip("\ufeff"))
 
 
@@ -54,10 +54,9 @@ def _short(error: Exception) -> str:
 
 
 def list_files(folder: str, prefix: str) -> Iterator[str]:
-    """Files below a folder, sorted, as paths that begin with a prefix; hidden ones left out.
+    """Files in a folder, sorted, with a prefix; hidden files are left out.
 
-    Symbolic links to folders are not followed. Bytes of a name that are not UTF-8 are written
-    as `\\xNN`.
+    Symbolic links to folders are not followed. Invalid UTF-8 bytes in names are written as `\\xNN`.
     """
     try:
         with os.scandir(folder) as scan:
@@ -75,12 +74,12 @@ def list_files(folder: str, prefix: str) -> Iterator[str]:
 
 
 def readable(name: str) -> str:
-    """A file's name as text that can be written anywhere."""
+    """A file's name as text that can be encoded."""
     return name if name.isascii() else os.fsencode(name).decode("utf-8", "backslashreplace")
 
 
 def subfolders(folder: Path) -> list[str]:
-    """Names of the folders in a folder, sorted; hidden ones and links left out."""
+    """Names of subfolders, sorted, without hidden ones and links."""
     try:
         with os.scandir(folder) as scan:
             folders = (entry.name for entry in scan if entry.is_dir(follow_symlinks=False))

@@ -1,4 +1,4 @@
-"""Nodes of the graph for one run: the run, what it wrote, what was made of that."""
+"""Nodes of a run: the run, its output, and files derived from it."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ def run_nodes(
     """Nodes of a run.
 
     Args:
-        result: its entry in `test_results`.
-        used: IRIs of what it used.
-        agents: IRIs of the agents that it is associated with.
-        derivations: what postprocessing made in its folder.
-        alone: no other run shares its job, so that the job's files are the run's own.
+        result: the run's entry in `test_results`.
+        used: IRIs that the run used.
+        agents: IRIs of the run's agents.
+        derivations: derived files in the run's folder.
+        alone: no other run shares the run's job, so the job's files belong to the run.
     """
     iri = path_iri(result["dir"])
     run = _run(result, iri, used, agents)
@@ -83,7 +83,7 @@ def _run(result: dict[str, Any], iri: str, used: Iterable[str], agents: Iterable
 
 
 def compact(node: Node) -> Node:
-    """A node without what is unknown."""
+    """A node without unknown properties."""
     return {key: value for key, value in node.items() if value not in (None, [], "")}
 
 
@@ -102,7 +102,7 @@ def job_files(result: dict[str, Any], activity: str) -> Iterator[Node]:
 
 
 def sysinfo_node(result: dict[str, Any]) -> Node | None:
-    """What is known of the machine that executed a run."""
+    """The machine that executed a run."""
     path, content = result.get("sysinfo_file"), result.get("sysinfo")
     if not path or not isinstance(content, dict):
         return None
@@ -138,13 +138,13 @@ def derivation_nodes(
     bags: Iterable[str],
     known: Iterable[str],
 ) -> Iterator[Node]:
-    """Nodes of one postprocessing activity and of all that it made.
+    """Nodes of a postprocessing activity and everything it made.
 
     Args:
-        activity: its IRI.
-        derivations: what it made.
-        bags: folders of bags; who reads a part of one uses the bag.
-        known: paths that have a node.
+        activity: the activity's IRI.
+        derivations: files that the activity made.
+        bags: folders of bags; an activity that read part of a bag used the bag.
+        known: paths that already have a node.
     """
     described = set(known)
     used: dict[str, None] = {}

@@ -1,4 +1,4 @@
-"""What is known of one run: verdict, times, files, system information, bags, postprocessing."""
+"""Describes a run: verdict, times, files, system information, bags, postprocessing."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ BAG_METADATA = "metadata.yaml"
 
 
 def describe_run(root: Path, variant: str, number: str, findings: Findings) -> dict[str, Any]:
-    """The entry of a run in `test_results`.
+    """A run's entry in `test_results`.
 
     Args:
         root: the campaign's folder.
         variant: name of the configuration.
         number: name of the run's folder.
-        findings: is told what is missing.
+        findings: collects missing data.
     """
     where = f"{variant}/{number}"
     folder = root / variant / number
@@ -52,7 +52,7 @@ def describe_run(root: Path, variant: str, number: str, findings: Findings) -> d
 
 
 def _outcome(folder: Path, where: str, files: Iterable[str], findings: Findings) -> dict[str, Any]:
-    """Verdict and times: from `run.json`, or from `test.xml` where another tool ran it."""
+    """Verdict and times from `run.json`, or from `test.xml` if another tool executed the run."""
     record = _read_record(folder)
     if f"{where}/{TEST_RESULT}" not in files:
         findings.missing(f"no {TEST_RESULT}", where)
@@ -71,7 +71,7 @@ def _outcome(folder: Path, where: str, files: Iterable[str], findings: Findings)
 
 
 def _read_record(folder: Path) -> dict[str, Any] | None:
-    """A run's record, as far as it is needed here; None when there is none."""
+    """The relevant part of a run's record; None if it is missing."""
     record = read_run_record(folder)
     keys = ("verdict", "reason", "started_at", "finished_at")
     return {key: getattr(record, key) for key in keys} if record is not None else None
@@ -90,7 +90,7 @@ def _read_result(folder: Path) -> dict[str, Any]:
 
 
 def _sysinfo(files: Iterable[str], where: str, findings: Findings) -> str | None:
-    """The run's system information: its own, else its job's."""
+    """The run's system information: its own, or its job's."""
     found = next((name for name in files if name.endswith(f"/{SYSINFO}")), None)
     if found is None:
         findings.missing(f"no {SYSINFO}", where)
@@ -98,20 +98,20 @@ def _sysinfo(files: Iterable[str], where: str, findings: Findings) -> str | None
 
 
 def bags_of(entry: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """The bags of a run's entry, by their folder relative to the run."""
+    """The bags in a run's entry, by folder relative to the run."""
     own = {RUN_BAG: entry[RUN_BAG]} if RUN_BAG in entry else {}
     return {**own, **entry.get("further_bags", {})}
 
 
 def _by_role(bags: dict[str, dict[str, Any]], where: str) -> dict[str, Any]:
-    """The bag that every command expects under its own name, all others beside it."""
+    """The default bag under its own key, and all others beside it."""
     inside = {folder.removeprefix(where).strip("/"): bag for folder, bag in bags.items()}
     own = inside.pop(RUN_BAG, None)
     return {**({RUN_BAG: own} if own else {}), **({"further_bags": inside} if inside else {})}
 
 
 def _describe_bags(root: Path, files: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """The ROS bags among a run's files, by their folder."""
+    """The ROS bags among a run's files, by folder."""
     parts: dict[str, list[str]] = {}
     for name in files:
         folder, _, part = name.rpartition("/")
@@ -129,7 +129,7 @@ _TYPE = re.compile(r"\btype['\"]?:\s*['\"]?([A-Za-z]\w*(?:/\w+)+)")
 
 
 def _bag_content(path: Path) -> dict[str, Any]:
-    """What a bag's metadata says, by pattern: a parser takes longer than all else of a run."""
+    """A bag's metadata, extracted by regular expressions: a YAML parser would dominate run time."""
     try:
         text = read_text(path)
     except OSError:

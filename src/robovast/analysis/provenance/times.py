@@ -12,7 +12,7 @@ def now() -> str:
 
 
 def as_utc(time: Any) -> str | None:
-    """A time in any spelling; one without a zone is taken to be in UTC. None when it is none."""
+    """Convert a time to UTC; None if it is not a time. Times without a zone count as UTC."""
     try:
         parsed = time if isinstance(time, datetime) else datetime.fromisoformat(str(time))
         zoned = parsed if parsed.tzinfo else parsed.replace(tzinfo=UTC)
@@ -30,7 +30,7 @@ def from_epoch(seconds: float | None) -> str | None:
 
 
 def later(time: str | None, seconds: Any) -> str | None:
-    """A time some seconds after another; None when either is unknown."""
+    """A time some seconds after another; None if either is unknown."""
     if time is None or not isinstance(seconds, int | float) or not 0 <= seconds < 1e9:
         return None
     return (datetime.fromisoformat(time) + timedelta(seconds=seconds)).isoformat()

@@ -1,4 +1,4 @@
-"""The terms of the graph, and the JSON-LD context that spells them out."""
+"""The terms of the graph and its JSON-LD context."""
 
 from __future__ import annotations
 
@@ -29,11 +29,10 @@ PREFIXES = {
 """Prefixes of queries."""
 
 SCENARIOS = "https://purl.org/secorolab/metamodels/scenarios/osc#"
-"""What `scenarios:` means in the file's context.
+"""The value of `scenarios:` in the file's context.
 
-rdflib keeps one prefix for an IRI, so that of `smm:` and `scenarios:` only one would work in
-queries without PREFIX lines. The class that is asked for as `scenarios:AbstractScenario` is
-declared under both IRIs.
+rdflib keeps one prefix per IRI, so only one of `smm:` and `scenarios:` would work in queries
+without PREFIX lines. The class `scenarios:AbstractScenario` is declared under both IRIs.
 """
 
 _LINKS = {
@@ -84,7 +83,7 @@ def context(base: str) -> dict[str, Any]:
 
 
 def term_of(iri: str) -> str:
-    """The context's term for a property, since its definition says what its values are."""
+    """The context's term for a property; the term's definition gives the type of its values."""
     return _TERM_OF_IRI.get(iri, iri)
 
 
@@ -104,7 +103,7 @@ _ABSOLUTE = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]*:\S+$")
 
 
 def encode_iri(iri: str) -> str:
-    """An IRI in which characters that none may have are percent-encoded."""
+    """Percent-encode characters that are not allowed in IRIs."""
     return _ILLEGAL.sub(_percent, iri)
 
 
@@ -115,7 +114,7 @@ def path_iri(path: str) -> str:
 
 
 def is_iri(text: Any) -> bool:
-    """True when a text is an absolute IRI."""
+    """Whether a text is an absolute IRI."""
     return isinstance(text, str) and _ABSOLUTE.match(text) is not None
 
 

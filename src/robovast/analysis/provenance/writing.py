@@ -1,4 +1,4 @@
-"""Writing metadata.yaml and metadata.prov.json of a campaign."""
+"""Writes metadata.yaml and metadata.prov.json of a campaign."""
 
 from __future__ import annotations
 
@@ -29,26 +29,26 @@ _log = logging.getLogger(__name__)
 
 
 class PluginFaultsError(InputError):
-    """Plugins did wrong; what they should have added is missing, all else is written."""
+    """Plugins failed; their additions are missing, everything else is written."""
 
     def __init__(self, root: Path, file: str, faults: list[str]) -> None:
         self.faults = faults
         lines = "\n".join(f"    {fault}" for fault in faults)
         super().__init__(
-            f"{root / file} was written without what these plugins should have added:\n{lines}\n"
-            "    Mend them, then repeat `vast results metadata`."
+            f"{root / file} was written without the additions of these plugins:\n{lines}\n"
+            "    Fix them, then repeat `vast results metadata`."
         )
 
 
 def describe(campaign_dir: Path, *, own_plugins: bool = True) -> None:
-    """Write metadata.yaml and metadata.prov.json; faster than one after the other.
+    """Write metadata.yaml and metadata.prov.json; faster than writing them one by one.
 
     Args:
         campaign_dir: the campaign's folder.
         own_plugins: whether plugins in the campaign's own files are executed.
 
     Raises:
-        PluginFaultsError: after both were written.
+        PluginFaultsError: a plugin failed; both files are written nevertheless.
         StorageError: a file cannot be written.
     """
     root, findings = _absolute(campaign_dir), Findings(own_plugins=own_plugins)
@@ -60,10 +60,10 @@ def describe(campaign_dir: Path, *, own_plugins: bool = True) -> None:
 
 
 def write_metadata(campaign_dir: Path) -> Path:
-    """Write metadata.yaml; returns its path. What is missing is logged as a warning.
+    """Write metadata.yaml and return its path. Missing data is logged as warnings.
 
     Raises:
-        PluginFaultsError: a hook or a processor did wrong; the file is written nevertheless.
+        PluginFaultsError: a hook or a processor failed; the file is written nevertheless.
         StorageError: the file cannot be written.
     """
     root, findings = _absolute(campaign_dir), Findings()
@@ -73,11 +73,11 @@ def write_metadata(campaign_dir: Path) -> Path:
 
 
 def write_graph(campaign_dir: Path) -> Path:
-    """Write metadata.prov.json from metadata.yaml; returns its path.
+    """Write metadata.prov.json from metadata.yaml and return its path.
 
     Raises:
         InputError: there is no metadata.yaml.
-        PluginFaultsError: a hook did wrong; the file is written nevertheless.
+        PluginFaultsError: a hook failed; the file is written nevertheless.
         StorageError: the file cannot be written.
     """
     root, findings = _absolute(campaign_dir), Findings()
@@ -92,7 +92,7 @@ def write_graph(campaign_dir: Path) -> Path:
 
 
 def _absolute(path: Path) -> Path:
-    """The path with the campaign's name at its end, also when it is written as `.`."""
+    """The path ending with the campaign's name, even if it was given as `.`."""
     return Path(os.path.abspath(path))
 
 
@@ -122,7 +122,7 @@ def _write_graph(
 
 
 def _write_nodes(file: IO[str], graph: Graph, started: str) -> None:
-    """One node a line, as they are made: memory does not grow with the graph."""
+    """Write one node per line as they are made, so that memory does not grow with the graph."""
     encode = json.JSONEncoder(ensure_ascii=False, default=str).encode
     file.write(f'{{"@context": {encode(context(graph.iri))},\n"@graph": [\n')
     for node in graph.nodes():
@@ -140,8 +140,8 @@ def _tell(root: Path, file: str, findings: Findings) -> None:
 
 @contextmanager
 def _no_garbage_collection() -> Iterator[None]:
-    """The metadata of many runs lives to the end; looking in it for garbage again and again would
-    take half of the time."""
+    """Suspend garbage collection: the metadata of many runs stays in use, and repeated collection
+    would take half of the time."""
     enabled = gc.isenabled()
     gc.disable()
     try:

@@ -1,1 +1,1 @@
-"""Publication: results are packed into archives, and archives are brought to where others look."""
+"""Publication: packs results into archives and uploads them."""

@@ -1,4 +1,4 @@
-"""What a publication is about, for plugins that ask for it by a parameter named `context`."""
+"""The context of a publication, for plugins with a parameter named `context`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from robovast.model.naming import campaign_time
 
 @dataclass(frozen=True)
 class Campaign:
-    """A campaign that is published."""
+    """A campaign to publish."""
 
     path: Path
     metadata: Mapping[str, Any]
@@ -35,7 +35,7 @@ class Campaign:
 
     @property
     def started(self) -> datetime | None:
-        """When it was started, as its name says."""
+        """Start of the campaign, from its name."""
         return campaign_time(self.name)
 
 
@@ -48,20 +48,20 @@ def _refuse(path: Path) -> bool:
 
 @dataclass(frozen=True)
 class PublicationContext:
-    """Which campaigns are published, and what plugins before have made of them."""
+    """The campaigns to publish, and archives made by previous plugins."""
 
     campaigns: tuple[Campaign, ...]
     files: tuple[Path, ...] = ()
-    """Archives that plugins before have made."""
+    """Archives made by previous plugins."""
     confirm: Callable[[Path], bool] = _refuse
-    """Asks whether to replace a file that exists."""
+    """Asks whether to replace an existing file."""
     progress: Callable[[str, int, int], None] = field(default=lambda _name, _done, _total: None)
-    """Is told that so many bytes of a file are done, of so many."""
+    """Reports the progress of a file: bytes done, and all bytes."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What a .vast file says on publication."""
+    """The publication section of a .vast file."""
 
     vast_file: Path
     calls: tuple[PluginCall, ...]
@@ -69,11 +69,11 @@ class Settings:
 
 
 def read_settings(vast_file: Path) -> Settings:
-    """The publication of a .vast file; what else is in it may be of any version.
+    """Read the publication section of a .vast file; other sections may be of any version.
 
     Raises:
         InputError: the file cannot be read.
-        DocumentError: what is wrong in its `publication`.
+        DocumentError: its `publication` is invalid.
     """
     source = Source.read(vast_file)
     data = source.data if isinstance(source.data, dict) else {}
@@ -92,10 +92,10 @@ def read_settings(vast_file: Path) -> Settings:
 
 
 def snapshot(campaign: Path) -> Path:
-    """The .vast file that a campaign was made from, in its `_config` folder.
+    """The .vast file in a campaign's `_config` folder.
 
     Raises:
-        InputError: there is none, or it cannot be told which of several it is.
+        InputError: there is none, or there are several candidates.
     """
     found = sorted(Layout(campaign).config.glob("*.vast"))
     if len(found) > 1:
@@ -103,7 +103,7 @@ def snapshot(campaign: Path) -> Path:
         found = [path for path in found if path.name == recorded]
     if not found:
         raise InputError(
-            f"{campaign}: it cannot be told from `_config` which .vast file it was made from. "
+            f"{campaign}: `_config` does not tell which .vast file it was made from. "
             "Name one with `--override FILE`."
         )
     return found[0]

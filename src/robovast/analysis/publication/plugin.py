@@ -1,4 +1,4 @@
-"""Publication plugins: loaded, called with what they ask for, and not trusted to be right."""
+"""Loads and calls publication plugins, and validates what they return."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _OWN = frozenset({"results_dir", "config_dir", "context"})
 
 @dataclass(frozen=True)
 class PublicationPlugin:
-    """A plugin as the .vast file calls it."""
+    """A plugin as called in a .vast file."""
 
     name: str
     function: Callable[..., Any]
@@ -32,10 +32,10 @@ class PublicationPlugin:
 
     @classmethod
     def load(cls, call: PluginCall, folder: Path) -> PublicationPlugin:
-        """The plugin of a call.
+        """Load the plugin of a call.
 
         Raises:
-            InputError: there is no such plugin, it is none, or it has no such parameter.
+            InputError: the plugin is missing or invalid, or lacks a given parameter.
         """
         function = load_plugin(call.name, GROUP, folder)
         if inspect.isclass(function):
@@ -57,14 +57,14 @@ class PublicationPlugin:
 
     @property
     def takes_context(self) -> bool:
-        """True when it can publish some campaigns of a results folder, not only all."""
+        """True if the plugin can publish some of a results folder's campaigns, not only all."""
         return "context" in self._named
 
     def check(self, results_dir: Path, config_dir: Path, context: PublicationContext) -> None:
-        """Let it look, if it can, whether it could do its work, before any plugin begins.
+        """Let the plugin check, if it can, whether it could work, before any plugin starts.
 
         Raises:
-            RobovastError: it could not, for the reason that it says.
+            RobovastError: the plugin's check failed.
         """
         look = getattr(self.function, "check", None)
         if look is None:
@@ -81,10 +81,10 @@ class PublicationPlugin:
     def publish(
         self, results_dir: Path, config_dir: Path, context: PublicationContext, *, force: bool
     ) -> tuple[str, list[Path]]:
-        """Call it; returns its message and the files that it made.
+        """Call the plugin; return its message and the files that it made.
 
         Raises:
-            RobovastError: it failed, with its own message or what it raised.
+            RobovastError: the plugin failed; the message is its own or its exception's.
         """
         given = dict(self.parameters)
         if force and ("overwrite" in self._named or self._takes_any):
@@ -116,7 +116,7 @@ class PublicationPlugin:
             raise StorageError(f"the publication plugin `{self.name}` failed: {message}")
         if not all(isinstance(file, str | Path) for file in files):
             raise StorageError(
-                f"the publication plugin `{self.name}` returned files that are no paths: {files!r}"
+                f"the publication plugin `{self.name}` returned files that are not paths: {files!r}"
             )
         return message, [results_dir / file for file in files]
 
@@ -124,8 +124,8 @@ class PublicationPlugin:
         reserved = _OWN.intersection(self.parameters)
         if reserved:
             raise InputError(
-                f"the publication plugin `{self.name}` cannot be given `{min(reserved)}`: that is "
-                "supplied when it is called."
+                f"the publication plugin `{self.name}` cannot be given `{min(reserved)}`: RoboVAST "
+                "supplies that."
             )
         unknown = [] if self._takes_any else sorted(set(self.parameters) - set(self._named))
         if unknown:
@@ -163,5 +163,5 @@ def _made(name: str, plugin_class: type) -> Any:
         return plugin_class()
     except Exception as error:
         raise InputError(
-            f"the publication plugin `{name}` cannot be made: {raised(error)}"
+            f"the publication plugin `{name}` cannot be instantiated: {raised(error)}"
         ) from error

@@ -1,4 +1,4 @@
-"""Publishing campaigns as their .vast files say."""
+"""Publishes campaigns as configured in their .vast files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from robovast.base.serialization import fingerprint
 
 @dataclass(frozen=True)
 class PublishOptions:
-    """How to publish."""
+    """Options of publication."""
 
     force: bool = False
     """Replace what exists."""
@@ -30,12 +30,12 @@ class PublishOptions:
 
 @dataclass(frozen=True)
 class Batch:
-    """Campaigns that are published in one go."""
+    """Campaigns that are published together."""
 
     settings: Settings
     campaigns: tuple[Campaign, ...]
     plugins: tuple[PublicationPlugin, ...] = ()
-    """In the order in which they are called."""
+    """The plugins, in order of execution."""
 
     @property
     def results_dir(self) -> Path:
@@ -51,17 +51,17 @@ class Batch:
 def plan_publication(
     campaigns: Sequence[Path], override: Path | None, known: int, options: PublishOptions
 ) -> list[Batch]:
-    """What is to be published with what: campaigns that ask for the same come together.
+    """Group campaigns with the same publication settings.
 
     Args:
         campaigns: their folders, in one folder.
-        override: a .vast file that counts in place of those in the campaigns.
+        override: a .vast file that replaces those in the campaigns.
         known: number of campaigns in that folder.
         options: how to publish.
 
     Raises:
-        InputError: a .vast file, a plugin or its call is missing or wrong, or nothing is to be
-            published.
+        InputError: a .vast file, a plugin or its call is missing or invalid, or there is nothing to
+            publish.
     """
     batches: dict[str, Batch] = {}
     for path in campaigns:
@@ -73,7 +73,7 @@ def plan_publication(
     if not found:
         names = ", ".join(str(batch.settings.vast_file) for batch in batches.values())
         raise InputError(
-            f"nothing is to be published: there is no `results_processing.publication` in {names}."
+            f"there is nothing to publish: there is no `results_processing.publication` in {names}."
         )
     return [replace(batch, plugins=_plugins(batch, known, options)) for batch in found]
 
@@ -84,13 +84,13 @@ def publish(
     context: PublicationContext,
     report: Callable[[str], None],
 ) -> None:
-    """Call every plugin, after each has looked whether it can; the first that fails ends it.
+    """Call all plugins after all their checks; the first failure ends the publication.
 
     Args:
         batches: what to publish.
         options: how to publish.
-        context: how plugins ask and tell; its campaigns and files are set here.
-        report: is given the message of each plugin.
+        context: callbacks of the plugins; its campaigns and files are set here.
+        report: receives each plugin's message.
 
     Raises:
         RobovastError: a plugin failed.

@@ -1,4 +1,4 @@
-"""RO-Crate: what is in an archive, said in a way that data repositories and tools read.
+"""Describes an archive's content as RO-Crate, a format of data repositories and tools.
 
 Version 1.1 of the format (https://w3id.org/ro/crate/1.1). Equal campaigns give equal bytes.
 """

@@ -1,4 +1,4 @@
-"""The publication plugin `s3`: archives, or campaigns file by file, go into a bucket."""
+"""The publication plugin `s3`: uploads archives, or campaigns file by file, to a bucket."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from robovast.storage.s3 import ObjectStore
 
 DEFAULT = "https://s3.amazonaws.com"
-"""Address of the server when none is given."""
+"""Default address of the server."""
 THREADS = 8
-"""Files that are sent at once."""
+"""Number of parallel uploads."""
 PATIENCE = 60.0
-"""For how long a server may be gone [s]."""
+"""Longest interruption of the server that is waited out [s]."""
 
 _KEYS = (
     ("ROBOVAST_S3_ACCESS_KEY", "ROBOVAST_S3_SECRET_KEY"),
@@ -29,7 +29,7 @@ _KEYS = (
 
 
 class S3Upload:
-    """Uploads what plugins before have packed, or the campaigns themselves."""
+    """Uploads archives of previous plugins, or the campaigns themselves."""
 
     plugin_type: ClassVar[str] = "upload"
 
@@ -43,10 +43,10 @@ class S3Upload:
         region: str | None = None,
         **_others: Any,
     ) -> None:
-        """Look whether there are keys for a server; it is not asked.
+        """Check that credentials exist; the server is not contacted.
 
         Raises:
-            RobovastError: there are none, the address is none, or a package is missing.
+            RobovastError: credentials or a package are missing, or the address is invalid.
         """
         del results_dir, config_dir, context, bucket
         _store(endpoint, region)
@@ -62,17 +62,17 @@ class S3Upload:
         unpacked: bool = False,
         context: PublicationContext | None = None,
     ) -> tuple[bool, str]:
-        """Upload archives to an S3 bucket; what is there already and equal is not sent again.
+        """Upload archives to an S3 bucket; objects with equal content are skipped.
 
         Args:
             results_dir: folder of the campaigns.
             config_dir: not used.
-            bucket: name of the bucket; it is made when it is missing.
+            bucket: name of the bucket; it is created if missing.
             endpoint: address of the server.
-            region: of the bucket.
-            prefix: of every object's name, as `results/`.
-            unpacked: upload every file of the campaigns in place of archives; links are left out.
-            context: what to publish; every campaign of the folder when omitted.
+            region: the bucket's region.
+            prefix: prefix of all object names, such as `results/`.
+            unpacked: upload the campaigns' files in place of archives; links are left out.
+            context: what to publish; by default all campaigns in the folder.
         """
         del config_dir
         context = context or context_of(Path(results_dir))
@@ -80,7 +80,7 @@ class S3Upload:
         store = _store(endpoint, region)
         store.make_bucket(bucket)
         sent = _send(store, bucket, files, context)
-        kept = f", {len(files) - sent} were there" if sent < len(files) else ""
+        kept = f", {len(files) - sent} existed already" if sent < len(files) else ""
         return True, f"{sent} files sent to {endpoint}/{bucket}/{prefix}{kept}"
 
 
@@ -102,7 +102,7 @@ def _files(context: PublicationContext, *, unpacked: bool) -> Iterator[tuple[str
 def _send(
     store: ObjectStore, bucket: str, files: Mapping[str, Path], context: PublicationContext
 ) -> int:
-    """Send files side by side; returns how many were not there."""
+    """Upload files in parallel; return the number of new ones."""
     sent = done = 0
     pool = ThreadPoolExecutor(THREADS)
     try:

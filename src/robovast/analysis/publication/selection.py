@@ -1,4 +1,4 @@
-"""Which files of a campaign an archive gets, and where in it they are."""
+"""Selects a campaign's files for an archive and determines their paths in it."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from pathlib import Path, PurePosixPath
 class Filter:
     """Glob patterns on paths relative to the campaign; `*` also matches `/`.
 
-    A pattern that begins with `/` is matched against the whole path, one without any `/` against
-    the file's name alone, others against the whole path.
+    A pattern without `/` is matched against the file's name, any other against its path.
     """
 
     def __init__(self, include: Sequence[str] | None, exclude: Sequence[str]) -> None:
@@ -21,7 +20,7 @@ class Filter:
         self._exclude = _Patterns(exclude)
 
     def takes(self, path: str) -> bool:
-        """True when a file is included and not excluded."""
+        """True if a file is included and not excluded."""
         included = self._include is None or self._include.match(path)
         return included and not self._exclude.match(path)
 
@@ -39,9 +38,9 @@ class _Patterns:
 
 
 def files_of(campaign: Path) -> Iterator[tuple[str, Path]]:
-    """Files and links of a campaign, each with its relative path.
+    """Files and links of a campaign with their relative paths.
 
-    What begins with `.` at its top is no result but work in progress, and a `.env` file holds
+    Top-level names that begin with `.` are work in progress, not results; `.env` files contain
     credentials.
     """
     for root, folders, files in os.walk(campaign):
@@ -57,7 +56,7 @@ def files_of(campaign: Path) -> Iterator[tuple[str, Path]]:
 
 
 def archive_path(path: str, *, omit_hidden: bool) -> str:
-    """A file's path below the campaign's folder in the archive, always proper text.
+    """A file's path below the campaign's folder in the archive, always valid text.
 
     Args:
         path: relative to the campaign.
@@ -69,11 +68,11 @@ def archive_path(path: str, *, omit_hidden: bool) -> str:
 
 
 def link_target(campaign: Path, path: str, link: Path, *, omit_hidden: bool) -> str | None:
-    """Target of a link in the archive; None when it leads out of the campaign.
+    """Target of a link in the archive; None if it leaves the campaign.
 
     Args:
         campaign: the campaign's folder.
-        path: of the link, relative to the campaign.
+        path: path of the link, relative to the campaign.
         link: the link.
         omit_hidden: as in `archive_path`.
     """

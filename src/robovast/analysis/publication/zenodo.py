@@ -1,4 +1,4 @@
-"""The publication plugin `zenodo`: archives go into a draft, which a person looks at."""
+"""The publication plugin `zenodo`: uploads archives to a draft, which a person reviews."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ TOKEN = "ROBOVAST_ZENODO_TOKEN"  # noqa: S105 - the name of a variable
 SANDBOX_TOKEN = "ROBOVAST_ZENODO_SANDBOX_TOKEN"  # noqa: S105 - the name of a variable
 
 RECORD = ".zenodo.json"
-"""File in the results folder that remembers which draft holds which archives."""
+"""File in the results folder that records the archives of each draft."""
 
 _SERVER = "https://zenodo.org"
 _SANDBOX = "https://sandbox.zenodo.org"
 
 
 class ZenodoUpload:
-    """Uploads what plugins before have packed; publishes only when it is told to."""
+    """Uploads archives of previous plugins; publishes only on request."""
 
     plugin_type: ClassVar[str] = "upload"
 
@@ -41,10 +41,10 @@ class ZenodoUpload:
         sandbox: bool = False,
         **_others: Any,
     ) -> None:
-        """Look whether there are a token and a description; the server is not asked.
+        """Check that a token and a description exist; the server is not contacted.
 
         Raises:
-            RobovastError: one is missing, or a package is.
+            RobovastError: one of them, or a package, is missing.
         """
         del results_dir, config_dir
         _api(sandbox=sandbox)
@@ -60,16 +60,17 @@ class ZenodoUpload:
         deposition: int | None = None,
         context: PublicationContext | None = None,
     ) -> tuple[bool, str]:
-        """Upload archives to a draft on Zenodo, resumed where an earlier attempt ended.
+        """Upload archives to a draft on Zenodo; an interrupted upload is resumed.
 
         Args:
-            results_dir: folder of the campaigns; `.zenodo.json` in it remembers the draft.
+            results_dir: folder of the campaigns; `.zenodo.json` in it records the draft.
             config_dir: not used.
-            metadata: fields of the record as Zenodo's API names them, as `title`, `description`,
-                `creators`, `license`, `keywords`; the document's `metadata` when omitted.
+            metadata: fields of the record, named as in Zenodo's API, such as `title`,
+                `description`, `creators`, `license`, `keywords`; by default the document's
+                `metadata`.
             sandbox: use Zenodo's sandbox, where nothing is permanent.
-            publish: also publish the draft, which can never be undone.
-            deposition: number of a draft to use; its own one when omitted.
+            publish: also publish the draft, which cannot be undone.
+            deposition: number of the draft to use; by default the recorded one or a new one.
             context: the campaigns and their archives.
         """
         del config_dir
@@ -92,7 +93,7 @@ class ZenodoUpload:
 
 
 class _Upload:
-    """Archives on their way into one draft."""
+    """The upload of archives to one draft."""
 
     def __init__(self, api: tuple[str, ZenodoApi], record: Path, files: Sequence[Path]) -> None:
         self._address, self._api = api
@@ -100,7 +101,7 @@ class _Upload:
         self._files = files
 
     def draft(self, number: int | None) -> Deposit:
-        """The draft that is named, or was begun before, or a new one."""
+        """The requested draft, the recorded one, or a new one."""
         known = number or self._recorded()
         deposit = self._api.deposit(known) if known else None
         if deposit is None and number:
@@ -111,7 +112,7 @@ class _Upload:
         return deposit
 
     def missing(self, deposit: Deposit) -> list[Path]:
-        """Archives that a deposit does not have as they are here."""
+        """Archives whose content is not in a deposit."""
         from robovast.analysis.publication.zenodo_api import md5_of
 
         return [path for path in self._files if deposit.files.get(path.name) != md5_of(path)]
@@ -122,17 +123,17 @@ class _Upload:
         metadata: Mapping[str, Any],
         progress: Callable[[str, int, int], None],
     ) -> None:
-        """Describe a draft and upload what it lacks."""
+        """Set a draft's metadata and upload missing archives."""
         self._api.describe(draft, metadata)
         for path in self.missing(draft):
             self._api.upload(draft, path, partial(progress, path.name))
 
     def publish(self, draft: Deposit) -> Deposit:
-        """Publish a draft that has everything."""
+        """Publish a complete draft."""
         found = self._api.deposit(draft.id)
         if found is None or self.missing(found):
             raise StorageError(
-                f"{draft.page}: does not have all archives, so it was not published. Publish again."
+                f"{draft.page}: lacks some archives, so it was not published. Publish again."
             )
         return self._api.publish(draft)
 
@@ -195,7 +196,7 @@ def _files(context: PublicationContext) -> list[Path]:
 
 
 def _metadata(campaigns: Sequence[Campaign], given: Mapping[str, Any]) -> dict[str, Any]:
-    """The record's metadata: what is given, else what the document says."""
+    """The record's metadata: the given fields, completed from the document."""
     names = ", ".join(campaign.name for campaign in campaigns)
     document = campaigns[-1].metadata if campaigns else {}
     known = {
@@ -226,4 +227,4 @@ def _said(deposit: Deposit, files: Sequence[Path]) -> str:
     count = "1 archive" if len(files) == 1 else f"{len(files)} archives"
     if deposit.published:
         return f"{count} published at {deposit.page} (DOI {deposit.doi})"
-    return f"{count} in the draft {deposit.page}; it is not published, look at it and do it there"
+    return f"{count} in the draft {deposit.page}; not published: review and publish it there"

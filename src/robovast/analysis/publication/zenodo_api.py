@@ -1,4 +1,4 @@
-"""Zenodo's REST API for deposits (https://developers.zenodo.org), as far as it is needed."""
+"""The required part of Zenodo's REST API for deposits (https://developers.zenodo.org)."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ _ACCOUNT_REMEDY = (
 
 @dataclass(frozen=True)
 class Deposit:
-    """A record, as long as it is a draft or since it was published."""
+    """A record, either a draft or published."""
 
     id: int
     published: bool
     page: str
-    """Address for people."""
+    """Address of the web page."""
     doi: str
     bucket: str
-    """Address for files."""
+    """Address for uploads."""
     files: Mapping[str, str]
-    """MD5 of each file by name, in hexadecimal digits."""
+    """MD5 of each file by name, in hexadecimal."""
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> Deposit:
-        """From an answer."""
+        """Parse a response."""
         links = data.get("links") or {}
         reserved = (data.get("metadata") or {}).get("prereserve_doi") or {}
         return cls(
@@ -55,17 +55,17 @@ class Deposit:
 
 
 class ZenodoApi:
-    """Deposits of one account."""
+    """Access to the deposits of one account."""
 
     def __init__(self, address: str, token: str, *, patience: float = PATIENCE) -> None:
         """
         Args:
-            address: of the server, as `https://zenodo.org`.
-            token: of the account.
-            patience: for how long to ask again when the server is busy or gone [s].
+            address: address of the server, such as `https://zenodo.org`.
+            token: access token of the account.
+            patience: how long requests are repeated if the server is busy or unreachable [s].
 
         Raises:
-            InputError: the address would let others read the token.
+            InputError: the address would expose the token.
         """
         place = urlsplit(address)
         if place.scheme != "https" and place.hostname not in _LOOPBACK:
@@ -81,14 +81,14 @@ class ZenodoApi:
         )
 
     def deposit(self, number: int) -> Deposit | None:
-        """A deposit by its number; None when there is none."""
+        """A deposit by its number, or None."""
         answer = self._client.request(
             "GET", self._url(number), attempt=f"look at deposit {number}", accept={404, 410}
         )
         return Deposit.of(_data(answer.data)) if answer.status < 300 else None
 
     def make_draft(self) -> Deposit:
-        """A new, empty draft."""
+        """Create an empty draft."""
         answer = self._client.request(
             "POST",
             f"{self._address}/api/deposit/depositions",
@@ -111,7 +111,7 @@ class ZenodoApi:
         )
 
     def upload(self, draft: Deposit, path: Path, progress: Callable[[int, int], None]) -> None:
-        """Add a file to a draft, or replace it.
+        """Upload a file to a draft; an existing file of that name is replaced.
 
         Raises:
             StorageError: it could not be uploaded, or arrived damaged.
@@ -119,8 +119,8 @@ class ZenodoApi:
         """
         if urlsplit(draft.bucket)[:2] != self._place:
             raise StorageError(
-                f"{self._client.name}: wants files to be sent to another server ({draft.bucket}), "
-                "which shall not get the access token."
+                f"{self._client.name}: uploads would go to another server ({draft.bucket}), which "
+                "must not receive the access token."
             )
         with path.open("rb") as stream:
             size = path.stat().st_size
@@ -142,12 +142,12 @@ class ZenodoApi:
         found = _md5(str(_data(answer.data).get("checksum", "")))
         if found != md5_of(path):
             raise StorageError(
-                f"{self._client.name}: {path.name} arrived damaged, or was changed meanwhile (MD5 "
-                f"{found or 'unknown'}). Publish again."
+                f"{self._client.name}: {path.name} arrived damaged, or changed during the upload "
+                f"(MD5 {found or 'unknown'}). Publish again."
             )
 
     def publish(self, draft: Deposit) -> Deposit:
-        """Publish a draft, which cannot be undone."""
+        """Publish a draft; this cannot be undone."""
         try:
             answer = self._client.request(
                 "POST",
@@ -157,7 +157,7 @@ class ZenodoApi:
             )
         except HttpError:
             raise
-        except StorageError:  # the answer was lost: it may be published all the same
+        except StorageError:  # only the answer may be lost: check whether it is published
             found = self.deposit(draft.id)
             if found is None or not found.published:
                 raise
@@ -169,7 +169,7 @@ class ZenodoApi:
 
 
 def md5_of(path: Path) -> str:
-    """MD5 of a file, which is what Zenodo tells of its files."""
+    """MD5 of a file, the checksum that Zenodo reports."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, lambda: hashlib.md5(usedforsecurity=False)).hexdigest()
 

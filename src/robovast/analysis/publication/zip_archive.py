@@ -1,4 +1,4 @@
-"""The publication plugin `zip`: an archive of every campaign, equal bytes for equal files."""
+"""The publication plugin `zip`: packs each campaign reproducibly, equal files to equal bytes."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ CHUNK = 2**20
 COMPRESSED = frozenset(
     {".gz", ".jpg", ".mcap", ".mp4", ".parquet", ".png", ".webm", ".zip", ".zst"}
 )
-"""Files that do not become smaller."""
+"""Suffixes of files that are already compressed."""
 
 _PLACEHOLDER = re.compile(r"\{([^{}]*)\}")
 
 
 @dataclass(frozen=True)
 class ZipOptions:
-    """What an archive holds."""
+    """Options for the content of an archive."""
 
     filter: Filter
     omit_hidden: bool
     metadata: Mapping[str, Any]
-    """Goes into the `metadata:` section of metadata.yaml."""
+    """Added to the `metadata` section of metadata.yaml."""
 
     @classmethod
     def of(
@@ -60,7 +60,7 @@ class ZipOptions:
 
 
 class ZipArchives:
-    """Packs every campaign into a zip file; equal files give equal bytes."""
+    """Packs each campaign into a zip file; equal files produce equal bytes."""
 
     def check(
         self,
@@ -71,10 +71,10 @@ class ZipArchives:
         destination: str | None = None,
         **options: Any,
     ) -> None:
-        """Look whether every archive has a name, and all that is to be in it a place.
+        """Check the names of all archives and the paths of all files in them.
 
         Raises:
-            InputError: one has not.
+            InputError: a name or path is invalid or occurs twice.
         """
         del config_dir
         chosen = ZipOptions.of(**options)
@@ -100,16 +100,17 @@ class ZipArchives:
         Args:
             results_dir: folder of the campaigns.
             config_dir: not used.
-            filename: template with `{timestamp}` and keys of the document's `metadata`; the name
-                of the campaign's folder when omitted.
-            include_filter: globs of the files to pack; all when omitted. One that begins with `/`
-                is matched from the campaign's folder on, one without `/` against the file's name.
-            exclude_filter: globs of files to leave out, also included ones.
+            filename: template with `{timestamp}` and keys of the document's `metadata`; by default
+                the name of the campaign's folder.
+            include_filter: globs of the files to pack; by default all. Globs without `/` are
+                matched against the file's name, others from the campaign's folder.
+            exclude_filter: globs of files to leave out, even if they are included.
             destination: folder of the archives, relative to the results; the results when omitted.
-            overwrite: replace archives that exist (true), keep them (false), or ask.
+            overwrite: replace existing archives (true), keep them (false), or ask.
             omit_hidden: leave folders whose names begin with `_` out of the paths in the archive.
-            metadata: fields for the `metadata` section of the archive's metadata.yaml, as `title`.
-            context: what to publish; every campaign of the folder when omitted.
+            metadata: fields for the `metadata` section of the archive's metadata.yaml, such as
+                `title`.
+            context: what to publish; by default all campaigns in the folder.
         """
         del config_dir  # everything is relative to the results
         context = context or context_of(Path(results_dir))
@@ -157,8 +158,8 @@ def _file_name(template: str | None, campaign: Campaign) -> str:
     name = _PLACEHOLDER.sub(lambda match: values[match[1]], template)
     if "/" in name or name in {"", ".", ".."}:
         raise InputError(
-            f"the `filename` of the publication plugin `zip` gives `{name}`, which is no file name."
-            " `destination` names the folder."
+            f"the `filename` of the publication plugin `zip` results in `{name}`, which is not a "
+            "file name. `destination` names the folder."
         )
     return name
 
@@ -166,7 +167,7 @@ def _file_name(template: str | None, campaign: Campaign) -> str:
 def _pack(
     campaign: Campaign, target: Path, options: ZipOptions, context: PublicationContext, *, ask: bool
 ) -> str:
-    """Write an archive; returns what to say of it."""
+    """Write an archive; return its summary."""
     with appearing_file(target) as part:
         packed = _Archive(campaign, options)
         packed.write(part)
@@ -181,21 +182,21 @@ def _pack(
 
 
 class _Archive:
-    """One campaign's archive while it is written."""
+    """One campaign's archive in progress."""
 
     def __init__(self, campaign: Campaign, options: ZipOptions) -> None:
         self.count = 0
         self.remark = ""
         self._campaign = campaign
         self._options = options
-        # When a file was copied to here says nothing, and would make other bytes.
+        # File times depend on copying, and would change the bytes.
         self._time = (campaign.started or datetime(1980, 1, 1)).timetuple()[:6]
 
     def members(self) -> tuple[dict[str, Path], dict[str, str]]:
-        """Files by their path in the archive, and the ends of links; empty of those that lead out.
+        """Files by archive path, and targets of links; the target of links that leave it is empty.
 
         Raises:
-            InputError: two files have one path.
+            InputError: two files have the same path.
         """
         links: dict[str, str] = {}
         files: dict[str, Path] = {}
@@ -216,7 +217,7 @@ class _Archive:
         files, links = self.members()
         outside = [inside for inside, target in links.items() if not target]
         if outside:
-            self.remark = f", without {len(outside)} links that lead out of the campaign"
+            self.remark = f", without {len(outside)} links that leave the campaign"
         made = self._made([*files, *links])
         names = sorted({*files, *links, *made} - set(outside))
         with zipfile.ZipFile(path, "w") as archive:
@@ -241,7 +242,7 @@ class _Archive:
         return link_target(root, link.relative_to(root).as_posix(), link, omit_hidden=omit) or ""
 
     def _made(self, names: Sequence[str]) -> dict[str, bytes]:
-        """Files that every archive has, whatever is filtered."""
+        """Files that every archive has regardless of filters."""
         metadata = _metadata(self._campaign.path, self._options.metadata)
         made = {METADATA: metadata} if metadata is not None else {}
         described = {**self._campaign.metadata, **self._options.metadata}
@@ -272,7 +273,7 @@ class _Archive:
 
 
 def _metadata(campaign: Path, fields: Mapping[str, Any]) -> bytes | None:
-    """Content of metadata.yaml with further fields in its `metadata` section."""
+    """The content of metadata.yaml with additional fields in its `metadata` section."""
     path = campaign / METADATA
     if not fields:
         return read_file(path, most=MOST_OF_ALL) if path.is_file() else None

@@ -1,6 +1,6 @@
-"""`campaign.db` (SQLite): the campaign, its batches, its parameter sets and how they fared.
+"""`campaign.db` (SQLite): the campaign, its batches, its parameter sets and their results.
 
-For users of the existing tool, whose scripts read it; nothing here does.
+Scripts of the existing tool's users read it; RoboVAST itself does not.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from robovast.base.yaml_files import read_mapping_leniently
 from robovast.campaign.layout import CAMPAIGN_STORE, Layout
 
 _OURS = 0x524F424F
-"""SQLite's application id of stores that are made of a results folder: these may be replaced."""
+"""SQLite application id of databases made from a results folder; these may be replaced."""
 _SCHEMA = """
 CREATE TABLE campaign (id INTEGER PRIMARY KEY, name TEXT, mode TEXT, config_dir TEXT,
     config_json TEXT, created_at TEXT, strategy_state TEXT, stop_kind TEXT, stop_reason TEXT,
@@ -36,12 +36,12 @@ Row = Mapping[str, Any]
 
 
 def write_campaign_store(layout: Layout, document: Path | None, runs: Iterable[str]) -> None:
-    """Describe a finished campaign; a store that a search has written itself is left as it is.
+    """Write the store of a finished campaign; a store written by a search is kept.
 
     Args:
-        layout: of the campaign.
+        layout: the campaign's layout.
         document: its .vast file.
-        runs: every run, by `<variant>/<number>`.
+        runs: all runs, as `<variant>/<number>`.
 
     Raises:
         StorageError: the file cannot be written.
@@ -61,7 +61,7 @@ def write_campaign_store(layout: Layout, document: Path | None, runs: Iterable[s
 
 
 def index_campaign(layout: Layout, *, force: bool) -> bool:
-    """Describe a campaign unless its store is newer than every run; returns whether it was done.
+    """Write a campaign's store unless it is newer than all runs; return whether it was written.
 
     Raises:
         StorageError: the file cannot be written.
@@ -115,7 +115,7 @@ def _write(
 
 
 def _units(rows: Iterable[Row]) -> Iterator[tuple[Any, ...]]:
-    """One for each variant."""
+    """One row per variant."""
     variants: dict[str, list[Row]] = {}
     for row in rows:
         variants.setdefault(row["config"], []).append(row)

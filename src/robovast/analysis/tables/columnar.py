@@ -1,7 +1,7 @@
-"""`_execution/tables.duckdb`: the tables of a campaign, by column.
+"""`_execution/tables.duckdb`: the tables of a campaign, stored by column.
 
-Measured against Parquet: as small and as fast to ask, and one run of many is replaced without
-writing all others again.
+In measurements it was as small and fast as Parquet, and single runs can be replaced without
+rewriting the others.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection
 
 RECORDS = "run_records"
-"""Table of what is known of the runs alone; the view `runs` adds their metrics."""
+"""Table of run records; the view `runs` adds metrics."""
 VIEW = "runs"
 KEY_TYPES = {"config": "VARCHAR", "run": "INTEGER"}
 _METRICS = "one row for each run"
 _SERIES = "many rows for each run"
 _UNFINISHED = ""
-"""Version of a run whose rows are being written: after a crash they are removed."""
+"""Version of a run whose rows are being written; after a crash such rows are removed."""
 _BATCH = 2000
-"""CSV files read at once."""
+"""Number of CSV files read at once."""
 _SMALL = 16 << 10
-"""Size of a CSV file from which DuckDB is faster at it than Python [bytes]."""
+"""Size of CSV files from which DuckDB is faster than Python [bytes]."""
 
 
 def import_duckdb() -> ModuleType:
-    """The package `duckdb`.
+    """Import the package `duckdb`.
 
     Raises:
         CannotRunError: it is not installed.
@@ -64,7 +64,7 @@ def import_duckdb() -> ModuleType:
 def confine(
     connection: DuckDBPyConnection, files: Iterable[Path] = (), folders: Iterable[Path] = ()
 ) -> None:
-    """Let a connection open these databases, and files in these folders, and nothing else."""
+    """Restrict a connection to these databases and to files in these folders."""
     names = [f"{path}{suffix}" for path in files for suffix in ("", ".wal")]
     connection.execute(f"SET allowed_paths = {_listed(names)}")
     connection.execute(f"SET allowed_directories = {_listed(map(str, folders))}")
@@ -77,12 +77,12 @@ def _listed(texts: Iterable[str]) -> str:
 
 
 def update_columnar(layout: Layout, versions: Mapping[str, str]) -> None:
-    """Bring the tables of a campaign up to date.
+    """Update the tables of a campaign.
 
     Args:
-        layout: of the campaign.
-        versions: of every run, by `<variant>/<number>`: a run is read when its version is not the
-            one of the last time.
+        layout: the campaign's layout.
+        versions: version of each run, as `<variant>/<number>`; runs are read again if their version
+            has changed.
 
     Raises:
         CannotRunError: the extra `query` is not installed.
@@ -107,7 +107,7 @@ def update_columnar(layout: Layout, versions: Mapping[str, str]) -> None:
 
 
 def _claim(connection: DuckDBPyConnection, runs: list[str], versions: Mapping[str, str]) -> None:
-    """Note which version of runs the tables hold."""
+    """Record the versions of runs in the tables."""
     named = {"p": runs, "v": [versions[run] for run in runs]}
     connection.execute("BEGIN")
     connection.execute("DELETE FROM loaded WHERE path IN (SELECT unnest($p))", {"p": runs})
@@ -129,7 +129,7 @@ def _connected(layout: Layout, scratch: Path) -> Iterator[DuckDBPyConnection]:
 
 
 def _connect(duckdb: ModuleType, path: Path) -> DuckDBPyConnection:
-    """The file; one that is damaged, or not ours, is made anew, as all of it is derived."""
+    """Open the file; a damaged or foreign one is recreated, since all its content is derived."""
     try:
         connection: DuckDBPyConnection = duckdb.connect(str(path))
     except duckdb.Error as error:
@@ -147,13 +147,13 @@ def _connect(duckdb: ModuleType, path: Path) -> DuckDBPyConnection:
 
 
 def _is_ours(connection: DuckDBPyConnection) -> bool:
-    """Whether it has no view but ours, which nobody reads here: one called as a table would be."""
+    """Whether it has no view besides ours; reading a foreign view would execute it."""
     found = connection.execute("SELECT view_name FROM duckdb_views() WHERE NOT internal").fetchall()
     return all(name == VIEW for (name,) in found)
 
 
 def first_line(error: Exception) -> str:
-    """What an error says, without the query that follows."""
+    """An error's message without the query."""
     return str(error).strip().partition("\n")[0]
 
 
@@ -203,7 +203,7 @@ def _load_csv_files(
 
 
 def _parts(files: Sequence[Path]) -> Iterator[Sequence[Path]]:
-    """Files to read at once: small ones, and large ones, of these not too many."""
+    """Groups of files to read at once: small ones, and limited numbers of large ones."""
     small = [path for path in files if path.stat().st_size < _SMALL]
     large = sorted(set(files).difference(small))
     for listed in (small, large):
@@ -221,12 +221,12 @@ def _stage_large(
 
     try:
         stage(connection, files, columns, root)
-    except duckdb.Error:  # a damaged file is read as far as it can be
+    except duckdb.Error:  # read a damaged file as far as possible
         stage_small(connection, root, files, columns, scratch)
 
 
 def _grouped(layout: Layout, runs: Iterable[str]) -> dict[tuple[str, tuple[str, ...]], list[Path]]:
-    """Files with the same table and header, which are read at once."""
+    """Files by table and header; the files of a group are read at once."""
     groups: dict[tuple[str, tuple[str, ...]], list[Path]] = {}
     for run in runs:
         for table, path in csv_files(layout.run(run)).items():
@@ -237,7 +237,7 @@ def _grouped(layout: Layout, runs: Iterable[str]) -> dict[tuple[str, tuple[str, 
 
 
 def _join_metrics(connection: DuckDBPyConnection) -> None:
-    """Note which tables are metrics, and make the view `runs` for who opens the file by hand."""
+    """Mark tables of metrics, and create the view `runs` for direct users of the file."""
     tables = tables_of(connection)
     for table in tables:
         note = _METRICS if _has_one_row_a_run(connection, quoted(table)) else _SERIES
@@ -249,12 +249,12 @@ def _join_metrics(connection: DuckDBPyConnection) -> None:
 def runs_query(
     connection: DuckDBPyConnection, tables: Mapping[str, Types], catalog: str | None = None
 ) -> str:
-    """What selects run records, and what is in CSV files with one row for each run.
+    """A query for run records and for CSV files with one row per run.
 
     Args:
-        connection: has the tables.
-        tables: with their columns.
-        catalog: name of an attached file; of the connection's own when None.
+        connection: connection to the tables.
+        tables: the tables with their columns.
+        catalog: name of an attached file; None means the connection's own.
     """
     place = f"{catalog}." if catalog else ""
     columns = [f"{quoted(RECORDS)}.*"]
@@ -273,7 +273,7 @@ def runs_query(
 def _metrics(
     connection: DuckDBPyConnection, tables: Iterable[str], catalog: str | None
 ) -> list[str]:
-    """Tables with one row for each run; looked at where nobody noted it, in older files."""
+    """Tables with one row per run; in older files, without marks, they are examined."""
     noted = dict(
         connection.execute(
             "SELECT table_name, comment FROM duckdb_tables() "

@@ -1,4 +1,4 @@
-"""The CSV files that a run holds, and their rows whatever state they are in."""
+"""Finds the CSV files of a run and reads their rows, even from damaged files."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from typing import TextIO
 from robovast.base.safe_paths import is_file, open_file
 
 KEYS = ("config", "run")
-"""Columns that say which run a row is of."""
+"""Columns that identify the run of a row."""
 LONGEST_LINE = 32 << 20
-"""Characters; a file of zeros has one line of its size."""
+"""Longest line [characters]; a file of zeros is a single line."""
 _RESERVED = frozenset({"runs", "run_records", "loaded", "scenario_timestamps"})
 
 csv.field_size_limit(sys.maxsize)
 
 
 def csv_files(run: Path) -> dict[str, Path]:
-    """The CSV files of a run by the name of their table: their path with `_` for what is no letter
-    or digit. Links and what else is no regular file are none."""
+    """The CSV files of a run by table name: the path with `_` for anything but letters and digits.
+    Only regular files count."""
     found: dict[str, Path] = {}
     for folder, folders, names in os.walk(run):
         folders.sort()
@@ -37,19 +37,19 @@ def csv_files(run: Path) -> dict[str, Path]:
 
 
 def table_name(path: str | os.PathLike[str]) -> str:
-    """The table of a CSV file, by its path without suffix."""
+    """Table name of a CSV file, from its path without suffix."""
     name = re.sub(r"\W+", "_", os.fspath(path)).strip("_") or "table"
     name = f"t_{name}" if name[0].isdigit() or folded(name).startswith("sqlite_") else name
     return f"{name}_csv" if name.lower() in _RESERVED else name
 
 
 def folded(name: str) -> str:
-    """A name as databases compare it: letters of ASCII alone are the same in either case."""
+    """A name for comparison as in databases, which ignore the case of ASCII letters."""
     return "".join(letter.lower() if letter.isascii() else letter for letter in name)
 
 
 def column_names(header: Sequence[str], keys: Iterable[str] = ("campaign", *KEYS)) -> list[str]:
-    """Names of columns that differ, also from the keys, whatever case is used, and without NUL."""
+    """Unique column names, regardless of case, that differ from the keys and contain no NUL."""
     used = set(keys)
     names = []
     for index, cell in enumerate(header, 1):
@@ -64,7 +64,7 @@ def column_names(header: Sequence[str], keys: Iterable[str] = ("campaign", *KEYS
 
 
 def read_header(path: Path) -> list[str]:
-    """The first row; empty when the file is, or has none that can be read."""
+    """The first row; empty if the file is empty or unreadable."""
     with _opened(path) as file, suppress(csv.Error):
         return next(iter(csv.reader(lines(file))), [])
     return []
@@ -73,7 +73,7 @@ def read_header(path: Path) -> list[str]:
 def read_rows(path: Path, width: int) -> Iterator[list[str]]:
     """The rows below the header, each with as many cells as the header.
 
-    Of a file that was cut off or is no UTF-8, what can be read is read.
+    Truncated files and invalid UTF-8 are read as far as possible.
     """
     with _opened(path) as file, suppress(csv.Error):
         rows = csv.reader(lines(file))
@@ -84,10 +84,10 @@ def read_rows(path: Path, width: int) -> Iterator[list[str]]:
 
 
 def lines(file: TextIO) -> Iterator[str]:
-    """The lines of a CSV file, each held in memory.
+    """The lines of a CSV file.
 
     Raises:
-        csv.Error: one is longer than `LONGEST_LINE`.
+        csv.Error: a line is longer than `LONGEST_LINE`.
     """
     while line := file.readline(LONGEST_LINE + 1):
         if len(line) > LONGEST_LINE:

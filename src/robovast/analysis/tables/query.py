@@ -1,4 +1,4 @@
-"""SQL over the tables of several campaigns, read-only."""
+"""Read-only SQL queries over the tables of several campaigns."""
 
 from __future__ import annotations
 
@@ -31,25 +31,25 @@ _NO_TABLE = re.compile(r"Table with name (?P<name>.+) does not exist")
 
 @dataclass(frozen=True)
 class Answer:
-    """What a query returns."""
+    """Result of a query."""
 
     columns: list[str]
     rows: list[tuple[Any, ...]]
 
 
 def ask(campaigns: Sequence[Path], sql: str, most: int | None = None) -> Answer:
-    """Ask the tables of campaigns.
+    """Query the tables of campaigns.
 
-    Every table has the columns `campaign`, `config` and `run` in front; `runs` has one row a run.
+    All tables begin with the columns `campaign`, `config` and `run`; `runs` has one row per run.
 
     Args:
         campaigns: folders of campaigns that have been postprocessed.
-        sql: one statement in DuckDB's SQL; it can read nothing else and change nothing.
-        most: rows that are read; all when None.
+        sql: one statement in DuckDB's SQL; it can neither change data nor read other files.
+        most: largest number of rows to read; None means all.
 
     Raises:
         CannotRunError: the extra `query` is not installed.
-        InputError: none of the campaigns has tables, or the query is wrong.
+        InputError: no campaign has tables, or the query is invalid.
         StorageError: tables cannot be read.
     """
     duckdb = import_duckdb()
@@ -68,7 +68,7 @@ def ask(campaigns: Sequence[Path], sql: str, most: int | None = None) -> Answer:
 
 
 def _explained(cause: str, names: Sequence[str]) -> str:
-    """What is wrong with a query; of DuckDB's own tables, which it suggests, nobody asks."""
+    """Describe an invalid query; DuckDB's suggestions of its internal tables are replaced."""
     missing = _NO_TABLE.search(cause)
     if missing is None:
         return f"the query is wrong: {cause.strip()}"
@@ -78,7 +78,7 @@ def _explained(cause: str, names: Sequence[str]) -> str:
 
 
 def tables(campaigns: Sequence[Path]) -> dict[str, Types]:
-    """The tables that can be asked, with their columns and types; raises as `ask` does."""
+    """The tables with their columns and types; raises the same errors as `ask`."""
     with _attached(campaigns) as connection:
         found: dict[str, Types] = {}
         for table, column, type_ in connection.execute(
@@ -92,8 +92,8 @@ def tables(campaigns: Sequence[Path]) -> dict[str, Types]:
 def _attached(campaigns: Sequence[Path]) -> Iterator[DuckDBPyConnection]:
     """Views over the tables of all campaigns.
 
-    The files may be anybody's, so no other file can be opened from the very first on, and of theirs
-    only tables are taken: a view would be executed here.
+    The files may come from anyone, so access to other files is disabled first, and only tables are
+    used: a view in them would be executed here.
     """
     duckdb = import_duckdb()
     files = {campaign: campaign.absolute() / COLUMNAR_TABLES for campaign in campaigns}
@@ -115,14 +115,14 @@ def _attached(campaigns: Sequence[Path]) -> Iterator[DuckDBPyConnection]:
                 "there are no tables to ask: `vast results postprocess` makes them (with the extra "
                 "`query`)."
             )
-        for table, places in members.items():  # all rows, whatever columns it has in which campaign
+        for table, places in members.items():  # columns may differ between campaigns
             union = " UNION ALL BY NAME ".join(places)
             connection.execute(f"CREATE VIEW {quoted(table)} AS {union}")
         yield connection
 
 
 def _parts(connection: DuckDBPyConnection, alias: str, campaign: str) -> dict[str, str]:
-    """By table, what selects a campaign's rows of it."""
+    """Queries for a campaign's rows, by table."""
     found = tables_of(connection, alias)
     sources = {name: f"{alias}.{quoted(name)}" for name in found if name != RECORDS}
     if RECORDS in found:

@@ -1,4 +1,4 @@
-"""One row for each run: which it is, its parameters, its verdict, its times."""
+"""One row per run: identity, parameters, verdict and times."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ COLUMNS = {
     "image": "VARCHAR",
     "host": "VARCHAR",
 }
-"""Columns that every campaign has, with their types; times are UTC, `duration` in seconds."""
+"""Columns of all campaigns with their types; times are UTC, `duration` in seconds."""
 PARAMETER = "param_"
-"""How the columns of scenario parameters begin."""
+"""Prefix of columns with scenario parameters."""
 
 Row = dict[str, Any]
 
 
 def run_rows(layout: Layout, runs: Iterable[str]) -> Iterator[Row]:
-    """A row for each run, by `<variant>/<number>`; what is not known is None.
+    """One row per run, given as `<variant>/<number>`; unknown values are None.
 
-    Runs of other tools, which have no `run.json`, are told by their test.xml and the campaign's
-    list of configurations.
+    Runs of other tools have no `run.json`; their test.xml and the campaign's list of configurations
+    are used.
     """
     configurations = _configurations(layout)
     for run in runs:
@@ -75,7 +75,7 @@ def _row(folder: Path, variant: str, number: int, configuration: Mapping[str, An
 
 
 def _judged(folder: Path) -> Row:
-    """What is known without a record."""
+    """A run's values without a record."""
     result = result_without_record(folder)
     start = None if result.started_at is None else datetime.fromtimestamp(result.started_at, UTC)
     end = start + timedelta(seconds=result.duration) if start and result.duration else None
@@ -103,7 +103,7 @@ def _utc(text: str) -> str | None:
 
 
 def _plain_time(moment: datetime | None) -> str | None:
-    """A time in UTC without saying so, as tables hold it."""
+    """A time in UTC without time zone, as stored in tables."""
     if moment is None:
         return None
     aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)

@@ -1,8 +1,8 @@
-"""`_execution/data.db` (SQLite): one table for each CSV name, with the rows of all runs.
+"""`_execution/data.db` (SQLite): one table per CSV name, with the rows of all runs.
 
-Its rows begin with `config_name` and `run_id`, texts by which users of the existing tool know a
-run; `config` and `run`, a number, are the same. Which file is which table is in `_table_name_map`,
-when each run began and ended in `scenario_timestamps`.
+Rows begin with the texts `config_name` and `run_id`, which users of the existing tool expect;
+`config` and `run` (a number) have the same values. `_table_name_map` maps files to tables,
+`scenario_timestamps` has start and end of each run.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ from robovast.campaign.layout import SQLITE_TABLES, Layout
 from robovast.campaign.run_files import shown
 
 _LOADED = "_loaded"
-"""Table that says which version of each run the others hold."""
+"""Table with the version of each run in the other tables."""
 _NAMES = "_table_name_map"
 _TIMES = "scenario_timestamps"
 _FIRST = ("config_name", "run_id")
 _RUN = "config_name = ? AND run_id = ?"
 _MOST_COLUMNS = 1900
-"""Of a table, which can have 2000 with our own; all others are in tables.duckdb alone."""
+"""Most columns of a table; SQLite allows 2000. All columns are in tables.duckdb."""
 
 
 def update_sqlite(layout: Layout, versions: Mapping[str, str]) -> None:
-    """Bring the tables up to date.
+    """Update the tables.
 
     Numbers are stored as numbers, empty cells as NULL.
 
     Args:
-        layout: of the campaign.
-        versions: of every run, by `<variant>/<number>`: a run is read when its version is not the
-            one of the last time.
+        layout: the campaign's layout.
+        versions: version of each run, as `<variant>/<number>`; runs are read again if their version
+            has changed.
 
     Raises:
         StorageError: the file cannot be written.
@@ -60,7 +60,7 @@ def update_sqlite(layout: Layout, versions: Mapping[str, str]) -> None:
 
 
 def _connect(path: Path) -> sqlite3.Connection:
-    """The file; one that is not ours is made anew, as all of it is derived."""
+    """Open the file; a foreign one is recreated, since all its content is derived."""
     connection = sqlite3.connect(path)
     try:
         known = connection.execute("SELECT name FROM sqlite_master").fetchall()
@@ -98,7 +98,7 @@ def _update(connection: sqlite3.Connection, layout: Layout, versions: Mapping[st
 
 
 def _tables(connection: sqlite3.Connection) -> dict[str, list[str]]:
-    """Columns of every table, by its name in small letters."""
+    """Columns of every table, by lower-case name."""
     rows = connection.execute(
         "SELECT m.name, c.name FROM sqlite_master m, pragma_table_info(m.name) c "
         "WHERE m.type = 'table' AND m.name NOT IN (?, ?, ?)",
@@ -127,7 +127,7 @@ def _key(run: str) -> tuple[str, str]:
 
 
 def _add_times(connection: sqlite3.Connection, layout: Layout, runs: Sequence[str]) -> None:
-    """Add when runs began and ended, as far as it is known."""
+    """Add start and end of runs, as far as they are known."""
     for run, row in zip(runs, run_rows(layout, runs), strict=True):
         events = [
             (row["started_at"], "started", ""),
@@ -140,7 +140,7 @@ def _add_times(connection: sqlite3.Connection, layout: Layout, runs: Sequence[st
 
 
 def _seconds(time: str) -> str:
-    """Since the epoch, of a time in UTC."""
+    """Convert a UTC time to seconds since the epoch."""
     return f"{datetime.fromisoformat(time).replace(tzinfo=UTC).timestamp():.6f}"
 
 
@@ -164,9 +164,9 @@ def _load(
 
 
 def _declared(have: list[str], table: str, columns: Sequence[str]) -> Iterator[str]:
-    """What makes a table hold the columns; `have` is brought up to date.
+    """Statements that add missing columns to a table; also updates `have`.
 
-    NUMERIC columns take numbers as such and leave text as it is.
+    NUMERIC columns store numbers as numbers and text as text.
     """
     known = set(map(folded, have))
     new = [name for name in columns if folded(name) not in known][

@@ -1,7 +1,6 @@
-"""CSV files into DuckDB: first as text into a table `staged`, then with types into their table.
+"""Loads CSV files into DuckDB: first as text into a table `staged`, then typed into their table.
 
-The types are found by looking at every value, so that a column is never half read: one value that
-is no number makes it text.
+Types are inferred from all values: a single value that is not a number makes a column text.
 """
 
 from __future__ import annotations
@@ -18,31 +17,31 @@ if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection
 
 Types = dict[str, str]
-"""Columns in their order, with their types."""
+"""Columns in order, with their types."""
 
 _NUMBERS = ("BIGINT", "DOUBLE")
 _AT_ONCE = 100
-"""Columns that are looked through at once: time grows with the square of their number."""
+"""Columns that are examined at once; time grows with the square of their number."""
 _FIXED = ("BIGINT", "DOUBLE", "BOOLEAN", "VARCHAR")
-"""Types that values are looked through for, the first that fits is taken."""
+"""Types to try; the first that fits all values is used."""
 
 
 def quoted(name: str) -> str:
-    """A name as SQL takes it, whatever is in it."""
+    """Quote a name for SQL."""
     return '"' + name.replace('"', '""') + '"'
 
 
 def literal(text: str) -> str:
-    """A text as SQL takes it."""
+    """Quote a text for SQL."""
     return "'" + text.replace("'", "''") + "'"
 
 
 def tables_of(connection: DuckDBPyConnection, catalog: str | None = None) -> dict[str, Types]:
-    """Every table with rows of runs, with its columns; views are none.
+    """All tables with rows of runs, with their columns; views are excluded.
 
     Args:
-        connection: has the tables.
-        catalog: name of an attached file; of the connection's own when None.
+        connection: connection to the tables.
+        catalog: name of an attached file; None means the connection's own.
     """
     found: dict[str, Types] = {}
     for table, column, type_ in connection.execute(
@@ -64,14 +63,14 @@ def stage_small(
     columns: Sequence[str],
     scratch: Path,
 ) -> None:
-    """Read CSV files of runs by way of one file: for many small ones, and for damaged ones.
+    """Read CSV files of runs via one temporary file; for many small files, and damaged ones.
 
     Args:
-        connection: gets the table `staged`, with the columns `config` and `run` in front.
-        root: folder that the first two parts of a file's path, its run, are relative to.
-        files: with the same header.
+        connection: receives the table `staged`, which begins with the columns `config` and `run`.
+        root: folder of the runs; files are in `<config>/<run>` below it.
+        files: files with the same header.
         columns: names for the header's cells.
-        scratch: folder for the one file.
+        scratch: folder for the temporary file.
     """
     path = scratch / "rows.csv"
     with path.open("w", encoding="utf-8", newline="") as whole:
@@ -92,10 +91,10 @@ def stage(
     """Read CSV files as text into the table `staged`.
 
     Args:
-        connection: gets the table.
-        files: with the same header.
+        connection: receives the table.
+        files: files with the same header.
         columns: names for the header's cells.
-        root: of files of runs, whose `config` and `run` are put in front.
+        root: folder of the runs; adds the columns `config` and `run` in front.
 
     Raises:
         duckdb.Error: a file is damaged.
@@ -117,13 +116,13 @@ def stage(
 def append(
     connection: DuckDBPyConnection, table: str, columns: Sequence[str], fixed: Mapping[str, str]
 ) -> None:
-    """Append what is staged to a table, which is made, gets columns and wider types as needed.
+    """Append the staged rows to a table; create it, or extend its columns and types, as needed.
 
     Args:
-        connection: has the table `staged`.
-        table: name of the other.
-        columns: of `staged`.
-        fixed: types of columns that are known; of all others they are found.
+        connection: connection with the table `staged`.
+        table: name of the target table.
+        columns: columns of `staged`.
+        fixed: known types of columns; others are inferred.
     """
     free = [name for name in columns if name not in fixed]
     types = {**_found_types(connection, free), **{n: fixed[n] for n in columns if n in fixed}}
@@ -166,7 +165,7 @@ def _types_of(connection: DuckDBPyConnection, columns: Sequence[str]) -> Types:
 
 
 def wider(one: str, other: str) -> str:
-    """The type that holds the values of both."""
+    """The type that can store the values of both types."""
     if one == other:
         return one
     return "DOUBLE" if one in _NUMBERS and other in _NUMBERS else "VARCHAR"
@@ -175,7 +174,7 @@ def wider(one: str, other: str) -> str:
 def _widened(
     connection: DuckDBPyConnection, table: str, have: Types, wanted: Mapping[str, str]
 ) -> Types:
-    """Make a table hold further columns; their types there."""
+    """Add missing columns and widen types of a table; return the resulting types."""
     columns = {folded(name): name for name in have}
     found: Types = {}
     for name, type_ in wanted.items():

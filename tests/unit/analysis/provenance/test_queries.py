@@ -140,7 +140,7 @@ def test_two_campaigns_of_one_name_cannot_be_mixed(tmp_path: Path) -> None:
     roots = [make_old_campaign(tmp_path / place, 1, 1) for place in ("a", "b")]
     for root in roots:
         describe(root)
-    with pytest.raises(InputError, match="could not be told apart"):
+    with pytest.raises(InputError, match="could not be distinguished"):
         Graphs(roots)
     path = roots[1] / "_config/hall.vast"
     path.write_text(path.read_text().replace("datasets/halls/", "datasets/other/"))

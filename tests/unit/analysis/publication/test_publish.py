@@ -149,7 +149,7 @@ def test_another_file_can_say_what_to_publish(tmp_path: Path) -> None:
 
 
 def test_nothing_to_publish_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="nothing is to be published"):
+    with pytest.raises(InputError, match="there is nothing to publish"):
         run([make(tmp_path, "a", "")])
 
 
@@ -158,7 +158,7 @@ WRONG = {
     "zipp": "Did you mean `zip`",
     "p.py:number": "is a int; it must be a function",
     "p.py:Odd": "plugin_type 'strange'",
-    "p.py:Broken": "cannot be made: OSError: no disk",
+    "p.py:Broken": "cannot be instantiated: OSError: no disk",
     "p.py:whole: {place: x}": "has no parameter `place`; it has destination",
     "p.py:needs": "needs the parameter `bucket`",
     "p.py:some: {context: x}": "cannot be given `context`",
@@ -209,7 +209,7 @@ FAULTS: dict[str, tuple[type[RobovastError], str]] = {
     "nothing": (StorageError, r"returned None; it must return \(success, message\)"),
     "text": (StorageError, "returned 'done'"),
     "swapped": (StorageError, "returned"),
-    "no_paths": (StorageError, r"no paths: \[7\]"),
+    "no_paths": (StorageError, r"not paths: \[7\]"),
 }
 
 

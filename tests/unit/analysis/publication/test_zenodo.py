@@ -64,8 +64,8 @@ def test_archives_go_into_a_draft_that_is_not_published(
     assert draft["metadata"]["upload_type"] == "dataset"
     assert "robot_id" not in draft["metadata"]
     assert (
-        message == f"2 archives in the draft {server.address}/deposit/1000; it is not published,"
-        " look at it and do it there"
+        message == f"2 archives in the draft {server.address}/deposit/1000; not published:"
+        " review and publish it there"
     )
     assert seen[-1] == ("a b.zip", 500_000, 500_000)
 
@@ -240,7 +240,7 @@ def test_the_token_may_stand_in_a_dotenv_file(
 
 def test_the_token_goes_to_no_other_server(server: Zenodo, context: PublicationContext) -> None:
     server.bucket_host = "http://127.0.0.1:9"
-    with pytest.raises(StorageError, match="wants files to be sent to another server"):
+    with pytest.raises(StorageError, match="uploads would go to another server"):
         upload(context)
     with pytest.raises(InputError, match="must begin with https"):
         ZenodoApi("http://zenodo.example.org", TOKEN)

@@ -156,7 +156,7 @@ def test_nothing_from_outside_is_packed(campaign: Campaign, tmp_path: Path) -> N
         str(campaign.path.parent), "", context=PublicationContext((campaign,))
     )
     assert good
-    assert "without 2 links that lead out of the campaign" in message
+    assert "without 2 links that leave the campaign" in message
     assert not {"one-1/0/absolute", "one-1/0/relative", "one-1/0/pipe"} & names(
         zipfile.ZipFile(files[0])
     )
@@ -206,7 +206,7 @@ def test_the_file_name_takes_metadata_and_the_time(campaign: Campaign) -> None:
 def test_a_wrong_file_name_is_explained(campaign: Campaign) -> None:
     with pytest.raises(InputError, match=r"\{robot\}.*license, robot_id, timestamp, title"):
         pack(campaign, filename="{robot}.zip")
-    with pytest.raises(InputError, match="no file name"):
+    with pytest.raises(InputError, match="not a file name"):
         pack(replace(campaign, metadata={"x": "../../evil"}), filename="{x}")
 
 
