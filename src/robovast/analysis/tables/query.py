@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +16,7 @@ from robovast.analysis.tables.columnar import (
     import_duckdb,
     runs_query,
 )
+from robovast.analysis.tables.query_errors import explained
 from robovast.analysis.tables.staging import Types, literal, quoted, tables_of
 from robovast.base.errors import InputError, StorageError
 from robovast.campaign.layout import COLUMNAR_TABLES
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection
 
 _OURS = "FROM duckdb_columns() WHERE database_name = 'memory' AND NOT internal"
-_NO_TABLE = re.compile(r"Table with name (?P<name>.+) does not exist")
 
 
 @dataclass(frozen=True)
@@ -63,29 +61,23 @@ def ask(campaigns: Sequence[Path], sql: str, most: int | None = None) -> Answer:
                 return Answer([], [])
             return Answer(columns, found.fetchall() if most is None else found.fetchmany(most))
         except duckdb.Error as error:
-            names = connection.execute(f"SELECT DISTINCT table_name {_OURS}").fetchall()
-            raise InputError(_explained(str(error), [name for (name,) in names])) from None
-
-
-def _explained(cause: str, names: Sequence[str]) -> str:
-    """Describe an invalid query; DuckDB's suggestions of its internal tables are replaced."""
-    missing = _NO_TABLE.search(cause)
-    if missing is None:
-        return f"the query is wrong: {cause.strip()}"
-    near = get_close_matches(missing["name"], names, 1)
-    hint = f"Did you mean `{near[0]}`?" if near else f"There are {', '.join(sorted(names))}."
-    return f"the query is wrong: there is no table `{missing['name']}`. {hint}"
+            raise InputError(explained(str(error), sql, _columns(connection))) from None
 
 
 def tables(campaigns: Sequence[Path]) -> dict[str, Types]:
     """The tables with their columns and types; raises the same errors as `ask`."""
     with _attached(campaigns) as connection:
-        found: dict[str, Types] = {}
-        for table, column, type_ in connection.execute(
-            f"SELECT table_name, column_name, data_type {_OURS} ORDER BY table_name, column_index"
-        ).fetchall():
-            found.setdefault(table, {})[column] = type_
-        return found
+        return _columns(connection)
+
+
+def _columns(connection: DuckDBPyConnection) -> dict[str, Types]:
+    """The tables of the campaigns; of DuckDB's own, which it suggests, nobody asks."""
+    found: dict[str, Types] = {}
+    for table, column, type_ in connection.execute(
+        f"SELECT table_name, column_name, data_type {_OURS} ORDER BY table_name, column_index"
+    ).fetchall():
+        found.setdefault(table, {})[column] = type_
+    return found
 
 
 @contextmanager
