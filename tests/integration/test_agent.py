@@ -23,7 +23,7 @@ from support.servers.refusing_s3_proxy import refusing
 
 from robovast.agent.claims import MOST_STARTS
 from robovast.campaign.configurations import variants_digest
-from robovast.kubeapi.sightings import Sightings
+from robovast.kubeapi.pod_contract.sightings import Sightings
 from robovast.model.document import load_document
 from robovast.model.expansion import compose
 from robovast.model.repetition import list_key, list_name

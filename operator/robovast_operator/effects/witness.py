@@ -7,8 +7,8 @@ from collections.abc import AsyncIterator, Mapping
 from typing import Any
 
 from robovast.base.containers import named_digest
+from robovast.kubeapi.pod_contract.sightings import Sightings
 from robovast.kubeapi.resources import ROLE_LABEL
-from robovast.kubeapi.sightings import Sightings
 from robovast_operator.effects.diagnose import Diagnosis
 from robovast_operator.kube import paths
 from robovast_operator.kube.announce import is_refusal

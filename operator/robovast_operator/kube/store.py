@@ -39,7 +39,6 @@ class JobState:
     suspended: bool
     active: int
     ready: int
-    failed_pods: int
     completed: str
     """Completed indexes as ranges."""
     failed: str
@@ -99,7 +98,6 @@ class JobState:
             suspended=spec.get("suspend") is True,
             active=number(status.get("active")),
             ready=number(status.get("ready")),
-            failed_pods=number(status.get("failed")),
             completed=text(status.get("completedIndexes")),
             failed=text(status.get("failedIndexes")),
             finished=end.get("type", ""),

@@ -17,6 +17,7 @@ from robovast.base.serialization import dump_yaml
 from robovast.base.yaml_files import parse_yaml
 from robovast.campaign.configurations import variants_digest
 from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
+from robovast.kubeapi.pod_contract.messages import Composed
 from robovast.kubeapi.resources import CampaignSpec
 from robovast.kubeapi.secret_names import refusal
 from robovast.model.document.loader import Document, check_source
@@ -30,7 +31,6 @@ from robovast.model.quantities import cpus, memory
 from robovast.model.variations.loader import is_pure
 from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.planning.campaign import Accepted, Rejected
-from robovast_operator.planning.composition import Composition
 from robovast_operator.settings import Settings
 
 Files = Mapping[str, bytes]
@@ -297,7 +297,7 @@ def config_map_files(config_map: Object, paths: Mapping[str, str]) -> Files:
 
 
 def with_composition(
-    accepted: Accepted, composed: Composition | str | None, limit: int, reason: str
+    accepted: Accepted, composed: Composed | str | None, limit: int, reason: str
 ) -> Accepted | Rejected:
     """A campaign with what its compose Job found out, or what that says is wrong.
 
@@ -307,7 +307,7 @@ def with_composition(
         limit: most variants of a document.
         reason: why the Job failed, in one word.
     """
-    if not isinstance(composed, Composition):
+    if not isinstance(composed, Composed):
         return Rejected(reason, composed or "the compose Job left no word; see its log")
     names = [entry.name for entry in accepted.vast.configuration or [DEFAULT_ENTRY]]
     counts, cuts = composed.counts, composed.breaks

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from robovast.base.errors import InputError
 from robovast.base.serialization import dump_yaml
 from robovast.base.yaml_files import parse_yaml
+from robovast.kubeapi.pod_contract.mounts import DOCUMENT_FILE, PLAN_FILE
 from robovast.model.expansion.expand import DEFAULT_ENTRY
 from robovast.model.packs import RUNS_LIMIT, Block, CampaignPlan, Entry, PlanSpec, first_blocks
 from robovast_operator.kube.lenient import mapping, text
@@ -139,7 +140,7 @@ def any_plan(config_maps: Iterable[Object], prefix: str) -> CampaignPlan | None:
         if obj["metadata"]["name"].startswith(prefix):
             with suppress(ValueError):
                 return CampaignPlan.model_validate_json(
-                    text(mapping(obj.get("data")).get("campaign.json"))
+                    text(mapping(obj.get("data")).get(PLAN_FILE))
                 )
     return None
 
@@ -172,14 +173,14 @@ def _revision(number: int, name: str, obj: Object) -> Revision:
     data = mapping(obj.get("data"))
     notes = obj["metadata"].get("annotations", {}).get(OWNERS_ANNOTATION, "{}")
     try:
-        plan = CampaignPlan.model_validate_json(data.get("campaign.json", ""))
+        plan = CampaignPlan.model_validate_json(data.get(PLAN_FILE, ""))
         owners = {int(b): _Owner.model_validate(o) for b, o in json.loads(notes).items()}
     except (ValueError, TypeError, AttributeError) as error:
         raise _no_plan(name, str(error)) from error
     if plan.plan is None or not plan.plan.blocks:
         raise _no_plan(name, "it plans no run")
     held = {block: owner.model_dump() for block, owner in owners.items()}
-    document = text(data.get("document.vast"))
+    document = text(data.get(DOCUMENT_FILE))
     return Revision(number, name, plan.plan, plan.entries, held, document, plan.composed)
 
 

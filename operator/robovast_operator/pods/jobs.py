@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from robovast.execution.compat import INCOMPATIBLE
 from robovast.kubeapi.notice import Order
+from robovast.kubeapi.pod_contract.exit_codes import USELESS, AgentExit
+from robovast.kubeapi.pod_contract.mounts import DOCUMENT_FILE, PLAN_FILE
+from robovast.kubeapi.pod_contract.pods import failure_policy, on_exit
+from robovast.kubeapi.pod_contract.sightings import FILE, Sightings
 from robovast.kubeapi.resources import ROLE_LABEL, SHARD_LABEL, Scheduling
-from robovast.kubeapi.sightings import FILE, Sightings
 from robovast.model.packs import Bundle, CampaignPlan, Entry, GitSource, PlanSpec
 from robovast.model.quantities import cpus, memory
 from robovast.storage.bucket_names import BUNDLES_BUCKET
@@ -48,19 +52,15 @@ def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Objec
         "parallelism": shard.parallelism,
         "backoffLimitPerIndex": RETRIES_PER_INDEX,
         "maxFailedIndexes": shard.size,
-        "podReplacementPolicy": "Failed",
         "suspend": queue is not None or accepted.spec.suspend,
-        "podFailurePolicy": {
-            "rules": [
-                _on_exit("FailJob", "compat-version", [78]),
-                _on_exit("FailJob", "fetch", [64, 65, 73, 77]),
-                _on_exit("FailJob", "agent", [73]),
-                _on_exit("FailIndex", "agent", [10, 11, 77]),
-                _on_exit("Ignore", "fetch", [74]),  # storage that is away costs time, no tries
-                _on_exit("Ignore", "agent", [74]),
-                {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]},
-            ]
-        },
+        **failure_policy(
+            on_exit("FailJob", "compat-version", [INCOMPATIBLE]),
+            on_exit("FailJob", "fetch", USELESS),
+            on_exit("FailJob", "agent", [AgentExit.OTHER_OWNER]),
+            on_exit("FailIndex", "agent", [AgentExit.FAILED, AgentExit.ERRORED, AgentExit.REFUSED]),
+            on_exit("Ignore", "fetch", [AgentExit.STORAGE]),  # it costs time, no tries
+            on_exit("Ignore", "agent", [AgentExit.STORAGE]),
+        ),
     }
     job["spec"]["template"]["spec"] = pod
     if queue is not None:
@@ -82,14 +82,10 @@ def task_job(
     job = _job(accepted.identity, name, command, {})
     job["spec"] |= {
         "backoffLimit": TASK_RETRIES,
-        "podReplacementPolicy": "Failed",
-        "podFailurePolicy": {
-            "rules": [
-                _on_exit("FailJob", command, [64, 65, 73, 77]),
-                _on_exit("Ignore", command, [74]),
-                {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]},
-            ]
-        },
+        **failure_policy(
+            on_exit("FailJob", command, USELESS),
+            on_exit("Ignore", command, [AgentExit.STORAGE]),
+        ),
     }
     job["spec"]["template"]["spec"] = task_pod(accepted, settings, plan, command, sightings)
     return job
@@ -108,13 +104,9 @@ def notify_job(
         "backoffLimitPerIndex": NOTIFY_RETRIES,
         "activeDeadlineSeconds": NOTIFY_DEADLINE,
         "ttlSecondsAfterFinished": NOTIFY_KEEP,
-        "podReplacementPolicy": "Failed",
-        "podFailurePolicy": {
-            "rules": [
-                _on_exit("FailIndex", NOTIFY_ROLE, [64, 65]),
-                {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]},
-            ]
-        },
+        **failure_policy(
+            on_exit("FailIndex", NOTIFY_ROLE, [AgentExit.BAD_PLAN, AgentExit.BAD_DOCUMENT]),
+        ),
     }
     job["spec"]["template"]["spec"] = notify_pod(settings, scheduling, order)
     return job
@@ -136,29 +128,28 @@ def _job(identity: Identity, name: str, role: str, labels: dict[str, str]) -> Ob
     }
 
 
-def _on_exit(action: str, container: str, codes: list[int]) -> Object:
-    return {
-        "action": action,
-        "onExitCodes": {"containerName": container, "operator": "In", "values": codes},
-    }
-
-
 def plan_config_map(accepted: Accepted, name: str, plan: CampaignPlan) -> Object:
     """The ConfigMap that tells a campaign's pods about it; it never changes."""
+    data = {
+        PLAN_FILE: plan.model_dump_json(exclude_none=True),
+        DOCUMENT_FILE: accepted.document_text,
+    }
+    return _config_map(accepted.identity, name, {"data": data})
+
+
+def _config_map(identity: Identity, name: str, content: Object, role: str = "") -> Object:
+    """A ConfigMap of a campaign; it never changes."""
     return {
         "apiVersion": "v1",
         "kind": "ConfigMap",
         "metadata": {
             "name": name,
-            "namespace": accepted.identity.namespace,
-            "labels": accepted.identity.labels,
-            "ownerReferences": [accepted.identity.owner],
+            "namespace": identity.namespace,
+            "labels": identity.labels | ({ROLE_LABEL: role} if role else {}),
+            "ownerReferences": [identity.owner],
         },
         "immutable": True,
-        "data": {
-            "campaign.json": plan.model_dump_json(exclude_none=True),
-            "document.vast": accepted.document_text,
-        },
+        **content,
     }
 
 
@@ -174,18 +165,8 @@ def sightings_config_map(identity: Identity, job: str, seen: Sightings) -> Objec
         job: uid of the Job: one that is made anew has other pods.
         seen: what was seen.
     """
-    return {
-        "apiVersion": "v1",
-        "kind": "ConfigMap",
-        "metadata": {
-            "name": identity.child(f"pods-{job}"),
-            "namespace": identity.namespace,
-            "labels": {**identity.labels, ROLE_LABEL: SIGHTINGS_ROLE},
-            "ownerReferences": [identity.owner],
-        },
-        "immutable": True,
-        "data": {FILE: seen.dump()},
-    }
+    data = {FILE: seen.dump()}
+    return _config_map(identity, identity.child(f"pods-{job}"), {"data": data}, SIGHTINGS_ROLE)
 
 
 def files_config_map(accepted: Accepted, source: Object | None) -> Object | None:
@@ -201,18 +182,7 @@ def files_config_map(accepted: Accepted, source: Object | None) -> Object | None
         content = _inline(accepted)
     else:
         return None
-    return {
-        "apiVersion": "v1",
-        "kind": "ConfigMap",
-        "metadata": {
-            "name": accepted.identity.files,
-            "namespace": accepted.identity.namespace,
-            "labels": accepted.identity.labels,
-            "ownerReferences": [accepted.identity.owner],
-        },
-        "immutable": True,
-        **content,
-    }
+    return _config_map(accepted.identity, accepted.identity.files, content)
 
 
 def _inline(accepted: Accepted) -> Object:

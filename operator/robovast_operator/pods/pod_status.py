@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Iterator
 from datetime import datetime, timedelta
+from signal import SIGKILL, SIGTERM
 
-from robovast.kubeapi.sightings import Sightings
+from robovast.execution.compat import INCOMPATIBLE
+from robovast.kubeapi.pod_contract.exit_codes import AgentExit
+from robovast.kubeapi.pod_contract.messages import error_in
+from robovast.kubeapi.pod_contract.sightings import Sightings
 from robovast_operator.kube.lenient import LARGEST, mapping, number, ranges, text
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.times import parse_time
@@ -27,14 +30,14 @@ _WAITING = {
 """What a kubelet says of a container that does not start, and the cause for people."""
 
 _EXITS = {
-    64: "InvalidPlan",
-    65: "InvalidDocument",
-    73: "OtherOwner",
-    74: "Storage",
-    77: "StorageRefuses",
-    78: "Incompatible",
+    AgentExit.BAD_PLAN: "InvalidPlan",
+    AgentExit.BAD_DOCUMENT: "InvalidDocument",
+    AgentExit.OTHER_OWNER: "OtherOwner",
+    AgentExit.STORAGE: "Storage",
+    AgentExit.REFUSED: "StorageRefuses",
+    INCOMPATIBLE: "Incompatible",
 }
-"""Exit codes of our containers (docs/agent.md) that are no verdict."""
+"""Exit codes of our containers that are no verdict."""
 
 
 _EVENTS = {
@@ -115,14 +118,19 @@ def troubles_of(pod: Object) -> Iterator[Trouble]:
 _OWN = frozenset({"compat-version", "fetch", "agent", "compose", "finish", "process", "purge"})
 """How these end is our business; how others do is a result."""
 
-_ORDINARY = frozenset({0, 10, 11, 75, 137, 143})
+_ORDINARY = frozenset(
+    {
+        *(AgentExit.PASSED, AgentExit.FAILED, AgentExit.ERRORED, AgentExit.RUNS_LEFT),
+        *(128 + SIGKILL, 128 + SIGTERM),
+    }
+)
 """Exit codes of ours that are a verdict, or what comes of being told to end."""
 
 
 def _ending(container: Object, ended: Object) -> Trouble | None:
     """What a container's end says of what is in the way; None when that is a result."""
     name, code = container["name"], ended.get("exitCode")
-    told = _error(ended.get("message") or "")
+    told = error_in(ended.get("message") or "")
     if ended.get("reason") in ("StartError", "ContainerCannotRun"):
         return Trouble("Container", f"the container {name} cannot start: {told}")
     if name not in _OWN:
@@ -146,14 +154,6 @@ def _ending(container: Object, ended: Object) -> Trouble | None:
 _FINAL = frozenset(
     {"Incompatible", "InvalidDocument", "InvalidPlan", "OtherOwner", "StorageRefuses"}
 )
-
-
-def _error(message: str) -> str:
-    """What a container says is wrong; those with a report say it as one key of that."""
-    try:
-        return str(json.loads(message)["error"])
-    except (ValueError, KeyError, TypeError):
-        return message.strip()
 
 
 def _waiting_message(container: Object, waiting: Object) -> str:

@@ -5,24 +5,21 @@ Anybody may have written it: what makes no sense is as good as not said.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
-from typing import Any
 
 from robovast.base.ranges import count, merge, parse_ranges
+from robovast.kubeapi.pod_contract.exit_codes import AgentExit
+from robovast.kubeapi.pod_contract.messages import Composed, Repeat, Summary, Verdicts, error_in
 from robovast.kubeapi.status import FAILING_LIMIT, Runs
 from robovast.model.repetition import GroupSizes
-from robovast_operator.kube.lenient import listed, mapping, number, ranges, text
+from robovast_operator.kube.lenient import ranges
 from robovast_operator.kube.objects import Object
-from robovast_operator.planning.composition import Composition
 from robovast_operator.pods.findings import Final
 from robovast_operator.pods.pod_status import ending_of, index_of, message_of
 from robovast_operator.pods.verdicts import Report
 
-_KINDS = ("passed", "failed", "errored")
-
-_ALL_STORED = {10: Report(failed=1), 11: Report(errored=1)}
-"""What an agent's exit code alone says of a single run (docs/agent.md)."""
+_ALL_STORED = {AgentExit.FAILED: Report(failed=1), AgentExit.ERRORED: Report(errored=1)}
+"""What an agent's exit code alone says of a single run."""
 
 
 def reports_of(pods: Iterable[Object]) -> dict[int, Report]:
@@ -50,69 +47,64 @@ def _not_final(report: Report) -> Report:
 
 def _report(pod: Object) -> Report | None:
     """The verdicts in an agent's last words; None when they say nothing for sure."""
-    said = _said(pod, "agent")
-    if not all(isinstance(said.get(kind), str) for kind in _KINDS):
+    said = Verdicts.read(message_of(pod, "agent"))
+    if said is None:
         return _ALL_STORED.get(ending_of(pod, "agent").get("exitCode", -1))
     try:
-        passed, failed, errored = (merge(parse_ranges(said[kind])) for kind in _KINDS)
+        passed, failed, errored = (
+            merge(parse_ranges(ids)) for ids in (said.passed, said.failed, said.errored)
+        )
     except ValueError:
         return None
-    counts = [number(item, -1) for item in listed(said.get("counts"))]
-    if "counts" not in said and not said.get("truncated"):
-        counts = [count(passed), count(failed), count(errored)]
-    if len(counts) != len(_KINDS) or min(counts) < 0:
-        return None
-    return Report(counts[0], counts[1], counts[2], tuple(failed), tuple(errored), final=True)
+    counts = said.counts
+    if counts is None and not said.truncated:
+        counts = (count(passed), count(failed), count(errored))
+    return None if counts is None else Report(*counts, tuple(failed), tuple(errored), final=True)
 
 
 def final_of(pods: Iterable[Object]) -> Final | None:
     """What the finish Job's pod found in the bucket."""
-    return next((final for pod in pods if (final := _final(_said(pod, "finish")))), None)
+    said = (Summary.read(message_of(pod, "finish")) for pod in pods)
+    return next((_final(summary) for summary in said if summary and _is_whole(summary)), None)
 
 
-def _final(said: dict[str, Any]) -> Final | None:
-    total, *counts = (number(said.get(key), -1) for key in ("total", *_KINDS))
-    if total < 0 or min(counts) < 0 or sum(counts) != total:
-        return None
-    passed, failed, errored = counts
-    repeat = mapping(said.get("repeat"))
-    stored = min(total, number(said.get("stored"), total))
-    runs = Runs(total=total, passed=passed, failed=failed, errored=errored, stored=stored)
+def _is_whole(said: Summary) -> bool:
+    return said.passed + said.failed + said.errored == said.total
+
+
+def _final(said: Summary) -> Final:
+    stored = said.total if said.stored is None else min(said.total, said.stored)
     return Final(
-        runs,
-        ranges(said.get("failedRuns"), total),
-        ranges(said.get("erroredRuns"), total),
-        said.get("truncated") is True,
-        tuple(item for item in listed(said.get("failing")) if text(item))[:FAILING_LIMIT],
-        *_list(repeat, failed + errored),
+        Runs(
+            total=said.total,
+            passed=said.passed,
+            failed=said.failed,
+            errored=said.errored,
+            stored=stored,
+        ),
+        ranges(said.failed_runs, said.total),
+        ranges(said.errored_runs, said.total),
+        said.truncated,
+        said.failing[:FAILING_LIMIT],
+        *_list(said.repeat, said.failed + said.errored),
     )
 
 
-def _list(repeat: dict[str, Any], bad: int) -> tuple[str, str]:
+def _list(repeat: Repeat | None, bad: int) -> tuple[str, str]:
     """Name of the list of bad runs, and the sizes of its groups, when they are of so many runs."""
-    name, sizes = text(repeat.get("list")), text(repeat.get("sizes"))
+    if repeat is None:
+        return "", ""
     try:
-        right = GroupSizes.parse(sizes).runs == bad
+        right = GroupSizes.parse(repeat.sizes).runs == bad
     except ValueError:
         right = False
-    return (name, sizes) if right and len(name) == 16 and name.isalnum() else ("", "")
+    right = right and len(repeat.list) == 16 and repeat.list.isalnum()
+    return (repeat.list, repeat.sizes) if right else ("", "")
 
 
-def composed_of(pods: Iterable[Object]) -> Composition | str | None:
+def composed_of(pods: Iterable[Object]) -> Composed | str | None:
     """What the compose Job found out; its message when it failed."""
-    error: str | None = None
-    for pod in pods:
-        said = _said(pod, "compose")
-        counts = [number(item, -1) for item in listed(said.get("counts"))]
-        if "error" not in said and counts and min(counts) >= 0:
-            return Composition(counts, text(said.get("breaks")), text(said.get("digest")) or None)
-        error = text(said.get("error")) or error or message_of(pod, "compose") or None
-    return error
-
-
-def _said(pod: Object, container: str) -> dict[str, Any]:
-    """The JSON that a container left; empty when it is none."""
-    try:
-        return mapping(json.loads(message_of(pod, container)))
-    except (ValueError, RecursionError):
-        return {}
+    said = [message_of(pod, "compose") for pod in pods]
+    made = (Composed.read(words) for words in said)
+    errors = filter(None, map(error_in, said))
+    return next((found for found in made if found and found.error is None), next(errors, None))

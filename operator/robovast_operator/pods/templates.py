@@ -6,16 +6,26 @@ secondaries beside our `agent`. Only our own containers see credentials; nobody 
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Sequence
 from typing import Any
 
 from robovast.agent.silence import SILENT
 from robovast.common.execution import COMPAT_VERSION
 from robovast.execution.compat import COMPAT_SCRIPT
+from robovast.execution.contract import CONFIG, OUT
 from robovast.kubeapi.notice import NOTICE_VARIABLE, Order
+from robovast.kubeapi.pod_contract.mounts import SECRET_MODE, Mount
+from robovast.kubeapi.pod_contract.pods import (
+    BESIDE_RUNS,
+    OWN_USER,
+    WHOLE_CAMPAIGN,
+    confined,
+    confined_pod,
+    own_container,
+)
+from robovast.kubeapi.pod_contract.sightings import FILE
 from robovast.kubeapi.resources import Scheduling
 from robovast.kubeapi.secret_names import may_be_named, refusal
-from robovast.kubeapi.sightings import FILE
 from robovast.model.document.model import Nodes, Resources
 from robovast.model.expansion.limit import VARIABLE
 from robovast.model.quantities import cpus, memory, resolve_per_context
@@ -23,44 +33,11 @@ from robovast_operator.kube.objects import Object
 from robovast_operator.planning.campaign import Accepted
 from robovast_operator.settings import Settings
 
-WORK: Object = {"name": "work", "mountPath": "/robovast/work"}
-PLAN: Object = {"name": "plan", "mountPath": "/robovast/plan", "readOnly": True}
-FILES: Object = {"name": "files", "mountPath": "/robovast/files", "readOnly": True}
-CREDENTIALS: Object = {
-    "name": "credentials",
-    "mountPath": "/robovast/credentials",
-    "readOnly": True,
-}
-
-GIT: Object = {"name": "git", "mountPath": "/robovast/git", "readOnly": True}
-
-SIGHTINGS: Object = {"name": "pods", "mountPath": "/robovast/pods", "readOnly": True}
-
-RECEIVERS: Object = {"name": "receivers", "mountPath": "/robovast/receivers", "readOnly": True}
-
-UNLIMITED: Object = {"name": "work", "emptyDir": {}}
-
-OWN_RESOURCES: Object = {
-    "requests": {"cpu": "10m", "memory": "64Mi"},
-    "limits": {"memory": "512Mi"},
-}
-"""Of our own containers beside a run; a request of CPU as small as can be, since it idles.
-
-None has a limit of ephemeral storage: those of a pod's containers are added up, and its volumes
-count, so that a small limit here would be one for what the run writes.
-"""
-
-TASK_RESOURCES: Object = {
-    "requests": {"cpu": "100m", "memory": "256Mi"},
-    "limits": {"memory": "2Gi"},
-}
-"""Of our own containers that work on a whole campaign."""
+CAMPAIGN = (Mount.PLAN, Mount.FILES, Mount.CREDENTIALS)
+"""What our own containers see of a campaign."""
 
 DEADLINE_MARGIN = 3600
 """Beside the runs themselves: pulling images, fetching, storing [s]."""
-
-OWN_USER = 1000
-"""Of our own containers where no run's files are at hand."""
 
 GRACE_SECONDS = 60
 """For runs that are told to end, and for what is just being stored."""
@@ -79,15 +56,14 @@ def run_pod(
     """
     execution = accepted.vast.execution
     spec = _pod(accepted, plan, execution.kubernetes.jobs)
-    mine = [WORK, PLAN, FILES, CREDENTIALS]
     spec["initContainers"] = [
         _compat(accepted, settings),
-        _own(settings, "fetch", ["fetch", *fetch_arguments], mine),
+        _own(settings, "fetch", ["fetch", *fetch_arguments], CAMPAIGN),
         *_secondaries(accepted, settings),
     ]
     spec["containers"] = [
         _run_container(accepted, settings, "robovast", [], execution.resources),
-        _agent(settings, mine),
+        _agent(settings),
     ]
     spec["volumes"] = [_work(settings), *spec["volumes"]]
     if execution.timeout is not None:
@@ -113,19 +89,17 @@ def task_pod(
         sightings: names of the ConfigMaps that say what was seen of pods.
     """
     spec = _pod(accepted, plan, accepted.vast.execution.kubernetes.control)
-    container = _own(settings, command, [command], [WORK, PLAN, FILES, CREDENTIALS])
-    spec["containers"] = [container | {"resources": TASK_RESOURCES}]
     # Results that are worked up are all of the campaign, which nobody knows the size of.
-    work = UNLIMITED if command == "process" else _work(settings)
-    spec["volumes"] = [work, *spec["volumes"]]
+    work = _volume(Mount.WORK, emptyDir={}) if command == "process" else _work(settings)
+    more = []
     if sightings:
-        container["volumeMounts"].append(SIGHTINGS)
-        spec["volumes"].append({"name": "pods", "projected": {"sources": _kept(sightings)}})
+        more.append(_volume(Mount.PODS, projected={"sources": _kept(sightings)}))
     git = accepted.spec.source.git
     if command == "compose" and git is not None and git.secret_name is not None:
-        container["volumeMounts"].append(GIT)
-        secret = {"secretName": git.secret_name, "defaultMode": 0o440}
-        spec["volumes"].append({"name": "git", "secret": secret})
+        more.append(Mount.GIT.secret(git.secret_name))
+    mounts = [*CAMPAIGN, *(Mount(volume["name"]) for volume in more)]
+    spec["containers"] = [_own(settings, command, [command], mounts, WHOLE_CAMPAIGN)]
+    spec["volumes"] = [work, *spec["volumes"], *more]
     return spec
 
 
@@ -142,16 +116,13 @@ def notify_pod(settings: Settings, scheduling: Scheduling, order: Order) -> Obje
     allowed = settings.secret_names
     if refusal(scheduling, allowed):
         scheduling = scheduling.model_copy(update={"image_pull_secrets": []})
-    spec = _confined_pod(OWN_USER, scheduling, {})
-    container = _own(settings, "notify", ["notify"], [WORK, RECEIVERS])
+    spec = confined_pod(OWN_USER, GRACE_SECONDS, scheduling)
+    container = _own(settings, "notify", ["notify"], [Mount.RECEIVERS])
     container["env"].append({"name": NOTICE_VARIABLE, "value": order.model_dump_json()})
     spec["containers"] = [container]
     sources = _receiver_sources(order, allowed)
-    projected = {"sources": sources, "defaultMode": 0o440}
-    spec["volumes"] = [
-        _work(settings),
-        {"name": "receivers", "projected": projected},
-    ]
+    projected = {"sources": sources, "defaultMode": SECRET_MODE}
+    spec["volumes"] = [_work(settings), _volume(Mount.RECEIVERS, projected=projected)]
     return spec
 
 
@@ -181,37 +152,13 @@ def _receiver_sources(order: Order, allowed: Container[str]) -> list[Object]:
 def _pod(accepted: Accepted, plan: str, nodes: Nodes) -> Object:
     """What all pods of a campaign share."""
     user = accepted.vast.execution.run_as_user
-    spec = _confined_pod(user, accepted.spec.scheduling, nodes.node_labels)
+    spec = confined_pod(user, GRACE_SECONDS, accepted.spec.scheduling, nodes.node_labels)
     spec["volumes"] = [
-        {"name": "plan", "configMap": {"name": plan}},
-        {"name": "files", "projected": {"sources": _file_sources(accepted)}},
-        {
-            "name": "credentials",
-            "secret": {"secretName": accepted.spec.storage.secret_name, "defaultMode": 0o440},
-        },
+        _volume(Mount.PLAN, configMap={"name": plan}),
+        _volume(Mount.FILES, projected={"sources": _file_sources(accepted)}),
+        Mount.CREDENTIALS.secret(accepted.spec.storage.secret_name),
     ]
     return spec
-
-
-def _confined_pod(user: int, scheduling: Scheduling, node_labels: Mapping[str, str]) -> Object:
-    """A pod without a token, on the nodes that it may be on."""
-    spec: Object = {
-        "restartPolicy": "Never",
-        "automountServiceAccountToken": False,
-        "enableServiceLinks": False,
-        "terminationGracePeriodSeconds": GRACE_SECONDS,
-        "securityContext": {
-            "runAsUser": user,
-            "runAsGroup": user,
-            "fsGroup": user,
-            "runAsNonRoot": user != 0,
-            "seccompProfile": {"type": "RuntimeDefault"},
-        },
-    }
-    given = scheduling.model_dump(by_alias=True, exclude_none=True)
-    selector = {**node_labels, **given.pop("nodeSelector")}
-    spec |= {name: value for name, value in given.items() if value}
-    return spec | ({"nodeSelector": selector} if selector else {})
 
 
 def _file_sources(accepted: Accepted) -> list[Object]:
@@ -247,7 +194,7 @@ def _compat(accepted: Accepted, settings: Settings) -> Object:
             "requests": {"cpu": "10m", "memory": "16Mi"},
             "limits": {"memory": "128Mi"},
         },
-        "securityContext": _confined(settings.restricted_runs),
+        "securityContext": confined(settings.restricted_runs),
         "terminationMessagePolicy": "FallbackToLogsOnError",
     }
 
@@ -271,12 +218,12 @@ def _run_container(
     return {
         "name": name,
         "image": accepted.image,
-        "command": ["bash", "/config/start.sh", *arguments],
+        "command": ["bash", f"{CONFIG}/start.sh", *arguments],
         "resources": container_resources(resources, accepted.spec.cluster or ""),
-        "securityContext": _confined(settings.restricted_runs),
+        "securityContext": confined(settings.restricted_runs),
         "volumeMounts": [
-            {"name": "work", "mountPath": "/config", "subPath": "config", "readOnly": True},
-            {"name": "work", "mountPath": "/out", "subPath": "out"},
+            {"name": str(Mount.WORK), "mountPath": CONFIG, "subPath": "config", "readOnly": True},
+            {"name": str(Mount.WORK), "mountPath": OUT, "subPath": "out"},
         ],
     }
 
@@ -284,54 +231,46 @@ def _run_container(
 def _work(settings: Settings) -> Object:
     """The volume of a run's pod; what outgrows it ends its own pod, not those beside it."""
     limit = {"sizeLimit": settings.work_limit} if settings.work_limit else {}
-    return {"name": "work", "emptyDir": limit}
+    return _volume(Mount.WORK, emptyDir=limit)
 
 
-def _own(settings: Settings, name: str, arguments: list[str], mounts: list[Object]) -> Object:
-    """A container of our own image."""
-    return {
-        "name": name,
-        "image": settings.agent_image,
-        "command": ["python", "-m", "robovast.agent", *arguments],
-        "resources": OWN_RESOURCES,
-        "securityContext": _confined(restricted=True) | {"readOnlyRootFilesystem": True},
-        "env": [
-            {"name": "HOME", "value": WORK["mountPath"]},
-            {"name": "TMPDIR", "value": WORK["mountPath"]},
-            {"name": "POD_NAME", "valueFrom": {"fieldRef": {"fieldPath": "metadata.name"}}},
-            {"name": "NODE_NAME", "valueFrom": {"fieldRef": {"fieldPath": "spec.nodeName"}}},
-            {"name": VARIABLE, "value": str(settings.variant_limit)},
-        ],
-        "terminationMessagePolicy": "FallbackToLogsOnError",
-        "volumeMounts": mounts,
-    }
+def _volume(mount: Mount, **source: Object) -> Object:
+    return {"name": str(mount), **source}
 
 
-def _agent(settings: Settings, mounts: list[Object]) -> Object:
+def _own(
+    settings: Settings,
+    name: str,
+    arguments: Sequence[str],
+    mounts: Iterable[Mount],
+    resources: Object = BESIDE_RUNS,
+) -> Object:
+    """A container of our own image, which knows where it is."""
+    variables: list[Object] = [
+        {"name": "POD_NAME", "valueFrom": {"fieldRef": {"fieldPath": "metadata.name"}}},
+        {"name": "NODE_NAME", "valueFrom": {"fieldRef": {"fieldPath": "spec.nodeName"}}},
+        {"name": VARIABLE, "value": str(settings.variant_limit)},
+    ]
+    return own_container(settings.agent_image, name, arguments, mounts, resources, variables)
+
+
+def _agent(settings: Settings) -> Object:
     """What stores the runs; its pod is not ready while a run writes nothing to its log."""
-    requests = {**OWN_RESOURCES["requests"]}
+    requests = {**BESIDE_RUNS["requests"]}
     if settings.work_request:
         requests["ephemeral-storage"] = settings.work_request
-    resources = {"resources": {**OWN_RESOURCES, "requests": requests}}
+    resources = {**BESIDE_RUNS, "requests": requests}
     if not settings.silence_minutes:
-        return _own(settings, "agent", ["agent"], mounts) | resources
+        return _own(settings, "agent", ["agent"], CAMPAIGN, resources)
     arguments = ["agent", "--silence", f"{settings.silence_minutes * 60:g}"]
-    marker = f"{WORK['mountPath']}/{SILENT}"
-    return _own(settings, "agent", arguments, mounts) | {
-        **resources,
+    return _own(settings, "agent", arguments, CAMPAIGN, resources) | {
         "readinessProbe": {
-            "exec": {"command": ["test", "!", "-e", marker]},
+            "exec": {"command": ["test", "!", "-e", f"{Mount.WORK.path}/{SILENT}"]},
             "periodSeconds": 60,
             "timeoutSeconds": 20,
             "failureThreshold": 1,
         },
     }
-
-
-def _confined(restricted: bool) -> Object:
-    if not restricted:
-        return {}
-    return {"allowPrivilegeEscalation": False, "capabilities": {"drop": ["ALL"]}}
 
 
 def container_resources(resources: Resources, context: str) -> Object:

@@ -14,8 +14,9 @@ from types import ModuleType
 from robovast.agent.mounts import Folders
 from robovast.base.errors import RobovastError
 from robovast.base.file_errors import sentence
-from robovast.kubeapi.exit_codes import AgentExit, exit_code_of_error
-from robovast.kubeapi.messages import write_error
+from robovast.kubeapi.pod_contract.exit_codes import AgentExit, exit_code_of_error
+from robovast.kubeapi.pod_contract.messages import write_error
+from robovast.kubeapi.pod_contract.mounts import Mount
 from robovast.storage.endpoint import Endpoint
 
 INDEX = "JOB_COMPLETION_INDEX"
@@ -82,17 +83,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
     for name, text in _COMMANDS.items():
         command = commands.add_parser(name, help=text, description=text)
-        for folder in (
-            "plan",
-            "files",
-            "credentials",
-            "git",
-            "share",
-            "receivers",
-            "pods",
-            "work",
-            "message",
-        ):
+        for folder in (*Mount, "message"):
             command.add_argument(f"--{folder}", type=Path, metavar="PATH")
         for seen in ("config-seen", "out-seen"):
             command.add_argument(f"--{seen}", metavar="PATH", help="as runs see it")

@@ -22,8 +22,8 @@ from robovast.base.safe_paths import pinned
 from robovast.base.signals import call_on_signals
 from robovast.campaign.layout import JOBS
 from robovast.campaign.verdict import Verdict
-from robovast.kubeapi.exit_codes import AgentExit, exit_code_of
-from robovast.kubeapi.messages import verdict_ranges, write_message
+from robovast.kubeapi.pod_contract.exit_codes import AgentExit, exit_code_of
+from robovast.kubeapi.pod_contract.messages import Verdicts
 from robovast.model.plan import Run
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
@@ -60,7 +60,7 @@ def agent(folders: Folders, silence: float = 0.0) -> AgentExit:
         return _ending(pack, verdicts)
     finally:
         container.end()
-        write_message(folders.message, verdict_ranges(verdicts))
+        Verdicts.of(verdicts).write(folders.message)
 
 
 def _follow_jobs(

@@ -18,7 +18,7 @@ from robovast.agent.sources import copy_inputs
 from robovast.base.errors import InputError
 from robovast.campaign.configurations import read_variants, variants_digest
 from robovast.campaign.layout import CONFIGURATIONS, Layout
-from robovast.kubeapi.exit_codes import PlanError
+from robovast.kubeapi.pod_contract.exit_codes import PlanError
 from robovast.model.document import Document, load_document
 from robovast.model.expansion import Composition, Variant, compose, select_any
 from robovast.model.expansion.containers import refuse_containers
@@ -68,7 +68,7 @@ def open_campaign(folders: Folders, *, connections: int = 8) -> Campaign:
         PlanError: there is no plan, or none of this version.
         StorageError: there are no credentials.
     """
-    plan = read_plan(folders.plan / "campaign.json")
+    plan = read_plan(folders.campaign_plan)
     credentials = Credentials.from_folder(folders.credentials)
     endpoint = Endpoint.parse(plan.endpoint, plan.region)
     store = ObjectStore(endpoint, credentials, connections=connections, patience=PATIENCE)
@@ -103,7 +103,7 @@ def load_inputs(campaign: Campaign) -> Document:
     copy_inputs(campaign.plan, campaign.folders, campaign.store, folder)
     check_files(campaign.plan.inputs, folder)
     document = folder / campaign.plan.document
-    shutil.copyfile(campaign.folders.plan / "document.vast", document)
+    shutil.copyfile(campaign.folders.document, document)
     return load_document(document)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections import Counter
 
@@ -14,8 +13,8 @@ from robovast.agent.upload import SIDE_BY_SIDE, store_own_tree
 from robovast.base.errors import InputError
 from robovast.campaign.layout import CONFIGURATIONS, Layout
 from robovast.execution.generate import write_configurations
-from robovast.kubeapi.exit_codes import AgentExit
-from robovast.kubeapi.messages import LIMIT, write_message
+from robovast.kubeapi.pod_contract.exit_codes import AgentExit
+from robovast.kubeapi.pod_contract.messages import LIMIT, Composed
 from robovast.model.document import Document
 from robovast.model.expansion import Composition
 from robovast.model.expansion.expand import DEFAULT_ENTRY
@@ -29,10 +28,6 @@ DIGEST_LIMIT = 100
 def compose(folders: Folders) -> AgentExit:
     """Expand the document; its inputs and variants are in the bucket then.
 
-    The termination message is `{"counts": […], "breaks": "…", "digest": "…"}`: the number of
-    variants of each configuration entry in the document's order, `PlanSpec.breaks`, and
-    `CampaignPlan.composed`.
-
     Raises:
         InputError: the document or its files are wrong, or a variation type fails.
         StorageError: the bucket cannot be written.
@@ -43,11 +38,11 @@ def compose(folders: Folders) -> AgentExit:
     composition = expand(campaign, document, print)
     found = Counter(variant.entry for variant in composition.variants)
     entries = document.vast.configuration or [DEFAULT_ENTRY]
-    message = {
-        "counts": [found[entry.name] for entry in entries],
-        "breaks": format_breaks(breaks(composition.variants)),
-    }
-    if len(json.dumps(message)) > LIMIT - DIGEST_LIMIT:
+    message = Composed(
+        counts=tuple(found[entry.name] for entry in entries),
+        breaks=format_breaks(breaks(composition.variants)),
+    )
+    if len(message.text) > LIMIT - DIGEST_LIMIT:
         raise InputError(
             f"{campaign.plan.document}: has {len(entries)} configuration entries, more than a "
             "campaign on a cluster can have when plugins expand it. Divide it into several."
@@ -60,7 +55,7 @@ def compose(folders: Folders) -> AgentExit:
     }
     variants = composition.variants
     made = store_composed(campaign.bucket, document.path.name, inputs, variants)
-    write_message(folders.message, {**message, "digest": made})
+    message.model_copy(update={"digest": made}).write(folders.message)
     return AgentExit.PASSED
 
 

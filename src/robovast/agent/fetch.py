@@ -24,7 +24,7 @@ from robovast.base.ranges import Span
 from robovast.execution.contract import contract_files
 from robovast.execution.generate import copy_file
 from robovast.execution.job_config import build_config_folder, job_environment
-from robovast.kubeapi.exit_codes import AgentExit, PlanError
+from robovast.kubeapi.pod_contract.exit_codes import AgentExit, PlanError
 from robovast.model.document import Document
 from robovast.model.document.model import merge_pairs
 from robovast.model.expansion import Variant

@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
+from itertools import islice
 from typing import Any
 
 from robovast.agent.bucket import Bucket
@@ -17,14 +18,14 @@ from robovast.agent.mounts import Folders
 from robovast.agent.sightings import completed, read_sightings
 from robovast.agent.upload import SIDE_BY_SIDE, store_own_tree
 from robovast.base.printable import printable
-from robovast.base.ranges import format_ranges, spans, truncate
+from robovast.base.ranges import spans
 from robovast.base.serialization import dump_yaml
 from robovast.campaign.layout import INDEX, JOB_LINKS, Layout
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.execution.generate import write_execution
-from robovast.kubeapi.exit_codes import AgentExit
-from robovast.kubeapi.messages import LIMIT, write_message
+from robovast.kubeapi.pod_contract.exit_codes import AgentExit
+from robovast.kubeapi.pod_contract.messages import SUMMARY_LIMIT, Repeat, Summary, id_ranges
 from robovast.kubeapi.status import FAILING_LIMIT
 from robovast.model.document import Document
 from robovast.model.expansion import Variant
@@ -32,17 +33,11 @@ from robovast.model.naming import EXECUTION, TRANSIENT, campaign_time
 from robovast.model.plan import Run
 from robovast.model.repetition import GroupSizes, list_key, list_name, list_text, retry_groups
 
-RANGES_LIMIT = 1500
-"""Longest text of failed runs, and of errored ones, in the termination message."""
-
 NO_RESULT = "no pod of it has stored a result"
 
 
 def finish(folders: Folders) -> AgentExit:
     """Store what a campaign has beside its runs, `_execution/index.json` among it.
-
-    The termination message has counts, ranges of failed and errored runs, the first of them, and
-    under which name all of them are stored, to be executed once more.
 
     Raises:
         InputError: the document, or a file that it needs, is wrong.
@@ -62,7 +57,7 @@ def finish(folders: Folders) -> AgentExit:
     index = [_entry(run, record, damaged) for run, (record, _) in zip(runs, seen, strict=True)]
     _store_execution(campaign, document, bucket, index)
     repeat = _store_bad_runs(campaign, bucket, index)
-    write_message(folders.message, fitting({**summary(index), **repeat}))
+    summary(index, repeat).fitting().write(folders.message)
     return AgentExit.PASSED
 
 
@@ -126,49 +121,36 @@ def _store_execution(
 
 def _store_bad_runs(
     campaign: Campaign, bucket: Bucket, index: Iterable[Mapping[str, Any]]
-) -> dict[str, Any]:
+) -> Repeat | None:
     """Store the ids of all bad runs; returns the list's name and the sizes of a retry's groups.
 
     The name follows from the ids, so a list that pods are working from never changes.
     """
     bad = spans(item["id"] for item in index if item["verdict"] is not Verdict.PASSED)
     if not bad:
-        return {}
+        return None
     text = list_text(bad)
     name = list_name(text)
     bucket.store.put_bytes(bucket.name, list_key(name), text.encode())
     sizes = GroupSizes.of(retry_groups(campaign.packs, bad))
-    return {"repeat": {"list": name, "sizes": str(sizes)}}
+    return Repeat(list=name, sizes=str(sizes))
 
 
-def summary(index: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def summary(index: Sequence[Mapping[str, Any]], repeat: Repeat | None = None) -> Summary:
     """Counts, ranges of bad runs and the first of them, from the entries of `index.json`."""
-    counts = {kind: sum(item["verdict"] is kind for item in index) for kind in Verdict}
-    failed, failed_cut = _ranges(index, Verdict.FAILED)
-    errored, errored_cut = _ranges(index, Verdict.ERRORED)
-    bad = [item for item in index if item["verdict"] is not Verdict.PASSED]
-    return {
-        "total": len(index),
-        "passed": counts[Verdict.PASSED],
-        "failed": counts[Verdict.FAILED],
-        "errored": counts[Verdict.ERRORED],
-        "stored": sum(item["attempt"] > 0 for item in index),
-        "failedRuns": failed,
-        "erroredRuns": errored,
-        "truncated": failed_cut or errored_cut,
-        "failing": [f"{item['variant']}/{item['run']}" for item in bad[:FAILING_LIMIT]],
-    }
-
-
-def fitting(message: dict[str, Any]) -> dict[str, Any]:
-    """A summary that Kubernetes keeps whole: what is for people alone makes room."""
-    for key in ("failing", "erroredRuns", "failedRuns"):
-        if len(json.dumps(message)) <= LIMIT:
-            break
-        message = {**message, key: type(message[key])(), "truncated": True}
-    return message
-
-
-def _ranges(index: Iterable[Mapping[str, Any]], kind: Verdict) -> tuple[str, bool]:
-    ids = (item["id"] for item in index if item["verdict"] is kind)
-    return truncate(format_ranges(spans(ids)), RANGES_LIMIT)
+    ids = {kind: [item["id"] for item in index if item["verdict"] is kind] for kind in Verdict}
+    failed, failed_cut = id_ranges(ids[Verdict.FAILED], SUMMARY_LIMIT)
+    errored, errored_cut = id_ranges(ids[Verdict.ERRORED], SUMMARY_LIMIT)
+    bad = (item for item in index if item["verdict"] is not Verdict.PASSED)
+    return Summary(
+        total=len(index),
+        passed=len(ids[Verdict.PASSED]),
+        failed=len(ids[Verdict.FAILED]),
+        errored=len(ids[Verdict.ERRORED]),
+        stored=sum(item["attempt"] > 0 for item in index),
+        failed_runs=failed,
+        errored_runs=errored,
+        truncated=failed_cut or errored_cut,
+        failing=tuple(f"{item['variant']}/{item['run']}" for item in islice(bad, FAILING_LIMIT)),
+        repeat=repeat,
+    )

@@ -5,33 +5,46 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from robovast.execution.contract import CONFIG, OUT
+from robovast.kubeapi.pod_contract.mounts import DOCUMENT_FILE, PLAN_FILE, Mount
+
 
 @dataclass(frozen=True)
 class Folders:
     """Where everything is; the defaults are those of the containers."""
 
-    plan: Path = Path("/robovast/plan")
-    """`campaign.json` and `document.vast`."""
-    files: Path = Path("/robovast/files")
+    plan: Path = Path(Mount.PLAN.path)
+    """`campaign_plan` and `document`."""
+    files: Path = Path(Mount.FILES.path)
     """Files that belong to the document; need not exist."""
-    credentials: Path = Path("/robovast/credentials")
+    credentials: Path = Path(Mount.CREDENTIALS.path)
     """`accessKey` and `secretKey`."""
-    git: Path = Path("/robovast/git")
+    git: Path = Path(Mount.GIT.path)
     """`username` and `password` of an account on a Git server; need not exist."""
-    share: Path = Path("/robovast/share")
+    share: Path = Path(Mount.SHARE.path)
     """What a share's provider needs: each variable is a file."""
-    receivers: Path = Path("/robovast/receivers")
+    receivers: Path = Path(Mount.RECEIVERS.path)
     """`0/url`, `0/token`, `1/url`, …: what a notice's receivers keep in Secrets."""
-    pods: Path = Path("/robovast/pods")
+    pods: Path = Path(Mount.PODS.path)
     """What Kubernetes says of the pods of runs, a file for each Job; need not exist."""
-    work: Path = Path("/robovast/work")
+    work: Path = Path(Mount.WORK.path)
     """The pod's own volume."""
     message: Path = Path("/dev/termination-log")
     """Where the termination message goes, when the file exists."""
-    config_seen: str = "/config"
+    config_seen: str = CONFIG
     """`config` as a run sees it."""
-    out_seen: str = "/out"
+    out_seen: str = OUT
     """`out` as a run sees it."""
+
+    @property
+    def campaign_plan(self) -> Path:
+        """What pods know about the campaign."""
+        return self.plan / PLAN_FILE
+
+    @property
+    def document(self) -> Path:
+        """The document that was planned."""
+        return self.plan / DOCUMENT_FILE
 
     @property
     def inputs(self) -> Path:

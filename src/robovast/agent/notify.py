@@ -15,8 +15,8 @@ from pydantic import ValidationError
 from robovast.agent.mounts import Folders
 from robovast.base.backoff import BUSY
 from robovast.base.errors import InputError
-from robovast.kubeapi.exit_codes import AgentExit, PlanError
 from robovast.kubeapi.notice import NOTICE_VARIABLE, Event, Notice, Order
+from robovast.kubeapi.pod_contract.exit_codes import AgentExit, PlanError
 from robovast.kubeapi.resources import Notification, SecretKey
 from robovast.kubeapi.secret_names import SECRET_PREFIX
 from robovast.storage.http_client import HttpClient, HttpError

@@ -20,8 +20,8 @@ from robovast.campaign.layout import RUN_RECORD
 from robovast.campaign.places import Keys, run_of
 from robovast.campaign.run_files import StoredFile, Writer, escaped, is_writers
 from robovast.campaign.run_record import RunRecord, read_run_record
-from robovast.kubeapi.exit_codes import AgentExit
-from robovast.kubeapi.messages import write_message
+from robovast.kubeapi.pod_contract.exit_codes import AgentExit
+from robovast.kubeapi.pod_contract.messages import Processed
 from robovast.storage.bucket_runs import listed_files
 from robovast.storage.download import Silent, download_campaign
 from robovast.storage.endpoint import Credentials, Endpoint
@@ -38,16 +38,14 @@ def process(folders: Folders) -> AgentExit:
     """Do the document's results processing; the bucket then has what a download at home would make.
 
     Only what changed since an earlier execution is worked again. When the pod is told to end, what
-    is not stored yet is left to the next one. The termination message is
-    `{"runs": …, "worked": …, "stored": …}`: runs, those of them that something was done for, and
-    files that are new in the bucket.
+    is not stored yet is left to the next one.
 
     Raises:
         PlanError: there is no plan, or none of this version.
         InputError: a command failed; what the others made is stored.
         StorageError: the bucket, or the pod's disk, cannot be read or written.
     """
-    plan = read_plan(folders.plan / "campaign.json")
+    plan = read_plan(folders.campaign_plan)
     credentials = Credentials.from_folder(folders.credentials)
     endpoint = Endpoint.parse(plan.endpoint, plan.region)
     store = ObjectStore(endpoint, credentials, connections=SIDE_BY_SIDE)
@@ -65,8 +63,8 @@ def process(folders: Folders) -> AgentExit:
     new = changed(before, scan(campaign, ()))
     stored = _store_changes(bucket, campaign, new, there)
     _refuse_failures(summary.failures)
-    worked = {"runs": summary.runs, "worked": len(summary.worked), "stored": stored}
-    write_message(folders.message, worked)
+    worked = len(summary.worked)
+    Processed(runs=summary.runs, worked=worked, stored=stored).write(folders.message)
     return AgentExit.PASSED
 
 

@@ -14,8 +14,8 @@ from robovast.agent.mounts import Folders
 from robovast.base.backoff import BUSY
 from robovast.base.errors import InputError
 from robovast.base.progress_bar import fmt_size
-from robovast.kubeapi.exit_codes import AgentExit
-from robovast.kubeapi.messages import write_message
+from robovast.kubeapi.pod_contract.exit_codes import AgentExit
+from robovast.kubeapi.pod_contract.messages import Shared
 from robovast.storage.compressing import pack_bucket
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.http_client import HttpError
@@ -42,8 +42,7 @@ class Request:
 def share(folders: Folders, request: Request) -> AgentExit:
     """Upload a campaign as `<campaign>.tar.gz`, in place of one that is on the share.
 
-    Whether the share can be used is asked before anything is packed. The termination message is
-    `{"archive": …, "size": …}`.
+    Whether the share can be used is asked before anything is packed.
 
     Raises:
         InputError: the share refuses, or is not described as it must be.
@@ -59,7 +58,7 @@ def share(folders: Folders, request: Request) -> AgentExit:
     size = archive.stat().st_size
     archive.unlink()
     print(f"{archive.name} is on the share ({fmt_size(size)}).")  # noqa: T201
-    write_message(folders.message, {"archive": archive.name, "size": size})
+    Shared(archive=archive.name, size=size).write(folders.message)
     return AgentExit.PASSED
 
 

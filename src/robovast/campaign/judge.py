@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 from dataclasses import dataclass, replace
+from enum import IntEnum
 
 from robovast.campaign.verdict import TestResult, Verdict
 
@@ -55,10 +56,19 @@ CONTAINER_KILLED = "its container was ended by SIGKILL (out of memory?)"
 OUT_OF_MEMORY = "its container was ended by SIGKILL: out of memory"
 _LACKED_MEMORY = "the kernel has killed a process of its job for lack of memory"
 
+
+class EntrypointExit(IntEnum):
+    """What the run contract's scripts end with when they are at fault, or their image."""
+
+    LACKING = 69
+    COMMAND = 70
+    OUTPUT = 73
+
+
 _MEANINGS = {
-    69: "the image lacks what the run contract needs",
-    70: "the pre command failed, or the post command cannot be run",
-    73: "an output folder cannot be written",
+    EntrypointExit.LACKING: "the image lacks what the run contract needs",
+    EntrypointExit.COMMAND: "the pre command failed, or the post command cannot be run",
+    EntrypointExit.OUTPUT: "an output folder cannot be written",
     126: "a program could not be executed",
     127: "a program was not found",
 }

@@ -1,1 +1,1 @@
-"""What operator, agent and command line agree on: custom resources, status, names, messages."""
+"""What operator, agent and command line agree on: custom resources, status, names, pods."""

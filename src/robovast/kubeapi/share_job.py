@@ -11,6 +11,17 @@ from typing import Any
 from robovast.base.errors import InputError
 from robovast.base.plugins import split_file_reference
 from robovast.kubeapi.names import CREDENTIALS_SECRET
+from robovast.kubeapi.pod_contract.exit_codes import USELESS
+from robovast.kubeapi.pod_contract.mounts import Mount
+from robovast.kubeapi.pod_contract.pods import (
+    AGENT,
+    OWN_USER,
+    WHOLE_CAMPAIGN,
+    confined_pod,
+    failure_policy,
+    on_exit,
+    own_container,
+)
 from robovast.kubeapi.resources import (
     API_VERSION,
     CAMPAIGN_LABEL,
@@ -32,10 +43,8 @@ KEEP = 3600
 """For how long the Job stays after its end, with its pods, their logs and the Secret [s]."""
 GRACE_SECONDS = 5
 """Nothing is kept of an upload that is told to end."""
-USER = 1000
 
 _VARIABLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_AGENT = ["python", "-m", "robovast.agent"]
 
 
 @dataclass(frozen=True)
@@ -108,20 +117,7 @@ def share_job(upload: Upload, secret: str) -> Object:
             "suspend": True,
             "backoffLimit": RETRIES,
             "ttlSecondsAfterFinished": KEEP,
-            "podReplacementPolicy": "Failed",
-            "podFailurePolicy": {
-                "rules": [
-                    {
-                        "action": "FailJob",
-                        "onExitCodes": {
-                            "containerName": ROLE,
-                            "operator": "In",
-                            "values": [64, 65, 73, 77],
-                        },
-                    },
-                    {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]},
-                ]
-            },
+            **failure_policy(on_exit("FailJob", ROLE, USELESS)),
             "template": {"metadata": {"labels": labels}, "spec": _pod(upload, secret)},
         },
     }
@@ -143,54 +139,21 @@ def agent_image(jobs: Iterable[Mapping[str, Any]]) -> str | None:
     pods = (job["spec"]["template"]["spec"] for job in jobs)
     for pod in pods:
         for container in [*pod["containers"], *(pod.get("initContainers") or ())]:
-            if (container.get("command") or [])[: len(_AGENT)] == _AGENT:
+            if tuple(container.get("command") or ())[: len(AGENT)] == AGENT:
                 return str(container["image"])
     return None
 
 
 def _pod(upload: Upload, secret: str) -> Object:
-    mounts = {"work": False, "credentials": True, "share": True}
-    given = upload.scheduling.model_dump(by_alias=True, exclude_none=True)
-    return {
-        "restartPolicy": "Never",
-        "automountServiceAccountToken": False,
-        "enableServiceLinks": False,
-        "terminationGracePeriodSeconds": GRACE_SECONDS,
-        "securityContext": {
-            "runAsUser": USER,
-            "runAsGroup": USER,
-            "fsGroup": USER,
-            "runAsNonRoot": True,
-            "seccompProfile": {"type": "RuntimeDefault"},
-        },
-        "containers": [
-            {
-                "name": ROLE,
-                "image": upload.image,
-                "command": [*_AGENT, ROLE, *_arguments(upload)],
-                "resources": {
-                    "requests": {"cpu": "100m", "memory": "256Mi"},
-                    "limits": {"memory": "2Gi"},
-                },
-                "securityContext": {
-                    "allowPrivilegeEscalation": False,
-                    "capabilities": {"drop": ["ALL"]},
-                    "readOnlyRootFilesystem": True,
-                },
-                "env": [{"name": name, "value": "/robovast/work"} for name in ("HOME", "TMPDIR")],
-                "terminationMessagePolicy": "FallbackToLogsOnError",
-                "volumeMounts": [
-                    {"name": name, "mountPath": f"/robovast/{name}", "readOnly": read_only}
-                    for name, read_only in mounts.items()
-                ],
-            }
-        ],
+    mounts, arguments = (Mount.CREDENTIALS, Mount.SHARE), [ROLE, *_arguments(upload)]
+    container = own_container(upload.image, ROLE, arguments, mounts, WHOLE_CAMPAIGN)
+    return confined_pod(OWN_USER, GRACE_SECONDS, upload.scheduling) | {
+        "containers": [container],
         "volumes": [
-            {"name": "work", "emptyDir": {}},
-            {"name": "credentials", "secret": {"secretName": upload.secret, "defaultMode": 0o440}},
-            {"name": "share", "secret": {"secretName": secret, "defaultMode": 0o440}},
+            {"name": str(Mount.WORK), "emptyDir": {}},
+            Mount.CREDENTIALS.secret(upload.secret),
+            Mount.SHARE.secret(secret),
         ],
-        **{name: value for name, value in given.items() if value},
     }
 
 

@@ -119,7 +119,6 @@ class FakeJob:
             suspended=self.suspended,
             active=active,
             ready=active if self.ready is None else self.ready,
-            failed_pods=len(bad),
             completed=format_ranges(spans(good)),
             failed=format_ranges(spans(bad)),
             finished=finished,

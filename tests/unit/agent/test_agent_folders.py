@@ -20,7 +20,7 @@ from robovast.agent.pack import Pack, PodJob, read_pack
 from robovast.agent.silence import Silence
 from robovast.agent.watch import EndedRun, JobWatch
 from robovast.campaign.verdict import Verdict
-from robovast.kubeapi.exit_codes import AgentExit, exit_code_of
+from robovast.kubeapi.pod_contract.exit_codes import AgentExit, exit_code_of
 from robovast.model.expansion import Variant
 from robovast.model.packs import Owner
 from robovast.model.plan import Run

@@ -9,18 +9,15 @@ from support.faults.small_disk import small_disk
 from robovast.agent.__main__ import main
 from robovast.agent.finish import summary
 from robovast.campaign.verdict import Verdict
-from robovast.kubeapi.exit_codes import AgentExit
-from robovast.kubeapi.messages import LIMIT, verdict_ranges, write_error, write_message
+from robovast.kubeapi.pod_contract.exit_codes import AgentExit
+from robovast.kubeapi.pod_contract.messages import LIMIT, Message, Summary, Verdicts, write_error
 
 
 def test_verdicts_are_told_as_ranges() -> None:
     verdicts = {0: Verdict.PASSED, 1: Verdict.PASSED, 4: Verdict.FAILED, 2: Verdict.ERRORED}
-    assert verdict_ranges(verdicts) == {
-        "passed": "0-1",
-        "failed": "4",
-        "errored": "2",
-        "counts": [2, 1, 1],
-    }
+    said = Verdicts.of(verdicts)
+    assert said.text == '{"passed": "0-1", "failed": "4", "errored": "2", "counts": [2, 1, 1]}'
+    assert Verdicts.read(said.text) == said
 
 
 def test_a_message_is_never_longer_than_kubernetes_keeps(tmp_path: Path) -> None:
@@ -28,7 +25,7 @@ def test_a_message_is_never_longer_than_kubernetes_keeps(tmp_path: Path) -> None
     path.touch()
     kinds = (Verdict.PASSED, Verdict.FAILED, Verdict.ERRORED)
     verdicts = {id_: kinds[id_ % 3] for id_ in range(10_000)}
-    write_message(path, verdict_ranges(verdicts))
+    Verdicts.of(verdicts).write(path)
     write_error(path, "ü" * 10_000, as_json=True)
     assert path.stat().st_size <= LIMIT
     assert json.loads(path.read_text())["truncated"] is True
@@ -37,14 +34,14 @@ def test_a_message_is_never_longer_than_kubernetes_keeps(tmp_path: Path) -> None
 def test_an_error_does_not_hide_the_verdicts(tmp_path: Path) -> None:
     path = tmp_path / "message"
     path.touch()
-    write_message(path, verdict_ranges({3: Verdict.PASSED}))
+    Verdicts.of({3: Verdict.PASSED}).write(path)
     write_error(path, "the disk is full", as_json=True)
     told = json.loads(path.read_text())
     assert (told["passed"], told["error"]) == ("3", "the disk is full")
 
 
 def test_outside_a_container_no_message_is_left(tmp_path: Path) -> None:
-    write_message(tmp_path / "message", {})
+    Message().write(tmp_path / "message")
     write_error(tmp_path / "message", "no", as_json=False)
     assert list(tmp_path.iterdir()) == []
 
@@ -68,7 +65,8 @@ def entry(id_: int, verdict: Verdict, attempt: int = 1) -> dict[str, object]:
 def test_a_summary_names_the_first_bad_runs_only() -> None:
     index = [entry(id_, Verdict.ERRORED, attempt=0) for id_ in range(0, 40_000, 2)]
     told = summary(index)
-    assert (told["total"], told["errored"], told["stored"]) == (20_000, 20_000, 0)
-    assert told["truncated"] is True
-    assert len(told["failing"]) == 10
-    assert len(json.dumps(told)) <= LIMIT
+    assert (told.total, told.errored, told.stored) == (20_000, 20_000, 0)
+    assert told.truncated is True
+    assert len(told.failing) == 10
+    assert len(told.text) <= LIMIT
+    assert Summary.read(told.text) == told

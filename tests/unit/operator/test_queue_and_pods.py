@@ -10,14 +10,13 @@ from typing import Any
 import pytest
 
 from robovast.campaign.verdict import Verdict
-from robovast.kubeapi.messages import verdict_ranges
-from robovast.kubeapi.sightings import Sightings
+from robovast.kubeapi.pod_contract.messages import Composed, Verdicts
+from robovast.kubeapi.pod_contract.sightings import Sightings
 from robovast.kubeapi.status import Condition
 from robovast_operator.kube.conditions import dated
 from robovast_operator.kube.events import messages
 from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.work_queue import WorkQueue, work
-from robovast_operator.planning.composition import Composition
 from robovast_operator.pods.pod_status import is_stuck, sighted, trouble_of, trouble_of_events
 from robovast_operator.pods.reports import composed_of, final_of, reports_of
 from robovast_operator.pods.verdicts import Report
@@ -102,12 +101,12 @@ def test_a_message_that_was_cut_counts_all_the_same() -> None:
     """Of a pack of 1,000 of which 95 failed, scattered; older agents do not count."""
     verdicts = dict.fromkeys(range(99000, 100000), Verdict.PASSED)
     verdicts |= dict.fromkeys(range(99003, 99953, 10), Verdict.FAILED)
-    said = verdict_ranges(verdicts)
-    assert said["truncated"]
-    report = reports_of([pod(0, ended("agent", 10, json.dumps(said)))])[0]
+    said = Verdicts.of(verdicts)
+    assert said.truncated
+    report = reports_of([pod(0, ended("agent", 10, said.text))])[0]
     assert (report.passed, report.failed, report.errored) == (905, 95, 0)
-    del said["counts"]
-    report = reports_of([pod(0, ended("agent", 10, json.dumps(said)))]).get(0, Report())
+    older = said.model_copy(update={"counts": None})
+    report = reports_of([pod(0, ended("agent", 10, older.text))]).get(0, Report())
     assert (report.passed, report.errored) == (0, 0)
 
 
@@ -158,7 +157,9 @@ def test_the_finish_job_has_the_last_word() -> None:
 
 def test_a_compose_job_gives_counts_or_its_message() -> None:
     said = '{"counts": [2, 3], "breaks": "1", "digest": "ab"}'
-    assert composed_of([pod(0, ended("compose", 0, said))]) == Composition([2, 3], "1", "ab")
+    assert composed_of([pod(0, ended("compose", 0, said))]) == Composed(
+        counts=(2, 3), breaks="1", digest="ab"
+    )
     assert (
         composed_of([pod(0, ended("compose", 65, '{"error": "bad.vast: no"}'))]) == "bad.vast: no"
     )

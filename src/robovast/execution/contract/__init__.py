@@ -9,6 +9,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from robovast.model.document.files import CONFIG_MOUNT
+
+CONFIG, OUT = CONFIG_MOUNT.rstrip("/"), "/out"
+"""Where a run finds its inputs, these files among them, and leaves its results."""
+
 ENTRYPOINT = "entrypoint.sh"
 """Runs one job in the main container."""
 SECONDARY_ENTRYPOINT = "secondary_entrypoint.sh"

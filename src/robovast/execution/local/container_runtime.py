@@ -15,10 +15,11 @@ from robovast.base.errors import CannotRunError
 from robovast.base.serialization import dump_yaml
 from robovast.campaign.layout import JOBS
 from robovast.execution.compat import VERSION_PATH, check_compat
+from robovast.execution.contract import CONFIG, OUT
 from robovast.execution.local import process_tree
 from robovast.execution.local.compose import MAIN, compose_model, run_options
 from robovast.execution.local.events import LocalOptions
-from robovast.execution.local.runtime import CONFIG, OUT, Identity, JobSpec
+from robovast.execution.local.runtime import Identity, JobSpec
 
 X11_SOCKETS = Path("/tmp/.X11-unix")  # noqa: S108  # where X servers listen
 LABEL = "robovast.job"

@@ -10,9 +10,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from robovast.execution.compat import check_compat
+from robovast.execution.contract import CONFIG, OUT
 from robovast.execution.local import process_tree
 from robovast.execution.local.process_environment import VERSION_FILE, process_environment
-from robovast.execution.local.runtime import CONFIG, OUT, Identity, JobSpec
+from robovast.execution.local.runtime import Identity, JobSpec
 from robovast.execution.local.sandbox import Sandbox, find_sandbox
 
 _INHERITED = ("HOME", "LANG", "LC_ALL", "LOGNAME", "TMPDIR", "TZ", "USER")

@@ -8,9 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-CONFIG, OUT = "/config", "/out"
-"""Where a run finds its inputs and leaves its results, by the run contract."""
-
 
 @dataclass(frozen=True)
 class Limits:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from robovast.execution.local.runtime import CONFIG, OUT
+from robovast.execution.contract import CONFIG, OUT
 
 _START_ISOLATE = f"""
 import sys

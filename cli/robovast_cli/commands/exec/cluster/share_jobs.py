@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 
 from robovast.base.errors import CannotRunError, InputError, RobovastError, StorageError
+from robovast.kubeapi.pod_contract.exit_codes import AgentExit
 from robovast.kubeapi.share_job import Upload, share_job, share_secret
 from robovast_cli.kube.api import Json, Kubernetes
 from robovast_cli.kube.api_errors import ConflictError, UnreachableError
@@ -17,9 +18,6 @@ INTERVAL = 1.0
 PATIENCE = 60.0
 """How long a Job that is over may take to go [s]."""
 JOB_LABEL = "batch.kubernetes.io/job-name"
-
-_REFUSED = 65
-"""Exit code of our agent: the share, or its description, is wrong."""
 
 
 def start(kube: Kubernetes, upload: Upload, variables: Mapping[str, str]) -> bool:
@@ -96,7 +94,7 @@ def _failure(kube: Kubernetes, job: Json, pods: list[Json], campaign: str) -> Ro
     told = next((end for end in ends if end.get("message")), None)
     reasons = (item.get("message", "") for item in job["status"]["conditions"])
     message = told["message"] if told else next(filter(None, reasons), "it does not say why.")
-    kind = InputError if told and told.get("exitCode") == _REFUSED else StorageError
+    kind = InputError if told and told.get("exitCode") == AgentExit.BAD_DOCUMENT else StorageError
     return kind(
         f"{campaign} was not uploaded: {str(message).strip()}\n    Its log: "
         f"{log_command(kube, name)}"

@@ -33,6 +33,10 @@ class AgentExit(IntEnum):
     """The S3 server refuses for good: trying again is useless."""
 
 
+USELESS = (AgentExit.BAD_PLAN, AgentExit.BAD_DOCUMENT, AgentExit.OTHER_OWNER, AgentExit.REFUSED)
+"""What another pod would end with, too."""
+
+
 class PlanError(RobovastError):
     """The plan is not what this version understands, or does not hold what is asked for."""
 

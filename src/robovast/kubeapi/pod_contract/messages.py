@@ -1,0 +1,194 @@
+"""Termination messages: what the operator reads of a container that has ended.
+
+Each is written and read by its class here. Anybody may have written what is read: what makes no
+sense is as good as not said.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Annotated, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic.alias_generators import to_camel
+
+from robovast.base.ranges import format_ranges, spans, truncate
+from robovast.campaign.verdict import Verdict
+
+LIMIT = 4096
+"""Longest message that Kubernetes keeps [byte]."""
+VERDICTS_LIMIT = 800
+"""Longest text of one kind of runs in `Verdicts` [byte]."""
+SUMMARY_LIMIT = 1500
+"""Longest text of one kind of runs in `Summary` [byte]."""
+ERROR_LIMIT = 1500
+"""[byte]"""
+
+Count = Annotated[int, Field(ge=0, lt=2**31)]
+
+
+class Message(BaseModel):
+    """What a container says when it ends."""
+
+    model_config = ConfigDict(
+        alias_generator=to_camel,
+        populate_by_name=True,
+        extra="ignore",
+        frozen=True,
+        strict=True,
+    )
+
+    @classmethod
+    def read(cls, said: str) -> Self | None:
+        """The message that a text is; None when it is none."""
+        try:
+            return cls.model_validate_json(said)
+        except ValidationError:
+            return None
+
+    @property
+    def text(self) -> str:
+        """The text that Kubernetes keeps."""
+        return json.dumps(self.model_dump(by_alias=True, exclude_none=True))
+
+    def write(self, path: Path) -> None:
+        """Leave it, when the container has a termination message: Kubernetes makes the file."""
+        if path.exists():
+            _rewrite(path, self.text)
+
+
+class Verdicts(Message):
+    """Of `agent`: ids of the pod's runs that are stored; the counts are always exact."""
+
+    passed: str
+    failed: str
+    errored: str
+    counts: tuple[Count, Count, Count] | None = None
+    """Older agents do not count."""
+    truncated: bool | None = None
+    """Whether there was no room for some ids."""
+
+    @classmethod
+    def of(cls, verdicts: Mapping[int, Verdict]) -> Self:
+        """The message for the verdicts of a pod's runs, by id."""
+        kinds = (Verdict.PASSED, Verdict.FAILED, Verdict.ERRORED)
+        ids = [[id_ for id_, found in verdicts.items() if found is kind] for kind in kinds]
+        texts, cut = zip(*(id_ranges(some, VERDICTS_LIMIT) for some in ids), strict=True)
+        passed, failed, errored = texts
+        return cls(
+            passed=passed,
+            failed=failed,
+            errored=errored,
+            counts=(len(ids[0]), len(ids[1]), len(ids[2])),
+            truncated=any(cut) or None,
+        )
+
+
+class Composed(Message):
+    """Of `compose`."""
+
+    counts: tuple[Count, ...] = Field(min_length=1)
+    """Variants of each entry, in the document's order."""
+    breaks: str = ""
+    """`PlanSpec.breaks`."""
+    digest: str | None = None
+    """`CampaignPlan.composed`; older Jobs have none."""
+    error: str | None = None
+    """Why nothing of that counts."""
+
+
+class Repeat(BaseModel):
+    """Where the ids of all bad runs are, to execute them once more."""
+
+    list: str
+    """Name in the bucket."""
+    sizes: str
+    """Of the groups in which pods execute them."""
+
+
+class Summary(Message):
+    """Of `finish`: the numbers of a campaign, and some ids of its bad runs."""
+
+    total: Count
+    passed: Count
+    failed: Count
+    errored: Count
+    stored: Count | None = None
+    failed_runs: str = ""
+    errored_runs: str = ""
+    truncated: bool = False
+    """Whether there was no room for some ids."""
+    failing: tuple[str, ...] = ()
+    """The first bad runs, `<variant>/<number>`."""
+    repeat: Repeat | None = None
+
+    def fitting(self) -> Self:
+        """The same as Kubernetes keeps it whole: what is for people alone makes room."""
+        fits = self
+        for name, nothing in (("failing", ()), ("errored_runs", ""), ("failed_runs", "")):
+            if len(fits.text) <= LIMIT:
+                break
+            fits = fits.model_copy(update={name: nothing, "truncated": True})
+        return fits
+
+
+class Processed(Message):
+    """Of `process`."""
+
+    runs: int
+    worked: int
+    """Runs that something was done for."""
+    stored: int
+    """Files that are new in the bucket."""
+
+
+class Shared(Message):
+    """Of `share`."""
+
+    archive: str
+    size: int
+    """[byte]"""
+
+
+def id_ranges(ids: Collection[int], limit: int) -> tuple[str, bool]:
+    """Ids as ranges, as many as there is room for, and whether some are missing."""
+    return truncate(format_ranges(spans(ids)), limit)
+
+
+def write_error(path: Path, error: str, *, as_json: bool) -> None:
+    """Leave what went wrong as termination message.
+
+    Args:
+        path: of the message.
+        error: what went wrong.
+        as_json: as the key `error` beside what the message says already.
+    """
+    if not path.exists():
+        return
+    said = path.read_text(encoding="utf-8")
+    text = _shortened(error, ERROR_LIMIT)
+    _rewrite(path, json.dumps({**json.loads(said or "{}"), "error": text}) if as_json else text)
+
+
+def _rewrite(path: Path, text: str) -> None:
+    """Replace what a file says without giving its room away first: the disk may be full."""
+    with path.open("r+b") as file:
+        file.write(text.encode())
+        file.truncate()
+
+
+def error_in(said: str) -> str:
+    """What a container says is wrong: the key of its message, or all of a text that is no JSON."""
+    try:
+        return str(json.loads(said)["error"])
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return said.strip()
+
+
+def _shortened(text: str, limit: int) -> str:
+    """A text that takes no more than so many bytes in JSON."""
+    while len(json.dumps(text)) > limit:
+        text = text[: len(text) * 3 // 4] + "…"
+    return text

@@ -1,0 +1,117 @@
+"""How every pod of ours is made: what it may do, what it may use, and what its end means."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from robovast.kubeapi.pod_contract.mounts import Mount, Object
+from robovast.kubeapi.resources import Scheduling
+
+AGENT = ("python", "-m", "robovast.agent")
+
+OWN_USER = 1000
+"""Of our own containers where no run's files are at hand."""
+
+BESIDE_RUNS: Object = {
+    "requests": {"cpu": "10m", "memory": "64Mi"},
+    "limits": {"memory": "512Mi"},
+}
+"""Of our own containers beside a run; a request of CPU as small as can be, since it idles.
+
+None has a limit of ephemeral storage: those of a pod's containers are added up, and its volumes
+count, so that a small limit here would be one for what the run writes.
+"""
+
+WHOLE_CAMPAIGN: Object = {
+    "requests": {"cpu": "100m", "memory": "256Mi"},
+    "limits": {"memory": "2Gi"},
+}
+"""Of our own containers that work on a whole campaign."""
+
+
+def confined_pod(
+    user: int, grace: int, scheduling: Scheduling, node_labels: Mapping[str, str] | None = None
+) -> Object:
+    """A pod without a token, on the nodes that it may be on.
+
+    Args:
+        user: number of the user whose files are on its volumes.
+        grace: how long it may take to end when it is told to [s].
+        scheduling: what the author of its campaign asks for.
+        node_labels: of the nodes that it may be on, beside what `scheduling` says.
+    """
+    spec: Object = {
+        "restartPolicy": "Never",
+        "automountServiceAccountToken": False,
+        "enableServiceLinks": False,
+        "terminationGracePeriodSeconds": grace,
+        "securityContext": {
+            "runAsUser": user,
+            "runAsGroup": user,
+            "fsGroup": user,
+            "runAsNonRoot": user != 0,
+            "seccompProfile": {"type": "RuntimeDefault"},
+        },
+    }
+    given = scheduling.model_dump(by_alias=True, exclude_none=True)
+    given["nodeSelector"] = {**(node_labels or {}), **given["nodeSelector"]}
+    return spec | {name: value for name, value in given.items() if value}
+
+
+def own_container(
+    image: str,
+    name: str,
+    arguments: Sequence[str],
+    mounts: Iterable[Mount],
+    resources: Object = BESIDE_RUNS,
+    variables: Iterable[Object] = (),
+) -> Object:
+    """A container of our own image.
+
+    Args:
+        image: our own.
+        name: of the container.
+        arguments: of the agent, its command first.
+        mounts: what it sees beside the pod's own volume.
+        resources: what it asks for, and may use.
+        variables: of its environment.
+    """
+    folders = [{"name": folder, "value": Mount.WORK.path} for folder in ("HOME", "TMPDIR")]
+    return {
+        "name": name,
+        "image": image,
+        "command": [*AGENT, *arguments],
+        "resources": resources,
+        "securityContext": confined() | {"readOnlyRootFilesystem": True},
+        "env": [*folders, *variables],
+        "terminationMessagePolicy": "FallbackToLogsOnError",
+        "volumeMounts": [mount.mount for mount in (Mount.WORK, *mounts)],
+    }
+
+
+def confined(restricted: bool = True) -> Object:
+    """What a container may not do, unless an administrator leaves it everything."""
+    if not restricted:
+        return {}
+    return {"allowPrivilegeEscalation": False, "capabilities": {"drop": ["ALL"]}}
+
+
+def failure_policy(*rules: Object) -> Object:
+    """Of a Job: what ends of its pods mean; one that was disrupted costs no try."""
+    disrupted = {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]}
+    return {
+        "podReplacementPolicy": "Failed",
+        "podFailurePolicy": {"rules": [*rules, disrupted]},
+    }
+
+
+def on_exit(action: str, container: str, codes: Iterable[int]) -> Object:
+    """A rule of such a policy: what follows from a container's exit codes."""
+    return {
+        "action": action,
+        "onExitCodes": {
+            "containerName": container,
+            "operator": "In",
+            "values": sorted(map(int, codes)),
+        },
+    }
