@@ -14,6 +14,7 @@ from robovast.base.serialization import dump_yaml
 from robovast.campaign.layout import CONFIGURATIONS
 from robovast.evaluation.inside import MissingError, open_inside, read_small
 from robovast.evaluation.untrusted import LONGEST, MOST_VALUES, mapping, parse_yaml
+from robovast.model.document.files import CONFIG_MOUNT
 from robovast.model.naming import CONFIG
 
 _RECORD = "_navigation"
@@ -73,7 +74,7 @@ def _copy_map(
     results: Path, campaign: str, variant: str, record: Mapping[str, Any], folder: Path
 ) -> Path:
     """The map's two files in a folder of our own: the one must not name the other elsewhere."""
-    name = str(record.get("map_file", "")).removeprefix("/config/")
+    name = str(record.get("map_file", "")).removeprefix(CONFIG_MOUNT)
     place = f"{campaign}/{variant}/{CONFIG}/{name}"
     try:
         content = read_small(results, place)

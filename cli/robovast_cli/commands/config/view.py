@@ -11,6 +11,7 @@ from robovast.base.atomic import refuse_file
 from robovast.base.errors import InputError
 from robovast.base.file_errors import writing
 from robovast.model.document import Document
+from robovast.model.document.files import CONFIG_MOUNT
 from robovast.model.expansion import Variant, select_variants
 from robovast.navigation.base import RECORD
 from robovast.navigation.extra import nav_extra
@@ -63,7 +64,7 @@ def _picture(document: Document, variant: Variant, kind: Format) -> bytes:
         from robovast.navigation.occupancy import read_map
         from robovast.navigation.picture import marks, to_png, to_svg
     record = _record(variant)
-    name = str(record["map_file"]).removeprefix("/config/")
+    name = str(record["map_file"]).removeprefix(CONFIG_MOUNT)
     files = {file.name: file.source for file in variant.files}
     occupancy = read_map(files.get(name, document.folder / name))
     found = list(marks(record))

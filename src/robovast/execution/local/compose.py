@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from robovast.execution.contract import CONFIG, ENTRYPOINT, OUT, SECONDARY_ENTRYPOINT
 from robovast.execution.local.runtime import Limits
 
 MAIN = "robovast"
@@ -40,14 +41,14 @@ def compose_model(
         "image": image,
         "volumes": volumes,
         "user": user,
-        "working_dir": "/out",
+        "working_dir": OUT,
         "labels": dict(labels),
         "init": True,
     }
     main = {
         **common,
         **({"container_name": name} if name else {}),
-        "entrypoint": ["/bin/bash", "/config/entrypoint.sh"],
+        "entrypoint": ["/bin/bash", f"{CONFIG}/{ENTRYPOINT}"],
         "environment": _literal(environment),
         "network_mode": network_mode,
         "ipc": "shareable",
@@ -58,7 +59,7 @@ def compose_model(
         extra = {"CONTAINER_NAME": name, "ROS_LOG_DIR": f"{environment['OUTPUT_DIR']}/logs/{name}"}
         services[name] = {
             **common,
-            "entrypoint": ["/bin/bash", "/config/secondary_entrypoint.sh"],
+            "entrypoint": ["/bin/bash", f"{CONFIG}/{SECONDARY_ENTRYPOINT}"],
             "environment": _literal({**environment, **extra}),
             "network_mode": f"service:{MAIN}",
             "ipc": f"service:{MAIN}",
