@@ -1,5 +1,5 @@
-"""Looking at results: what a page, a notebook or an assistant asks of a results folder.
+"""Reads results for the page, notebooks and assistants.
 
-Every module here only reads. A results folder may come from anywhere, so nothing in it is trusted:
-paths stay inside it, sizes are bounded, and text is data.
+The modules here only read. A results folder may come from anywhere, so nothing in it is trusted:
+paths stay inside it, sizes are limited, and text is data.
 """

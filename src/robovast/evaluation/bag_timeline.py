@@ -1,6 +1,6 @@
-"""When a ROS bag has messages of which topic.
+"""Counts a ROS bag's messages by topic and time.
 
-Only indexes are read, no message is decompressed: a bag of gigabytes takes a second.
+Only indexes are read and no message is decompressed: a bag of gigabytes takes a second.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from robovast.evaluation.database import opened
 from robovast.evaluation.inside import MissingError, open_inside, resolved
 
 BINS = 150
-"""Parts that the time of a bag is cut into."""
+"""Number of intervals into which a bag's time is divided."""
 
 _TICK = 50_000_000
 """Resolution [ns]"""
@@ -32,10 +32,10 @@ _MESSAGE = Struct("<HIQ")
 _INDEX = Struct("<HI")
 """Channel, length of the entries."""
 _ENTRY = Struct("<QQ")
-"""Time [ns], place in the chunk."""
+"""Time [ns], offset in the chunk."""
 _IS_CHANNEL, _IS_MESSAGE, _IS_INDEX = 4, 5, 7
 _LARGEST = 1 << 26
-"""Of a record that is read [bytes]."""
+"""Largest record that is read [bytes]."""
 
 Ticks = Counter[tuple[str, int]]
 """Messages by topic and tick."""
@@ -49,11 +49,11 @@ class Timeline:
     """[s since the epoch]"""
     end: float
     topics: dict[str, list[int]]
-    """Messages of each topic in each of `BINS` equal parts of the time."""
+    """Number of messages of each topic in each of `BINS` equal intervals."""
 
 
 def read_timeline(root: Path, relative: str) -> Timeline:
-    """The timeline of a bag's folder.
+    """The timeline of a bag.
 
     Raises:
         InputError: there is no such folder below `root`, or its files cannot be read.
@@ -121,7 +121,7 @@ def _records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
     while len(header := file.read(_RECORD.size)) == _RECORD.size:
         opcode, length = _RECORD.unpack(header)
         place += _RECORD.size + length
-        if place > size:  # the recorder was stopped here
+        if place > size:  # the recorder was killed here
             return
         if opcode == _IS_MESSAGE:
             yield opcode, file.read(min(length, _MESSAGE.size))

@@ -1,7 +1,7 @@
-"""All runs of one campaign, kept up to date while it is executed.
+"""All runs of one campaign, kept up to date during execution.
 
-Reading 10,000 records takes most of a second, so a variant is read again only when its folder has
-changed: a run enters it at once and complete, by a rename.
+Reading 10,000 records takes most of a second, so a variant is read again only if its folder has
+changed: complete runs enter it by a rename.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from robovast.evaluation.summaries import ActiveJob, CampaignSummary, RunSummary
 from robovast.evaluation.untrusted import read_yaml
 
 SETTLED = 2.0
-"""A folder that changed less than this ago may change again unseen, within its time stamp [s]."""
+"""Folders changed more recently may change again within the same time stamp [s]."""
 
 
 @dataclass(frozen=True)
@@ -43,19 +43,19 @@ class CampaignIndex:
         self.name = name
         """The campaign's folder in it."""
         self.version = 0
-        """Grows with every change."""
+        """Increases with every change."""
         self.variants: list[VariantRuns] = []
-        """All variants, those without runs included; `two-2-10` comes after `two-2-9`."""
+        """All variants, including those without runs; `two-2-10` comes after `two-2-9`."""
         self.active: tuple[ActiveJob, ...] | None = None
-        """Jobs that are being executed; None when nothing executes the campaign."""
+        """Jobs in progress; None if the campaign is not being executed."""
         self._execution: Mapping[str, Any] = {}
         self._known: dict[str, _Known] = {}
 
     def refresh(self) -> bool:
-        """Read what has changed; True when anything has.
+        """Read changed variants; return whether anything changed.
 
         Raises:
-            InputError: the folder is gone, or cannot be read.
+            InputError: the folder is missing or cannot be read.
         """
         root = resolved(self.results, self.name)
         try:
@@ -74,7 +74,7 @@ class CampaignIndex:
         return changed
 
     def summary(self) -> CampaignSummary:
-        """Counts and times of what was last read."""
+        """Counts and times as of the last refresh."""
         runs = [run for variant in self.variants for run in variant.runs]
         planned = max(len(self.variants) * _whole(self._execution.get("runs")), len(runs))
         counts = dict.fromkeys(Verdict, 0)
@@ -97,7 +97,7 @@ class CampaignIndex:
         )
 
     def _look(self, entry: os.DirEntry[str]) -> _Known | None:
-        """A variant, read again if its folder has changed; None when it cannot be read."""
+        """A variant, read again if its folder has changed; None if it cannot be read."""
         try:
             changed = entry.stat(follow_symlinks=False).st_mtime_ns
             known = self._known.get(entry.name)
@@ -105,12 +105,12 @@ class CampaignIndex:
                 return known
             settled = time.time() - changed / 1e9 > SETTLED
             return _Known(changed, settled, read_variant(self.results, self.name, entry.name))
-        except OSError:  # it went away, or is another user's alone
+        except OSError:  # it was removed, or access is denied
             return None
 
 
 def _period(runs: Iterable[RunSummary], started: float | None) -> tuple[float | None, float | None]:
-    """When the first of the runs began, or the campaign as it says; when the last one ended."""
+    """Start of the campaign or its first run, and end of its last run."""
     times = [(r.started_at, r.started_at + (r.duration or 0)) for r in runs if r.started_at]
     first = min((begin for begin, _ in times), default=None)
     return (first if started is None else started), max((end for _, end in times), default=None)

@@ -1,4 +1,4 @@
-"""Finding campaigns, and what is being executed."""
+"""Finds campaigns and their jobs in progress."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ def find_campaigns(results: Path) -> list[str]:
 
 
 def is_own_folder(entry: os.DirEntry[str]) -> bool:
-    """Whether an entry is a folder, no link, for results: `_` and `.` begin other names.
+    """Whether an entry is a folder (not a link) of results; `_` and `.` begin other names.
 
-    A name that is no UTF-8 has no address; others that cannot be shown are nobody's either.
+    Names that are not UTF-8 or cannot be printed are excluded, too.
     """
     return is_variant(entry.name) and entry.is_dir(follow_symlinks=False)
 
 
 def active_jobs(results: Path, campaign: str) -> tuple[ActiveJob, ...] | None:
-    """Jobs of a campaign that are being executed, in order; None when nothing executes it."""
+    """A campaign's jobs in progress, in order; None if it is not being executed."""
     root = results / campaign
     if not _is_locked(root / RUNNING / "lock"):
         return None
@@ -53,7 +53,7 @@ def active_jobs(results: Path, campaign: str) -> tuple[ActiveJob, ...] | None:
 
 
 def _is_locked(path: Path) -> bool:
-    """Whether a program holds the lock, which it does as long as it executes the campaign."""
+    """Whether a program holds the lock, as it does while it executes the campaign."""
     try:
         lock = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:

@@ -1,4 +1,4 @@
-"""All runs of a campaign as columns: a tenth of the size of as many objects, and quick to read."""
+"""All runs of a campaign as columns, which are a tenth of the size of objects and fast to parse."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from robovast.campaign.verdict import Verdict
 from robovast.evaluation.summaries import VariantRuns
 
 VERDICTS = list(Verdict)
-"""Verdicts in the order of their codes."""
+"""Verdicts; a verdict's index is its code."""
 
 
 def columns(variants: Sequence[VariantRuns]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Comparing two campaigns: what got worse, and whether chance explains it."""
+"""Compares two campaigns: what got worse, and whether chance explains it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robovast.campaign.verdict import Verdict
 from robovast.evaluation.summaries import VariantRuns
 
 LEVEL = 0.05
-"""Significance level of every statement."""
+"""Significance level of all statements."""
 _Z = 1.959964
 
 
@@ -33,7 +33,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Two samples, and how likely chance alone makes them differ so much."""
+    """Two samples, and the probability of such a difference by chance."""
 
     a: Sample
     b: Sample
@@ -54,8 +54,8 @@ class VariantDifference:
     adjusted_p: float
     """Holm's correction for the number of variants."""
     change: str
-    """`worse` or `better` when the adjusted p-value is below `LEVEL`; else `unclear`, or `same`
-    when the rates are equal."""
+    """`worse` or `better` if the adjusted p-value is below `LEVEL`; `same` if the rates are equal;
+    otherwise `unclear`."""
 
 
 @dataclass(frozen=True)
@@ -66,13 +66,13 @@ class Comparison:
     """All matched variants together."""
     statement: str
     variants: list[VariantDifference]
-    """The smallest p-value first."""
+    """Sorted by p-value, the smallest first."""
     only_a: list[str]
     only_b: list[str]
 
 
 def compare(a: Iterable[VariantRuns], b: Iterable[VariantRuns]) -> Comparison:
-    """Compare campaign b with campaign a, variants of equal parameters with each other."""
+    """Compare campaign b with campaign a by variants with equal parameters."""
     left, right = _by_identity(a), _by_identity(b)
     common = [key for key in left if key in right]
     pairs = [(left[key], right[key]) for key in common]
@@ -93,7 +93,7 @@ def compare(a: Iterable[VariantRuns], b: Iterable[VariantRuns]) -> Comparison:
 
 
 def sample(*variants: VariantRuns) -> Sample:
-    """The runs of variants, without the interrupted ones."""
+    """All runs of the variants except interrupted ones."""
     runs = [r for v in variants for r in v.runs if r.verdict is not Verdict.INTERRUPTED]
     durations = [run.duration for run in runs if run.duration is not None]
     bad = sum(run.verdict is not Verdict.PASSED for run in runs)
@@ -108,7 +108,7 @@ def difference(a: Sample, b: Sample) -> Difference:
 
 
 def fisher_exact(a: int, b: int, c: int, d: int) -> float:
-    """Two-sided p-value of the table [[a, b], [c, d]]: of all tables no likelier than this one."""
+    """Two-sided p-value of the table [[a, b], [c, d]]: sums all tables that are not more likely."""
     row, column, total = a + b, a + c, a + b + c + d
     constant = _log_choose(total, column)
 
@@ -130,7 +130,7 @@ def newcombe(a: Sample, b: Sample) -> tuple[float, float]:
 
 
 def holm(values: Sequence[float]) -> list[float]:
-    """p-values corrected for their number; in the order given."""
+    """p-values with Holm's correction, in the given order."""
     adjusted = [0.0] * len(values)
     highest = 0.0
     for rank, index in enumerate(sorted(range(len(values)), key=values.__getitem__)):
@@ -140,7 +140,7 @@ def holm(values: Sequence[float]) -> list[float]:
 
 
 def state(found: Difference) -> str:
-    """A difference in words."""
+    """Describe a difference in words."""
     a, b = found.a, found.b
     if not a.runs or not b.runs:
         return "Nothing can be compared: the campaigns share no variant with runs in both."
@@ -162,7 +162,7 @@ def _change(found: Difference, p: float) -> str:
 
 
 def _by_identity(variants: Iterable[VariantRuns]) -> dict[str, VariantRuns]:
-    """Variants by their parameters, or by name where these do not tell them apart."""
+    """Variants by their parameters, or by name if parameters are not unique."""
     found: dict[str, VariantRuns] = {}
     for variant in variants:
         parameters = json.dumps(variant.parameters, sort_keys=True) if variant.parameters else ""

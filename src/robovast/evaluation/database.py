@@ -1,4 +1,4 @@
-"""Opening SQLite files that anyone may have written, for reading alone."""
+"""Opens untrusted SQLite files read-only."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from robovast.base.errors import InputError
 from robovast.evaluation.inside import MissingError, resolved
 
 PATIENCE = 30.0
-"""How long the questions to one file may take [s]."""
+"""Time limit for all queries to one file [s]."""
 _STEPS = 100_000
-"""Virtual machine instructions between two looks at the clock."""
+"""Number of virtual machine instructions between checks of the time."""
 
 
 @contextmanager
 def opened(root: Path, relative: str) -> Iterator[sqlite3.Connection]:
-    """A connection that neither writes nor follows what the file defines.
+    """A connection that neither writes nor executes code defined in the file.
 
     Raises:
-        InputError: there is no such file below `root`, it is damaged, or it takes too long.
+        InputError: the file is missing below `root`, damaged, or takes too long.
     """
     path = resolved(root, relative)
     if not path.is_file():

@@ -1,4 +1,4 @@
-"""The files of a run."""
+"""Lists the files of a run."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ KINDS = {
 
 @dataclass(frozen=True, slots=True)
 class FileEntry:
-    """A file, as the page shows it."""
+    """A file, as shown on the page."""
 
     path: str
-    """Relative to the results folder, `/` between its parts."""
+    """Path relative to the results folder, with `/` as separator."""
     name: str
-    """Relative to the folder that was listed."""
+    """Path relative to the listed folder."""
     kind: str
     """`table`, `log`, `text`, `image`, `video` or `other`."""
     size: int
@@ -45,10 +45,10 @@ class FileEntry:
 
 
 def list_files(results: Path, relative: str) -> list[FileEntry]:
-    """Regular files at and below a folder by name, `MOST_FILES` at most; links are left out.
+    """Regular files in a folder by name, at most `MOST_FILES`; links are left out.
 
     Raises:
-        InputError: there is no such folder below `results`.
+        InputError: the folder is missing below `results`.
     """
     folder = resolved(results, relative)
     if not folder.is_dir():
@@ -64,12 +64,12 @@ def list_files(results: Path, relative: str) -> list[FileEntry]:
 
 
 def kind_of(name: str) -> str:
-    """What the page can do with a file, by its suffix."""
+    """The kind of a file, by its suffix."""
     return KINDS.get(PurePosixPath(name).suffix.lower(), "other")
 
 
 def _readable(name: str) -> str:
-    """A name that is no UTF-8 as one that can be shown."""
+    """A printable form of a name that is not UTF-8."""
     return name.encode("utf-8", "replace").decode()
 
 

@@ -1,7 +1,7 @@
-"""Reading below a folder, and never outside of it: not by `..`, not through a link.
+"""Reads files strictly within a folder: neither `..` nor links lead out of it.
 
-A path is resolved first, so that links inside the folder work (`job` of a run is one). Then it is
-opened part by part without following links, so that a link made in between changes nothing.
+Paths are resolved first, so that links inside the folder work (such as a run's `job`). Then they
+are opened part by part without following links, so that links created meanwhile have no effect.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ _FLAGS = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
 
 
 class OutsideError(InputError):
-    """A path that leads out of the folder."""
+    """A path leaves the folder."""
 
 
 class MissingError(InputError):
-    """There is no such file or folder."""
+    """A file or folder is missing."""
 
 
 def resolved(root: Path, relative: str) -> Path:
-    """A path below a folder without links; `root` must be one already.
+    """Resolve a path below a folder; `root` itself must be free of links.
 
     Raises:
-        OutsideError: it leads out of the folder.
-        MissingError: there is nothing.
+        OutsideError: the path leaves the folder.
+        MissingError: nothing exists there.
     """
     if "\0" in relative:
         raise OutsideError(f"{relative!r} is no path.")
@@ -37,7 +37,7 @@ def resolved(root: Path, relative: str) -> Path:
         path = (root / relative).resolve(strict=True)
     except (FileNotFoundError, NotADirectoryError):
         raise MissingError(f"There is no {relative}.") from None
-    except (OSError, RuntimeError, ValueError) as error:  # a loop of links, a name too long
+    except (OSError, RuntimeError, ValueError) as error:  # circular links, too long names
         raise OutsideError(f"{relative} cannot be resolved: {error}.") from None
     if not path.is_relative_to(root):
         raise OutsideError(f"{relative} leads out of the results folder.")
@@ -69,10 +69,10 @@ def _open(root: Path, parts: tuple[str, ...]) -> int:
 
 
 def read_small(root: Path, relative: str, limit: int = 1 << 20) -> bytes:
-    """Content of a file below a folder.
+    """The content of a file below a folder.
 
     Raises:
-        InputError: it is larger than `limit` [bytes], or see `resolved`.
+        InputError: the file is larger than `limit` [bytes]; see also `resolved`.
     """
     with open_inside(root, relative) as file:
         content = file.read(limit + 1)

@@ -15,7 +15,7 @@ from robovast.evaluation.summaries import CampaignSummary
 from robovast.model.naming import holds_campaign
 
 BUSY, CALM = 10, 100
-"""A campaign is looked through after this many times what that takes; CALM when nothing runs."""
+"""Minimum time between refreshes, as multiples of a refresh; CALM if nothing is in progress."""
 
 
 @dataclass
@@ -23,18 +23,18 @@ class _Shelf:
     index: CampaignIndex
     summary: CampaignSummary | None = None
     fault: str = ""
-    """Why the campaign could not be read the last time."""
+    """Why the campaign could not be read at the last refresh."""
     changed: int = -1
-    """Time stamp of the campaign's folder then [ns]."""
+    """Modification time of the campaign's folder at the last refresh [ns]."""
     looked: float = 0.0
-    """When that was, on the monotonic clock [s]."""
+    """Time of the last refresh on the monotonic clock [s]."""
     cost: float = 0.0
-    """How long it took [s]."""
+    """Duration of the last refresh [s]."""
     lock: Lock = field(default_factory=Lock)
 
 
 class Library:
-    """Campaigns by name; threads may share it."""
+    """Campaigns by name; thread-safe."""
 
     def __init__(self, results: Path) -> None:
         self.results = results.resolve()
@@ -42,7 +42,7 @@ class Library:
         self._shelves: dict[str, _Shelf] = {}
 
     def names(self) -> list[str]:
-        """Names of the campaigns in the folder now, the newest first.
+        """Names of the current campaigns, the newest first.
 
         Raises:
             InputError: the folder cannot be read.
@@ -53,7 +53,7 @@ class Library:
         return found
 
     def known(self, name: str) -> tuple[CampaignSummary | None, str]:
-        """What was last read of a campaign, and why it could not be read; reads nothing.
+        """The last summary of a campaign, and why it could not be read; does not read files.
 
         Raises:
             InputError: there is no such campaign.
@@ -62,7 +62,7 @@ class Library:
         return shelf.summary, shelf.fault
 
     def summary(self, name: str) -> CampaignSummary:
-        """Summary of a campaign, read again when it may have changed.
+        """Summary of a campaign, refreshed if it may have changed.
 
         Raises:
             InputError: there is no such campaign, or it cannot be read.
@@ -70,7 +70,7 @@ class Library:
         return self._read(self._shelf(name))
 
     def campaign(self, name: str) -> CampaignIndex:
-        """A campaign as it is now.
+        """The current state of a campaign.
 
         Raises:
             InputError: there is no such campaign, or it cannot be read.

@@ -1,4 +1,4 @@
-"""Logs of a run: found, and read a page at a time whatever their size."""
+"""Finds logs of a run and reads them by page, whatever their size."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from robovast.evaluation.inside import open_inside
 
 LEVELS = ("debug", "info", "warn", "error", "fatal")
 PAGE = 2000
-"""Lines of a page."""
+"""Lines per page."""
 LONGEST_LINE = 4000
-"""Characters that are kept of a line."""
+"""Characters kept per line."""
 PART = 16 << 20
-"""Of a larger log, how much is read for one answer [bytes]."""
+"""Part of a larger log that is read for one answer [bytes]."""
 _PROBE = 1 << 16
-"""Where a time is looked for in a large log, how much is read at a place [bytes]."""
+"""Block that is read at each step when a time is searched in a large log [bytes]."""
 
 _LEVEL = re.compile(
     r"\[\s*(DEBUG|INFO|WARN(?:ING)?|ERROR|FATAL|CRITICAL)\s*\]"
@@ -34,7 +34,7 @@ _ESCAPES = re.compile(r"\x1b\[[0-9;?]*[ -/]*[@-~]|\x1b\][^\x07]*\x07|[\x00-\x08\
 
 
 class LogLine(NamedTuple):
-    """One line; `level` is empty where nothing says it."""
+    """One line; `level` is empty if unknown."""
 
     number: int
     level: str
@@ -43,35 +43,35 @@ class LogLine(NamedTuple):
 
 @dataclass(frozen=True)
 class LogPage:
-    """Lines that match a question, the last ones of them first asked for.
+    """The last lines that match a question.
 
-    They are of the whole file, or of a part of one that is larger than `PART`.
+    They are from the whole file or, if it is larger than `PART`, from a part of it.
     """
 
     lines: list[LogLine]
-    """Numbered from where the part begins."""
+    """Numbered from the beginning of the part."""
     matches: int
-    """Lines that match."""
+    """Number of matching lines."""
     total: int
     """All lines."""
     counts: dict[str, int]
-    """Lines of each level."""
+    """Number of lines of each level."""
     begin: int
-    """Where the part begins [bytes]; 0 in a file that was read as a whole."""
+    """Start of the part [bytes]; 0 if the whole file was read."""
     end: int
-    """Where it ends."""
+    """End of the part [bytes]."""
     size: int
-    """Of the file."""
+    """Size of the file [bytes]."""
 
 
 @dataclass(frozen=True)
 class LogQuestion:
-    """Which lines to show."""
+    """Selects lines of a log."""
 
     text: str = ""
-    """Only lines with this text, in capitals or not."""
+    """Only lines with this text, ignoring case."""
     levels: frozenset[str] = frozenset()
-    """Only lines of these levels; all when empty."""
+    """Only lines of these levels; empty means all."""
     since: float | None = None
     """Only lines stamped in this period [s since the epoch]; others join the line before."""
     until: float | None = None

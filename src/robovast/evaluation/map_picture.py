@@ -1,4 +1,4 @@
-"""The picture of a configuration that moves on a map, from what its campaign holds."""
+"""Draws the map of a configuration from data in its campaign."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MOST_CELLS = 16_000_000
 
 
 def has_map(results: Path, campaign: str, variant: str) -> bool:
-    """Whether a variation type has recorded on which map a configuration moves."""
+    """Whether a variation type has recorded the map of a configuration."""
     return isinstance(_record(results, campaign, variant).get("map_file"), str)
 
 
@@ -31,7 +31,7 @@ def draw_map(results: Path, campaign: str, variant: str) -> str:
     """Map, start, goals, path and obstacles of a configuration as SVG.
 
     Raises:
-        InputError: it has no map, or what is recorded of it cannot be drawn.
+        InputError: it has no map, or its records cannot be drawn.
         CannotRunError: the extra `nav` is missing.
     """
     from robovast.navigation.extra import nav_extra
@@ -49,9 +49,9 @@ def draw_map(results: Path, campaign: str, variant: str) -> str:
 
 
 def _record(results: Path, campaign: str, variant: str) -> Mapping[str, Any]:
-    """What navigation variations have recorded of a configuration; empty when they have not.
+    """Records of navigation variations about a configuration; empty if there are none.
 
-    The file may be large: only the part of this configuration is parsed.
+    The file may be large, so only this configuration's part is parsed.
     """
     first = dump_yaml([{"name": variant}])
     lines: list[str] = []
@@ -93,7 +93,7 @@ def _copy_map(
 
 
 def _check_size(pixels: bytes, name: str) -> None:
-    """Raise InputError for an image that would not fit into memory, or is none."""
+    """Raise InputError if an image is too large for memory or invalid."""
     from PIL import Image
 
     try:

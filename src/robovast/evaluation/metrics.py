@@ -1,7 +1,7 @@
-"""What the tables of a campaign say of each run: a number for every column of every CSV file.
+"""Metrics of a campaign: one number per run for each column of each CSV file.
 
-Read from `_execution/data.db`, which `vast results postprocess` writes: a table for each CSV name,
-whose columns `config` and `run` say which run a row is of. It is only read, and not trusted.
+They are read from `_execution/data.db` of `vast results postprocess`, which has a table for each
+CSV name with the columns `config` and `run`. The file is read-only and not trusted.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from robovast.evaluation.database import opened
 from robovast.evaluation.inside import MissingError
 
 AGGREGATES = {"mean": "avg", "least": "min", "most": "max", "sum": "sum"}
-"""What can be made of a run's values, and SQLite's name of it."""
+"""Aggregate functions, and their names in SQLite."""
 MOST_COLUMNS = 400
 
 _KEYS = {"config", "run"}
@@ -24,7 +24,7 @@ _NAMES = {"config_name", "run_id", *_KEYS}
 
 
 def metric_columns(results: Path, campaign: str) -> dict[str, list[str]]:
-    """Columns with numbers by table; empty when the campaign was not postprocessed.
+    """Numeric columns by table; empty if the campaign was not postprocessed.
 
     Raises:
         InputError: the tables cannot be read.
@@ -40,7 +40,7 @@ def metric_columns(results: Path, campaign: str) -> dict[str, list[str]]:
 def metric(
     results: Path, campaign: str, table: str, column: str, aggregate: str
 ) -> dict[str, float]:
-    """A number for every run, `<variant>/<number>`, that has any in the column.
+    """One number per run, given as `<variant>/<number>`; runs without numbers are left out.
 
     Args:
         results: the results folder, without links.
@@ -70,7 +70,7 @@ def _file(campaign: str) -> str:
 
 
 def _tables(connection: sqlite3.Connection) -> dict[str, list[str]]:
-    """Columns of the tables that have rows of runs; virtual tables and views are none."""
+    """Columns of the tables with rows of runs, without virtual tables and views."""
     found: dict[str, list[str]] = {}
     rows = connection.execute(
         "SELECT m.name, c.name FROM sqlite_master m, pragma_table_xinfo(m.name) c "

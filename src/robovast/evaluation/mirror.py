@@ -1,6 +1,6 @@
-"""`python -m robovast.evaluation.mirror`: campaigns of an S3 server in a folder, kept up to date.
+"""`python -m robovast.evaluation.mirror`: mirrors campaigns of an S3 server to a folder.
 
-The page of `vast evaluation gui` reads folders; in a cluster this brings it the campaigns.
+The page of `vast evaluation gui` reads folders; in a cluster the mirror provides them.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ LOGGER = logging.getLogger(__name__)
 
 
 def mirror(store: ObjectStore, results: Path) -> list[str]:
-    """Bring what is new of every campaign into a results folder; remove those that are gone.
+    """Download what is new in every campaign; remove campaigns that no longer exist.
 
     Args:
         store: the S3 server.
-        results: existing folder; a campaign's folder is called as at home, that of a bucket that
-            nobody owns as the bucket.
+        results: existing folder; folders of campaigns have the same names as local ones, a
+            bucket without owner has the bucket's name.
 
     Returns:
-        Buckets that could not be read whole; the others are here.
+        Buckets that could not be mirrored completely.
 
     Raises:
         StorageError: the server does not answer.
@@ -52,7 +52,7 @@ def mirror(store: ObjectStore, results: Path) -> list[str]:
         except StorageError as error:
             LOGGER.warning("%s: %s", bucket, error)
             failed.append(bucket)
-        except Exception:  # whatever somebody has put there is nobody else's trouble
+        except Exception:  # one bucket's content must not stop the others
             LOGGER.exception("%s", bucket)
             failed.append(bucket)
     _remove_purged(store, results, set(buckets))
@@ -60,7 +60,7 @@ def mirror(store: ObjectStore, results: Path) -> list[str]:
 
 
 def _remove_purged(store: ObjectStore, results: Path, buckets: Collection[str]) -> None:
-    """Remove campaigns whose bucket is gone; never what did not come from a bucket."""
+    """Remove campaigns whose bucket is gone; never folders that did not come from a bucket."""
     sweep(results)
     for origin in results.glob(f"*/{ORIGIN}"):
         bucket = origin.read_text(encoding="utf-8")
@@ -70,7 +70,7 @@ def _remove_purged(store: ObjectStore, results: Path, buckets: Collection[str]) 
 
 
 def main() -> None:
-    """Mirror for ever."""
+    """Mirror in an endless loop."""
     logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", level=logging.INFO)
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--endpoint", required=True, help="URL of the S3 server")

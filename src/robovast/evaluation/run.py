@@ -1,4 +1,4 @@
-"""One run: its record, and where its files are."""
+"""Details of one run: its record and the paths of its files."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from robovast.evaluation.untrusted import LONGEST, mapping, parse_json, read_yam
 
 @dataclass(frozen=True)
 class Bag:
-    """A ROS bag as its own metadata describe it."""
+    """A ROS bag as described by its metadata."""
 
     path: str
-    """Relative to the results folder."""
+    """Path relative to the results folder."""
     start: float
     """[s since the epoch]"""
     duration: float
@@ -40,7 +40,7 @@ class Bag:
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where a file comes from."""
+    """The origin of a file."""
 
     path: str
     """The file, relative to the results folder."""
@@ -52,18 +52,18 @@ class Origin:
 
 @dataclass(frozen=True)
 class RunDetails:
-    """Everything that the page of a run shows at once."""
+    """All data on the page of a run."""
 
     record: Mapping[str, Any]
-    """Content of run.json; empty when there is none."""
+    """Content of run.json; empty if it is missing."""
     files: list[FileEntry]
-    """Of the run's folder."""
+    """Files in the run's folder."""
     job_files: list[FileEntry]
-    """Of its job's folder, which it may share with other runs."""
+    """Files in its job's folder, which may be shared with other runs."""
     packed: bool = False
-    """Whether its job had other runs too, of which the job's log tells."""
+    """Whether its job, and thus the job's log, also contains other runs."""
     logs: list[str] = field(default_factory=list)
-    """Paths of logs, the one that tells most first."""
+    """Paths of logs, the most useful first."""
     usage: list[str] = field(default_factory=list)
     """Paths of tables of resource usage."""
     sysinfo: Mapping[str, Any] = field(default_factory=dict)
@@ -71,11 +71,11 @@ class RunDetails:
     command: str = ""
     """Shell command that executes this variant again on this machine."""
     origins: list[Origin] = field(default_factory=list)
-    """Of the files that postprocessing made."""
+    """Origins of files made by postprocessing."""
     on_map: bool = False
-    """Whether there is a picture of its configuration on a map."""
+    """Whether there is a map of its configuration."""
     failure: str = ""
-    """What test.xml says in full, when the run did not pass."""
+    """All failures in test.xml, if the run did not pass."""
 
 
 def read_run(results: Path, campaign: str, variant: str, number: int) -> RunDetails:
@@ -106,7 +106,7 @@ def read_run(results: Path, campaign: str, variant: str, number: int) -> RunDeta
 
 
 def run_record(results: Path, place: str) -> Mapping[str, Any]:
-    """Content of the run.json below `place`; empty when there is none."""
+    """Content of the run.json below `place`; empty if it is missing."""
     try:
         return mapping(parse_json(read_small(results, f"{place}/{RUN_RECORD}")))
     except InputError:
@@ -153,7 +153,7 @@ def _failure(results: Path, place: str) -> str:
             return ""
         suite = ET.fromstring(content)  # noqa: S314  # no entities, see above
     except (InputError, ET.ParseError, ValueError):
-        return ""  # the verdict's reason says so
+        return ""  # the verdict's reason reports it
     found = [item for tag in ("failure", "error") for item in suite.iter(tag)]
     texts = [filter(None, (item.get("message"), item.text)) for item in found]
     return "\n\n".join("\n".join(text) for text in texts)[:LONGEST]
@@ -199,5 +199,5 @@ def _bag(path: str, data: Mapping[str, Any]) -> Bag:
 
 
 def _whole(value: Any) -> int:
-    """A whole number, which `plain` has made text when JavaScript could not hold it."""
+    """A whole number; `plain` converts numbers that are too large for JavaScript to text."""
     return int(value) if str(value).isdigit() else 0

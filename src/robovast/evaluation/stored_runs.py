@@ -1,4 +1,4 @@
-"""The stored runs of one variant, from their records or, without these, their test results."""
+"""Reads the stored runs of a variant from their records, or else from their test results."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from robovast.evaluation.summaries import RunSummary, VariantRuns
 from robovast.evaluation.untrusted import mapping, plain, read_yaml
 
 LARGEST = 1 << 20
-"""Of a record that is read [bytes]."""
+"""Largest record that is read [bytes]."""
 LONGEST_REASON = 500
-"""Characters of a reason in lists; the page of the run has all of it."""
+"""Longest reason in lists [characters]; the run's page shows all of it."""
 
 _LARGEST_NUMBER = 1e18
-"""Of seconds; larger integers are no numbers to compute with."""
+"""Largest plausible time [s]."""
 
 _RUN = re.compile(r"0|[1-9][0-9]{0,8}")
 
@@ -53,7 +53,7 @@ def read_variant(results: Path, campaign: str, name: str) -> VariantRuns:
 
 
 def seconds(value: Any) -> float | None:
-    """A time of ISO 8601 as seconds since the epoch; None when it is none."""
+    """Convert an ISO 8601 time to seconds since the epoch; None if it is invalid."""
     try:
         return datetime.fromisoformat(str(value)).timestamp()
     except (ValueError, OverflowError):
@@ -74,7 +74,7 @@ def _is_run(entry: os.DirEntry[str]) -> bool:
 
 
 def _read_record(variant: int, number: int) -> RunRecord | None:
-    """A run's record; None when there is none that can be read."""
+    """A run's record; None if it is missing or unreadable."""
     flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     try:
         descriptor = os.open(f"{number}/{RUN_RECORD}", flags, dir_fd=variant)
@@ -100,7 +100,7 @@ def _from_record(number: int, record: RunRecord) -> RunSummary:
 
 
 def _from_test_result(folder: Path, number: int) -> RunSummary:
-    """A run without a record: of another program, or of an older version."""
+    """A run without a record, made by another program or an older version."""
     result = result_without_record(folder)
     reason = result.reason[:LONGEST_REASON]
     return RunSummary(number, result.verdict, reason, result.started_at, result.duration)

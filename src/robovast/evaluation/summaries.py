@@ -1,4 +1,4 @@
-"""Summaries of runs and campaigns, as lists show them."""
+"""Summaries of runs and campaigns for lists."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class RunSummary:
 
 @dataclass(frozen=True, slots=True)
 class VariantRuns:
-    """A variant and its stored runs, by number."""
+    """A variant and its stored runs, sorted by number."""
 
     name: str
     entry: str
@@ -34,7 +34,7 @@ class VariantRuns:
 
 @dataclass(frozen=True, slots=True)
 class ActiveJob:
-    """A job that is being executed."""
+    """A job in progress."""
 
     name: str
     log: str | None
@@ -47,17 +47,17 @@ class CampaignSummary:
 
     name: str
     state: str
-    """`running`, `finished`, or `incomplete`: nothing executes it, and runs are missing."""
+    """`running`, `finished`, or `incomplete`: not running, and runs are missing."""
     planned: int
-    """Runs that it is to have."""
+    """Number of planned runs."""
     counts: Mapping[Verdict, int]
     """Stored runs by verdict."""
     variants: int
     started_at: float | None
     """[s since the epoch]"""
     duration: float | None
-    """From its start to the end of its last run, or until now while it is running [s]."""
+    """From its start to the end of its last run; while it is running, until now [s]."""
     execution: Mapping[str, Any]
     """Content of execution.yaml."""
     version: int
-    """Grows with every change."""
+    """Increases with every change."""

@@ -1,4 +1,4 @@
-"""CSV files of a run, thinned out so that they can be drawn, whatever their size."""
+"""Reads CSV files of a run, thinned out for drawing, whatever their size."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robovast.evaluation.inside import open_inside
 
 MOST_ROWS = 2000
 MOST_COLUMNS = 16
-"""Columns that are read when none are asked for."""
+"""Number of columns that are read by default."""
 
 Cell = float | str | None
 _T = TypeVar("_T")
@@ -30,16 +30,16 @@ class Table:
     names: list[str]
     """Names of all columns of the file."""
     columns: dict[str, list[Cell]]
-    """Those that were read: numbers where all cells are numbers or empty (None), else text."""
+    """The columns read: numbers if all cells are numbers or empty (None), otherwise text."""
     rows: int
-    """Rows of the file."""
+    """Number of rows in the file."""
     stride: int
-    """Every how many-th row was read."""
+    """Interval between rows that were read."""
 
 
 @dataclass(frozen=True)
 class Usage:
-    """CPU and memory of the processes of a container over time."""
+    """CPU and memory usage of a container's processes over time."""
 
     time: list[float]
     """[s since the epoch]"""
@@ -55,10 +55,10 @@ def read_table(root: Path, relative: str, wanted: Sequence[str] = ()) -> Table:
     Args:
         root: folder that the file is below, without links.
         relative: path of the file.
-        wanted: names of columns; the first `MOST_COLUMNS` when empty.
+        wanted: names of columns; by default the first `MOST_COLUMNS`.
 
     Raises:
-        InputError: no such file, or it is no CSV file.
+        InputError: the file is missing or not a CSV file.
     """
     with closing(_rows(open_inside(root, relative), relative)) as rows:
         names = next(rows, [])
@@ -73,7 +73,7 @@ def read_usage(root: Path, relative: str) -> Usage:
     """Resource usage as the run contract's monitor writes it, summed over the processes.
 
     Raises:
-        InputError: no such file, or it has other columns.
+        InputError: the file is missing or has other columns.
     """
     totals: dict[float, tuple[float, float]] = {}
     with closing(_rows(open_inside(root, relative), relative)) as rows:
@@ -104,7 +104,7 @@ def _rows(file: BinaryIO, relative: str) -> Generator[list[str], None, None]:
 
 
 def _thinned(rows: Iterable[_T]) -> tuple[list[_T], int, int]:
-    """Every n-th row, n being as small as `MOST_ROWS` allows; number of rows; n."""
+    """Every n-th row, with the smallest n for `MOST_ROWS`; number of rows; n."""
     kept: list[_T] = []
     stride, count = 1, 0
     for count, row in enumerate(rows, start=1):

@@ -1,4 +1,4 @@
-"""JSON and YAML from files that anyone may have written, as data that is safe to pass on."""
+"""Parses JSON and YAML from untrusted files to safe data."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from robovast.base.errors import InputError
 from robovast.evaluation.inside import read_small
 
 MOST_VALUES = 20_000
-"""Values in one document; a small one with anchors can stand for billions."""
+"""Most values of a document; a small one with anchors can expand to billions."""
 DEEPEST = 30
 LONGEST = 20_000
-"""Characters of one text."""
+"""Longest text [characters]."""
 
 
 def parse_json(content: bytes) -> Any:
-    """JSON as plain data; None when it is not valid."""
+    """Parse JSON; None if it is invalid."""
     try:
         return plain(json.loads(content))
     except (ValueError, RecursionError):
@@ -29,7 +29,7 @@ def parse_json(content: bytes) -> Any:
 
 
 def parse_yaml(content: bytes) -> Any:
-    """The first document of YAML as plain data; None when it is not valid."""
+    """Parse the first document of YAML; None if it is invalid."""
     try:
         return plain(yaml_files.parse_yaml(content))
     except ValueError:
@@ -37,7 +37,7 @@ def parse_yaml(content: bytes) -> Any:
 
 
 def read_yaml(root: Path, relative: str) -> Mapping[str, Any]:
-    """A small YAML file below a folder that holds a mapping; empty when there is none."""
+    """The mapping in a small YAML file below a folder; empty if there is none."""
     try:
         return mapping(parse_yaml(read_small(root, relative)))
     except InputError:
@@ -45,12 +45,12 @@ def read_yaml(root: Path, relative: str) -> Mapping[str, Any]:
 
 
 def mapping(value: Any) -> Mapping[str, Any]:
-    """The value when it is a mapping, else an empty one."""
+    """The value if it is a mapping, otherwise an empty one."""
     return value if isinstance(value, dict) else {}
 
 
 def plain(value: Any) -> Any:
-    """A copy that JSON can hold, with an end to its size and depth.
+    """A copy as JSON data, limited in size and depth.
 
     Raises:
         ValueError: it has more than `MOST_VALUES` values, or is nested too deeply.

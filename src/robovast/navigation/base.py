@@ -26,32 +26,32 @@ _log = logging.getLogger(__name__)
 Config = dict[str, Any]
 
 RECORD = "_navigation"
-"""Key of a configuration under which variations leave what others, pictures and provenance use."""
+"""Key of a configuration for records used by other variations, pictures and provenance."""
 
 RobotDiameter = Annotated[float, Field(gt=0, le=100)]
 Reference = Annotated[str, Field(pattern=r"^@?[A-Za-z_]\w*$")]
-"""Name of a scenario parameter; a `@` before it may be there."""
+"""Name of a scenario parameter, optionally preceded by `@`."""
 Pointer = Reference | dict[str, Any]
-"""A pose, or the parameter that has it or gets it."""
+"""A pose, or the parameter that contains or receives it."""
 FloatOrList = float | list[float]
 
 
 class NavigationConfig(VariationConfig):
-    """Base of the parameter models of this package; unknown parameters are refused."""
+    """Base of the parameter models of this package; unknown parameters are errors."""
 
     model_config = ConfigDict(extra="forbid")
 
 
 def as_list(value: FloatOrList) -> list[float]:
-    """A number, or several, as a list."""
+    """A number or several numbers as a list."""
     return value if isinstance(value, list) else [value]
 
 
 class NavigationVariation(Variation):
     """Base of the variations of this package.
 
-    None of them is pure: they read maps and models of users, make files that runs need, and take
-    seconds over it; once, in a Job, and not in the operator and again in each pod.
+    None of them is pure: they read users' maps and models, make files for runs, and take seconds.
+    They are therefore applied once, in a Job, instead of in the operator and again in each pod.
     """
 
     pure = False
@@ -66,21 +66,21 @@ class NavigationVariation(Variation):
         return InputError(f"configuration `{config['name']}`: {type(self).__name__}: {message}")
 
     def reference(self, value: Any) -> str | None:
-        """The scenario parameter that a text refers to; None when a value is no text."""
+        """The scenario parameter that a text refers to; None if the value is not text."""
         return value.removeprefix("@") if isinstance(value, str) else None
 
     def warn_once(self, message: str) -> None:
-        """Tell the user what most often is a mistake; the same thing only once."""
+        """Show a warning to the user; equal warnings are shown once."""
         if message not in self._warned:
             self._warned.add(message)
             _log.warning("%s: %s", type(self).__name__, message)
 
     def has_parameter(self, name: str) -> bool:
-        """True when the scenario has a parameter."""
+        """Whether the scenario has a parameter."""
         return name in self._types
 
     def type_of(self, name: str) -> str | None:
-        """The declared type of a scenario parameter; None when there is no such parameter."""
+        """The declared type of a scenario parameter; None if it does not exist."""
         return self._types.get(name)
 
     @cached_property
@@ -89,18 +89,18 @@ class NavigationVariation(Variation):
         return {p.name: p.type for p in read_scenario(self.scenario_file).parameters}
 
     def given(self, config: Config, value: Any) -> Any:
-        """A value as written, or what a configuration has for the parameter that it refers to.
+        """The value itself, or the configuration's value of the parameter that it refers to.
 
-        None when the parameter has no value yet.
+        None if the parameter has no value yet.
         """
         name = self.reference(value)
         return value if name is None else config["config"].get(name)
 
     def given_pose(self, config: Config, value: Any) -> Pose | None:
-        """The pose that is written or referred to.
+        """The pose that is given directly or by reference.
 
         Raises:
-            InputError: it is no pose.
+            InputError: the value is not a pose.
         """
         found = self.given(config, value)
         try:
@@ -127,10 +127,10 @@ class NavigationVariation(Variation):
             raise self.error(config, error) from None
 
     def map_name(self, config: Config, map_file: str | None) -> str:
-        """The map as it is named: by the parameter, or by the floor plan that made it.
+        """The map's name, given by the parameter or by the floor plan that made it.
 
-        A text that is a parameter's name refers to it, with and without `@`; any other is a path.
-        Where none is given, that of a variation before counts, else the configuration's `map_file`.
+        A text that is a parameter's name, with or without `@`, refers to the parameter; other
+        texts are paths. The default is a previous variation's map, then the configuration's own.
         """
         values = config["config"]
         if map_file is None:
@@ -154,7 +154,7 @@ class NavigationVariation(Variation):
         return scenario_defaults(self.scenario_file)
 
     def get_input_files(self) -> list[str]:
-        """The maps that were read and not made by a variation, and their images."""
+        """The maps that were read, except those made by a variation, and their images."""
         from robovast.navigation.occupancy import map_image
 
         return [str(file) for path in sorted(self._maps) for file in (path, map_image(path))]
@@ -163,7 +163,7 @@ class NavigationVariation(Variation):
     def collect_config_metadata(
         cls, config_entry: dict[str, Any], config_dir: Path, campaign_dir: Path
     ) -> dict[str, Any]:
-        """What the navigation variations have recorded of the configuration."""
+        """Records of the navigation variations for the configuration."""
         del config_dir, campaign_dir
         record = config_entry.get(RECORD)
         return {METADATA_KEY: record} if record else {}
@@ -177,12 +177,12 @@ class NavigationVariation(Variation):
         gen_activity_id: str,
         vast_id: str,
     ) -> ProvContribution | None:
-        """How many goals and obstacles there are."""
+        """The number of goals and obstacles."""
         del campaign_namespace, config_namespace, gen_activity_id, vast_id
         return counts(config_entry)
 
     def generator(self, seed: int | None, *identity: object) -> random.Random:
-        """A random generator for one thing to draw: equal seeds and identities give equal draws."""
+        """A random generator for one draw; equal seeds and identities give equal numbers."""
         if seed is None:
             identity = (self.entry, type(self).__name__, *identity)
         text = repr((seed, *identity))
@@ -191,5 +191,5 @@ class NavigationVariation(Variation):
 
 
 def with_record(config: Config, **values: Any) -> dict[str, Any]:
-    """`other_values` that add to what earlier variations have recorded."""
+    """`other_values` that extend the records of previous variations."""
     return {RECORD: {**config.get(RECORD, {}), **values}}

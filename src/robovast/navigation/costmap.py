@@ -1,4 +1,4 @@
-"""Where a round robot can be, and its shortest ways from place to place."""
+"""Where a circular robot can be, and the shortest paths between places."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 MOST_NODES = 12_000
-"""Nodes of a lattice over the whole map: shortest ways from a node then take some milliseconds."""
+"""Most nodes of a lattice over the whole map; shortest paths then take a few milliseconds."""
 
 WIDEST_SPACING = 0.25
-"""Between the nodes of a lattice [m]: doors are wider, also when a robot's width is taken off."""
+"""Largest distance between lattice nodes [m]; doors are wider, even minus a robot's width."""
 
 LATTICE_EXCESS = 1.03
-"""How much longer a way along the lattice's edges can be than a straight one (1.027)."""
+"""Largest ratio of a path on the lattice to a straight one (1.027)."""
 
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))
 _EIGHT = np.ones((3, 3), bool)
@@ -37,9 +37,10 @@ class Costmap:
     """A map that is inflated by the radius of a robot.
 
     Args:
-        occupancy: the map; what is unknown or outside is as good as occupied.
+        occupancy: the map; unknown cells and the outside count as occupied.
         robot_diameter: [m]
-        clearance: from the centre of each cell to the nearest obstacle [m]; default: by the map.
+        clearance: distance from each cell's centre to the nearest obstacle [m]; by default
+            computed.
     """
 
     def __init__(
@@ -48,12 +49,12 @@ class Costmap:
         self.map = occupancy
         self.radius = robot_diameter / 2
         self.clearance: Floats = _clearance(occupancy) if clearance is None else clearance
-        """From the centre of each cell to the nearest obstacle [m]."""
+        """Distance from each cell's centre to the nearest obstacle [m]."""
         self.passable: Mask = occupancy.free & (self.clearance >= self.radius)
         """Cells where the robot's centre can be."""
 
     def without(self, discs: list[tuple[Point, float]]) -> Costmap:
-        """This costmap with further round obstacles, each a centre and a radius [m]."""
+        """This costmap with additional circular obstacles, given by centre and radius [m]."""
         rows, columns = np.indices(self.map.free.shape)
         clearance = self.clearance
         for point, radius in discs:
@@ -63,7 +64,7 @@ class Costmap:
         return Costmap(self.map, 2 * self.radius, clearance)
 
     def clearance_at(self, point: Point) -> float:
-        """Distance to the nearest obstacle [m]; 0 in an obstacle and outside the map."""
+        """Distance to the nearest obstacle [m]; 0 within obstacles and outside the map."""
         row, column = (round(value) for value in self.map.cell(point))
         rows, columns = self.clearance.shape
         if 0 <= row < rows and 0 <= column < columns:
@@ -71,11 +72,11 @@ class Costmap:
         return 0.0
 
     def is_passable(self, point: Point) -> bool:
-        """True when the robot's centre can be at a point."""
+        """Whether the robot's centre can be at a point."""
         return self.sees(point, point)
 
     def sees(self, a: Point, b: Point) -> bool:
-        """True when the robot can go straight from one point to another."""
+        """Whether the robot can move in a straight line from one point to another."""
         (row_a, column_a), (row_b, column_b) = self.map.cell(a), self.map.cell(b)
         height, width = self.passable.shape
         if min(row_a, row_b, column_a, column_b) < -0.5:
@@ -88,7 +89,7 @@ class Costmap:
         return bool(self.passable[rows, columns].all())
 
     def shortest_path(self, start: Point, goal: Point) -> list[Point] | None:
-        """The shortest way between two passable points, both included; None when there is none."""
+        """The shortest path between two passable points, including both; None if there is none."""
         if self.sees(start, goal):
             return [start, goal]
         if self._part_at(start) != self._part_at(goal):
@@ -102,8 +103,8 @@ class Costmap:
         return None
 
     def straightened(self, points: list[Point]) -> list[Point]:
-        """A way without the detours that a lattice makes: it turns only at corners."""
-        for _ in range(2):  # once from either end
+        """A path without the detours of a lattice: it turns only at corners."""
+        for _ in range(2):  # once from each end
             points = list(self._taut(points))[::-1]
         return points
 
@@ -118,7 +119,7 @@ class Costmap:
 
     @cached_property
     def parts(self) -> tuple[npt.NDArray[np.int32], int]:
-        """By cell, the number of the connected part that it belongs to, from 1; and how many."""
+        """For each cell its connected component, numbered from 1; and the number of components."""
         return ndimage.label(self.passable, _EIGHT)  # type: ignore[no-any-return]
 
     def _part_at(self, point: Point) -> int:
@@ -132,7 +133,7 @@ class Costmap:
 
     @cached_property
     def lattice(self) -> Lattice:
-        """A lattice of about MOST_NODES nodes, or as many as it takes to miss no passage."""
+        """A lattice of about MOST_NODES nodes, or more if needed to represent all passages."""
         stride = math.ceil(math.sqrt(self.passable.size / MOST_NODES))
         stride = min(stride, int(WIDEST_SPACING / self.map.resolution))
         while stride > 1:
@@ -145,15 +146,15 @@ class Costmap:
 
 @dataclass(frozen=True)
 class Ways:
-    """Shortest ways from one node of a lattice to all others."""
+    """Shortest paths from one node of a lattice to all others."""
 
     lattice: Lattice
     lengths: Floats
-    """By node [m]; infinite where there is no way."""
+    """Length by node [m]; infinite if there is no path."""
     _before: npt.NDArray[np.int32]
 
     def points_to(self, node: int) -> list[Point]:
-        """The way to a node, both ends included."""
+        """The path to a node, including both ends."""
         found = []
         while node >= 0:
             found.append(self.lattice.points[node])
@@ -162,9 +163,9 @@ class Ways:
 
 
 class Lattice:
-    """A graph on every n-th passable cell: edges are straight lines that the robot can go.
+    """A graph on every n-th passable cell whose edges are straight lines that the robot can take.
 
-    Each node has up to 16 neighbours, so that a way is at most 2.7 % longer than without lattice.
+    Each node has up to 16 neighbours, so paths are at most 2.7 % longer than without the lattice.
     """
 
     def __init__(self, costmap: Costmap, stride: int) -> None:
@@ -181,23 +182,23 @@ class Lattice:
 
     @cached_property
     def points(self) -> list[Point]:
-        """The place of every node."""
+        """The position of every node."""
         x, y = self._costmap.map.point(self._rows, self._columns)  # type: ignore[arg-type]
         return list(zip(np.asarray(x).tolist(), np.asarray(y).tolist(), strict=True))
 
     @cached_property
     def places(self) -> Floats:
-        """The place of every node, shape (nodes, 2) [m]."""
+        """The position of every node, shape (nodes, 2) [m]."""
         return np.array(self.points, np.float64).reshape(-1, 2)
 
     @cached_property
     def components(self) -> npt.NDArray[np.int32]:
-        """By node, the number of the connected part that it belongs to."""
+        """For each node the number of its connected component."""
         return connected_components(self._graph, directed=False)[1]  # type: ignore[no-any-return]
 
     @cached_property
     def is_faithful(self) -> bool:
-        """False when a part of the map is cut in two, or missed."""
+        """False if a part of the map is divided or missing."""
         labels, count = self._costmap.parts
         cells = np.bincount(labels.ravel(), minlength=count + 1)
         owner = labels[self._rows, self._columns]
@@ -209,7 +210,7 @@ class Lattice:
         return not bool(torn[1:].any())
 
     def node_near(self, point: Point) -> int | None:
-        """The nearest node that the robot can go straight to from a point."""
+        """The nearest node that the robot can reach from a point in a straight line."""
         if not len(self.places):
             return None
         distances = np.hypot(*(self.places - point).T)
@@ -222,7 +223,7 @@ class Lattice:
 
     @lru_cache(maxsize=16)  # noqa: B019  # costmaps are few, and cached too
     def ways_from(self, node: int, limit: float = math.inf) -> Ways:
-        """Shortest ways from a node, as far as a limit [m]."""
+        """Shortest paths from a node up to a length limit [m]."""
         lengths, before = dijkstra(self._graph, indices=node, limit=limit, return_predecessors=True)
         return Ways(self, lengths, before)
 
@@ -268,7 +269,7 @@ def _clearance(occupancy: OccupancyMap) -> Floats:
 
 
 def read_costmap(path: Path, robot_diameter: float) -> Costmap:
-    """The costmap of a map file; read once as long as the file stays as it is.
+    """The costmap of a map file; cached until the file changes.
 
     Raises:
         InputError: the map cannot be read.

@@ -1,4 +1,4 @@
-"""The error for an extra `nav` that is not installed."""
+"""Reports a missing extra `nav`."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ _PACKAGES = {"PIL", "manifold3d", "numpy", "scipy", "shapely", "textx"}
 
 
 def nav_extra(what: str) -> AbstractContextManager[None]:
-    """Where packages of the extra `nav` are imported, for `what`."""
+    """Wraps imports from the extra `nav` that are needed for `what`."""
     return needing("nav", _PACKAGES, what)

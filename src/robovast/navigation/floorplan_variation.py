@@ -1,4 +1,4 @@
-"""Floor plans: each gives configurations a map and a mesh of their own."""
+"""Floor plan variations: each plan gives configurations their own map and mesh."""
 
 from __future__ import annotations
 
@@ -31,39 +31,39 @@ class FloorplanGenerationConfig(NavigationConfig):
     """Parameters of FloorplanGeneration."""
 
     name: Annotated[list[str], Field(min_length=1, max_length=2)]
-    """Scenario parameters that get the map's file and the mesh's, in this order."""
+    """Scenario parameters for the map's file and the mesh's file, in this order."""
     floorplans: Files
     """Models of floor plans (.fpm), relative to the .vast file; one configuration for each."""
     container: Container = None
-    """Image of a generator to use instead of the one in this process."""
+    """Image of an external generator that replaces the built-in one."""
 
 
 class FloorplanVariationConfig(NavigationConfig):
     """Parameters of FloorplanVariation."""
 
     name: Annotated[list[str], Field(min_length=1, max_length=2)]
-    """Scenario parameters that get the map's file and the mesh's, in this order."""
+    """Scenario parameters for the map's file and the mesh's file, in this order."""
     variation_files: Files
-    """What varies in floor plans (.variation), relative to the .vast file."""
+    """Variations of floor plans (.variation), relative to the .vast file."""
     num_variations: Annotated[int, Field(ge=1)]
-    """Number of plans to draw for each of the files."""
+    """Number of plans to draw from each file."""
     seed: Annotated[int, Field(ge=0, lt=2**32)] | None = None
-    """Seed of the first plan, that of the others counts on; without, it follows from names."""
+    """Seed of the first plan, incremented for each further one; by default derived from names."""
     container: Container = None
-    """Image of a generator to use instead of the one in this process."""
+    """Image of an external generator that replaces the built-in one."""
 
 
 @dataclass(frozen=True)
 class _Plan:
-    """A plan to make files of."""
+    """A plan whose files are to be made."""
 
     name: str
-    """Of its files."""
+    """Base name of its files."""
     model: Path
     """Its model."""
     about: dict[str, Any]
     drawn: FloorPlan | None = None
-    """The plan, when it is already known."""
+    """The plan, if it is already known."""
     base: Path | None = None
     """The model that it was drawn from."""
 
@@ -75,7 +75,7 @@ class _FloorplanVariation(NavigationVariation):
         self._drawn: set[Path] = set()
 
     def variation(self, in_configs: list[Config]) -> list[Config]:
-        """Each configuration with each floor plan: plans by name, drawn ones as they are drawn."""
+        """Each configuration with each floor plan: plans by name, drawn ones in drawing order."""
         with nav_extra(type(self).__name__):
             try:
                 made = list(self._made())
@@ -99,7 +99,7 @@ class _FloorplanVariation(NavigationVariation):
 
     @classmethod
     def get_required_container(cls, parameters: Any) -> str | None:
-        """The generator's image, when one is named."""
+        """The generator's image, if one is given."""
         image = parameters.get("container")
         return image if isinstance(image, str) and image else None
 
@@ -121,11 +121,11 @@ class _FloorplanVariation(NavigationVariation):
         return generate(self.container_runner, plan.model, plan.name, self._folder)
 
     def get_input_files(self) -> list[str]:
-        """The models that are below the .vast file's folder."""
+        """The models below the .vast file's folder."""
         return [str(path) for path in self._models if self._is_input(path)]
 
     def get_campaign_transient_files(self) -> list[tuple[str, str]]:
-        """The models that are not: those that were drawn, and those from elsewhere."""
+        """The other models: drawn ones, and those from other folders."""
         return [
             (f"fpm/{path.name}", str(path)) for path in self._models if not self._is_input(path)
         ]
@@ -139,7 +139,7 @@ class _FloorplanVariation(NavigationVariation):
         gen_activity_id: str,
         vast_id: str,
     ) -> ProvContribution | None:
-        """The floor plan, what was made of it, and by what."""
+        """The floor plan, the files made from it, and their generator."""
         del gen_activity_id
         from robovast.navigation.provenance import floorplan_contribution
 
@@ -158,13 +158,13 @@ class _FloorplanVariation(NavigationVariation):
         return path not in self._drawn and path.is_relative_to(Path(self.base_path).resolve())
 
     def _in_campaign(self, path: Path) -> str:
-        """Where a model is in a campaign."""
+        """The path of a model in a campaign."""
         if self._is_input(path):
             return f"{CONFIG}/{path.relative_to(Path(self.base_path).resolve())}"
         return f"{TRANSIENT}/fpm/{path.name}"
 
     def _generator(self) -> dict[str, Any]:
-        """What to record of a generator that is not ours."""
+        """The record of an external generator."""
         runner = self.container_runner
         return {"generator": {"image": runner.image, "digest": runner.digest}} if runner else {}
 
@@ -191,7 +191,7 @@ class _FloorplanVariation(NavigationVariation):
 
 
 class FloorplanGeneration(_FloorplanVariation):
-    """A map and a mesh of each of several floor plans."""
+    """Makes a map and a mesh from each of several floor plans."""
 
     CONFIG_CLASS = FloorplanGenerationConfig
 
@@ -212,13 +212,13 @@ class FloorplanGeneration(_FloorplanVariation):
 
 
 class FloorplanVariation(_FloorplanVariation):
-    """Floor plans drawn by the distributions of .variation files, each with a map and a mesh."""
+    """Draws floor plans from .variation files and makes a map and a mesh from each."""
 
     CONFIG_CLASS = FloorplanVariationConfig
 
     @classmethod
     def most_of_each(cls, parameters: Any, base_path: str) -> int | None:
-        """As many as are drawn of all files."""
+        """The number of plans drawn from all files."""
         del base_path
         given = get_validated_config(parameters, FloorplanVariationConfig)
         return len(given.variation_files) * given.num_variations
@@ -247,7 +247,7 @@ class FloorplanVariation(_FloorplanVariation):
             yield self._written(f"{drawn.name}_{seed}", path.stem, drawn, read_about(base), base)
 
     def _seed(self, file: str) -> int:
-        """The seed of the first plan of a file."""
+        """The seed of a file's first plan."""
         if self.parameters.seed is not None:
             return int(self.parameters.seed)
         identity = f"{self.entry}/{type(self).__name__}/{file}".encode()
@@ -256,7 +256,7 @@ class FloorplanVariation(_FloorplanVariation):
     def _written(
         self, name: str, stem: str, plan: FloorPlan, about: dict[str, Any], base: Path
     ) -> _Plan:
-        """A drawn plan as a model of its own; `stem` is that of the file which draws it."""
+        """Write a drawn plan as its own model; `stem` is that of the file it is drawn from."""
         from robovast.navigation.floorplan.text import write_floorplan
 
         text = write_floorplan(plan)

@@ -1,4 +1,4 @@
-"""Obstacles near the robot's path, there from the beginning or as soon as it comes near."""
+"""Obstacles near the robot's path, present from the beginning or when the robot comes near."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ class ObstacleKindConfig(NavigationConfig):
     """Obstacles of one kind."""
 
     amount: Annotated[int, Field(ge=0)] | None = None
-    """Number of obstacles; this or the next."""
+    """Number of obstacles; give either this or `amount_per_m`."""
     amount_per_m: Several | None = None
-    """Number of obstacles by the length of the path [1/m]; a list multiplies."""
+    """Number of obstacles per length of the path [1/m]; a list multiplies."""
     max_distance: Several | None = None
-    """Largest distance from the path [m]; without, anywhere on the map. A list multiplies."""
+    """Largest distance from the path [m]; by default anywhere on the map. A list multiplies."""
     model: str
-    """Model of the obstacle, as the scenario hands it to the simulator."""
+    """Model of the obstacle, passed from the scenario to the simulator."""
     xacro_arguments: str = ""
-    """Arguments of the model, as `width:=0.5, length:=0.5`, which also say how large it is."""
+    """Arguments of the model, such as `width:=0.5, length:=0.5`, which also determine its size."""
 
     @model_validator(mode="after")
     def _check_amount(self) -> ObstacleKindConfig:
@@ -63,15 +63,15 @@ class ObstacleVariationConfig(NavigationConfig):
     """Parameters of ObstacleVariation."""
 
     name: str
-    """Scenario parameter that gets the list of obstacles."""
+    """Scenario parameter for the list of obstacles."""
     obstacle_configs: list[ObstacleKindConfig]
     """Kinds of obstacles."""
     seed: int | None = None
-    """Seed; without one it follows from the configuration's name."""
+    """Seed; by default derived from the configuration's name."""
     robot_diameter: RobotDiameter = 0.35
-    """There is still a way for a robot of this width [m]."""
+    """Width of a robot for which there is still a path [m]."""
     map_file: str | None = None
-    """Map, or parameter with it; without, the map of the variation before."""
+    """Map, or the parameter with it; by default the map of the previous variation."""
     count: Annotated[int, Field(ge=1)] = 1
     """Number of placements for each combination of the lists."""
 
@@ -80,17 +80,17 @@ class ObstacleVariationWithDistanceTriggerConfig(ObstacleVariationConfig):
     """Parameters of ObstacleVariationWithDistanceTrigger."""
 
     spawn_trigger_point: Reference
-    """Parameter that gets the place of the first obstacle."""
+    """Parameter for the position of the first obstacle."""
     spawn_trigger_threshold: Reference
-    """Parameter that gets the distance from there at which obstacles appear [m]."""
+    """Parameter for the distance from there at which obstacles appear [m]."""
     trigger_distance: Several
     """That distance [m]; a list multiplies."""
     start_pose: Pointer | None = None
-    """Start of the path, or parameter with it; without, that of the path variation before."""
+    """Start of the path, or the parameter with it; by default that of a previous path variation."""
     goal_pose: Pointer | None = None
-    """Its goal, or parameter with it."""
+    """Goal of the path, or the parameter with it."""
     goal_poses: Pointer | list[Pointer] | None = None
-    """Older spelling of `goal_pose`; of several the first counts."""
+    """Older spelling of `goal_pose`; only the first of several goals counts."""
 
     @property
     def goal(self) -> Pointer | None:
@@ -100,7 +100,7 @@ class ObstacleVariationWithDistanceTriggerConfig(ObstacleVariationConfig):
 
 
 class ObstacleVariation(NavigationVariation):
-    """Obstacles at random places near the path."""
+    """Places obstacles randomly near the path."""
 
     CONFIG_CLASS: ClassVar[type[BaseModel] | None] = ObstacleVariationConfig
 
@@ -132,11 +132,11 @@ class ObstacleVariation(NavigationVariation):
                     yield self._with_obstacles(config, course, kinds, placed)
 
     def _skips(self) -> list[float]:
-        """How much of the path's beginning stays without obstacles [m]; one by one."""
+        """Lengths of the path's beginning without obstacles [m], one for each combination."""
         return [0.0]
 
     def _course(self, config: Config, costmap: Costmap, skip: float) -> Course:
-        """The path that an earlier variation made; none when there was none."""
+        """The path of a previous variation; empty if there is none."""
         from robovast.navigation.placing import Course
 
         del costmap
@@ -202,7 +202,7 @@ class ObstacleVariation(NavigationVariation):
 
 
 class ObstacleVariationWithDistanceTrigger(ObstacleVariation):
-    """Obstacles that appear when the robot comes near them."""
+    """Places obstacles that appear when the robot comes near them."""
 
     CONFIG_CLASS = ObstacleVariationWithDistanceTriggerConfig
 
@@ -211,7 +211,7 @@ class ObstacleVariationWithDistanceTrigger(ObstacleVariation):
         return as_list(self.parameters.trigger_distance)
 
     def _course(self, config: Config, costmap: Costmap, skip: float) -> Course:
-        """The path between the given poses, else that of an earlier variation."""
+        """The path between the given poses, or that of a previous variation."""
         from robovast.navigation.paths import Wish, measured_path, require_passable
         from robovast.navigation.placing import Course
 
@@ -248,12 +248,12 @@ Choice = tuple[ObstacleKindConfig, float | None, float | None]
 
 
 def _choices(settings: ObstacleKindConfig) -> list[Choice]:
-    """Every combination of the lists of one kind."""
+    """All combinations of the lists of one kind."""
     amounts = [None] if settings.amount_per_m is None else as_list(settings.amount_per_m)
     distances = [None] if settings.max_distance is None else as_list(settings.max_distance)
     return [(settings, *pair) for pair in itertools.product(amounts, distances)]
 
 
 def _identity(choice: tuple[Choice, ...]) -> list[tuple[Any, ...]]:
-    """What tells a combination from the others, for its seed."""
+    """Identity of a combination, for its seed."""
     return [(kind.model, kind.amount, *lists) for kind, *lists in choice]

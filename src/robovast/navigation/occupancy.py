@@ -1,4 +1,4 @@
-"""Occupancy maps as ROS map_server writes them: a YAML file and a PGM or PNG image."""
+"""Occupancy maps in the format of ROS map_server: a YAML file and a PGM or PNG image."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from robovast.navigation.poses import Point
 Mask = np.ndarray[tuple[int, int], np.dtype[np.bool_]]
 
 FREE, UNKNOWN, OCCUPIED = 254, 205, 0
-"""Grey values in the images that map savers write."""
+"""Grey values in the images of map savers."""
 
 _OCCUPIED_THRESH, _FREE_THRESH = 0.65, 0.196
 
 
 @dataclass(frozen=True)
 class OccupancyMap:
-    """What is free and what is occupied, cell by cell; the rest is unknown.
+    """Free and occupied cells; all others are unknown.
 
-    Row 0 is the lowest, so that rows grow with y and columns with x.
+    Row 0 is the lowest: rows grow with y, columns with x.
     """
 
     free: Mask
@@ -36,7 +36,7 @@ class OccupancyMap:
     occupied: Mask
     """Shape (rows, columns)."""
     resolution: float
-    """Edge of a cell [m]."""
+    """Edge length of a cell [m]."""
     origin: Point = (0.0, 0.0)
     """Lower left corner of cell (0, 0) [m]."""
 
@@ -62,7 +62,7 @@ def read_map(path: Path) -> OccupancyMap:
     """Read a map.
 
     Raises:
-        InputError: the YAML file or its image is missing or wrong, with the key.
+        InputError: the YAML file or its image is missing or invalid; the message names the key.
     """
     data = _read_yaml(path)
     resolution = _positive(path, data, "resolution")
@@ -75,10 +75,10 @@ def read_map(path: Path) -> OccupancyMap:
 
 
 def map_image(path: Path) -> Path:
-    """The image that a map's YAML file names.
+    """Path of the image in a map's YAML file.
 
     Raises:
-        InputError: the file is no map, or the image is missing.
+        InputError: the file is not a map, or the image is missing.
     """
     return _image_path(path, _read_yaml(path))
 
@@ -87,13 +87,13 @@ def read_resolution(path: Path) -> float:
     """The resolution of a map [m].
 
     Raises:
-        InputError: the file is no map.
+        InputError: the file is not a map.
     """
     return _positive(path, _read_yaml(path), "resolution")
 
 
 def write_map(occupancy: OccupancyMap, path: Path) -> Path:
-    """Write a map as YAML and, beside it, PGM.
+    """Write a map as YAML, and its image as PGM beside it.
 
     Args:
         occupancy: the map.
@@ -163,10 +163,10 @@ def _image_path(path: Path, data: dict[str, Any]) -> Path:
 
 
 def _read_image(path: Path, data: dict[str, Any]) -> tuple[npt.NDArray[np.float64], Mask]:
-    """Brightness from 0 to 1, and which cells are known.
+    """Brightness from 0 to 1, and a mask of known cells.
 
-    The grey of unknown cells is unknown whatever the thresholds: Nav2 saves maps with a
-    `free_thresh` of 0.25, by which all that is outside the building would be free.
+    The grey of unknown cells means unknown whatever the thresholds: Nav2 saves maps with a
+    `free_thresh` of 0.25, by which everything outside the building would be free.
     """
     image = _image_path(path, data)
     try:

@@ -1,4 +1,4 @@
-"""Start and goal poses with ways of given lengths between them, drawn or on a raster."""
+"""Path variations: start and goal poses at given path lengths, drawn randomly or on a raster."""
 
 from __future__ import annotations
 
@@ -30,32 +30,32 @@ Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 class _PathConfig(NavigationConfig):
     map_file: str | None = None
-    """Map, or parameter with it; without, the map of a variation before."""
+    """Map, or the parameter with it; by default the map of a previous variation."""
     path_length: Length | Annotated[list[Length], Field(min_length=1)]
-    """Length of the way from the start through all goals [m]; a list multiplies."""
+    """Length of the path from the start through all goals [m]; a list multiplies."""
     path_length_tolerance: Length = 0.5
-    """How much the length may differ [m]."""
+    """Largest deviation from the length [m]."""
     robot_diameter: RobotDiameter = 0.35
-    """The way is at least half of it from every obstacle [m]."""
+    """Diameter of the robot; the path keeps half of it from every obstacle [m]."""
 
 
 class PathVariationRandomConfig(_PathConfig):
     """Parameters of PathVariationRandom."""
 
     start_pose: Pointer
-    """Parameter that gets the start, or has it from before; or a fixed `{x, y, yaw}`."""
+    """Parameter for the start, or with an existing one; or a fixed `{x, y, yaw}`."""
     goal_poses: Reference | Annotated[list[Pointer], Field(min_length=1)] | None = None
-    """Parameter that gets the goals (the first one unless it is a list), or fixed poses."""
+    """Parameter for the goals (for the first one, unless it is a list), or fixed poses."""
     num_goal_poses: Annotated[int, Field(ge=1)] | None = None
-    """Number of goals; 1 when neither this nor the next is given."""
+    """Number of goals; by default 1, unless `num_goal_poses_per_m` is given."""
     num_goal_poses_per_m: Length | Annotated[list[Length], Field(min_length=1)] | None = None
-    """Number of goals by the length of the way, at least 1 [1/m]; a list multiplies."""
+    """Number of goals per length of the path, at least 1 [1/m]; a list multiplies."""
     num_paths: Annotated[int, Field(ge=1)] = 1
     """Number of paths of each length."""
     min_distance: Annotated[float, Field(ge=0)] = 0.0
-    """Least distance between any two poses of a path, as the crow flies [m]."""
+    """Least straight-line distance between any two poses of a path [m]."""
     seed: int | None = None
-    """Seed; without one it follows from the configuration's name."""
+    """Seed; by default derived from the configuration's name."""
 
     @model_validator(mode="after")
     def _check_goals(self) -> PathVariationRandomConfig:
@@ -149,13 +149,13 @@ class _PathVariation(NavigationVariation):
 
 
 class PathVariationRandom(_PathVariation):
-    """Paths drawn at random."""
+    """Draws random paths."""
 
     CONFIG_CLASS = PathVariationRandomConfig
 
     @classmethod
     def most_of_each(cls, parameters: Any, base_path: str) -> int | None:
-        """As many as paths are asked for."""
+        """The number of requested paths."""
         del base_path
         return get_validated_config(parameters, PathVariationRandomConfig).num_paths
 
@@ -193,7 +193,7 @@ class PathVariationRandom(_PathVariation):
 
 
 class PathVariationRasterized(_PathVariation):
-    """Every path between points of a raster that has a given length."""
+    """Finds all paths of a given length between points of a raster."""
 
     CONFIG_CLASS = PathVariationRasterizedConfig
 

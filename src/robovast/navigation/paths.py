@@ -1,4 +1,4 @@
-"""Drawing a start and goals so that the way through them has a given length."""
+"""Draws a start and goals such that the path through them has a given length."""
 
 from __future__ import annotations
 
@@ -12,38 +12,38 @@ from robovast.navigation.costmap import LATTICE_EXCESS, Costmap, Lattice
 from robovast.navigation.poses import Point, Pose, heading, length_of
 
 ATTEMPTS = 200
-"""How often a path is drawn before it is said that there is none."""
+"""Most attempts to draw a path."""
 
 _GOALS_PER_ATTEMPT = 8
-"""How many last goals are tried from one place."""
+"""Most candidates for the last goal that are tried from one place."""
 
 
 class NoPathError(ValueError):
-    """No path satisfies what is asked."""
+    """No path meets the requirements."""
 
 
 @dataclass(frozen=True)
 class Path:
-    """A shortest way from a start through goals, in order."""
+    """A shortest path from a start through goals, in order."""
 
     start: Pose
     goals: tuple[Pose, ...]
     points: tuple[Point, ...]
-    """Its corners, from the start to the last goal."""
+    """Corners from the start to the last goal."""
     length: float
     """[m]"""
 
 
 @dataclass(frozen=True)
 class Wish:
-    """What a path should be like; what is None is drawn."""
+    """Requirements for a path; None means that a value is drawn."""
 
     length: float
     """[m]"""
     tolerance: float
     """[m]"""
     min_distance: float = 0.0
-    """As the crow flies, between any two of its poses [m]."""
+    """Least straight-line distance between any two poses [m]."""
     goals: int = 1
     """Number of goals."""
     start: Pose | None = None
@@ -52,26 +52,26 @@ class Wish:
 
 @dataclass(frozen=True)
 class Draft:
-    """A path while it grows."""
+    """An unfinished path."""
 
     stops: list[Point]
     """Start and goals so far."""
     points: list[Point] = field(default_factory=list)
-    """Corners so far, stops included."""
+    """Corners so far, including stops."""
     length: float = 0.0
     """[m]"""
 
     def extended(self, way: Sequence[Point]) -> Draft:
-        """The draft with a way on from its last stop."""
+        """The draft extended by a path from its last stop."""
         points = [*self.points, *(way[1:] if self.points else way)]
         return Draft([*self.stops, way[-1]], points, self.length + length_of(list(way)))
 
 
 def draw_path(costmap: Costmap, rng: random.Random, wish: Wish) -> Path:
-    """A path that satisfies a wish; equal generators give equal paths.
+    """Draw a path that meets the requirements; equal generators give equal paths.
 
     Raises:
-        NoPathError: none was found; says what stands against it.
+        NoPathError: none was found; the message says why.
     """
     require_passable(costmap, wish)
     if wish.fixed_goals is not None:
@@ -90,10 +90,10 @@ def draw_path(costmap: Costmap, rng: random.Random, wish: Wish) -> Path:
 
 
 def require_passable(costmap: Costmap, wish: Wish) -> None:
-    """Make sure that the robot can be at every given pose.
+    """Check that the robot can be at every given pose.
 
     Raises:
-        NoPathError: it cannot.
+        NoPathError: a pose is not passable.
     """
     given = [("start", wish.start)] if wish.start else []
     given += [("goal", goal) for goal in wish.fixed_goals or ()]
@@ -113,10 +113,10 @@ def require_passable(costmap: Costmap, wish: Wish) -> None:
 
 
 def measured_path(costmap: Costmap, start: Pose, goals: Sequence[Pose]) -> Path:
-    """The shortest way through given poses.
+    """The shortest path through given poses.
 
     Raises:
-        NoPathError: there is none.
+        NoPathError: there is no path.
     """
     draft = Draft([start.point])
     for goal in goals:
@@ -132,7 +132,7 @@ def measured_path(costmap: Costmap, start: Pose, goals: Sequence[Pose]) -> Path:
 
 
 def _through(costmap: Costmap, rng: random.Random, wish: Wish, goals: tuple[Pose, ...]) -> Path:
-    """A path to given goals, from a given start or one that is drawn."""
+    """A path to given goals, from a given or drawn start."""
     if wish.start is not None:
         path = measured_path(costmap, wish.start, goals)
         if abs(path.length - wish.length) > wish.tolerance:
@@ -159,7 +159,7 @@ def _through(costmap: Costmap, rng: random.Random, wish: Wish, goals: tuple[Pose
 
 
 def _drawn(costmap: Costmap, lattice: Lattice, rng: random.Random, wish: Wish) -> Draft | None:
-    """One attempt at a path."""
+    """One attempt to draw a path."""
     start = wish.start.point if wish.start else lattice.points[rng.randrange(len(lattice.points))]
     draft = Draft([start])
     shares = [rng.uniform(0.5, 1.5) for _ in range(wish.goals)]
@@ -184,7 +184,7 @@ def _legs(
     target: float,
     tolerance: float,
 ) -> Iterator[Draft]:
-    """The draft with a further goal, about `target` metres on."""
+    """Drafts with an additional goal, about `target` metres further."""
     here = draft.stops[-1]
     first = lattice.node_near(here)
     if first is None:
@@ -203,7 +203,7 @@ def _ring(
     wish: Wish,
     others: Sequence[Point],
 ) -> list[int]:
-    """Some nodes, drawn, about `target` metres from a node and not near any of the others."""
+    """Some random nodes about `target` metres from a node and not near any of the others."""
     reach = (target + wish.tolerance) * LATTICE_EXCESS
     lengths = lattice.ways_from(first, reach).lengths
     found = np.flatnonzero((lengths >= target - wish.tolerance) & (lengths <= reach))
@@ -217,7 +217,7 @@ def _ring(
 def finished(
     draft: Draft, start: Pose | None = None, goals: tuple[Pose, ...] | None = None
 ) -> Path:
-    """A path whose poses look along it, where they are not given."""
+    """The complete path; poses that are not given look along it."""
     points = draft.points
     return Path(
         start or Pose(*points[0], heading(points[0], points[1])),

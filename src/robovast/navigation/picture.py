@@ -1,4 +1,4 @@
-"""A picture of a configuration: map, start, goals, path, obstacles."""
+"""Draws a configuration: map, start, goals, path, obstacles."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _WALL, _FLOOR, _OUTSIDE = (40, 40, 40), (255, 255, 255), (225, 225, 225)
 _PATH, _START, _GOAL, _OBSTACLE = "#2563eb", "#15803d", "#b91c1c", "#ea580c"
 
 PIXELS = 800
-"""Longer side of a picture."""
+"""Longer side of a picture [pixels]."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ Mark = Line | Disc
 
 
 def marks(record: Mapping[str, Any]) -> Iterator[Mark]:
-    """What navigation variations have recorded, from the lowest to the topmost mark."""
+    """Marks for the records of navigation variations, in drawing order."""
     for obstacle in record.get("obstacles") or ():
         yield Disc((obstacle["x"], obstacle["y"]), obstacle["radius"], _OBSTACLE)
     if record.get("path"):
@@ -59,7 +59,7 @@ def marks(record: Mapping[str, Any]) -> Iterator[Mark]:
 
 
 def to_svg(occupancy: OccupancyMap, found: Sequence[Mark], title: str) -> str:
-    """The picture as SVG, with the map embedded; its title is shown by browsers."""
+    """The picture as SVG with the map embedded; browsers show its title."""
     paper = _Paper(occupancy)
     buffer = io.BytesIO()
     _image(occupancy).save(buffer, "PNG", optimize=True)
@@ -77,7 +77,7 @@ def to_svg(occupancy: OccupancyMap, found: Sequence[Mark], title: str) -> str:
 
 
 def to_png(occupancy: OccupancyMap, found: Sequence[Mark], title: str) -> bytes:
-    """The picture as PNG; its title is in the file."""
+    """The picture as PNG; its title is stored in the file."""
     from PIL.PngImagePlugin import PngInfo
 
     paper = _Paper(occupancy)
@@ -98,14 +98,14 @@ def to_png(occupancy: OccupancyMap, found: Sequence[Mark], title: str) -> bytes:
 
 
 def _pose(pose: Pose, radius: float, colour: str, label: str) -> Iterator[Mark]:
-    """The robot's disc, and a line that shows where it looks."""
+    """The robot's disc, and a line for its heading."""
     tip = (pose.x + 2 * radius * math.cos(pose.yaw), pose.y + 2 * radius * math.sin(pose.yaw))
     yield Line([pose.point, tip], colour)
     yield Disc(pose.point, radius, colour, label)
 
 
 class _Paper:
-    """Pixels of a picture: y grows downwards."""
+    """Pixel coordinates of a picture, whose y axis points down."""
 
     def __init__(self, occupancy: OccupancyMap) -> None:
         x0, x1, y0, y1 = occupancy.extent
@@ -120,12 +120,12 @@ class _Paper:
         return round(x, 1), round(y, 1)
 
     def length(self, metres: float) -> float:
-        """Pixels of a length; no mark is too small to be seen."""
+        """A length in pixels, large enough to be visible."""
         return round(max(metres * self._scale, 3.0), 1)
 
 
 def _image(occupancy: OccupancyMap) -> Image.Image:
-    """The map, one pixel a cell."""
+    """The map, one pixel per cell."""
     pixels = np.full((*occupancy.free.shape, 3), _OUTSIDE, np.uint8)
     pixels[occupancy.free] = _FLOOR
     pixels[occupancy.occupied] = _WALL

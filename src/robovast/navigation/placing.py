@@ -1,4 +1,4 @@
-"""Placing obstacles near a path, so that the robot can still get past them."""
+"""Places obstacles near a path such that the robot can still pass."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from robovast.navigation.costmap import Costmap
 from robovast.navigation.poses import Point, Pose
 
 ATTEMPTS = 50
-"""How often the obstacles of a configuration are placed anew before they are too many."""
+"""Most attempts to place all obstacles of a configuration."""
 
 _PLACES_PER_OBSTACLE = 40
 
 
 class PlacingError(ValueError):
-    """Obstacles cannot be placed as asked."""
+    """Obstacles cannot be placed as requested."""
 
 
 @dataclass(frozen=True)
@@ -30,26 +30,26 @@ class Kind:
 
     amount: int
     radius: float
-    """Of a disc that holds the obstacle [m]."""
+    """Radius of a disc around the obstacle [m]."""
     max_distance: float | None
-    """From the path [m]; None is anywhere."""
+    """Largest distance from the path [m]; None means anywhere."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """Where the robot goes."""
+    """The robot's path."""
 
     points: tuple[Point, ...]
-    """Corners of its path; empty when there is none."""
+    """Corners of the path; empty if there is none."""
     stops: tuple[Point, ...]
-    """Start and goals, which stay clear."""
+    """Start and goals, which must stay clear."""
     skip: float = 0.0
-    """How much of the path's beginning has no obstacle beside it [m]."""
+    """Length of the path's beginning without obstacles [m]."""
 
 
 @dataclass(frozen=True)
 class Placed:
-    """An obstacle at its place."""
+    """An obstacle with its position."""
 
     kind: Kind
     pose: Pose
@@ -58,12 +58,12 @@ class Placed:
 def place(
     costmap: Costmap, rng: random.Random, course: Course, kinds: Sequence[Kind]
 ) -> list[Placed]:
-    """Obstacles in free space, apart from one another, that leave a way to every goal.
+    """Place obstacles in free space, apart from one another, leaving a path to every goal.
 
     Equal generators give equal obstacles.
 
     Raises:
-        PlacingError: they do not fit.
+        PlacingError: the obstacles do not fit.
     """
     wanted = [kind for kind in kinds for _ in range(kind.amount)]
     most = 0
@@ -76,7 +76,7 @@ def place(
 
 
 def nearest_on(points: Sequence[Point], place: Point) -> Point:
-    """The point of a polyline that is nearest to a place."""
+    """The point of a polyline nearest to a given point."""
     found = (_nearest_on_leg(a, b, place) for a, b in itertools.pairwise(points))
     return min(found, key=lambda point: math.dist(point, place))
 
@@ -84,7 +84,7 @@ def nearest_on(points: Sequence[Point], place: Point) -> Point:
 def _placed(
     costmap: Costmap, rng: random.Random, course: Course, wanted: Sequence[Kind]
 ) -> Iterator[Placed]:
-    """One attempt: obstacles until one does not fit."""
+    """One attempt; it ends at the first obstacle that does not fit."""
     samples = _samples(course)
     discs = [(stop, costmap.radius) for stop in course.stops]
     for kind in wanted:
@@ -103,12 +103,12 @@ def _placed(
 def _spot(
     costmap: Costmap, rng: random.Random, samples: npt.NDArray[np.float64], kind: Kind
 ) -> Point:
-    """A place as far from the path as is allowed, else anywhere on the map."""
+    """A position within the allowed distance from the path, or anywhere on the map."""
     if kind.max_distance is None:
         x0, x1, y0, y1 = costmap.map.extent
         return rng.uniform(x0, x1), rng.uniform(y0, y1)
     x, y = samples[rng.randrange(len(samples))]
-    # The square root spreads the places evenly over the disc around a point of the path.
+    # The square root distributes positions evenly over the disc around a point of the path.
     away, angle = kind.max_distance * math.sqrt(rng.random()), rng.uniform(0, 2 * math.pi)
     return float(x + away * math.cos(angle)), float(y + away * math.sin(angle))
 

@@ -1,4 +1,4 @@
-"""Poses on a plane, and as scenario parameters."""
+"""Poses in the plane, and their form as scenario parameters."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Pose:
-    """A place and a heading in the map frame."""
+    """A position and a heading in the map frame."""
 
     x: float
     """[m]"""
@@ -25,11 +25,11 @@ class Pose:
 
     @property
     def point(self) -> Point:
-        """The place alone."""
+        """The position."""
         return self.x, self.y
 
     def parameter(self) -> dict[str, dict[str, float]]:
-        """The value of a scenario parameter of type `pose_3d`, rounded to tenths of millimetres."""
+        """The value of a scenario parameter of type `pose_3d`, rounded to 0.1 mm."""
         return {
             "position": position(self.point),
             "orientation": {"roll": 0.0, "pitch": 0.0, "yaw": round(self.yaw, 4)},
@@ -42,10 +42,10 @@ def position(point: Point) -> dict[str, float]:
 
 
 def read_pose(value: Any) -> Pose:
-    """A pose written as `{x, y, yaw}` or as `{position: {x, y}, orientation: {yaw}}`.
+    """Parse a pose written as `{x, y, yaw}` or as `{position: {x, y}, orientation: {yaw}}`.
 
     Raises:
-        ValueError: it is neither.
+        ValueError: the value has neither form.
     """
     if isinstance(value, Mapping):
         place = value.get("position", value)
@@ -65,7 +65,7 @@ def _is_number(value: Any) -> bool:
 
 
 def heading(origin: Point, target: Point) -> float:
-    """Direction from one point to another [rad], 0 when they are the same."""
+    """Direction from one point to another [rad]; 0 if they are equal."""
     return math.atan2(target[1] - origin[1], target[0] - origin[0])
 
 

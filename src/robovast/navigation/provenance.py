@@ -1,4 +1,4 @@
-"""What navigation variations add to the provenance graph of a campaign."""
+"""Contributions of navigation variations to the provenance graph."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robovast.model.variations import ProvContribution
 Node = dict[Any, Any]
 
 METADATA_KEY = "navigation"
-"""Key of a configuration's entry in metadata.yaml with what the variations recorded."""
+"""Key in metadata.yaml for the variations' records of a configuration."""
 
 _ENV = "https://purl.org/secorolab/metamodels/environment#"
 _ROBOVAST = "https://purl.org/robovast/metamodels/"
@@ -21,7 +21,7 @@ _GENERATOR = "https://purl.org/robovast/floorplan-generator/"
 
 
 def counts(config_entry: dict[str, Any]) -> ProvContribution | None:
-    """How many goals and obstacles a configuration's scenario has."""
+    """The number of goals and obstacles in a configuration's scenario."""
     from rdflib import Namespace
 
     record = config_entry.get(METADATA_KEY) or {}
@@ -37,13 +37,13 @@ def counts(config_entry: dict[str, Any]) -> ProvContribution | None:
 def floorplan_contribution(
     config_entry: dict[str, Any], campaign: Any, config: Any, vast_id: str
 ) -> ProvContribution | None:
-    """The floor plan of a configuration, its graph, and what was generated from that.
+    """The floor plan of a configuration, its graph, and the files generated from it.
 
     Args:
         config_entry: the configuration's entry in metadata.yaml.
         campaign: namespace of the campaign.
         config: namespace of the configuration.
-        vast_id: IRI of the .vast file, which references the model.
+        vast_id: IRI of the .vast file, which refers to the model.
     """
     record = (config_entry.get(METADATA_KEY) or {}).get("floorplan")
     if not record:
@@ -70,7 +70,7 @@ class _Graph:
         self._graph = [config[f"{CONFIG}/{name}"] for name in record["graph"]]
 
     def contribution(self, vast_id: str) -> ProvContribution:
-        """Everything: nodes, what the scenario references, what runs use."""
+        """All nodes, references of the scenario, and entities that runs use."""
         from rdflib import DCTERMS
 
         nodes = [
@@ -125,7 +125,7 @@ class _Graph:
         return self._campaign["agents/" + "-".join(person["name"].split())]
 
     def _transformation(self) -> Iterator[Node]:
-        """From the model to its graph."""
+        """The activity that makes the graph from the model."""
         from rdflib import DCTERMS, PROV
 
         activity = self._config["jsonld_generation/"]
@@ -137,7 +137,7 @@ class _Graph:
             yield self._generated(iri, "FloorPlanGraphModel", activity)
 
     def _generation(self) -> Iterator[Node]:
-        """From the graph to map and mesh."""
+        """The activity that makes map and mesh from the graph."""
         activity = self._config["artefact_generation/"]
         yield self._activity(activity, "FloorPlanGeneration", self._graph)
         yield self._generated(self._files["image"], "OccupancyGrid", activity)

@@ -1,4 +1,4 @@
-"""Paths between the points of a raster."""
+"""Finds paths between the points of a raster."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from robovast.navigation.paths import Draft, NoPathError, Path, Wish, finished, 
 from robovast.navigation.poses import Point, length_of
 
 MOST_PATHS = 5_000
-"""More paths than this are refused: no campaign wants them, and finding them takes minutes."""
+"""Most paths; finding more takes minutes, and no campaign needs them."""
 
 
 @dataclass(frozen=True)
 class Raster:
-    """Points at equal distances from the map's origin, where the robot can be."""
+    """Points at equal distances from the map's origin that the robot can reach."""
 
     size: float
     """[m]"""
     offset: Point = (0.0, 0.0)
-    """From the map's lower left corner [m]."""
+    """Offset from the map's lower left corner [m]."""
 
     def points(self, costmap: Costmap) -> list[Point]:
-        """The points, from the lowest row up, each from left to right."""
+        """The points row by row from the lowest, each row from left to right."""
         x0, x1, y0, y1 = costmap.map.extent
         found = [
             (x, y)
@@ -42,12 +42,12 @@ def _steps(anchor: float, low: float, high: float, size: float) -> list[float]:
 
 
 def raster_paths(costmap: Costmap, raster: Raster, wish: Wish) -> Iterator[Path]:
-    """Every path over points of a raster that satisfies a wish.
+    """All paths over points of a raster that meet the requirements.
 
-    It starts at the given start, else at any of the points.
+    They start at the given start, or at any of the points.
 
     Raises:
-        NoPathError: there is none, or there are more than MOST_PATHS.
+        NoPathError: there is no path, or there are more than MOST_PATHS.
     """
     require_passable(costmap, wish)
     points = raster.points(costmap)
@@ -71,7 +71,7 @@ def raster_paths(costmap: Costmap, raster: Raster, wish: Wish) -> Iterator[Path]
 
 
 def _drafts(legs: _Legs, points: Sequence[Point], draft: Draft, wish: Wish) -> Iterator[Draft]:
-    """Every path that goes on from a draft."""
+    """All completions of a draft."""
     missing = wish.goals + 1 - len(draft.stops)
     if not missing:
         yield draft
@@ -86,7 +86,7 @@ def _drafts(legs: _Legs, points: Sequence[Point], draft: Draft, wish: Wish) -> I
 
 
 class _Legs:
-    """Shortest ways between points, none longer than a limit [m]."""
+    """Shortest paths between points up to a length limit [m]."""
 
     def __init__(self, costmap: Costmap, limit: float) -> None:
         self._costmap = costmap
@@ -95,7 +95,7 @@ class _Legs:
         self._straightened = cache(self._straighten)
 
     def between(self, a: Point, b: Point, least: float, most: float) -> list[Point] | None:
-        """The way, when its length is between two limits [m]."""
+        """The path, if its length is between two limits [m]."""
         if math.dist(a, b) > most:
             return None
         first, last = self._node(a), self._node(b)

@@ -1,4 +1,4 @@
-"""How large obstacles are, by the arguments of their models."""
+"""Determines sizes of obstacles from the arguments of their models."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import math
 import re
 
 DEFAULT_RADIUS = 0.25
-"""Of an obstacle whose arguments do not say how large it is [m]."""
+"""Default radius of an obstacle without size arguments [m]."""
 
 _SIZE = re.compile(r"\b(width|length|radius)\s*:=\s*([-+]?[0-9][0-9.eE+-]*|[-+]?\.[0-9]+)")
 
 
 def radius_of(xacro_arguments: str) -> float:
-    """Radius of a disc that holds an obstacle, by its `width`, `length` and `radius` [m].
+    """Radius of a disc around an obstacle, from its `width`, `length` and `radius` [m].
 
     Raises:
-        ValueError: one of them is not above 0.
+        ValueError: a size is not above 0.
     """
     found = sizes_of(xacro_arguments)
     if "radius" in found:
@@ -27,10 +27,10 @@ def radius_of(xacro_arguments: str) -> float:
 
 
 def sizes_of(xacro_arguments: str) -> dict[str, float]:
-    """An obstacle's `width`, `length` and `radius`, those that are given [m].
+    """The given ones of an obstacle's `width`, `length` and `radius` [m].
 
     Raises:
-        ValueError: one of them is not above 0.
+        ValueError: a size is not above 0.
     """
     return {key: _positive(key, value) for key, value in _SIZE.findall(xacro_arguments)}
 

@@ -51,7 +51,7 @@ def test_what_cannot_be_executed_says_why() -> None:
     with pytest.raises(InputError, match="no line `DATA_DIR = ''`"):
         read_notebook(notebook_of("print(1)").encode(), Path("/x"))
     for content in (b"no json", b"[]", b"\xff", b'{"nbformat": 4}'):
-        with pytest.raises(InputError, match="no Jupyter notebook"):
+        with pytest.raises(InputError, match="not a Jupyter notebook"):
             read_notebook(content, Path("/x"))
 
 

@@ -1,1 +1,1 @@
-"""Campaigns that are started from the page: their commands, and the process that executes them."""
+"""Starts campaigns from the page."""

@@ -1,4 +1,4 @@
-"""Words of `vast` commands; what a request holds stays inside of a word, whatever it is."""
+"""Builds argument lists of `vast` commands; no part of a request can add arguments."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from robovast.model.naming import CONFIG
 
 RUNTIMES = ("auto", "docker", "podman", "process")
 LONGEST = 500
-"""Characters of a pattern."""
+"""Longest pattern [characters]."""
 
 _COUNT = re.compile(r"[1-9][0-9]{0,5}")
 
 
 @dataclass(frozen=True)
 class Choices:
-    """What a user chooses for a campaign; the defaults leave it to the document and to `vast`."""
+    """A user's choices for a campaign; None leaves a choice to the document and to `vast`."""
 
     config: str = ""
     """Name or glob of the configurations."""
     runs: int | None = None
     """Runs of each configuration."""
     jobs: int | None = None
-    """Jobs side by side."""
+    """Number of parallel jobs."""
     runtime: str = "auto"
     """One of `RUNTIMES`."""
 
 
 def read_choices(asked: Mapping[str, str]) -> Choices:
-    """Choices from a request.
+    """Read choices from a request.
 
     Raises:
-        InputError: one of them is none that there is.
+        InputError: a choice is invalid.
     """
     config, runtime = asked.get("config", ""), asked.get("runtime") or "auto"
     if len(config) > LONGEST or not config.isprintable():
@@ -56,7 +56,7 @@ def _count(asked: Mapping[str, str], key: str) -> int | None:
 
 
 def run_words(document: Path, results: Path, choices: Choices) -> list[str]:
-    """The command that runs a campaign of a document into a results folder."""
+    """Arguments that run a document's campaign into a results folder."""
     chosen = {
         "config": choices.config,
         "runs": choices.runs,
@@ -68,12 +68,12 @@ def run_words(document: Path, results: Path, choices: Choices) -> list[str]:
 
 
 def expansion_words(document: Path) -> list[str]:
-    """The command that says what a document expands to, as JSON."""
+    """Arguments that print a document's expansion as JSON."""
     return [f"--vast-file={document}", "config", "list", "--output=json", "--debug"]
 
 
 def postprocessing_words(results: Path, override: Path | None) -> list[str]:
-    """The command that brings the tables of a results folder up to date."""
+    """Arguments that update the tables of a results folder."""
     options = [f"--override={override}"] if override else []
     return ["results", "postprocess", f"--results-dir={results}", *options]
 
@@ -81,9 +81,9 @@ def postprocessing_words(results: Path, override: Path | None) -> list[str]:
 def repeat_words(
     results: Path, campaign: str, variant: str, record: Mapping[str, Any]
 ) -> list[str]:
-    """The command that executes a variant once more, with the image that the run had.
+    """Arguments that execute a variant again with the same image as a run.
 
-    Empty when the campaign holds no .vast file.
+    Empty if the campaign has no .vast file.
     """
     try:
         documents = sorted(resolved(results, f"{campaign}/{CONFIG}").glob("*.vast"))
@@ -101,5 +101,5 @@ def repeat_words(
 
 
 def as_shell(words: Sequence[str]) -> str:
-    """A command as one types it; empty for no words."""
+    """A command in shell syntax; empty without arguments."""
     return shlex.join(["vast", *words]) if words else ""

@@ -1,4 +1,4 @@
-"""Commands as child processes: one task at a time, its output kept, ended with the server."""
+"""Executes commands as child processes, one task at a time; they end with the server."""
 
 from __future__ import annotations
 
@@ -17,44 +17,44 @@ from robovast.base.stopwatch import Stopwatch
 from robovast.evaluation.launch.commands import as_shell
 
 MOST_LINES = 1000
-"""Lines of output that are kept, the last ones."""
+"""Number of last output lines that are kept."""
 LONGEST = 2000
-"""Characters of a line; what is longer becomes several."""
+"""Longest line [characters]; longer ones are split."""
 GRACE = 20.0
-"""From the first request to end to the second [s]; jobs get 10 s of it."""
+"""Time between the first and the second request to end [s]; jobs get 10 s of it."""
 
 _CONTROL = re.compile(r"\x1b\[[0-9;?]*[ -/]*[@-~]|[\x00-\x08\x0b-\x1f\x7f]")
 _FOLLOWED = frozenset({ExitCode.OK, ExitCode.TEST_FAILED, ExitCode.RUN_ERRORED})
-"""Exit codes of a campaign that has results."""
+"""Exit codes after which a campaign has results."""
 
 
 class BusyError(CannotRunError):
-    """Something is being executed already."""
+    """Another task is in progress."""
 
 
 @dataclass(frozen=True)
 class Launch:
-    """A task that was started."""
+    """A started task."""
 
     number: int
-    """Tasks that this launcher has started, this one included."""
+    """Number of tasks started by this launcher, including this one."""
     command: str
-    """Its first command, as one types it."""
+    """Its first command in shell syntax."""
     started: float
     """[s since the epoch]"""
     ended: float | None = None
-    """[s since the epoch]; None while it is executed."""
+    """[s since the epoch]; None while it is in progress."""
     code: int | None = None
-    """Exit code of its first command, as soon as that has ended; negative: a signal ended it."""
+    """Exit code of its first command, once that has ended; negative for signals."""
     stopping: bool = False
-    """Whether it was told to end."""
+    """Whether it was asked to end."""
 
 
 class Launcher:
-    """Executes `vast` in a group of its own; threads may share it."""
+    """Executes `vast` in its own process group; thread-safe."""
 
     def __init__(self, program: Sequence[str], grace: float = GRACE) -> None:
-        """Args: words that `vast` is called with; time until a second request to end [s]."""
+        """Args: command line of `vast`; time until the second request to end [s]."""
         self._program = tuple(program)
         self._grace = grace
         self._launch: Launch | None = None
@@ -63,7 +63,7 @@ class Launcher:
         self._written = 0
         self._stopwatch = Stopwatch()
         self._ended = Event()
-        self._lock = RLock()  # a signal handler may come in between
+        self._lock = RLock()  # a signal handler may need it while it is held
         self._ended.set()
 
     @property
@@ -72,13 +72,13 @@ class Launcher:
         return self._launch
 
     def output(self, since: int) -> tuple[int, list[str]]:
-        """Lines of the latest task.
+        """Output lines of the latest task.
 
         Args:
-            since: leave out this many.
+            since: number of lines to skip.
 
         Returns:
-            Number of the first line that is here, from 0, and the lines.
+            Number of the first returned line, from 0, and the lines.
         """
         with self._lock:
             kept = self._written - len(self._lines)
@@ -86,10 +86,10 @@ class Launcher:
             return first, list(self._lines)[first - kept :]
 
     def start(self, words: Sequence[str], then: Sequence[str] = ()) -> Launch:
-        """Execute a command, and another one once that has left results.
+        """Execute a command, and then another one if the first leaves results.
 
         Raises:
-            BusyError: the task before has not ended.
+            BusyError: the previous task has not ended.
             CannotRunError: the program cannot be started.
         """
         with self._lock:
@@ -107,7 +107,7 @@ class Launcher:
         return launch
 
     def stop(self) -> None:
-        """Tell the task to end: as Ctrl-C does, and by SIGTERM from the second time on."""
+        """Ask the task to end: first by SIGINT (Ctrl-C), from the second call on by SIGTERM."""
         with self._lock:
             if self._child is None or self._launch is None or self._ended.is_set():
                 return
@@ -120,9 +120,9 @@ class Launcher:
             timer.start()
 
     def end(self) -> None:
-        """Stop the task and wait for its end, at most twice the grace.
+        """Stop the task and wait for its end, at most twice the grace period.
 
-        It is never killed: it is what stops the jobs.
+        It is never killed, since it must stop its jobs.
         """
         self.stop()
         self._ended.wait(2 * self._grace)
@@ -167,7 +167,7 @@ class Launcher:
             return self._child
 
     def _wait(self, child: subprocess.Popen[str]) -> int:
-        """Read what a process prints until it has ended, and what it left behind no longer."""
+        """Read a process's output until it ends; ignore what its children print later."""
         reader = Thread(target=self._read, args=(child.stdout,), daemon=True, name="launch-output")
         reader.start()
         code = child.wait()

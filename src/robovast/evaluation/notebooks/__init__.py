@@ -1,8 +1,8 @@
 """Notebooks of a campaign's `evaluation.visualization`, executed on request (extra `notebooks`).
 
-workloads.py   which notebooks there are for a campaign, a configuration or a run
-data_dir.py    the line of a notebook that says where its data is
+workloads.py   finds the notebooks for a campaign, a configuration or a run
+data_dir.py    sets the line of a notebook that refers to its data
 child.py       the process that executes one notebook in a kernel and renders it
-document.py    the HTML that is shown
-runner.py      executes several at once, keeps what they gave
+document.py    the HTML output
+runner.py      executes several notebooks in parallel and keeps their results
 """

@@ -1,8 +1,8 @@
-"""A process that executes one notebook in a kernel of its own.
+"""Executes one notebook in a separate process with its own kernel.
 
     python -m robovast.evaluation.notebooks.child FOLDER
 
-FOLDER holds `request.json`; `output.html` (where there is any) and `result.json` are written there.
+FOLDER holds `request.json`; `output.html` (if there is any) and `result.json` are written there.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from nbformat import NotebookNode
 
 LARGEST = 64 << 20
-"""Of the HTML [bytes]."""
+"""Largest HTML [bytes]."""
 LONGEST = 500
-"""Characters of what an exception says."""
+"""Longest message of an exception [characters]."""
 
 
 def main() -> None:
-    """Do what the request says."""
+    """Execute the request."""
     folder = Path(sys.argv[1])
     request = json.loads((folder / "request.json").read_text())
     begin = time.monotonic()
@@ -52,15 +52,15 @@ def _work(folder: Path, request: dict[str, Any]) -> str:
 
 
 def execute(notebook: NotebookNode, folder: Path, timeout: float) -> str:
-    """Execute all cells, or those up to one that fails; the outputs become part of the notebook.
+    """Execute all cells, or those up to a failure; outputs are stored in the notebook.
 
     Args:
-        notebook: what to execute.
+        notebook: the notebook.
         folder: the kernel's working directory.
-        timeout: for all cells together [s].
+        timeout: time limit for all cells together [s].
 
     Returns:
-        What went wrong, and in which cell; empty when nothing did.
+        The error and its cell; empty if there was none.
     """
     from jupyter_client.kernelspec import KernelSpecManager
     from jupyter_client.manager import AsyncKernelManager
@@ -78,7 +78,7 @@ def execute(notebook: NotebookNode, folder: Path, timeout: float) -> str:
     def left(_: Any) -> int:
         return max(1, round((deadline or 0) - time.monotonic()))
 
-    # Of the kernels that are installed only that of this Python has what RoboVAST offers.
+    # Of all installed kernels, only this Python's can import RoboVAST.
     specs = KernelSpecManager(kernel_dirs=[])
     client = NotebookClient(
         notebook,

@@ -1,4 +1,4 @@
-"""The line `DATA_DIR = …` of a notebook, which says where its data is."""
+"""Sets the line `DATA_DIR = …` of a notebook."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ _LINE = re.compile(r"^([ \t]*)DATA_DIR[ \t]*(?::[^=\n]*)?=(?!=).*$", re.MULTILIN
 
 
 def replace_line(source: str, data_dir: Path) -> tuple[str, int]:
-    """Code with the line replaced, and how often it was there."""
+    """Code with the line replaced, and the number of replacements."""
     return _LINE.subn(lambda line: f"{line[1]}DATA_DIR = {str(data_dir)!r}", source)
 
 
 def read_notebook(content: bytes, data_dir: Path) -> NotebookNode:
-    """A notebook whose `DATA_DIR` is a folder; without outputs.
+    """Read a notebook, set its `DATA_DIR` and remove outputs.
 
     Raises:
-        InputError: it is no notebook, or has no such line.
+        InputError: it is not a notebook, or lacks the line.
     """
     import nbformat
 
     try:
         notebook: NotebookNode = nbformat.reads(content.decode(), as_version=4)
-    except Exception as error:  # nbformat promises none in particular
-        raise InputError(f"It is no Jupyter notebook: {error}") from None
+    except Exception as error:  # nbformat documents no specific exceptions
+        raise InputError(f"It is not a Jupyter notebook: {error}") from None
     replaced = 0
     for cell in notebook.cells:
         if cell.cell_type == "code":

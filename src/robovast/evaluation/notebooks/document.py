@@ -1,4 +1,4 @@
-"""A notebook as one HTML document that needs nothing else and executes nothing."""
+"""Renders a notebook as a self-contained HTML document without scripts."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ th, td { padding: 0.2rem 0.6rem; border-bottom: 1px solid var(--line); text-alig
 
 
 def html_of(notebook: NotebookNode) -> str:
-    """The document; what it holds is of the notebook, so it belongs into a sandbox."""
+    """The document; its content is untrusted, so show it in a sandbox."""
     from nbconvert import HTMLExporter
 
     body, _ = HTMLExporter(template_name="basic").from_notebook_node(notebook)

@@ -1,4 +1,4 @@
-"""Executes notebooks, a few at once, and keeps what they gave until something changes."""
+"""Executes notebooks, a few in parallel, and caches their results until something changes."""
 
 from __future__ import annotations
 
@@ -27,46 +27,46 @@ from robovast.evaluation.untrusted import mapping, parse_json
 from robovast.execution.local.process_environment import cache_folder
 
 AT_ONCE = 2
-"""Notebooks that are executed at the same time."""
+"""Number of notebooks executed in parallel."""
 TIMEOUT = 600.0
-"""For all cells of a notebook [s]."""
+"""Time limit for all cells of a notebook [s]."""
 GRACE = 60
-"""What a kernel may need to start, and rendering, beside that [s]."""
+"""Additional time for the kernel's start and for rendering [s]."""
 MOST_KEPT = 200
-"""Results; the oldest are removed."""
+"""Number of cached results; the oldest are removed."""
 
 _FORMAT = 1
 _LARGEST = 64 << 20
-"""Of a notebook; outputs that it was saved with may hold pictures [bytes]."""
+"""Largest notebook [bytes]; saved outputs may contain pictures."""
 _KEY = re.compile(r"[0-9a-f]{64}")
 _OWN = (POSTPROCESSING, ".cache", RUNNING)
 
 
 @dataclass(frozen=True)
 class Result:
-    """What executing a notebook gave."""
+    """Result of executing a notebook."""
 
     key: str
     fault: str
-    """What went wrong, and in which cell; empty when nothing did."""
+    """The error and its cell; empty if there was none."""
     seconds: float
     ended: float
-    """When it ended, since the epoch [s]."""
+    """End of the execution [s since the epoch]."""
     has_output: bool
 
 
 @dataclass(frozen=True)
 class Task:
-    """A notebook, and the data that it is executed on."""
+    """A notebook and its data."""
 
     notebook: Path
     data_dir: Path
     key: str
-    """Equal for equal notebooks, folders and time stamps of the files below."""
+    """Digest of notebook, folder and time stamps of the data files."""
 
 
 def data_key(target: Target) -> str:
-    """A digest that is equal when no file of a target changed since.
+    """A digest that stays the same while no file of a target changes.
 
     Raises:
         InputError: its folder cannot be read.
@@ -76,7 +76,7 @@ def data_key(target: Target) -> str:
 
 
 def make_task(notebook: Notebook, target: Target, data: str) -> Task:
-    """What is to be executed; `data` is the target's `data_key`.
+    """Create a task; `data` is the target's `data_key`.
 
     Raises:
         InputError: there is no such notebook.
@@ -91,7 +91,7 @@ def make_task(notebook: Notebook, target: Target, data: str) -> Task:
 
 
 class Runner:
-    """Executes tasks in processes of their own; threads may share it."""
+    """Executes tasks in separate processes; thread-safe."""
 
     def __init__(self, timeout: float = TIMEOUT, cache: Path | None = None) -> None:
         self._timeout = timeout
@@ -103,11 +103,11 @@ class Runner:
         self._lock = Lock()
 
     def is_waiting(self, key: str) -> bool:
-        """Whether a task is being executed, or waits for its turn."""
+        """Whether a task is in progress or queued."""
         return key in self._waiting
 
     def kept(self, key: str) -> Result | None:
-        """What executing a task gave before; None when it was not executed."""
+        """The cached result of a task, or None."""
         try:
             content = read_small(self._cache.resolve(), f"{_checked(key)}/result.json")
         except InputError:
@@ -122,24 +122,23 @@ class Runner:
         )
 
     def html(self, key: str) -> bytes:
-        """The document that executing a task gave.
+        """The HTML of a cached result.
 
         Raises:
-            InputError: there is none.
+            InputError: there is no result.
         """
         with open_inside(self._cache.resolve(), f"{_checked(key)}/output.html") as file:
             return file.read()
 
     def execute(self, task: Task, again: bool = False) -> Future[Result]:
-        """Execute a task as soon as others leave room; once, however often it is asked for, unless
-        it failed: what it lacked may be there now.
+        """Queue a task. Repeated requests share one execution unless it failed.
 
         Args:
-            task: what to do.
-            again: even though it was executed before.
+            task: the task.
+            again: ignore a cached result.
 
         Raises:
-            CannotRunError: the extra is missing, or this was closed.
+            CannotRunError: the extra is missing, or the runner was closed.
         """
         require_extra()
         with self._lock:
@@ -157,7 +156,7 @@ class Runner:
         return future
 
     def close(self) -> None:
-        """Stop what is being executed; nothing more is started. A signal handler may call it."""
+        """Stop tasks in progress and refuse new ones. A signal handler may call it."""
         self._closed = True
         self._pool.shutdown(wait=False, cancel_futures=True)
         for child in tuple(self._children):
@@ -180,10 +179,10 @@ class Runner:
         return kept
 
     def _run_child(self, folder: Path) -> None:
-        """Let a process execute the request in a folder.
+        """Execute the request in a folder by a process.
 
         Raises:
-            CannotRunError: it left no result, or was stopped by `close`.
+            CannotRunError: the process left no result, or was stopped by `close`.
         """
         command = [sys.executable, "-m", "robovast.evaluation.notebooks.child", str(folder)]
         log = folder / "child.log"
@@ -208,7 +207,7 @@ class Runner:
             raise CannotRunError(f"The notebook was not executed to its end. {said}")
 
     def _keep(self, key: str, folder: Path) -> None:
-        """Make the result in a folder the kept one."""
+        """Move the result in a folder to the cache."""
         target = self._cache / key
         try:
             self._cache.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -224,7 +223,7 @@ class Runner:
 
 
 def require_extra() -> None:
-    """Raise a CannotRunError when the extra is missing."""
+    """Raise a CannotRunError if the extra is missing."""
     for module in ("nbclient", "nbconvert", "ipykernel"):
         if find_spec(module) is None:
             raise CannotRunError(

@@ -1,4 +1,4 @@
-"""Which notebooks a campaign has, and for what."""
+"""Finds the notebooks of a campaign."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robovast.evaluation.untrusted import mapping, parse_yaml
 from robovast.model.naming import CONFIG, holds_campaign
 
 SCOPES = ("campaign", "config", "run")
-"""What a notebook is for, by how many folders its data lies below the campaign's."""
+"""Scopes of notebooks; the index is the depth of the data's folder below the campaign's."""
 
 
 @dataclass(frozen=True)
@@ -23,15 +23,15 @@ class Notebook:
     workload: str
     scope: str
     path: str
-    """Relative to the .vast file's folder."""
+    """Path relative to the .vast file's folder."""
     folder: Path
-    """Of the .vast file, without links."""
+    """Folder of the .vast file, without links."""
 
     def file(self) -> Path:
-        """Where it is, without links.
+        """The resolved path.
 
         Raises:
-            InputError: there is none, or it lies outside of the .vast file's folder.
+            InputError: the file is missing or outside of the .vast file's folder.
         """
         try:
             return resolved(self.folder, self.path)
@@ -48,12 +48,12 @@ class Notebook:
 
 @dataclass(frozen=True)
 class Target:
-    """What is analyzed: a campaign, a configuration of it, or a run."""
+    """Data to analyze: a campaign, a configuration or a run."""
 
     results: Path
     """The results folder, without links."""
     names: tuple[str, ...]
-    """Of the campaign, then of the configuration, then the run's number."""
+    """Name of the campaign, then of the configuration, then number of the run."""
 
     @property
     def scope(self) -> str:
@@ -62,10 +62,10 @@ class Target:
 
     @property
     def folder(self) -> Path:
-        """What `DATA_DIR` is set to.
+        """The value of `DATA_DIR`.
 
         Raises:
-            InputError: there is no such campaign, configuration or run.
+            InputError: the campaign, configuration or run is missing.
         """
         path = resolved(self.results, "/".join(self.names))
         campaign = self.results / self.names[0]
@@ -77,13 +77,13 @@ class Target:
 
 
 def target_of(path: Path) -> Target:
-    """The target that a folder holds.
+    """The target of a folder.
 
     Raises:
-        InputError: it holds none.
+        InputError: the folder is not a campaign, configuration or run.
     """
     folder = path.resolve()
-    for results in reversed(folder.parents[: len(SCOPES)]):  # a configuration looks like one too
+    for results in reversed(folder.parents[: len(SCOPES)]):  # the outermost campaign
         names = folder.relative_to(results).parts
         if holds_campaign(results / names[0]):
             return Target(results, names)
@@ -91,11 +91,11 @@ def target_of(path: Path) -> Target:
 
 
 def find_notebooks(target: Target, override: Path | None) -> list[Notebook]:
-    """The notebooks for a target, in the order of the .vast file.
+    """The notebooks for a target, in document order.
 
     Args:
-        target: what is analyzed.
-        override: a .vast file in place of the campaign's own.
+        target: the data to analyze.
+        override: a .vast file that replaces the campaign's own.
 
     Raises:
         InputError: there are several .vast files, or one that cannot be read.
@@ -115,7 +115,7 @@ def find_notebooks(target: Target, override: Path | None) -> list[Notebook]:
 
 
 def find_notebook(target: Target, workload: str | None, override: Path | None) -> Notebook:
-    """The notebook of one workload; the only one when none is named.
+    """The notebook of a workload, which may be omitted if there is only one.
 
     Raises:
         InputError: there is none, or there are several.
@@ -145,7 +145,7 @@ def _own_document(target: Target) -> Path | None:
 
 
 def _workloads(document: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Notebooks by scope, of each workload, under either spelling; a later one replaces."""
+    """Notebooks of each workload by scope, under either spelling; the last one wins."""
     found: dict[str, Mapping[str, Any]] = {}
     for section in ("evaluation", "analysis"):
         workloads = mapping(document.get(section)).get("visualization")

@@ -1,4 +1,4 @@
-"""Answers of the server: data as JSON, files in a form that no browser executes."""
+"""Responses of the server: data as JSON, and files in forms that browsers do not execute."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SHOWN = {
     ".webm": "video/webm",
     ".mp4": "video/mp4",
 }
-"""What a browser may show; anything else it may only save."""
+"""Types that a browser may display; it may only save others."""
 _CHUNK = 1 << 18
 _RANGE = re.compile(r"bytes=(\d*)-(\d*)")
 
@@ -37,7 +37,7 @@ class Data(JSONResponse):
 
 
 class Picture(Response):
-    """An SVG picture, in which nothing is executed even when it is opened by itself."""
+    """An SVG picture without active content, even when it is opened on its own."""
 
     media_type = "image/svg+xml"
 
@@ -57,11 +57,11 @@ def _as_dict(value: Any) -> Any:
 
 
 def send_file(file: BinaryIO, name: str, range_header: str | None) -> Response:
-    """An open file, or the part of it that a player asks for; closes it.
+    """Send an open file, or the part that a player requests; closes the file.
 
     Args:
         file: the file.
-        name: its name, for its type and for saving it.
+        name: name that determines the type and is suggested for saving.
         range_header: the request's `Range`.
     """
     size = os.fstat(file.fileno()).st_size
@@ -86,7 +86,7 @@ def send_file(file: BinaryIO, name: str, range_header: str | None) -> Response:
 
 
 def _part(header: str | None, size: int) -> tuple[int, int] | None:
-    """Begin and end of the asked part of a file; None when there is none of it."""
+    """Start and end of the requested part; None if it is not in the file."""
     asked = _RANGE.fullmatch(header or "")
     if asked is None or not any(asked.groups()):
         return 0, size
@@ -105,6 +105,6 @@ def _chunks(file: BinaryIO, start: int, end: int) -> Iterator[bytes]:
 
 
 def error(message: str, status: int) -> Response:
-    """An error as data."""
+    """An error as JSON."""
     content: Mapping[str, str] = {"error": message}
     return Data(content, status)

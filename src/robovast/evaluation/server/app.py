@@ -1,4 +1,4 @@
-"""What the page asks for, and what it gets: thin routes over the reading side."""
+"""The routes of the server."""
 
 from __future__ import annotations
 
@@ -57,10 +57,10 @@ def make_app(
 
     Args:
         library: the campaigns.
-        notebooks: answers about their notebooks.
-        launches: answers about campaigns that are started from the page.
+        notebooks: responses about notebooks.
+        launches: responses about campaigns started from the page.
         token: secret that is the first part of every path.
-        closing: is set when the server ends; open streams end then.
+        closing: set when the server ends; open streams then end.
     """
     pages = Pages(library, launches, closing)
     api = [
@@ -101,7 +101,7 @@ def make_app(
 
 
 class Pages:
-    """Answers to requests about one library."""
+    """Responses about the campaigns of a library."""
 
     def __init__(self, library: Library, launches: LaunchPages, closing: asyncio.Event) -> None:
         self._library = library
@@ -111,7 +111,7 @@ class Pages:
     def campaigns(self, _: Request) -> Response:
         """Summaries of all campaigns, the newest first.
 
-        Null for one that was not read yet; `faults` says why others cannot be read.
+        Null for a campaign that has not been read yet; `faults` says why others cannot be read.
         """
         known = {name: self._library.known(name) for name in self._library.names()}
         return Data(
@@ -123,7 +123,7 @@ class Pages:
         )
 
     def campaign(self, request: Request) -> Response:
-        """One campaign with all its runs, as columns."""
+        """One campaign with all its runs as columns."""
         name = request.path_params["campaign"]
         index = self._library.campaign(name)
         return Data(
@@ -135,11 +135,11 @@ class Pages:
         )
 
     def metrics(self, request: Request) -> Response:
-        """Columns of a campaign's tables that have numbers, by table."""
+        """Numeric columns of a campaign's tables, by table."""
         return Data(metric_columns(self._library.results, request.path_params["campaign"]))
 
     def metric(self, request: Request) -> Response:
-        """A number for each run from `column` of `table`, by `aggregate`."""
+        """One number per run from `column` of `table`, by `aggregate`."""
         asked = (_asked(request, key) for key in ("table", "column", "aggregate"))
         return Data(metric(self._library.results, request.path_params["campaign"], *asked))
 
@@ -153,23 +153,23 @@ class Pages:
         return Data({"details": found, "siblings": siblings})
 
     def map(self, request: Request) -> Response:
-        """A picture of a configuration on its map."""
+        """A configuration drawn on its map."""
         names = request.path_params
         drawn = draw_map(self._library.results, names["campaign"], names["variant"])
         return Picture(drawn)
 
     def compare(self, request: Request) -> Response:
-        """Two campaigns, `a` and `b`."""
+        """The comparison of the campaigns `a` and `b`."""
         a, b = (self._library.campaign(_asked(request, key)).variants for key in ("a", "b"))
         return Data(compare(a, b))
 
     async def events(self, _: Request) -> Response:
-        """Changes as they happen."""
+        """A stream of changes."""
         stream = events(self._library, self._launches, self._closing)
         return StreamingResponse(stream, media_type="text/event-stream")
 
     def log(self, request: Request) -> Response:
-        """A page of the lines of the log `path` that match."""
+        """A page of the matching lines of the log `path`."""
         asked = request.query_params
         question = LogQuestion(
             text=asked.get("text", ""),
@@ -195,14 +195,14 @@ class Pages:
         return Data(read_timeline(self._library.results, _asked(request, "path")))
 
     def file(self, request: Request) -> Response:
-        """A file as it is."""
+        """An unchanged file."""
         path = request.path_params["path"]
         file = open_inside(self._library.results, path)
         return send_file(file, PurePosixPath(path).name, request.headers.get("range"))
 
 
 def _assets() -> dict[str, Callable[[Request], Response]]:
-    """Answers by path for the files of the page itself, which are read once."""
+    """Responses by path for the page's own files, which are read once."""
     found = {}
     for asset in files("robovast.evaluation.server").joinpath("assets").iterdir():
         media_type = _TYPES.get(PurePosixPath(asset.name).suffix)
@@ -248,4 +248,4 @@ def _refuse_http(_: Request, cause: Exception) -> Response:
 def _own_fault(_: Request, cause: Exception) -> Response:
     name = type(cause).__name__
     where = "`vast -l debug evaluation gui` shows where"
-    return error(f"This is a fault of RoboVAST ({name}: {cause}); {where}.", 500)
+    return error(f"This is a bug in RoboVAST ({name}: {cause}); {where}.", 500)

@@ -1,9 +1,9 @@
-"""What every request must pass, and what every answer carries.
+"""Protects the server: checks all requests and adds headers to all responses.
 
-The page shows files that anyone may have written, on a machine whose browser visits other sites
-too. So: a token in the path that other sites cannot guess, a Host of this machine only (a site may
-let its name point here), no request that another origin makes, and answers that a browser neither
-runs, nor guesses the type of, nor puts into a frame.
+The page shows untrusted files on a machine whose browser also visits other sites. Therefore it
+requires a secret token in the path and a Host of this machine (other sites may let their names
+resolve to it), refuses requests of other origins, and forbids browsers to execute responses, to
+guess their types and to show them in frames.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ HEADERS = {
 
 
 class Guard:
-    """Lets through what comes from the page itself; below `/<token>/`, which it takes off."""
+    """Accepts requests of the page itself, below `/<token>/`, and strips that prefix."""
 
     def __init__(self, app: ASGIApp, token: str) -> None:
         self._app = app
         self._token = token
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request."""
+        """Handle one request."""
         if scope["type"] == "lifespan":
             await self._app(scope, receive, send)
             return
@@ -86,7 +86,7 @@ class Guard:
 
 
 def _is_loopback(url: str) -> bool:
-    """Whether a URL names this machine; any port, since it may be forwarded."""
+    """Whether a URL refers to this machine, with any port, since ports may be forwarded."""
     try:
         return urlsplit(url).hostname in LOOPBACK
     except ValueError:

@@ -1,4 +1,4 @@
-"""Starting campaigns: what they would run, running one, and what it says meanwhile."""
+"""Campaigns started from the page: their configurations, start, and output."""
 
 from __future__ import annotations
 
@@ -31,38 +31,38 @@ from robovast.evaluation.untrusted import mapping, parse_yaml, plain
 
 @dataclass(frozen=True)
 class Starting:
-    """What is needed to start campaigns from the page."""
+    """Settings for starting campaigns from the page."""
 
     program: Sequence[str]
-    """Words that `vast` is called with; nothing can be started when there are none."""
+    """Command line of `vast`; if empty, nothing can be started."""
     document: Path | None
     """The .vast file that can be run."""
     refusal: str
     """Why there is none, or why nothing can be started."""
     postprocess: bool
-    """Whether the tables of the results are brought up to date after a campaign."""
+    """Whether tables are updated after a campaign."""
     message: Callable[[str], None]
-    """Tells the one who started the server."""
+    """Shows a message to the user who started the server."""
 
 
 @dataclass(frozen=True)
 class News:
-    """What happened to a task."""
+    """News about a task."""
 
     launch: Launch
     first: int
     """Number of the first of the lines, from 0."""
     lines: list[str]
-    """What it has printed."""
+    """New lines of its output."""
 
     @property
     def end(self) -> int:
-        """Number of the line to come."""
+        """Number of the next line."""
         return self.first + len(self.lines)
 
 
 class LaunchPages:
-    """Answers about campaigns that are started from the page."""
+    """Responses about campaigns started from the page."""
 
     def __init__(self, results: Path, starting: Starting, override: Path | None) -> None:
         self._results = results
@@ -72,7 +72,7 @@ class LaunchPages:
         self._expanding = asyncio.Lock()
 
     def offered(self, _: Request) -> Response:
-        """The document that can be run, or why none can; reads no more than its `runs`."""
+        """The document that can be run, or why there is none; reads only its `runs`."""
         document = self._starting.document
         return Data(
             {
@@ -84,19 +84,19 @@ class LaunchPages:
         )
 
     async def expanded(self, _: Request) -> Response:
-        """The configurations of the document, by a process of their own: that executes plugins."""
+        """The document's configurations, expanded in a separate process: plugins are executed."""
         words = expansion_words(self._document())
         async with self._expanding:
             said = await _output([*self._starting.program, *words])
         return Data(columns([_variant(item) for item in json.loads(said)])["variants"])
 
     def started(self, request: Request) -> Response:
-        """Run the document's campaign."""
+        """Start the document's campaign."""
         choices = read_choices(request.query_params)
         return self._start(run_words(self._document(), self._results, choices))
 
     def repeated(self, request: Request) -> Response:
-        """Execute the configuration of a run once more."""
+        """Execute the configuration of a run again."""
         asked = request.query_params
         campaign, variant, run = (asked.get(key, "") for key in ("campaign", "variant", "run"))
         record = run_record(self._results, f"{campaign}/{variant}/{run}")
@@ -106,12 +106,12 @@ class LaunchPages:
         return self._start([*words, f"--output={self._results}"])
 
     def stopped(self, _: Request) -> Response:
-        """Tell what is being executed to end."""
+        """Ask the task to end."""
         self._launcher.stop()
         return Data(self._launcher.launch)
 
     def news(self, known: News | None) -> News | None:
-        """What is there beside what is known; None when nothing is."""
+        """Changes since the known state; None if there are none."""
         launch = self._launcher.launch
         if launch is None:
             return None
@@ -122,7 +122,7 @@ class LaunchPages:
         return News(launch, first, lines)
 
     def end(self) -> None:
-        """Stop what is being executed, and wait for that."""
+        """Stop the task and wait for its end."""
         launch = self._launcher.launch
         if launch is not None and launch.ended is None:
             self._starting.message("Stopping the campaign that was started from the page …")
@@ -141,7 +141,7 @@ class LaunchPages:
 
 
 def _runs(document: Path) -> int:
-    """Runs of each configuration as a document says, unless it is wrong."""
+    """Runs of each configuration according to a document, if it is valid."""
     try:
         data = mapping(parse_yaml(document.read_bytes()))
     except OSError:
@@ -153,16 +153,16 @@ def _runs(document: Path) -> int:
 def _variant(item: Mapping[str, Any]) -> VariantRuns:
     try:
         parameters = mapping(plain(item["config"]))
-    except ValueError:  # too large for a table
+    except ValueError:  # too large for the page
         parameters = {}
     return VariantRuns(str(item["name"]), str(item["_config_name"]), parameters, ())
 
 
 async def _output(words: Sequence[str]) -> bytes:
-    """What a command prints.
+    """The output of a command.
 
     Raises:
-        InputError: it fails, with its words.
+        InputError: the command fails; the message contains its output.
     """
     try:
         process = await asyncio.create_subprocess_exec(

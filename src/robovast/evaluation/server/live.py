@@ -1,4 +1,4 @@
-"""Server-sent events: a page learns that a campaign has changed without asking again."""
+"""Server-sent events: the page learns of changes without polling."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from robovast.evaluation.library import Library
 from robovast.evaluation.server.launches import LaunchPages, News
 
 PERIOD = 1.0
-"""How often changes are looked for [s]."""
+"""Interval between checks for changes [s]."""
 
 
 async def events(
     library: Library, launches: LaunchPages, closing: asyncio.Event
 ) -> AsyncIterator[str]:
-    """What happens, until the server is closing.
+    """Events until the server closes.
 
-    Changes of the versions of all campaigns, each `{name: version}`; None for one that is gone. The
-    first event has all campaigns. Events of the kind `launch` tell of a campaign that was started
-    from the page, see `News`.
+    An event contains `{name: version}` of changed campaigns, with None for removed ones; the first
+    event contains all campaigns. Events of the kind `launch` report a campaign started from the
+    page; see `News`.
     """
     sent: dict[str, int] = {}
     told: News | None = None
@@ -35,7 +35,7 @@ async def events(
         if changes or first:
             yield _event(changes)
         else:
-            yield ": nothing new\n\n"  # a connection that is gone is noticed by this
+            yield ": nothing new\n\n"  # detects closed connections
         if news := launches.news(told):
             yield _event(dataclasses.asdict(news), "launch")
             told = news
@@ -47,10 +47,10 @@ async def events(
 
 
 def versions(library: Library) -> dict[str, int]:
-    """Versions of all campaigns, each read if it has changed; 0 for one that cannot be read."""
+    """Versions of all campaigns, refreshed if necessary; 0 for unreadable ones."""
     try:
         names = library.names()
-    except InputError:  # the folder is gone; the page's next request says so
+    except InputError:  # the folder is gone; the next request reports it
         return {}
     return {name: _version(library, name) for name in names}
 
@@ -58,7 +58,7 @@ def versions(library: Library) -> dict[str, int]:
 def _version(library: Library, name: str) -> int:
     try:
         return library.summary(name).version
-    except InputError:  # the list of campaigns says why
+    except InputError:  # the list of campaigns reports the reason
         return 0
 
 

@@ -1,4 +1,4 @@
-"""Notebooks: which there are, executing one, and what one gave."""
+"""Notebooks: listing, executing and showing them."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ POLICY = "; ".join(
         "sandbox",
     )
 )
-"""What a notebook's output may do: look as it likes. No script, no request, no other origin."""
+"""Policy for notebook output: any style, but no script, no request and no other origin."""
 
 
 class NotebookPages:
-    """Answers about the notebooks of a results folder."""
+    """Responses about the notebooks of a results folder."""
 
     def __init__(self, results: Path, runner: Runner, override: Path | None) -> None:
         self._results = results
@@ -46,19 +46,19 @@ class NotebookPages:
         self._override = override
 
     def listed(self, request: Request) -> Response:
-        """The notebooks for a campaign, a configuration or a run; executes none."""
+        """The notebooks for a campaign, a configuration or a run, without executing any."""
         target = self._target(request)
         found = find_notebooks(target, self._override)
         data = data_key(target) if found else ""
         return Data([self._entry(notebook, target, data) for notebook in found])
 
     async def executed(self, request: Request) -> Response:
-        """What executing the notebook of `workload` gave; `again` even though it was before."""
+        """The result of the notebook of `workload`; `again` repeats a previous execution."""
         future = await run_in_threadpool(self._execute, request)
         return Data(await asyncio.shield(asyncio.wrap_future(future)))
 
     def shown(self, request: Request) -> Response:
-        """The output, as a document for a frame without any rights."""
+        """The output, as a document for a sandboxed frame."""
         headers = {"content-security-policy": POLICY, "x-frame-options": "SAMEORIGIN"}
         content = self._runner.html(request.path_params["key"])
         return Response(content, headers=headers, media_type="text/html; charset=utf-8")
@@ -69,7 +69,7 @@ class NotebookPages:
         if not names:
             raise InputError("The request names no `campaign`.")
         target = Target(self._results, names)
-        _ = target.folder  # nothing is said of what is no folder of results
+        _ = target.folder  # raises unless it is a results folder
         return target
 
     def _execute(self, request: Request) -> Future[Result]:

@@ -1,4 +1,4 @@
-"""Running the server until the user has seen enough."""
+"""Runs the server until it is interrupted."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ def serve(
 
     Args:
         results: the results folder.
-        port: on the loopback interface; any free one when None.
-        ready: is called with the page's address as soon as it answers.
-        starting: what campaigns can be started from the page.
-        override: a .vast file whose notebooks stand in place of each campaign's own.
-        notebook_timeout: for all cells of a notebook [s].
+        port: port on the loopback interface; None means any free port.
+        ready: called with the page's address once the server accepts requests.
+        starting: settings for starting campaigns from the page.
+        override: a .vast file whose notebooks replace each campaign's own.
+        notebook_timeout: time limit for all cells of a notebook [s].
 
     Raises:
         InputError: the folder cannot be read, or the port is taken.
@@ -78,7 +78,7 @@ def serve(
 
 
 class _Server(uvicorn.Server):
-    """Says when it answers, and when it is told to end, so that nothing keeps it from that."""
+    """Reports when it is ready and when it is asked to end, so that nothing delays its end."""
 
     def __init__(
         self,
@@ -93,12 +93,12 @@ class _Server(uvicorn.Server):
         self._ended = ended
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Begin to answer."""
+        """Start accepting requests."""
         await super().startup(sockets)
         self._started()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Answer no longer; while it lasts, signals do not end the process."""
+        """Stop accepting requests; meanwhile signals do not end the process."""
         await super().shutdown(sockets)
         await asyncio.to_thread(self._ended)
 

@@ -1,1 +1,1 @@
-"""Floor plans: the modelling language, and the map, the mesh and the graph that follow from it."""
+"""Floor plans: the modelling language, and the maps, meshes and graphs made from them."""

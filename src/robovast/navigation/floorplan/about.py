@@ -1,4 +1,4 @@
-"""What the comments at the head of a model say about it: who made it, when, under which licence."""
+"""Reads metadata from the comments at the head of a model: creators, date, licence."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ORCID = re.compile(r"\(?<?(?:https?://orcid\.org/)?(\d{4}-\d{4}-\d{4}-\d{3}[\dX
 def read_about(path: Path) -> dict[str, Any]:
     """`creators` and `contributors` (`{name, orcid}`), `license`, `description`, `modified`.
 
-    The last is the day that is written, else the file's own time (ISO 8601, UTC).
+    The last is the date in the comments, or else the file's modification time (ISO 8601, UTC).
 
     Raises:
         InputError: the file cannot be read.
@@ -40,7 +40,7 @@ def read_about(path: Path) -> dict[str, Any]:
 
 
 def _person(text: str) -> dict[str, str]:
-    """A name, with the ORCID that stands beside it."""
+    """A name, with the ORCID beside it."""
     match = _ORCID.search(text)
     name = _ORCID.sub("", text).strip(" ,")
     return {"name": name, **({"orcid": match[1]} if match else {})}

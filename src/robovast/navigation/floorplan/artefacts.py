@@ -1,4 +1,4 @@
-"""Everything that is made of a floor plan: map, mesh and graph, as files."""
+"""Writes all files made from a floor plan: map, mesh and graph."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robovast.navigation.floorplan.render import RESOLUTION, render
 from robovast.navigation.occupancy import write_map
 
 MAPS, MESHES, GRAPHS = "maps", "3d-mesh", "json-ld"
-"""Where the files of all plans are, below a configuration's folder."""
+"""Folder of all plans' files below a configuration's folder."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Artefacts:
     mesh_file: str
     graph: tuple[str, ...]
     resolution: float
-    """Of the map [m]."""
+    """Resolution of the map [m]."""
 
     @property
     def files(self) -> list[tuple[str, str]]:
@@ -40,11 +40,11 @@ def make_artefacts(plan: FloorPlan, name: str, root: Path) -> Artefacts:
 
     Args:
         plan: the plan.
-        name: of the files.
-        root: existing folder; the files go into MAPS, MESHES and GRAPHS below it.
+        name: base name of the files.
+        root: existing folder; files are written to MAPS, MESHES and GRAPHS below it.
 
     Raises:
-        DocumentError: the plan is not sound.
+        DocumentError: the plan is invalid.
     """
     layout = lay_out(plan)
     graph_folder = f"{GRAPHS}/{name}"

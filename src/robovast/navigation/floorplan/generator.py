@@ -1,8 +1,8 @@
-"""Floor plans by a generator of someone else's, in a container.
+"""Makes floor plans with an external generator in a container.
 
 The generator is an image whose entry point takes a model and a folder: `/models/NAME.fpm /output`.
-Wherever below that folder it likes, it writes a map as `NAME.yaml` with its image, a mesh as
-`NAME.stl`, and the floor plan's graph as `.json` files.
+Anywhere below that folder it writes a map as `NAME.yaml` with its image, a mesh as `NAME.stl`, and
+the floor plan's graph as `.json` files.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from robovast.navigation.floorplan.artefacts import Artefacts
 from robovast.navigation.occupancy import map_image, read_resolution
 
 FOLDER = "floorplans"
-"""Where a generator's files are, below a configuration's folder; it names those below itself."""
+"""Folder of a generator's files below a configuration's folder; it chooses the names in it."""
 
 
 def generate(runner: ContainerRunner, model: Path, name: str, root: Path) -> Artefacts:
-    """Have the files of a floor plan made, or take those that were made of it before.
+    """Make the files of a floor plan, or use those made before.
 
     Args:
-        runner: of the generator's image.
-        model: of the floor plan (.fpm), which is not read here.
-        name: of the files.
-        root: existing folder; the files go into a folder of the image below it.
+        runner: runs the generator's image.
+        model: the floor plan (.fpm), which is not read here.
+        name: base name of the files.
+        root: existing folder; files are written to a folder of the image below it.
 
     Raises:
-        InputError: the generator fails, or has not written a file.
+        InputError: the generator fails, or a file is missing.
     """
     own = root / hashlib.sha256(runner.digest.encode()).hexdigest()[:12]
     folder = own / FOLDER / name
@@ -55,7 +55,7 @@ def generate(runner: ContainerRunner, model: Path, name: str, root: Path) -> Art
 
 
 def _found(image: str, root: Path, name: str) -> Artefacts:
-    """What the generator has written."""
+    """The files that the generator has written."""
     folder = root / FOLDER / name
     written = sorted(path for path in folder.rglob("*") if path.is_file())
     map_file = _one(image, written, f"{name}.yaml", "the map")

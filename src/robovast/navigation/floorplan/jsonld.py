@@ -1,4 +1,4 @@
-"""The graph of a floor plan, as JSON-LD that needs no other file to be understood."""
+"""The graph of a floor plan as self-contained JSON-LD."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _CONTEXT = {
 
 
 def documents(layout: Layout) -> dict[str, str]:
-    """The graph in three files by name: elements, where they are, and their shapes."""
+    """The graph in three files by name: elements, coordinates and shapes."""
     parts = {
         "floorplan.json": _elements(layout),
         "coordinate.json": _coordinates(layout),

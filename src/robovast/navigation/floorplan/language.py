@@ -1,4 +1,4 @@
-"""Reading models of floor plans (.fpm)."""
+"""Reads models of floor plans (.fpm)."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ _FALLBACK = Rectangle(1.0, 1.0)
 
 
 def read_floorplan(path: Path) -> FloorPlan:
-    """A model.
+    """Read a model.
 
     Raises:
         InputError: the file cannot be read.
-        DocumentError: everything that is wrong in it, with line and column.
+        DocumentError: all its errors, with line and column.
     """
     return Model(path).plan()
 
 
 class Model:
-    """A model as it is written, in which numbers can be replaced.
+    """A parsed model in which numbers can be replaced.
 
     Args:
         path: the file.
 
     Raises:
         InputError: the file cannot be read.
-        DocumentError: it is not in the language; with line and column.
+        DocumentError: a syntax error, with line and column.
     """
 
     def __init__(self, path: Path) -> None:
@@ -52,14 +52,14 @@ class Model:
 
     @property
     def root(self) -> Any:
-        """What was parsed."""
+        """The syntax tree."""
         return self._source.model
 
     def plan(self) -> FloorPlan:
-        """The floor plan, with the numbers as they are now.
+        """The floor plan with the current numbers.
 
         Raises:
-            DocumentError: everything that is wrong in it, with line and column.
+            DocumentError: all its errors, with line and column.
         """
         self._source.problems.clear()
         plan = _Reader(self._source).plan()
@@ -68,7 +68,7 @@ class Model:
 
 
 class _Reader:
-    """Makes a model of a parsed file; notes what is wrong and goes on."""
+    """Converts a syntax tree to a model; collects errors and continues."""
 
     def __init__(self, source: Source) -> None:
         self._source = source
@@ -194,7 +194,7 @@ class _Reader:
         return Rectangle(*(values[side] for side in sides))
 
     def _polygon(self, shape: Any, *, upright: bool) -> Polygon:
-        """Corners by x and y; of something upright, and with three numbers each, by x and z."""
+        """Corners by x and y; for upright shapes with three numbers per corner, by x and z."""
         points = [
             (
                 self._number(point.x, angle=False),
@@ -222,7 +222,7 @@ class _Reader:
                 self._source.problem(
                     value, f"there is no variable `{value.variable}`", f"There are: {known}."
                 )
-                return math.nan  # of which nothing else is told
+                return math.nan  # suppresses further errors
         if written.unit and (written.unit in ANGLES) != angle:
             wanted = "an angle in deg or rad" if angle else "a length in m, cm or mm"
             self._source.problem(value, f"{wanted} is needed here, not a value in {written.unit}")
@@ -239,7 +239,7 @@ class _Reader:
 
 
 def _by_kind(nodes: Iterable[Any]) -> defaultdict[str, list[Any]]:
-    """Nodes by the rule that made them; a rule without nodes has an empty list."""
+    """Nodes by grammar rule; empty for rules without nodes."""
     found: defaultdict[str, list[Any]] = defaultdict(list)
     for node in nodes:
         found[kind(node)].append(node)

@@ -1,4 +1,4 @@
-"""Where everything of a floor plan is: frames resolved, walls around rooms, openings in walls."""
+"""Resolves the positions in a floor plan: frames, walls around rooms, openings in walls."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from robovast.navigation.floorplan.model import (
 from robovast.navigation.poses import Point, Pose
 
 FLOOR = 0.05
-"""An entryway that begins above this height is no way for a robot [m]."""
+"""Highest lower edge of an entryway that a robot can drive through [m]."""
 
 _SLACK = 0.001
-"""How far an opening reaches beyond a wall, so that no film is left [m]."""
+"""How far an opening extends beyond a wall, to cut it completely [m]."""
 
 _SIDES_OF_CIRCLE = 32
 
@@ -41,33 +41,33 @@ class Wall:
     frame: Pose
     """In the middle of a side of the room's shape: x to the next corner, y to the left."""
     length: float
-    """Of that side [m]."""
+    """Length of that side [m]."""
     thickness: float
-    """Along y: outside of a shape whose corners go clockwise, inside of any other [m]."""
+    """Along y: outside of shapes with clockwise corners, inside of any others [m]."""
     height: float
 
 
 @dataclass(frozen=True)
 class Room:
-    """A space at its place."""
+    """A space with its position."""
 
     space: Space
     frame: Pose
     floor: Area
-    """What its walls enclose."""
+    """The area that its walls enclose."""
     walls: tuple[Wall, ...]
     solid: Area
-    """What its walls stand on."""
+    """The area of its walls."""
 
     @property
     def height(self) -> float:
-        """Of its walls [m]."""
+        """Height of its walls [m]."""
         return self.walls[0].height
 
 
 @dataclass(frozen=True)
 class PlacedFeature:
-    """A column or divider at its place."""
+    """A column or divider with its position."""
 
     feature: Feature
     frame: Pose
@@ -76,33 +76,33 @@ class PlacedFeature:
 
 @dataclass(frozen=True)
 class PlacedOpening:
-    """An opening at its place."""
+    """An opening with its position."""
 
     opening: Opening
     frame: Pose
-    """Of the first wall, moved along it."""
+    """The first wall's frame, moved along the wall."""
     outline: Area
-    """In the wall: along it, and height above the floor."""
+    """Shape in the wall: position along it, and height above the floor."""
     near: float
-    """Where it begins, along the y of the first wall's frame [m]."""
+    """Start of the opening along the y axis of the first wall's frame [m]."""
     far: float
-    """Where it ends [m]."""
+    """End of the opening [m]."""
 
     @property
     def is_way(self) -> bool:
-        """True when a robot can drive through it."""
+        """Whether a robot can drive through it."""
         return self.opening.kind == "Entryway" and self.outline.bounds[1] <= FLOOR
 
     @property
     def footprint(self) -> Area:
-        """What it takes of the floor's plane."""
+        """Its area in the floor's plane."""
         left, _, right, _ = self.outline.bounds
         return _placed(shapely.box(left, self.near, right, self.far), self.frame)
 
 
 @dataclass(frozen=True)
 class Layout:
-    """A floor plan with everything at its place in the world."""
+    """A floor plan with all positions in the world frame."""
 
     plan: FloorPlan
     rooms: tuple[Room, ...]
@@ -111,10 +111,10 @@ class Layout:
 
 
 def lay_out(plan: FloorPlan) -> Layout:
-    """Where everything of a plan is.
+    """Resolve the positions of everything in a plan.
 
     Raises:
-        DocumentError: a frame does not exist, or spaces are placed at one another in a circle.
+        DocumentError: a frame does not exist, or spaces refer to one another in a cycle.
     """
     rooms = _Rooms(plan)
     placed = [rooms.at(space.name, space.place) for space in plan.spaces]
@@ -127,7 +127,7 @@ def lay_out(plan: FloorPlan) -> Layout:
 
 
 class _Rooms:
-    """The rooms of a plan, each placed when it is first asked for, whatever their order."""
+    """The rooms of a plan in any order; each is resolved on first use."""
 
     def __init__(self, plan: FloorPlan) -> None:
         self._plan = plan
@@ -139,11 +139,11 @@ class _Rooms:
         """The room of a space.
 
         Args:
-            name: of the space.
-            place: where it is asked for.
+            name: name of the space.
+            place: position of the reference, for errors.
 
         Raises:
-            DocumentError: there is none, or it is placed at what is placed at it.
+            DocumentError: the space does not exist or refers to itself.
         """
         if name in self._placed:
             return self._placed[name]
@@ -181,7 +181,7 @@ class _Rooms:
 
 
 def compose(a: Pose, b: Pose) -> Pose:
-    """The pose `b`, given in the frame `a`, in the frame that `a` is given in."""
+    """Convert the pose `b` from the frame `a` to the frame in which `a` is given."""
     cos, sin = math.cos(a.yaw), math.sin(a.yaw)
     return Pose(a.x + cos * b.x - sin * b.y, a.y + sin * b.x + cos * b.y, a.yaw + b.yaw)
 
@@ -210,7 +210,7 @@ def _room(plan: FloorPlan, space: Space, rooms: _Rooms) -> Room:
 
 
 def _frame(space: Space, walls: list[Wall], rooms: _Rooms, thickness: float) -> Pose:
-    """Where a space is in the world."""
+    """The position of a space in the world."""
     location = space.location
     offset = _offset(location)
     base = rooms.frame(location.wrt, space.place)

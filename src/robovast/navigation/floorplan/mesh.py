@@ -15,7 +15,7 @@ from robovast.navigation.floorplan.layout import Layout, PlacedOpening
 from robovast.navigation.floorplan.render import rings
 
 Solid = Any
-"""A manifold3d.Manifold: that package has no types."""
+"""A manifold3d.Manifold, whose package has no types."""
 
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -50,7 +50,7 @@ def _extruded(area: BaseGeometry, height: float) -> Solid:
 
 
 def _hole(placed: PlacedOpening) -> Solid:
-    """What an opening takes: its outline, from the far side of the wall to the near one."""
+    """The volume of an opening: its outline, from the far side of the wall to the near side."""
     solid = _extruded(placed.outline, placed.far - placed.near)
     cos, sin = math.cos(placed.frame.yaw), math.sin(placed.frame.yaw)
     x = placed.frame.x - sin * placed.far

@@ -1,4 +1,4 @@
-"""What the parser of the floor-plan language finds wrong, in words of that language."""
+"""Describes syntax errors in floor plans in terms of their language."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _RULES = {
     "EOF": "the end of the file",
 }
 _MANY = 5
-"""So many things that could stand at a place help nobody."""
+"""Longer lists of alternatives are not shown."""
 
 
 def said_of(error: TextXSyntaxError, text: str) -> tuple[str, str]:

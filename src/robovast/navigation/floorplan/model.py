@@ -1,4 +1,4 @@
-"""A floor plan as it is written: spaces, features in them, openings in their walls.
+"""The model of a floor plan: spaces, their features, and openings in their walls.
 
 Lengths are in metres, angles in radians.
 """
@@ -14,7 +14,7 @@ from robovast.navigation.poses import Point
 
 @dataclass
 class Rectangle:
-    """Centred at its frame."""
+    """A rectangle, centred at its frame."""
 
     width: float
     depth: float
@@ -23,14 +23,14 @@ class Rectangle:
 
 @dataclass
 class Circle:
-    """Centred at its frame."""
+    """A circle, centred at its frame."""
 
     radius: float
 
 
 @dataclass
 class Polygon:
-    """Corners in its frame, in order."""
+    """A polygon, given by its corners in order."""
 
     points: list[Point]
 
@@ -55,18 +55,18 @@ class Location:
     """A pose in a frame."""
 
     wrt: FrameRef
-    """Frame that the pose is in."""
+    """The frame that the pose is given in."""
     of: FrameRef = FrameRef("this")
-    """Frame that has this pose."""
+    """The frame that has this pose."""
     x: float = 0.0
     y: float = 0.0
     z: float = 0.0
     rotation: float = 0.0
-    """About z on the floor, about y in a wall."""
+    """Angle about z on the floor, about y in a wall."""
     spaced: bool = False
     """Leave room for the walls of both spaces."""
     aligned: bool = True
-    """Turn by half a turn, so that two spaces are on either side of two walls."""
+    """Rotate by 180°, so that two spaces are on opposite sides of two walls."""
 
 
 @dataclass
@@ -90,9 +90,9 @@ class Space:
     location: Location
     place: Place
     wall_thickness: float | None = None
-    """None is the plan's default."""
+    """None means the plan's default."""
     wall_height: float | None = None
-    """None is the plan's default."""
+    """None means the plan's default."""
     features: list[Feature] = field(default_factory=list)
 
 
@@ -104,7 +104,7 @@ class Opening:
     name: str
     shape: Shape
     walls: list[FrameRef]
-    """The wall whose frame its pose is in, and the other side's wall where there is one."""
+    """The wall whose frame its pose is in, and optionally the wall on the other side."""
     location: Location
     place: Place
 
@@ -118,14 +118,14 @@ class FloorPlan:
     spaces: list[Space] = field(default_factory=list)
     openings: list[Opening] = field(default_factory=list)
     features: list[Feature] = field(default_factory=list)
-    """Those of no space."""
+    """Features outside of spaces."""
     wall_thickness: float = 0.2
     wall_height: float = 2.5
 
     def thickness(self, space: Space) -> float:
-        """Of the walls of a space."""
+        """Thickness of a space's walls [m]."""
         return self.wall_thickness if space.wall_thickness is None else space.wall_thickness
 
     def height(self, space: Space) -> float:
-        """Of the walls of a space."""
+        """Height of a space's walls [m]."""
         return self.wall_height if space.wall_height is None else space.wall_height

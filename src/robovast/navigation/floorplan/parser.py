@@ -1,4 +1,4 @@
-"""Parsing with textX, and places of what was parsed."""
+"""Parses files with textX and determines positions in them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Source:
 
     Raises:
         InputError: the file cannot be read.
-        DocumentError: it is not in the language; with line and column.
+        DocumentError: a syntax error, with line and column.
     """
 
     def __init__(self, path: Path, grammar: str) -> None:
@@ -42,26 +42,26 @@ class Source:
             raise DocumentError([Problem(place, "", *said_of(error, self.text))]) from None
 
     def place(self, node: Any) -> Place:
-        """Where a node begins."""
+        """Position of a node's beginning."""
         before = self.text[: node._tx_position]
         return Place(self.path, before.count("\n") + 1, len(before) - before.rfind("\n"))
 
     def problem(self, node: Any, message: str, remedy: str = "") -> None:
-        """Note what is wrong with a node; `finish` reports it."""
+        """Collect an error about a node; `finish` reports it."""
         self.problems.append(Problem(self.place(node), "", message, remedy))
 
     def finish(self) -> None:
-        """Report what was noted.
+        """Report the collected errors.
 
         Raises:
-            DocumentError: something was.
+            DocumentError: errors were collected.
         """
         if self.problems:
             raise DocumentError(self.problems)
 
 
 def kind(node: Any) -> str:
-    """Name of the grammar's rule that made a node."""
+    """Name of the grammar rule of a node."""
     return type(node).__name__
 
 

@@ -13,17 +13,17 @@ from robovast.navigation.floorplan.layout import Layout
 from robovast.navigation.occupancy import Mask, OccupancyMap
 
 RESOLUTION = 0.05
-"""Edge of a cell [m]."""
+"""Edge length of a cell [m]."""
 
 _MARGIN = 1.25
-"""Unknown space around the plan [m]."""
+"""Width of the unknown margin around the plan [m]."""
 
 
 def render(layout: Layout, resolution: float = RESOLUTION) -> OccupancyMap:
-    """The map that a robot would make of a floor plan with a laser near the floor.
+    """The map that a robot with a laser near the floor would make of a floor plan.
 
-    Rooms and doorways are free; walls, columns, dividers and what is below windows are occupied;
-    what is outside is unknown. A wall that is thinner than a cell still takes one.
+    Rooms and doorways are free; walls, columns, dividers and windows are occupied; the outside is
+    unknown. A wall that is thinner than a cell still occupies one.
     """
     ways = shapely.union_all([o.footprint for o in layout.openings if o.is_way])
     walls = shapely.union_all([room.solid for room in layout.rooms]).difference(ways)
@@ -65,7 +65,7 @@ def fill(
 
 
 def rings(area: BaseGeometry) -> list[list[tuple[float, float]]]:
-    """Outer and inner rings of an area, each closed."""
+    """Outer and inner rings of an area, all closed."""
     polygons = [part for part in shapely.get_parts(area) if part.geom_type == "Polygon"]
     rings = [ring for polygon in polygons for ring in (polygon.exterior, *polygon.interiors)]
     return [list(ring.coords) for ring in rings]

@@ -1,4 +1,4 @@
-"""Varying a floor plan: reading .variation files, and drawing plans by their distributions."""
+"""Variation of floor plans: reads .variation files and draws plans from their distributions."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from robovast.navigation.floorplan.parser import UNITS, Source, kind
 from robovast.navigation.floorplan.unwritten import add_number
 
 ATTEMPTS = 100
-"""How often a plan is drawn until one is sound."""
+"""Most attempts to draw a valid plan."""
 
 Draw = Callable[[RandomState], tuple[float, str]]
-"""A number, and its unit where it has one of its own."""
+"""A number, and optionally its unit."""
 
 _FILLERS = frozenset({"pose", "transformation"})
-"""Parts of an attribute's name that say nothing: versions of the language differ in them."""
+"""Parts of attribute names that are ignored, since versions of the language differ in them."""
 
 
 @dataclass(frozen=True)
 class _Entry:
-    """One number of the model that varies."""
+    """A number of the model that varies."""
 
     node: Any
-    """What has the number, and a unit or none: a value or a variable."""
+    """The node with the number and an optional unit: a value or a variable."""
     draw: Draw
 
     def set(self, rng: RandomState) -> None:
-        """Replace the number; one without a unit keeps that of what it replaces."""
+        """Replace the number; a number without a unit keeps the previous unit."""
         number, unit = self.draw(rng)
         own = self.node.unit
         self.node.number = number * UNITS[unit] / UNITS[own or "m"] if unit else number
@@ -44,20 +44,20 @@ class _Entry:
 
 @dataclass(frozen=True)
 class PlanVariation:
-    """What varies in a floor plan."""
+    """The variations of a floor plan."""
 
     model: Model
-    """It is changed with each draw."""
+    """The model, which changes with each draw."""
     entries: tuple[_Entry, ...]
 
     def draw(self, seed: int) -> FloorPlan:
-        """A sound plan; equal seeds give equal plans, those of NumPy's legacy generator.
+        """Draw a valid plan; equal seeds give equal plans (NumPy's legacy generator).
 
         Args:
             seed: from 0 to 2**32 - 1.
 
         Raises:
-            DocumentError: none of ATTEMPTS was sound; says what was wrong with the last.
+            DocumentError: no attempt was valid; the message describes the last one.
         """
         rng = RandomState(seed)
         last = DocumentError([])
@@ -75,14 +75,14 @@ class PlanVariation:
 
 
 def read_variation(path: Path) -> PlanVariation:
-    """A .variation file, and the model that it imports.
+    """Read a .variation file and the model that it imports.
 
     Args:
         path: the file.
 
     Raises:
         InputError: the file or the model cannot be read.
-        DocumentError: everything that is wrong in it, with line and column.
+        DocumentError: all its errors, with line and column.
     """
     source = Source(path, "variation.tx")
     model = Model((path.parent / source.model.file).resolve())
@@ -101,7 +101,7 @@ def _entries(source: Source, model: Model, target: Any) -> Iterator[_Entry]:
             f"It has: {', '.join(_names(model.root))}.",
         )
     elif kind(element) == "Variable":
-        if target.distribution is not None:  # what stands in braces has no effect on a variable
+        if target.distribution is not None:  # braces have no effect on a variable
             yield _Entry(element, _distribution(source, target.distribution))
     elif target.distribution is not None:
         source.problem(target, f"`{target.name}` is no variable: name an attribute of it in braces")
@@ -121,7 +121,7 @@ def _entry(source: Source, model: Model, name: str, element: Any, entry: Any) ->
             f"`{entry.attribute}` of `{name}` cannot be varied",
             f"These can: {', '.join(numbers)}, and where it is.",
         )
-    elif not value.variable:  # one that is a variable stays as it is
+    elif not value.variable:  # references to variables stay unchanged
         yield _Entry(value, draw)
 
 
@@ -143,14 +143,14 @@ def _distribution(source: Source, node: Any) -> Draw:
 
 
 def _attribute(name: str) -> str:
-    """The name of an attribute without what versions of the language differ in."""
+    """The name of an attribute without the parts that differ between versions."""
     name = name.removeprefix("defaults.").replace("walls.", "wall.").replace("wall_", "wall.")
     parts = [part for part in name.split(".") if part not in _FILLERS]
     return ".".join(["location", *parts] if parts[0] in {"translation", "rotation"} else parts)
 
 
 def _numbers(element: Any, root: Any) -> Iterator[tuple[str, Any]]:
-    """The numbers that stand in an element, by the names of its attributes."""
+    """The numbers of an element by attribute name."""
     sizes = [size for item in root.items if kind(item) == "Defaults" for size in _sizes(item)]
     if kind(element) == "Space":
         yield from ((f"wall.{size.key}", size.value) for size in [*sizes, *_sizes(element)])
@@ -178,7 +178,7 @@ def _located(location: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _element(root: Any, path: list[str]) -> Any:
-    """A space, opening or feature, else a variable, by its name; None when there is none."""
+    """A space, opening, feature or variable by name, or None."""
     first, *rest = path
     named = [item for item in root.items if kind(item) != "Defaults" and item.name == first]
     named.sort(key=lambda item: kind(item) == "Variable")

@@ -1,4 +1,4 @@
-"""Reading the files of floor plans."""
+"""Reads text files of floor plans."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Writing a floor plan in its language."""
+"""Writes a floor plan in its language."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robovast.navigation.floorplan.model import (
 
 
 def write_floorplan(plan: FloorPlan) -> str:
-    """The text of a model; variables are replaced by their values."""
+    """The text of a model, with variables replaced by their values."""
     return "\n".join([f"Floor plan: {plan.name}", "", *_indented(_items(plan))]) + "\n"
 
 

@@ -1,6 +1,6 @@
-"""Numbers that a floor plan leaves out, added to what was parsed, so that they can vary as well.
+"""Adds omitted numbers of a floor plan to its syntax tree, so that they can vary as well.
 
-The classes are called as the grammar's rules are, since the reader goes by their names.
+The classes have the names of the grammar's rules, because the reader dispatches on them.
 """
 
 from __future__ import annotations
@@ -62,11 +62,11 @@ PartT = TypeVar("PartT", Location, Translation, Rotation, Walls)
 
 
 def add_number(element: Any, attribute: str) -> Value | None:
-    """A number that an element may have and has not; None when it cannot have such a one.
+    """Add a number that an element may have but lacks; None if it cannot have one.
 
     Args:
-        element: a space, opening or feature that was parsed; it is changed.
-        attribute: as `location.translation.x` or `wall.height`.
+        element: a parsed space, opening or feature; it is changed.
+        attribute: name such as `location.translation.x` or `wall.height`.
     """
     value = Value(element._tx_position)
     match attribute.split("."):
@@ -84,7 +84,7 @@ def add_number(element: Any, attribute: str) -> Value | None:
 
 
 def _part(parts: list[Any], rule: type[PartT]) -> PartT:
-    """The part that a rule has made; a new one when there is none."""
+    """The part made by a grammar rule; added if it is missing."""
     for part in parts:
         if kind(part) == rule.__name__:
             found: PartT = part
