@@ -211,7 +211,7 @@ def _tidy(picture: Picture) -> list[Action]:
 
 
 def _withdraw(picture: Picture) -> list[Action]:
-    """What a Configuration asked for that is gone, goes with it: nothing else removes its Jobs.
+    """Delete the Jobs of Configurations that were deleted: nothing else does.
 
     The Campaign is their owner, so that they go with that, whether the operator is there or not.
     An object goes when its last owner does, so the Configuration cannot be another one; nor can it

@@ -29,7 +29,7 @@ LOGGER = logging.getLogger(__name__)
 WORKERS = 4
 
 _TERM: ContextVar[int] = ContextVar("term")
-"""In which a worker has begun to look at a campaign."""
+"""Term of leadership in which the current reconcile began; later its writes are refused."""
 
 
 class Operator:

@@ -1,4 +1,4 @@
-"""The reconcile loop of one Campaign: look, decide, act. Effects only; what to do is `decide`."""
+"""One reconcile of a Campaign: look, decide, act. Effects only; what to do is `decide`."""
 
 from __future__ import annotations
 

@@ -140,7 +140,7 @@ class Picture:
 
     @property
     def attempt(self) -> int:
-        """The attempt that is under way, or done: without bad runs each is done at once."""
+        """The current attempt. Without bad runs to repeat, each is done at once."""
         spec, status = self.observed.accepted.spec, self.observed.status
         return (
             status.attempt

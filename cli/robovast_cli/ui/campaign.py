@@ -29,6 +29,19 @@ def start(document: Document, output: Path, options: LocalOptions) -> ExitCode:
     return _watch(lambda view: run_campaign(document, output, options, view))
 
 
+def refuse_document(out: Path | None) -> None:
+    """Refuse a document where the folder for results is meant.
+
+    Raises:
+        InputError: its name ends with `.vast`.
+    """
+    if out is not None and out.suffix == ".vast":
+        raise InputError(
+            f"`{out}` is a document, and OUT is the folder for results. `vast --vast-file {out} "
+            "exec local run` runs it."
+        )
+
+
 def meant(document: Document, out: Path, options: LocalOptions) -> LocalOptions:
     """The options, with the configuration that OUT names where the user says that it is one.
 

@@ -7,36 +7,25 @@ import io
 import json
 import math
 import sys
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal
 
-from robovast.analysis.tables.query import Answer, ask, tables
-from robovast.campaign.finding import find_campaigns
+from robovast.analysis.tables.query import Answer
 from robovast_cli.ui.listing import format_table
 from robovast_cli.ui.output import say_data
 
 Format = Literal["table", "csv", "json"]
 
 
-def print_tables(results: Path) -> None:
-    """Print the tables of all campaigns of a folder, with their columns."""
-    rows = [
-        [table, ", ".join(columns)] for table, columns in tables(find_campaigns(results)).items()
-    ]
+def print_tables(columns: Mapping[str, Iterable[str]]) -> None:
+    """Print tables with their columns."""
+    rows = [[table, ", ".join(names)] for table, names in columns.items()]
     sys.stdout.write(format_table(["TABLE", "COLUMNS"], rows))
 
 
-def print_answer(sql: str, results: Path, output: Format) -> None:
-    """Print the answer of a query over all campaigns of a folder.
-
-    Args:
-        sql: the query, or `-` for standard input.
-        results: folder of campaigns, or one campaign.
-        output: how.
-    """
-    text = sys.stdin.read() if sql == "-" else sql
-    _FORMATS[output](ask(find_campaigns(results), text))
+def print_rows(answer: Answer, output: Format) -> None:
+    """Print the answer of a query."""
+    _FORMATS[output](answer)
 
 
 def _print_csv(answer: Answer) -> None:

@@ -10,7 +10,10 @@ AT_ONCE = 8
 
 
 async def few_at_once(acts: Iterable[Coroutine[Any, Any, None]]) -> None:
-    """Carry out acts, a few at once; what fails ends its row, and is raised when all have ended.
+    """Carry out acts, a few at once.
+
+    After a failure the worker that met it takes no more, the others go on. The first failure is
+    raised when all have ended.
 
     Args:
         acts: made one by one, so that none is begun in vain after a failure.

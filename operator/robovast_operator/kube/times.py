@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from email.utils import parsedate
 
 NEARLY = 2.0
-"""An answer says whole seconds, and has taken a while: so much less is no other time [s]."""
+"""`Date` has whole seconds and arrives late: differences up to this are no other time [s]."""
 
 
 def parse_time(text: str) -> datetime:

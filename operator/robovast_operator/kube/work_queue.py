@@ -14,7 +14,7 @@ from robovast_operator.kube.objects import Key
 FIRST_DELAY = 1.0
 LONGEST_DELAY = 300.0
 REFUSED_DELAY = 30.0
-"""The longest where the cluster is in the way: nothing tells when it is not any more."""
+"""Longest delay after the API server has refused [s]: no event says when it will accept again."""
 
 
 @dataclass

@@ -1,4 +1,8 @@
-"""The final verdict of a run: from test.xml, unless the run was ended from outside."""
+"""The final verdict of a run: from test.xml, unless the run was ended from outside.
+
+Two verdicts are made elsewhere, of runs without any result: of one that pods began
+in vain too often (`agent/claims.py`), and at the end of one that nobody stored (`agent/finish.py`).
+"""
 
 from __future__ import annotations
 

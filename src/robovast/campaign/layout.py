@@ -3,12 +3,13 @@
 ```
 <name>-YYYY-MM-DD-HHMMSS/
   _config/            the .vast file, the scenario, run files, notebooks
-  _execution/         execution.yaml
+  _execution/         execution.yaml, index.json; tables.duckdb and data.db for queries
   _transient/         configurations.yaml, the run contract, job-N.params.yaml, job_links.yaml
   _jobs/job-N/        sysinfo.yaml, logs/system.log, resource_usage_*.csv
   <variant>/_config/  config.yaml, scenario.config, files of this variant
   <variant>/<run>/    test.xml, what the run wrote, run.json, job -> ../../_jobs/job-N
   .running/job-N/     runs in progress; removed at the end of the campaign
+  campaign.db, metadata.yaml, metadata.prov.json    made by postprocessing
   .aside/<variant>/<run>   unexpected content found in a run's place; never read
 ```
 """
@@ -47,15 +48,18 @@ SYSINFO = "sysinfo.yaml"
 LOGS = "logs"
 SYSTEM_LOG = f"{LOGS}/system.log"
 
+RUNNING = ".running"
+"""Folder of runs that are under way, in the campaign's folder."""
+STAGE = ".download"
+"""Folder of unfinished downloads, in the campaign's folder."""
+ASIDE = ".aside"
+"""Folder of what has been replaced, in the campaign's folder."""
+
 RUN_RECORD = "run.json"
 """This and the following paths are relative to a run's folder."""
 TEST_RESULT = "test.xml"
 JOB_LINK = "job"
 """Link from a run's folder to the folder of the job that executed it."""
-RUNNING = ".running"
-STAGE = ".download"
-"""Folder of unfinished runs in the campaign's folder."""
-ASIDE = ".aside"
 OWN_NAMES = (RUN_RECORD, JOB_LINK)
 """Names in a run's folder that the run did not write itself."""
 

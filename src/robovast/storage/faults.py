@@ -1,4 +1,4 @@
-"""Faults of an S3 server: which pass by themselves, how long to wait, what to tell."""
+"""Faults of an S3 server: which pass by themselves, and what to tell."""
 
 from __future__ import annotations
 

@@ -96,7 +96,8 @@ def connect(
     Args:
         endpoint: the server.
         credentials: the account.
-        patience: for how long to repeat a request [s]; about 30 s at most.
+        patience: longest time of the client's own retries [s], of which it uses about 30; `persist`
+            repeats beyond that.
         connections: how many are kept.
     """
     return Client(

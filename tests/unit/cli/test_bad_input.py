@@ -186,6 +186,7 @@ BAD = [
     (["config", "generate", "file"], 5, "file is a file, and results go into a folder"),
     (["config", "generate", "file/x"], 5, "file is a file, and results go into a folder"),
     (["exec", "local", "prepare-run", "file"], 5, "/file is a file, and results go into"),
+    (["exec", "local", "run", "x.vast"], 2, "`x.vast` is a document, and OUT is the folder for"),
     (["exec", "local", "run", "file", "--runtime", "process"], 5, "file is a file, and results"),
     (["exec", "cluster", "prepare-run", "file"], 5, "file is a file, and results go into"),
     (["results", "postprocess", "-r", "file"], 2, "file is a file; name a results folder"),

@@ -80,7 +80,7 @@ def test_variation_points_are_the_scenarios_parameters(vast, sweep) -> None:
 def test_variation_types_tell_their_parameters(vast) -> None:
     out = vast("config", "variation-types").out
     assert "ParameterVariationList  (robovast " in out
-    assert "    name    required  Scenario parameter, or several that change together." in out
+    assert "    name    required  The scenario parameter, or several that change together." in out
 
 
 def test_generate_writes_a_campaign_before_its_first_run(vast, sweep, tmp_path) -> None:

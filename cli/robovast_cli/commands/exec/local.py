@@ -142,6 +142,7 @@ def run(
         log_tree=log_tree,
         debug=debug,
     )
+    campaign.refuse_document(out or output)
     if start_only:
         from robovast.execution.local import open_shell
 

@@ -1,5 +1,6 @@
 """`vast results query`: ask the tables of campaigns."""
 
+import sys
 from typing import Annotated
 
 import typer
@@ -31,10 +32,12 @@ def query(
 
     Example: vast results query "SELECT config, avg(duration) FROM runs GROUP BY config"
     """
-    from robovast_cli.ui.rows import print_answer, print_tables
+    from robovast.analysis.tables.query import ask, tables
+    from robovast.campaign.finding import find_campaigns
+    from robovast_cli.ui.rows import print_rows, print_tables
 
-    results = results_dir or ctx.obj.results
+    campaigns = find_campaigns(results_dir or ctx.obj.results)
     if sql is None:
-        print_tables(results)
+        print_tables(tables(campaigns))
     else:
-        print_answer(sql, results, output)
+        print_rows(ask(campaigns, sys.stdin.read() if sql == "-" else sql), output)
