@@ -1,1 +1,1 @@
-"""The lowest layer, which knows nothing of RoboVAST: errors, atomic writes, safe paths, plugins."""
+"""The lowest layer, independent of RoboVAST: errors, atomic writes, safe paths, plugins."""

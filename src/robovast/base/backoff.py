@@ -1,4 +1,4 @@
-"""Backoff: how long to wait before a server is asked again."""
+"""Backoff: how long to wait before a request to a server is repeated."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ import random
 import time
 
 FIRST_PAUSE = 0.25
-"""Longest pause before the second attempt [s]; it doubles with each further one."""
+"""Longest pause before the second attempt [s]; it doubles with each further attempt."""
 LONGEST_PAUSE = 15.0
 """[s]"""
 BUSY = frozenset({429, 500, 502, 503, 504})
-"""HTTP statuses of a server that may answer later."""
+"""HTTP statuses of temporary errors."""
 
 
 class Pauses:
-    """Pauses of random length that grow exponentially, until `patience` is used up.
+    """Random pauses that grow exponentially until `patience` is used up.
 
     Args:
-        patience: for how long to try, whatever the attempts take [s].
-        attempts: how many further attempts there are even so: one may take longer than that.
+        patience: how long to try in total [s].
+        attempts: minimum number of further attempts, even if a single one takes longer than that.
     """
 
     def __init__(self, patience: float, attempts: int = 0) -> None:
@@ -27,16 +27,17 @@ class Pauses:
         self.reset()
 
     def reset(self) -> None:
-        """Something went well: be patient anew."""
+        """Start again with full patience, after a success."""
         self._deadline = time.monotonic() + self._patience
         self._longest = FIRST_PAUSE
         self._free = self._attempts
 
     def wait(self, at_least: float = 0.0) -> bool:
-        """Wait before the next attempt; False, at once, when none is left.
+        """Wait before the next attempt; return False immediately if none is left.
 
         Args:
-            at_least: what the server asks for [s]; when that is more than is left, no attempt is.
+            at_least: pause that the server requests [s]; no attempt is left if it exceeds the
+                patience.
         """
         left = self._deadline - time.monotonic()
         if self._free:

@@ -1,4 +1,4 @@
-"""Docker and Podman, as far as they have the same commands."""
+"""The commands that Docker and Podman have in common."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ENGINES = ("docker", "podman")
 
 
 class Result:
-    """What a command has said."""
+    """Result of a command."""
 
     def __init__(self, process: subprocess.CompletedProcess[str]) -> None:
         self.exit_code = process.returncode
@@ -33,7 +33,7 @@ def call(command: list[str]) -> Result:
 
 
 def engine_answers(engine: str) -> bool:
-    """True when the program is installed and its daemon, if it has one, answers."""
+    """Whether the program is installed and its daemon, if it has one, responds."""
     if shutil.which(engine) is None:
         return False
     return call([engine, "info", "--format", "{{.Driver}}{{.Store.GraphDriverName}}"]).ok or (
@@ -42,14 +42,14 @@ def engine_answers(engine: str) -> bool:
 
 
 def check_engine(engine: str, instead: str) -> None:
-    """Make sure that containers can be started.
+    """Check that containers can be started.
 
     Args:
         engine: `docker` or `podman`.
-        instead: what else the user can do, as the end of a sentence.
+        instead: an alternative for the user, as the end of a sentence.
 
     Raises:
-        CannotRunError: it is not installed, or does not answer.
+        CannotRunError: it is not installed, or does not respond.
     """
     if shutil.which(engine) is None:
         raise CannotRunError(f"there is no `{engine}` here: install it, or {instead}.")
@@ -62,16 +62,16 @@ def check_engine(engine: str, instead: str) -> None:
 
 
 def fetch_image(engine: str, image: str, message: Callable[[str], None], build: str) -> None:
-    """Make sure that an image is on this machine.
+    """Pull an image unless it is on this machine.
 
     Args:
         engine: `docker` or `podman`.
-        image: its name.
-        message: is told when it is pulled.
-        build: how one makes it, as the end of a sentence.
+        image: name of the image.
+        message: called when the image is pulled.
+        build: how to build the image, as the end of a sentence.
 
     Raises:
-        CannotRunError: it cannot be pulled.
+        CannotRunError: the image cannot be pulled.
     """
     if call([engine, "image", "inspect", image]).ok:
         return
@@ -85,10 +85,10 @@ def fetch_image(engine: str, image: str, message: Callable[[str], None], build: 
 
 
 def named_digest(image: str) -> str:
-    """What tells an image from others of its name, where its name says that; else empty.
+    """The digest in an image's name, else empty.
 
-    What is named so is what runs, since it is verified when it is pulled. A tag says nothing:
-    two nodes may have pulled it at different times.
+    Such an image is verified when it is pulled. A tag proves nothing: two nodes may have pulled it
+    at different times.
     """
     name, at, digest = image.partition("@")
     folder, slash, last = name.rpartition("/")
@@ -96,6 +96,6 @@ def named_digest(image: str) -> str:
 
 
 def image_digest(engine: str, image: str) -> str:
-    """What tells an image from others of its name."""
+    """Digest of an image, or its local id if it has none."""
     pattern = "{{if .RepoDigests}}{{index .RepoDigests 0}}{{else}}{{.Id}}{{end}}"
     return call([engine, "image", "inspect", "-f", pattern, image]).output.strip()

@@ -1,4 +1,4 @@
-"""Settings from environment variables, or from a `.env` file: addresses and credentials."""
+"""Reads settings (addresses and credentials) from the environment or a `.env` file."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ def environment(folder: Path | None = None) -> Mapping[str, str]:
     """The environment, completed by the nearest `.env` file at or above a folder.
 
     Args:
-        folder: where to begin; the working directory when omitted.
+        folder: where to start the search; by default the working directory.
 
     Raises:
         InputError: the file cannot be read.
-        CannotRunError: there is one, and no package that reads it.
+        CannotRunError: there is a file, but the package that reads it is missing.
     """
     return {**_dotenv(folder or Path.cwd()), **os.environ}
 
 
 @contextmanager
 def dotenv_loaded(folder: Path | None = None) -> Iterator[None]:
-    """Complete the environment of this process while the context lasts."""
+    """Add the variables of the `.env` file to this process's environment within the context."""
     added = {key: value for key, value in environment(folder).items() if key not in os.environ}
     os.environ.update(added)
     try:

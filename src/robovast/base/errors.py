@@ -1,7 +1,7 @@
-"""Errors that reach a user, and the exit code of each kind.
+"""Errors for users, and their exit codes.
 
-Every message says what is wrong, where, why, and how to mend it. The command line prints the
-message alone; a traceback appears only when the user asks for one (`--log-level debug`).
+Each message says what is wrong, where, why, and how to fix it. The command line prints only the
+message; `--log-level debug` adds a traceback.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ class ExitCode(IntEnum):
     TEST_FAILED = 1
     """At least one run ended with a failed verdict."""
     BAD_INPUT = 2
-    """The .vast file, a file that it names or the command line is wrong."""
+    """The .vast file, a file that it refers to, or the command line is wrong."""
     CANNOT_RUN = 3
-    """The runtime cannot run it: no Docker, no such image, an incompatible image."""
+    """The runtime is not usable: Docker or the image is missing, or the image is incompatible."""
     RUN_ERRORED = 4
-    """At least one run ended without a verdict (crash, timeout), none merely failed."""
+    """At least one run has no verdict (crash, timeout), and no run has failed."""
     STORAGE = 5
     """Results cannot be written: no permission, disk full, campaign exists."""
     INTERNAL = 70
-    """A fault of RoboVAST itself."""
+    """A bug in RoboVAST."""
     INTERRUPTED = 130
     """Ctrl-C."""
 
 
 class RobovastError(Exception):
-    """Base of every error that is meant for a user."""
+    """Base class of errors for users."""
 
     exit_code: ExitCode = ExitCode.INTERNAL
 
@@ -45,35 +45,35 @@ class RobovastError(Exception):
 
 
 def without_userinfo(text: str) -> str:
-    """A text in whose URLs nobody's name and password stands."""
+    """A text without user names and passwords in its URLs."""
     return _USERINFO.sub("://", text)
 
 
 class InputError(RobovastError):
-    """What the user gave is wrong: a file, a key, a value, an option."""
+    """The user's input is wrong: a file, a key, a value, an option."""
 
     exit_code = ExitCode.BAD_INPUT
 
 
 class CannotRunError(RobovastError):
-    """The chosen runtime cannot run the campaign; nothing was started."""
+    """The chosen runtime cannot execute the campaign; nothing was started."""
 
     exit_code = ExitCode.CANNOT_RUN
 
 
 class StorageError(RobovastError):
-    """Results cannot be stored; finished runs stay as they are."""
+    """Results cannot be stored; finished runs are not affected."""
 
     exit_code = ExitCode.STORAGE
 
 
 class RefusedError(StorageError):
-    """A server refuses for good: the same request can never succeed."""
+    """A server refuses permanently: repeating the request cannot succeed."""
 
 
 @dataclass(frozen=True, order=True)
 class Place:
-    """A place in a file; line and column count from 1, 0 means the whole file."""
+    """A position in a file; line and column count from 1, and 0 means the whole file."""
 
     file: Path
     line: int = 0
@@ -85,11 +85,11 @@ class Place:
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong in a document, and what would be right."""
+    """An error in a document, with a remedy."""
 
     place: Place
     key: str
-    """Path of the key, as `execution.resources.cpu` or `configuration[2].name`."""
+    """Path of the key, such as `execution.resources.cpu` or `configuration[2].name`."""
     message: str
     remedy: str = ""
 
@@ -99,7 +99,7 @@ class Problem:
 
 
 class DocumentError(InputError):
-    """Every problem found in one document."""
+    """All problems found in one document."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         unique = dict.fromkeys(problems)

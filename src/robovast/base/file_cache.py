@@ -1,4 +1,4 @@
-"""A cache of files that are costly to make, by a hash of their inputs."""
+"""Caches files that are expensive to make, by a hash of their inputs."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class ContentCache:
     """A folder of files by key; entries appear complete or not at all.
 
     Args:
-        cache_dir: the folder; made when it is needed. Default: `robovast` in the user's cache.
-        name: a subfolder, so that different users of the cache do not meet.
+        cache_dir: the folder; created if necessary. Default: `robovast` in the user's cache.
+        name: a subfolder that separates different users of the cache.
     """
 
     def __init__(self, cache_dir: str | Path | None = None, name: str = "files") -> None:
@@ -25,7 +25,7 @@ class ContentCache:
         self._folder = (Path(cache_dir) if cache_dir else Path(base) / "robovast") / name
 
     def key(self, files: Iterable[str | Path], *values: object) -> str:
-        """A key of the content of files and of further values, whatever the files' place."""
+        """A hash of the content of files and of further values; paths do not matter."""
         digest = hashlib.sha256()
         for file in files:
             digest.update(hashlib.sha256(Path(file).read_bytes()).digest())
@@ -33,25 +33,25 @@ class ContentCache:
         return digest.hexdigest()
 
     def get(self, key: str) -> Path | None:
-        """The file kept under a key, or None."""
+        """The file stored under a key, or None."""
         path = self._folder / key
         return path if path.is_file() else None
 
     def put(self, key: str, file: str | Path) -> Path:
-        """Keep a copy of a file under a key."""
+        """Store a copy of a file under a key."""
         with appearing_file(self._folder / key) as part:
             shutil.copyfile(file, part)
         return self._folder / key
 
 
 class FileCache:
-    """Files that a plugin keeps beside its data, by the content of what they were made from.
+    """Caches files of a plugin beside its data, by the content of their inputs.
 
     Args:
-        data_directory: they are kept in its folder `.cache`.
-        cache_file_prefix: begins their names.
-        file_name_hash_objects: further values, as text, that decide the name.
-        cache_file_suffix: ends their names.
+        data_directory: files are stored in its subfolder `.cache`.
+        cache_file_prefix: prefix of the file names.
+        file_name_hash_objects: further values that are hashed as text.
+        cache_file_suffix: suffix of the file names.
     """
 
     def __init__(
@@ -72,13 +72,13 @@ class FileCache:
         content: bool = True,
         strings_for_hash: Sequence[str] | None = None,
     ) -> str | bytes | Path | None:
-        """What was made from the same input files; None when nothing is kept.
+        """The file made from the same inputs, or None.
 
         Args:
-            input_files: their content decides.
-            binary: return bytes, not text.
-            content: return the content, not the path of the kept file.
-            strings_for_hash: further text that decides.
+            input_files: files whose content is hashed.
+            binary: return bytes in place of text.
+            content: return the content in place of the cached file's path.
+            strings_for_hash: further text that is hashed.
         """
         path = self._cache.get(self._name(input_files, strings_for_hash))
         if path is None or not content:
@@ -93,12 +93,12 @@ class FileCache:
         content: bool = True,
         strings_for_hash: Sequence[str] | None = None,
     ) -> Path:
-        """Keep what was made from input files; returns the path of the kept file.
+        """Store a file made from input files; return the stored file's path.
 
         Args:
-            input_files: their content decides.
-            file_content: the content; with `content=False` the path of a file to copy.
-            binary: without a meaning here: bytes and text are told apart by themselves.
+            input_files: files whose content is hashed.
+            file_content: the content; with `content=False`, the path of a file to copy.
+            binary: has no effect; bytes and text are distinguished by their type.
             content: see `file_content`.
             strings_for_hash: further text that decides.
         """

@@ -1,4 +1,4 @@
-"""Folders that one program works in at a time."""
+"""Exclusive access to folders, one program at a time."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from robovast.base.atomic import discard, sweep
 from robovast.base.errors import StorageError
 
 LOCK = "lock"
-"""File in the folder that is locked as long as somebody works there."""
+"""File in the folder that is locked while a program uses the folder."""
 _PATIENCE = 0.5
-"""How long a lock may be held by who only looks whether it is free [s]."""
+"""How long a lock may be held by a program that only checks whether it is free [s]."""
 _PAUSE = 0.02
 
 
 @contextmanager
 def exclusive_folder(folder: Path, refusal: str) -> Iterator[None]:
-    """A work folder for this program alone; it is removed when the context ends well.
+    """A work folder for this program alone; it is removed after success.
 
-    It is removed under its lock: who waits for the lock sees that it is no longer the folder's,
-    and makes a folder of its own.
+    It is removed while it is locked: a program that waits for the lock notices the removal and
+    creates a new folder.
 
     Args:
-        folder: made when it does not exist; what an earlier program left stays in it.
-        refusal: what to say when another program works there.
+        folder: created if missing; files of a previous program are kept.
+        refusal: message if another program uses the folder.
 
     Raises:
-        StorageError: another program works there.
+        StorageError: another program uses the folder.
     """
     with _locked(folder, refusal):
         sweep(folder.parent)
@@ -49,7 +49,7 @@ def _locked(folder: Path, refusal: str) -> Iterator[None]:
             folder.mkdir()
         try:
             file = (folder / LOCK).open("w")
-        except FileNotFoundError:  # removed between the two
+        except FileNotFoundError:  # removed after it was created
             continue
         with file:
             if _lock(file):

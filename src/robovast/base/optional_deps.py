@@ -1,4 +1,4 @@
-"""Errors that say which extra is to be installed for an optional dependency."""
+"""Optional dependencies: errors that name the extra to install."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from robovast.base.errors import CannotRunError
 
 @dataclass(frozen=True)
 class Extra:
-    """Optional packages under one name."""
+    """Optional packages of one extra."""
 
     name: str
     packages: tuple[str, ...]
-    """By the names that are imported."""
+    """The packages' import names."""
 
     def require(self, what: str) -> None:
-        """Look for the packages, without importing any.
+        """Check that the packages are installed, without importing them.
 
         Args:
-            what: what needs them, as the beginning of a sentence.
+            what: the feature that needs them, as the beginning of a sentence.
 
         Raises:
-            CannotRunError: one is not installed.
+            CannotRunError: a package is not installed.
         """
         for package in self.packages:
             if find_spec(package) is None:
@@ -38,12 +38,12 @@ VIDEO = Extra("video", ("av",))
 
 @contextlib.contextmanager
 def needing(extra: str, packages: Collection[str], what: str) -> Iterator[None]:
-    """Where packages of an extra are imported: one that is missing is reported by the extra.
+    """Wrap imports from an extra; a missing package becomes an error that names the extra.
 
     Args:
-        extra: its name.
-        packages: of the extra, by the names that are imported.
-        what: what needs it, as the beginning of a sentence.
+        extra: name of the extra.
+        packages: the extra's packages by import name.
+        what: the feature that needs it, as the beginning of a sentence.
 
     Raises:
         CannotRunError: a package of the extra is not installed.

@@ -25,9 +25,9 @@ _PYTHON = f"{sysconfig.get_path('stdlib')}{os.sep}"
 
 
 def raised(error: BaseException) -> str:
-    """What a plugin raised, and where in its own code, as `KeyError: 'a' (lab/widths.py:4)`.
+    """Describe an exception of a plugin with its origin, such as `KeyError: 'a' (lab/widths.py:4)`.
 
-    Its own code begins where RoboVAST's and Python's end, and is what lies in that folder.
+    The origin is the last frame in the plugin's folder outside of RoboVAST and Python.
     """
     files = [(f.filename, f.lineno) for f in traceback.extract_tb(error.__traceback__)]
     others = [(file, line) for file, line in files if not _is_known(file)]
@@ -43,14 +43,14 @@ def _is_known(file: str) -> bool:
 
 
 def split_file_reference(reference: str) -> tuple[str, str] | None:
-    """Path and name of a `<path>.py:<name>` reference, or None when it is an entry-point name."""
+    """Path and name of a `<path>.py:<name>` reference; None for entry-point names."""
     match = _FILE_REFERENCE.match(reference)
     return (match["path"], match["name"]) if match else None
 
 
 @lru_cache
 def plugins_of(group: str) -> dict[str, EntryPoint]:
-    """Entry points of a group by name; of two with one name the first counts."""
+    """Entry points of a group by name; the first of equal names wins."""
     found: dict[str, EntryPoint] = {}
     for entry_point in entry_points(group=group):
         found.setdefault(entry_point.name, entry_point)
@@ -58,15 +58,15 @@ def plugins_of(group: str) -> dict[str, EntryPoint]:
 
 
 def load_plugin(reference: str, group: str, folder: str | Path) -> Any:
-    """The object that a reference names.
+    """Load the object of a reference.
 
     Args:
         reference: an entry-point name, or `<path>.py:<name>`.
-        group: entry-point group, as `robovast.variation_types`.
-        folder: what a path is relative to.
+        group: entry-point group, such as `robovast.variation_types`.
+        folder: base of relative paths.
 
     Raises:
-        InputError: there is no such plugin, or it cannot be loaded; with the cause.
+        InputError: the plugin is missing or cannot be loaded; the message gives the cause.
     """
     parts = split_file_reference(reference)
     if parts is None:
@@ -112,7 +112,7 @@ def _load_file(path: Path) -> Any:
     if spec is None or spec.loader is None:
         raise InputError(f"{path} cannot be imported")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses and pickling look a class's module up
+    sys.modules[name] = module  # dataclasses and pickle look up a class's module
     try:
         spec.loader.exec_module(module)
     except Exception as error:

@@ -1,4 +1,4 @@
-"""Sizes and progress for people."""
+"""Readable sizes and progress."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ def fmt_size(size: float) -> str:
 
 
 class ProgressBar:
-    """One line on stderr that fills while bytes or items go by; silent when stderr is no terminal.
+    """A progress line on stderr; silent unless stderr is a terminal.
 
     Args:
-        total: what is to be done; 0 when nobody knows.
-        label: what it is about.
-        width: of the bar [characters].
+        total: total amount; 0 if unknown.
+        label: text before the bar.
+        width: width of the bar [characters].
     """
 
     def __init__(self, total: int, label: str = "", width: int = 30) -> None:
@@ -31,7 +31,7 @@ class ProgressBar:
         self._shown = 0.0
 
     def update(self, done: int, total: int | None = None) -> None:
-        """Show how much is done; also a `(done, total)` progress callback."""
+        """Show the progress; usable as a `(done, total)` callback."""
         self._total = total or self._total
         now = time.monotonic()
         last = done >= self._total
@@ -43,7 +43,7 @@ class ProgressBar:
     __call__ = update
 
     def line(self, done: int) -> str:
-        """The line for an amount that is done."""
+        """The line for an amount."""
         share = min(1.0, done / self._total) if self._total else 0.0
         filled = round(share * self._width)
         bar = "█" * filled + "░" * (self._width - filled)

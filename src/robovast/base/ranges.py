@@ -7,18 +7,18 @@ from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 
 Span = tuple[int, int]
-"""First and last id, both included."""
+"""First and last id, both inclusive."""
 
 _ITEM = re.compile(r"(\d+)(?:-(\d+))?")
 
 
 def spans(ids: Iterable[int]) -> list[Span]:
-    """Ids, in any order and repeated, as ascending spans that do not touch."""
+    """Convert ids, in any order and with duplicates, to sorted separate spans."""
     return merge((id_, id_) for id_ in ids)
 
 
 def merge(parts: Iterable[Span]) -> list[Span]:
-    """Spans, in any order and overlapping, as ascending spans that do not touch."""
+    """Convert spans, in any order and overlapping, to sorted separate spans."""
     merged: list[Span] = []
     for first, last in sorted(parts):
         if merged and first <= merged[-1][1] + 1:
@@ -29,7 +29,7 @@ def merge(parts: Iterable[Span]) -> list[Span]:
 
 
 def subtract(parts: Iterable[Span], minus: Iterable[Span]) -> list[Span]:
-    """What is in `parts` and not in `minus`."""
+    """Ids in `parts` that are not in `minus`."""
     left: list[Span] = []
     cuts = merge(minus)
     at = 0
@@ -49,7 +49,7 @@ def subtract(parts: Iterable[Span], minus: Iterable[Span]) -> list[Span]:
 
 
 def clip(parts: Iterable[Span], first: int, last: int) -> list[Span]:
-    """What lies between two ids, both included."""
+    """Ids between two ids, both inclusive."""
     return [(max(a, first), min(b, last)) for a, b in parts if a <= last and b >= first]
 
 
@@ -59,7 +59,7 @@ def shift(parts: Iterable[Span], by: int) -> list[Span]:
 
 
 def contains(parts: Sequence[Span], id_: int) -> bool:
-    """Whether an id is in ascending spans that do not touch."""
+    """Whether sorted separate spans contain an id."""
     at = bisect_right(parts, id_, key=lambda span: span[0]) - 1
     return at >= 0 and id_ <= parts[at][1]
 
@@ -70,21 +70,21 @@ def count(parts: Iterable[Span]) -> int:
 
 
 def ids(parts: Iterable[Span]) -> Iterator[int]:
-    """Every id, in the order of the spans."""
+    """All ids, in the order of the spans."""
     for first, last in parts:
         yield from range(first, last + 1)
 
 
 def format_ranges(parts: Iterable[Span]) -> str:
-    """Spans as text; the text of no span is empty."""
+    """Spans as text; empty without spans."""
     return ",".join(str(a) if a == b else f"{a}-{b}" for a, b in parts)
 
 
 def parse_ranges(text: str) -> list[Span]:
-    """The spans of a text as `format_ranges` and the completed indexes of a Job have it.
+    """Parse text made by `format_ranges`, or the completed indexes of a Job.
 
     Raises:
-        ValueError: the text is no list of ranges.
+        ValueError: the text is not a list of ranges.
     """
     return [_span(item) for item in text.split(",")] if text.strip() else []
 
@@ -101,7 +101,7 @@ def _span(item: str) -> Span:
 
 
 def truncate(text: str, limit: int) -> tuple[str, bool]:
-    """Ranges cut at an item so that they have at most `limit` characters; True when cut."""
+    """Shorten ranges to whole items of at most `limit` characters; True if shortened."""
     if len(text) <= limit:
         return text, False
     return text[: text.rfind(",", 0, limit + 1)] if "," in text[: limit + 1] else "", True

@@ -1,9 +1,9 @@
-"""Files in folders that users' code can write, or once could: a container's output, stored runs,
-what was downloaded or imported.
+"""Access to files in folders that untrusted code can write: outputs of containers, stored runs,
+downloads and imports.
 
-Anything may be there, and may change while one looks: links to files of this machine, pipes that
-never end, devices, files of terabytes. So every path is opened part by part from a folder on that
-is ours, its root, and nothing below that is followed when it is a link. Only regular files are
+Such folders may contain anything, and may change during access: links to files of this machine,
+pipes that never end, devices, files of terabytes. So every path is opened part by part from a
+trusted folder above it, its root, and below that no link is followed. Only regular files are
 opened. The root itself may be reached through links.
 """
 
@@ -21,38 +21,38 @@ from typing import BinaryIO
 from uuid import uuid4
 
 MOST = 8 << 20
-"""Of a file of one run whose content is held in memory [bytes]; as data it takes much more."""
+"""Largest file of one run that is read into memory [bytes]; parsed data takes much more."""
 MOST_OF_ALL = 1 << 30
-"""Of a file that grows with the number of runs."""
+"""Largest file whose size grows with the number of runs [bytes]."""
 DEEPEST = 200
-"""Levels of folders that are copied."""
+"""Most levels of folders that are copied."""
 
 _FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
 _BELOW = _FOLDER | os.O_NOFOLLOW
 _READ = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
 _CREATE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
 _MOST_PASSES = 100_000
-"""Over a folder that is to be removed: one for each level below it."""
+"""Path prefix to a folder's parent while nested folders are removed."""
 _ATTEMPTS = 5
-"""To make a folder where somebody else makes something at the same time."""
+"""Attempts to create a folder while another program interferes."""
 
 
 def open_file(path: Path, root: Path | None = None) -> BufferedReader:
-    """Open a regular file to read it.
+    """Open a regular file for reading.
 
     Args:
         path: the file.
-        root: folder on the way to it, from which on no link is followed; its own when None.
+        root: ancestor below which no link is followed; None means the file's own folder.
 
     Raises:
-        OSError: there is none, or it is a link, a pipe, a device or the like.
+        OSError: it is missing, or is not a regular file.
     """
     with _parent(path, root) as (folder, name):
         return os.fdopen(_open_regular(folder, name, path), "rb")
 
 
 def read_file(path: Path, root: Path | None = None, most: int = MOST) -> bytes:
-    """Content of a regular file; see `open_file`.
+    """Read a regular file; see `open_file`.
 
     Raises:
         OSError: as in `open_file`, or it has more than `most` bytes.
@@ -65,7 +65,7 @@ def read_file(path: Path, root: Path | None = None, most: int = MOST) -> bytes:
 
 
 def read_text(path: Path, root: Path | None = None, most: int = MOST) -> str:
-    """Text of a regular file, what is no UTF-8 replaced; see `read_file`."""
+    """Read a regular file as text; invalid UTF-8 is replaced; see `read_file`."""
     return read_file(path, root, most).decode("utf-8", "replace")
 
 
@@ -77,25 +77,25 @@ def read_end(path: Path, root: Path, most: int) -> bytes:
 
 
 def has_holes(file: BinaryIO) -> bool:
-    """True for a file that takes less of the disk than its size."""
+    """Whether a file takes less disk space than its size."""
     found = os.fstat(file.fileno())
     return found.st_blocks * 512 < found.st_size
 
 
 def extents(file: BinaryIO) -> Iterator[tuple[int, int]]:
-    """Where a file has content: one of terabytes may have none."""
+    """The ranges of a file that contain data; a sparse file of terabytes may have none."""
     size, end = os.fstat(file.fileno()).st_size, 0
     while end < size:
         try:
             begin = os.lseek(file.fileno(), end, os.SEEK_DATA)
-        except OSError:  # nothing but a hole follows
+        except OSError:  # only a hole follows
             return
         end = os.lseek(file.fileno(), begin, os.SEEK_HOLE)
         yield begin, end
 
 
 def status(path: Path, root: Path) -> os.stat_result | None:
-    """What is at a path, of a link the link itself; None when nothing is, or links lead there."""
+    """Status of a path (of a link itself); None if it is missing or behind a link."""
     try:
         with _parent(path, root) as (folder, name):
             return os.stat(name, dir_fd=folder, follow_symlinks=False)
@@ -104,19 +104,19 @@ def status(path: Path, root: Path) -> os.stat_result | None:
 
 
 def is_folder(path: Path, root: Path) -> bool:
-    """True for a folder that is reached without links."""
+    """Whether a path is a folder and not behind links."""
     found = status(path, root)
     return found is not None and stat.S_ISDIR(found.st_mode)
 
 
 def is_file(path: Path, root: Path) -> bool:
-    """True for a regular file that is reached without links."""
+    """Whether a path is a regular file and not behind links."""
     found = status(path, root)
     return found is not None and stat.S_ISREG(found.st_mode)
 
 
 def names(path: Path, root: Path) -> list[str]:
-    """Names in a folder, sorted; none when it is no folder that is reached without links."""
+    """Names in a folder, sorted; empty if it is not a folder or behind links."""
     try:
         with _folder(path, root) as folder:
             return sorted(os.listdir(folder))
@@ -126,72 +126,73 @@ def names(path: Path, root: Path) -> list[str]:
 
 @contextmanager
 def pinned(path: Path, root: Path) -> Iterator[Path]:
-    """Another path to a folder: it stays that folder's, whatever becomes of names on the way.
+    """An alternative path to a folder that stays valid when folders above it are renamed.
 
     Raises:
-        OSError: it is no folder, or is reached through links.
+        OSError: it is not a folder, or is behind links.
     """
     with _folder(path, root) as folder:
         yield Path(f"/proc/self/fd/{folder}")
 
 
 def unused(path: Path, root: Path) -> Path:
-    """The path, or with `.1`, `.2`, … at its end, where nothing is yet."""
+    """The path, or the first unused one with suffix `.1`, `.2`, …"""
     others = (path.with_name(f"{path.name}.{number}") for number in count(1))
     return next(place for place in chain([path], others) if status(place, root) is None)
 
 
 def create_file(path: Path, root: Path | None = None, buffering: int = -1) -> BinaryIO:
-    """Open a new file to write it, in place of what was there; see `open_file` for `root`."""
+    """Create a file for writing, replacing anything there; see `open_file` for `root`."""
     with _parent(path, root) as (folder, name):
         _remove(folder, name)
         return os.fdopen(os.open(name, _CREATE, 0o666, dir_fd=folder), "wb", buffering)
 
 
 def make_folder(path: Path, root: Path) -> None:
-    """Make a folder with those on the way to it, in place of whatever else is there."""
+    """Create a folder and its parents, replacing anything else there."""
     with _folder(path, root, make=True):
         return
 
 
 def remove(path: Path, root: Path) -> None:
-    """Remove a file, a link or a folder with all that is in it, however deep; or nothing.
+    """Remove a file, a link or a folder of any depth; do nothing if it is missing.
 
     Raises:
-        OSError: it is another user's.
+        OSError: it belongs to another user.
     """
     with suppress(FileNotFoundError), _parent(path, root) as (folder, name):
         _remove(folder, name)
 
 
 def regain(path: Path, root: Path) -> None:
-    """Let the owner of a folder read and write in it, whatever mode somebody has given it.
+    """Give the owner of a folder access to it, whatever its mode.
 
-    What is another user's, or no folder, stays as it is.
+    Folders of other users, and anything but folders, are not changed.
     """
     with suppress(OSError), _parent(path, root) as (folder, name):
         _make_accessible(folder, name)
 
 
 def remove_empty_folders(path: Path, root: Path) -> None:
-    """Remove the folders in a folder that hold nothing but such folders; it stays itself."""
+    """Remove subfolders that contain only empty folders; the folder itself is kept."""
     with _folder(path, root) as folder:
         _prune(folder, DEEPEST)
 
 
 def move(source: Path, source_root: Path, target: Path, target_root: Path) -> None:
-    """Move a file, a link or a folder to where nothing is; links stay what they are.
+    """Move a file, a link or a folder to an unused path; links stay links.
 
-    What cannot be taken, as another user's, is copied, without what is no file, folder or link.
+    Files that cannot be renamed (of another user, for example) are copied; anything but files,
+    folders and links is dropped.
 
     Args:
-        source: what is moved.
-        source_root: folder on the way to it, from which on no link is followed.
-        target: its new place; folders on the way there are made.
-        target_root: as `source_root`.
+        source: path to move.
+        source_root: ancestor of the source below which no link is followed.
+        target: the new path; its parents are created.
+        target_root: like `source_root`, for the target.
 
     Raises:
-        FileExistsError: something is there.
+        FileExistsError: the target exists.
         OSError: it cannot be moved or read.
     """
     with (
@@ -204,7 +205,7 @@ def move(source: Path, source_root: Path, target: Path, target_root: Path) -> No
 
 
 def copy(source: Path, source_root: Path, target: Path, target_root: Path) -> None:
-    """Copy a file, a link or a folder to where nothing is, as `move` does what it cannot take."""
+    """Copy a file, a link or a folder to an unused path; see `move`."""
     with (
         _parent(source, source_root) as (folder, name),
         _parent(target, target_root, make=True) as (there, new),
@@ -273,7 +274,7 @@ def _remove(folder: int, name: str) -> None:
 
 
 def _unlinked(folder: int, name: str) -> bool:
-    """Remove what is no folder; False for a folder, which is accessible then."""
+    """Remove anything but a folder; return False for a folder, after making it accessible."""
     try:
         os.unlink(name, dir_fd=folder)
     except FileNotFoundError:
@@ -288,7 +289,7 @@ def _unlinked(folder: int, name: str) -> bool:
 
 
 def _empty(folder: int) -> None:
-    """Remove what is in a folder level by level: no depth is too much."""
+    """Empty a folder level by level, so that any depth is possible."""
     for _ in range(_MOST_PASSES):
         found = os.listdir(folder)
         if not found:
@@ -299,7 +300,7 @@ def _empty(folder: int) -> None:
 
 
 def _lift(folder: int, name: str) -> None:
-    """Bring the folders in a folder up to where it is, and remove it with its files."""
+    """Move a folder's subfolders up beside it, and remove it with its files."""
     with _subfolder(folder, name) as below:
         for child in os.listdir(below):
             if not _unlinked(below, child):
@@ -317,7 +318,7 @@ def _prune(folder: int, levels: int) -> None:
 
 
 def _make_accessible(folder: int, name: str) -> None:
-    """Let the owner of a folder into it; a mode of its own may be what keeps us out."""
+    """Give the owner access to a folder, whose mode may prevent it."""
     handle = os.open(name, os.O_PATH | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
     try:
         mode = os.fstat(handle).st_mode
@@ -336,7 +337,7 @@ def _is_there(folder: int, name: str) -> bool:
 
 
 def _open_regular(folder: int, name: str, path: Path | str) -> int:
-    # A device is not even opened, for that may do something.
+    # Never open a device: even that may have effects.
     _check_regular(os.stat(name, dir_fd=folder, follow_symlinks=False), path)
     file = os.open(name, _READ, dir_fd=folder)
     try:
@@ -358,7 +359,7 @@ def _check_regular(found: os.stat_result, path: Path | str) -> None:
 
 @contextmanager
 def _parent(path: Path, root: Path | None, *, make: bool = False) -> Iterator[tuple[int, str]]:
-    """The folder that a path is in, and its name there."""
+    """The open parent folder of a path, and the last name."""
     if path.name in {"", ".."}:
         raise OSError(errno.EINVAL, "has no name", str(path))
     with _folder(path.parent, path.parent if root is None else root, make=make) as folder:
@@ -367,7 +368,7 @@ def _parent(path: Path, root: Path | None, *, make: bool = False) -> Iterator[tu
 
 @contextmanager
 def _folder(path: Path, root: Path, *, make: bool = False) -> Iterator[int]:
-    """A folder below another; made, in place of whatever else is there, when asked for."""
+    """Open a folder below another; with `make`, create it in place of anything else there."""
     parts = path.relative_to(root).parts
     if ".." in parts:
         raise OSError(errno.EINVAL, "leads out of its folder", str(path))
@@ -395,7 +396,7 @@ def _made(folder: int, name: str) -> int:
                 os.unlink(name, dir_fd=folder)
             elif error.errno != errno.ENOENT:
                 raise
-    raise OSError(errno.EBUSY, "changes all the time", name)
+    raise OSError(errno.EBUSY, "keeps changing", name)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Plain data: what JSON and YAML can hold, written the same way everywhere."""
+"""Serialization of plain data, equal for JSON and YAML everywhere."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ except ImportError:  # PyYAML built without libyaml: slower, same result
 
 
 def to_plain(value: Any) -> Any:
-    """A copy made of dicts, lists, text, numbers, booleans, dates and None alone.
+    """Convert a value to dicts, lists, text, numbers, booleans, dates and None.
 
-    Plugins put tuples, paths, enumerations and numpy values into their results.
+    Plugins return tuples, paths, enumerations and numpy values as well.
     """
     if value is None or isinstance(value, bool | int | float | str | date):
         return value if type(value) in _EXACT else _base_value(value)
@@ -43,7 +43,7 @@ _EXACT = {type(None), bool, int, float, str, date, datetime}
 
 
 def _base_value(value: Any) -> Any:
-    """A number or text of a subclass (an enumeration, numpy.float64) as the plain one."""
+    """Convert a value of a subclass (an enumeration, numpy.float64) to its base type."""
     if isinstance(value, bool | date):
         return value
     if isinstance(value, int):
@@ -56,7 +56,7 @@ def _key(key: Any) -> Any:
 
 
 class _Dumper(_SafeDumper):
-    """Writes a value that stands in several places in each of them, without anchors."""
+    """Writes repeated values in full, without anchors."""
 
     def ignore_aliases(self, data: Any) -> bool:
         del data
@@ -84,7 +84,7 @@ def dump_yaml_documents(documents: Iterable[Any]) -> str:
 
 
 def fingerprint(data: Any) -> str:
-    """SHA-256 of plain data, the same for equal data on any machine."""
+    """SHA-256 of plain data, equal for equal data on all machines."""
     return hashlib.sha256(_ENCODER.encode(data).encode()).hexdigest()
 
 

@@ -1,4 +1,4 @@
-"""Requests to stop: Ctrl-C, `kill`, a terminal that closes."""
+"""Handles requests to stop: Ctrl-C, `kill`, a closed terminal."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from types import FrameType
 
 @contextmanager
 def call_on_signals(action: Callable[[], None]) -> Iterator[None]:
-    """Call `action` on SIGINT, SIGTERM and SIGHUP in place of what they did before.
+    """Call `action` on SIGINT, SIGTERM and SIGHUP in place of the previous handlers.
 
-    An exception out of nowhere, as Ctrl-C raises it, could lose what is being handled. SIGHUP stays
-    ignored under nohup; SIGINT is taken even where it arrived ignored (a background job of a
-    shell), since what is ignored here would be ignored by every program that we start.
+    An exception at an arbitrary moment, as Ctrl-C raises it, could interrupt critical work. SIGHUP
+    stays ignored under nohup. SIGINT is handled even if it was ignored (in a background job),
+    since all programs that we start would inherit that.
 
-    Signals reach the main thread alone; in another one nothing is changed.
+    Only the main thread receives signals; in other threads nothing is changed.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

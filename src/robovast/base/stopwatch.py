@@ -1,4 +1,4 @@
-"""A stopwatch that changes of the machine's clock do not disturb."""
+"""A stopwatch that is independent of changes of the machine's clock."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ import time
 
 
 class Stopwatch:
-    """Runs from when it is made, or from before."""
+    """Measures the time since its creation or an earlier moment."""
 
     def __init__(self, began: float | None = None, late: float = 0.0) -> None:
         """Start it.
 
         Args:
-            began: when that is, as people read it [s since the epoch]; now when None.
-            late: how long that has been already [s].
+            began: start as wall-clock time [s since the epoch]; None means now.
+            late: time that has passed since then [s].
         """
         self._began = time.time() if began is None else began
         self._start = time.monotonic() - late
 
     @property
     def seconds(self) -> float:
-        """How long it has run [s]."""
+        """Elapsed time [s]."""
         return time.monotonic() - self._start
 
     @property
     def period(self) -> tuple[float, float]:
-        """From when to when it has run [s since the epoch]."""
+        """Start and end of the measured period [s since the epoch]."""
         return self._began, self._began + self.seconds

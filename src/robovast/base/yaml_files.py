@@ -1,4 +1,4 @@
-"""YAML as anyone may have written it, and files that hold a mapping."""
+"""Reads untrusted YAML, and YAML files that contain a mapping."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from robovast.base.errors import InputError
 from robovast.base.safe_paths import MOST, MOST_OF_ALL, read_file
 
 YamlLoader: type[yaml.SafeLoader] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""Where PyYAML was built without libyaml, the slower one, with the same result."""
+"""The pure Python loader if PyYAML was built without libyaml; it is slower but equivalent."""
 
 _FAULTS = (yaml.YAMLError, RecursionError, ArithmeticError, AttributeError, LookupError, TypeError)
-"""What PyYAML raises of text that is not valid, beside ValueError: `!!bool x` is a KeyError."""
+"""Exceptions of PyYAML about invalid text besides ValueError: `!!bool x` raises KeyError."""
 
 
 def parse_yaml(content: str | bytes) -> Any:
-    """The first document in YAML as plain data; others have no effect.
+    """Parse the first document of YAML to plain data; others are ignored.
 
     Raises:
-        ValueError: it is not valid.
+        ValueError: the YAML is invalid.
     """
     try:
         return next(yaml.load_all(content, Loader=YamlLoader), None)  # the safe one
@@ -30,10 +30,10 @@ def parse_yaml(content: str | bytes) -> Any:
 
 
 def read_mapping(path: Path, most: int = MOST_OF_ALL) -> dict[str, Any]:
-    """Content of a YAML file; empty when there is no such file, or it holds no mapping.
+    """The mapping in a YAML file; empty if the file is missing or contains something else.
 
     Raises:
-        InputError: it cannot be read, or has more than `most` bytes.
+        InputError: the file cannot be read, or has more than `most` bytes.
     """
     try:
         data = parse_yaml(read_file(path, most=most))
@@ -45,7 +45,7 @@ def read_mapping(path: Path, most: int = MOST_OF_ALL) -> dict[str, Any]:
 
 
 def read_mapping_leniently(path: Path) -> dict[str, Any]:
-    """As `read_mapping`, of a file of one run or variant; empty when it cannot be read, too."""
+    """Like `read_mapping` for a file of one run or variant, but empty if it cannot be read."""
     try:
         return read_mapping(path, MOST)
     except InputError:

@@ -1,1 +1,1 @@
-"""Executing runs: the contract with the container, and who starts it."""
+"""Execution of runs: the contract with the container, and local execution."""

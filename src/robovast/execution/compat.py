@@ -1,4 +1,4 @@
-"""The compatibility version that an image and this program must share."""
+"""Checks that an image and this program have the same version of the run contract."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from robovast.base.errors import CannotRunError
 from robovast.common.execution import COMPAT_VERSION
 
 VERSION_PATH = "/etc/robovast_compat_version"
-"""Where an image says its version."""
+"""File in an image that contains its version."""
 
 INCOMPATIBLE = 78
-"""Exit code of `COMPAT_SCRIPT` for an image of another version."""
+"""Exit code of `COMPAT_SCRIPT` for incompatible images."""
 
 REMEDY = (
     "Rebuild the image from container/robovast/Dockerfile of this RoboVAST (container/build.sh), "
@@ -18,14 +18,14 @@ REMEDY = (
 
 
 def check_compat(image: str, found: str | None) -> None:
-    """Refuse an image that speaks another version of the run contract.
+    """Refuse an image with another version of the run contract.
 
     Args:
-        image: the image, as the user knows it.
-        found: content of its version file; None when it has none.
+        image: the image's name.
+        found: content of its version file; None if it is missing.
 
     Raises:
-        CannotRunError: with both numbers, the image and the remedy.
+        CannotRunError: the image is incompatible; the message has both versions and the remedy.
     """
     if (found or "").strip() == str(COMPAT_VERSION):
         return
@@ -44,4 +44,4 @@ echo "the image $IMAGE is not compatible: RoboVAST here needs contract version \
 the image $says. {REMEDY}" | tee /dev/termination-log >&2
 exit {INCOMPATIBLE}
 """
-"""`check_compat` for a shell inside the image; takes EXPECTED and IMAGE from the environment."""
+"""`check_compat` as a shell script in the image; reads EXPECTED and IMAGE from the environment."""

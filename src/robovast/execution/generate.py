@@ -1,4 +1,4 @@
-"""The generated part of a campaign: copies of its inputs, resolved parameters, the run contract."""
+"""Generates parts of a campaign: copies of inputs, resolved parameters, the run contract."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ def write_configurations(
 
     Args:
         document: the checked document.
-        composition: its expansion, or the chosen part of it.
-        output: the campaign's folder; made when it does not exist.
-        timings: also record when each variation was applied and how long it took; without, equal
-            input gives equal bytes.
-        tell: is told which variant is written, now and then.
+        composition: its expansion, or a selected part of it.
+        output: the campaign's folder; created if missing.
+        timings: also record when each variation was applied and how long it took; without timings,
+            equal input produces equal bytes.
+        tell: receives occasional progress messages.
     """
     layout = Layout(output)
     for folder in (layout.config, layout.transient):
@@ -86,7 +86,7 @@ def write_execution(
 
 
 def copy_file(source: Path, target: Path) -> None:
-    """Copy a file with its mode, making the folders that it needs."""
+    """Copy a file with its mode; create missing folders."""
     target.parent.mkdir(parents=True, exist_ok=True)
     shutil.copy2(source, target)
 
@@ -103,7 +103,7 @@ def _write_variant(layout: Layout, variant: Variant, scenario: str, identity: An
 
 
 def _write_text(path: str, text: str) -> None:
-    """Write a small file with as few calls of the system as it takes."""
+    """Write a small file with as few system calls as possible."""
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
     with open(descriptor, "wb", buffering=0) as file:
         file.write(text.encode())

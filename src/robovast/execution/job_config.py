@@ -1,4 +1,4 @@
-"""The inputs of one job: its config folder, its parameter documents and its environment."""
+"""Creates the inputs of a job: config folder, parameter documents and environment."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PARAMETER_FILE = "scenario.params.yaml"
 
 
 def is_pack(job: Job) -> bool:
-    """Several runs in one process, each with an output folder of its own."""
+    """Whether a job has several runs, each with its own output folder."""
     return len(job.runs) > 1
 
 
@@ -31,12 +31,12 @@ def _parameters(job: Job, run: Any) -> dict[str, Any]:
 
 
 def build_config_folder(folder: Path, common: Path, job: Job, scenario: str) -> None:
-    """Fill a job's config folder: links to what all jobs share, copies of its variants' files.
+    """Fill a job's config folder with links to shared files and copies of its variants' files.
 
     Args:
-        folder: the folder to make.
-        common: a private copy of what every run needs, on the same file system.
-        job: the job; its variants agree on the content of every file name.
+        folder: the folder to create.
+        common: a private copy of the shared files, on the same file system.
+        job: the job; its variants' files of one name have equal content.
         scenario: name of the scenario.
     """
     shutil.copytree(common, folder, copy_function=link_or_copy)
@@ -49,7 +49,7 @@ def build_config_folder(folder: Path, common: Path, job: Job, scenario: str) -> 
 
 
 def link_or_copy(source: str, target: str) -> None:
-    """A hard link, or a copy where the file system has none."""
+    """Create a hard link, or a copy if the file system supports no hard links."""
     try:
         os.link(source, target)
     except OSError:
@@ -75,13 +75,13 @@ def job_environment(
         job: the job.
         campaign: name of the campaign's folder.
         scenario_file: path of the scenario below the config folder.
-        config_dir: the config folder as the run sees it.
-        out_dir: the output folder as the run sees it.
+        config_dir: path of the config folder inside the run.
+        out_dir: path of the output folder inside the run.
         available_cpus: CPUs of the main container.
         available_memory: memory of the main container [byte].
         settings: PRE_COMMAND, POST_COMMAND and SIMULATION of the document.
-        scenario_options: further options of scenario-execution, as `-t -d`.
-        user: the document's own variables.
+        scenario_options: further options of scenario-execution, such as `-t -d`.
+        user: variables of the document.
     """
     environment = {
         "LIBGL_ALWAYS_SOFTWARE": "1",
@@ -101,7 +101,7 @@ def job_environment(
 
 
 def output_places(job: Job, out_dir: str) -> dict[str, str]:
-    """The part of a job's environment that says where its output goes."""
+    """The part of a job's environment that defines its output folders."""
     return {
         "OUTPUT_DIR": f"{out_dir}/{JOBS}/{job.name}",
         "SCENARIO_OUTPUT_DIR": out_dir if is_pack(job) else f"{out_dir}/{job.runs[0].path}",

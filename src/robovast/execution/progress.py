@@ -1,4 +1,4 @@
-"""The progress of a job: which of its runs are over, and what they and the job itself wrote."""
+"""The progress of a job: which runs are finished, and their output."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from robovast.campaign.layout import SYSTEM_LOG
 from robovast.model.plan import Run
 
 FINISHED_RUNS = "finished_runs"
-"""File in a job's folder where the contract's scripts list the runs that are over."""
+"""File in a job's folder where the contract's scripts list finished runs."""
 _LOG_END = 4096
-"""Of a log, what is looked through for its last line [bytes]."""
+"""Part of a log that is searched for its last line [bytes]."""
 
 
 @dataclass(frozen=True)
 class JobOutput:
-    """Where a job writes, and may make at any time whatever it likes; no link there is followed."""
+    """A job's output, which it may change at any time; links in it are never followed."""
 
     out: Path
-    """The output folder of the job's runs; itself out of the job's reach."""
+    """The output folder of the job's runs; the job cannot replace the folder itself."""
     own: Path
     """The job's own folder."""
     root: Path
-    """Folder on the way to it, or it itself, that is out of the job's reach."""
+    """Ancestor of it, or the folder itself, that the job cannot replace."""
 
     def is_over(self, runs: Sequence[Run], index: int) -> bool:
-        """The job says so, or, with an executor that does not, a later run has begun.
+        """Whether a run is finished: the job reports it, or a later run has begun.
 
         Args:
-            runs: those of the job, in order.
-            index: which of them.
+            runs: the job's runs, in order.
+            index: index of the run.
         """
         if runs[index].path in self._finished_runs():
             return True
@@ -45,19 +45,19 @@ class JobOutput:
             return []
 
     def has_begun(self, run: Run) -> bool:
-        """True when there is a folder of the run."""
+        """Whether the run's folder exists."""
         return safe_paths.is_folder(self.out / run.path, self.out)
 
     def log_end(self) -> bytes:
-        """The end of the job's log; empty without one."""
+        """The end of the job's log; empty if there is none."""
         return end_of(self.own / SYSTEM_LOG, self.root)
 
     def take(self, run: Run, stored: Path) -> Path:
-        """Move what a run wrote to where no job reaches it, whatever modes it gave its folders.
+        """Move a run's output out of the job's reach, whatever modes its folders have.
 
         Args:
             run: the run; nothing is moved when it has no folder.
-            stored: folder of what was taken; made when it is not there.
+            stored: target folder for runs; created if missing.
         """
         target = stored / run.path
         stored.mkdir(parents=True, exist_ok=True)
@@ -70,7 +70,7 @@ class JobOutput:
 
 
 def end_of(log: Path, root: Path) -> bytes:
-    """The end of a log below a folder; empty without one."""
+    """The end of a log below a folder; empty if there is none."""
     try:
         return safe_paths.read_end(log, root, _LOG_END)
     except OSError:
@@ -78,12 +78,12 @@ def end_of(log: Path, root: Path) -> bytes:
 
 
 def keep_the_rest(out: Path, own: Path, but: Collection[str] = ()) -> None:
-    """Move what a job that is over wrote outside its runs' folders to `out` in its own folder.
+    """Move a finished job's output outside its runs' folders to `out` in its own folder.
 
     Args:
-        out: the output folder of the job, without the runs that are over.
-        own: the job's own folder, itself out of the job's reach.
-        but: names at the top of `out` that stay.
+        out: the job's output folder, without its finished runs.
+        own: the job's own folder, which the job cannot replace.
+        but: names at the top of `out` to leave there.
     """
     for folder in (out, own):
         safe_paths.regain(folder, folder.parent)

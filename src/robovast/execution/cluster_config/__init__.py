@@ -1,1 +1,1 @@
-"""Kinds of clusters, where plugins look for their base class."""
+"""Import path of the base class of cluster kinds, for plugins."""

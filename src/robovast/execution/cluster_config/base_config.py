@@ -1,4 +1,4 @@
-"""The base class of kinds of clusters, for plugins."""
+"""The base class of cluster kinds, for plugins."""
 
 from robovast.kubeapi.cluster_config.base import BaseConfig
 

@@ -43,11 +43,11 @@ __all__ = [
 def run_campaign(
     document: Document, output: Path, options: LocalOptions, observer: Observer
 ) -> Summary:
-    """Execute a new campaign; its folder is made in `output`.
+    """Execute a new campaign in a new subfolder of `output`.
 
     Raises:
-        InputError: the document cannot be expanded, or nothing matches `options.select`.
-        CannotRunError: the runtime cannot run it; nothing was started or made.
+        InputError: the document cannot be expanded, or no variant matches `options.select`.
+        CannotRunError: the runtime is not usable; nothing was started or created.
         StorageError: `output` cannot be written.
     """
     with TemporaryDirectory(prefix="robovast-") as scratch:
@@ -76,12 +76,12 @@ def run_campaign(
 
 
 def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -> Summary:
-    """Execute what is left of a campaign; runs with a finished record are not repeated.
+    """Execute the remaining runs of a campaign; runs with a finished record are not repeated.
 
     Raises:
-        InputError: the folder is no campaign.
-        CannotRunError: the runtime cannot run it.
-        StorageError: it cannot be written, or another program executes it.
+        InputError: the folder is not a campaign.
+        CannotRunError: the runtime is not usable.
+        StorageError: results cannot be written, or another program executes the campaign.
     """
     layout = Layout(campaign.absolute())
     name, variants = read_variants(layout)
@@ -96,7 +96,7 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
 
 
 def _make_folder(output: Path, name: str, started: datetime) -> Layout:
-    """A folder for a campaign, named after the first second from its start that no other has."""
+    """Create a campaign's folder, named after the first second that is not taken yet."""
     refuse_file(output)
     try:
         make_folder(output)
@@ -115,7 +115,7 @@ def _make_folder(output: Path, name: str, started: datetime) -> Layout:
 
 
 def _stored_files(layout: Layout, variants: Sequence[Variant]) -> list[Variant]:
-    """Variants whose files are the campaign's copies: the generated ones are gone by now."""
+    """Variants whose files are the campaign's copies, since generated files no longer exist."""
     return [
         dataclasses.replace(
             variant,

@@ -1,4 +1,4 @@
-"""A campaign on this machine: jobs side by side, every run stored once."""
+"""Executes a campaign on this machine: parallel jobs, each run stored once."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from robovast.model.plan import Job, Run, pack_runs
 
 
 def execute_campaign(session: Session, runs: Sequence[Run], observer: Observer) -> Summary:
-    """Execute every run that has no finished record yet.
+    """Execute all runs that have no finished record yet.
 
     Raises:
         StorageError: another program executes the campaign, or results cannot be stored.
@@ -55,7 +55,7 @@ def execute_campaign(session: Session, runs: Sequence[Run], observer: Observer) 
 
 
 def _prepare_common(session: Session) -> None:
-    """A private copy of what every run needs: runs may spoil it, never the originals."""
+    """A private copy of the shared inputs, since runs may change it but never the originals."""
     common = session.layout.running / "common"
     with explained(session.layout.root):
         shutil.rmtree(common, ignore_errors=True)
@@ -72,7 +72,7 @@ def _write_job_links(layout: Layout, records: dict[int, RunRecord]) -> None:
 
 
 class _CampaignExecution:
-    """Workers take jobs; what they report is handled in the caller's thread."""
+    """Workers take jobs; their reports are handled in the caller's thread."""
 
     def __init__(
         self, session: Session, todo: list[Run], observer: Observer, done: dict[int, RunRecord]
@@ -91,7 +91,7 @@ class _CampaignExecution:
         self._interrupted = False
 
     def run(self, workers: int) -> bool:
-        """Execute all jobs; True when the user interrupted it."""
+        """Execute all jobs; return True if the user interrupted them."""
         threads = [Thread(target=self._work_to_the_end, name=f"job-{n}") for n in range(workers)]
         with call_on_signals(self._interrupt):
             for thread in threads:
@@ -118,7 +118,7 @@ class _CampaignExecution:
 
     def _work_to_the_end(self) -> None:
         self._work()
-        self._events.put(lambda: None)  # wakes the caller's thread, which waits for events
+        self._events.put(lambda: None)  # wakes up the caller's thread
 
     def _work(self) -> None:
         while (job := self._take()) is not None:
@@ -127,7 +127,7 @@ class _CampaignExecution:
             )
             try:
                 left = execution.execute()
-            except BaseException as error:  # the caller's thread raises it
+            except BaseException as error:  # raised again in the caller's thread
                 self._failure = self._failure or error
                 self._stop.set()
                 return

@@ -1,4 +1,4 @@
-"""Choosing the runtime that executes the runs, and its image."""
+"""Chooses the runtime that executes the runs, and its image."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ RUNTIMES = (*ENGINES, "process", "auto")
 
 
 def resolve_image(document: Document, options: LocalOptions) -> str | None:
-    """The image: the option's, then `ROBOVAST_IMAGE`, then the document's."""
+    """The image of the option, of `ROBOVAST_IMAGE`, or of the document, in this order."""
     return options.image or os.environ.get("ROBOVAST_IMAGE") or document.vast.execution.image
 
 
 def choose_runtime(
     document: Document, options: LocalOptions, message: Callable[[str], None]
 ) -> Runtime:
-    """The runtime that the user names; `auto`: the first that is here of docker, podman, process.
+    """The chosen runtime; `auto` means the first that is available of docker, podman, process.
 
     Raises:
-        InputError: no such runtime.
-        CannotRunError: a container runtime, but no image.
+        InputError: the runtime does not exist.
+        CannotRunError: a container runtime was chosen without an image.
     """
     image = resolve_image(document, options)
     if options.runtime not in RUNTIMES:
-        raise InputError(f"`{options.runtime}` is no runtime; there are {', '.join(RUNTIMES)}.")
+        raise InputError(f"`{options.runtime}` is not a runtime; there are {', '.join(RUNTIMES)}.")
     if options.runtime == "process":
         return ProcessRuntime(message)
     if options.runtime == "auto":

@@ -1,4 +1,4 @@
-"""The compose file of a job: its main container, and the secondary ones in the same network."""
+"""The compose file of a job: main container, and secondary ones in the same network."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ def compose_model(
     """A compose file as plain data.
 
     Args:
-        name: of the main container; compose makes one when None.
-        image: of all containers.
-        environment: of the main container; the others get it too, with CONTAINER_NAME.
+        name: name of the main container; None lets compose choose one.
+        image: image of all containers.
+        environment: variables of the main container; others receive it with CONTAINER_NAME.
         volumes: `source:target[:ro]`, for all containers.
         user: `uid:gid`.
-        limits: of the main container.
+        limits: limits of the main container.
         secondaries: limits of the secondary containers, by name.
-        network_mode: of the main container, `bridge` or `host`.
-        labels: for all containers, so that they can be found again.
+        network_mode: `bridge` or `host`, for the main container.
+        labels: labels of all containers, used to find them again.
     """
     common = {
         "image": image,
@@ -70,9 +70,9 @@ def compose_model(
 
 
 def run_options(service: Mapping[str, Any]) -> list[str]:
-    """The options of `docker run`, and its image and arguments, that start a main service alone.
+    """Arguments of `docker run` (options, image, command) for a main service without others.
 
-    Compose would do the same, but takes as long again as the container itself for it.
+    Compose does the same, but doubles the time to start the container.
     """
     limits = {"--cpus": service.get("cpus"), "--memory": service.get("mem_limit")}
     program, *arguments = service["entrypoint"]
@@ -94,7 +94,7 @@ def run_options(service: Mapping[str, Any]) -> list[str]:
 
 
 def _literal(environment: Mapping[str, str]) -> dict[str, str]:
-    """Values as they are: compose would read `$NAME` in them as a variable of the caller."""
+    """Escape values: compose would expand `$NAME` in them."""
     return {name: value.replace("$", "$$") for name, value in environment.items()}
 
 

@@ -1,4 +1,4 @@
-"""Runs in containers: Docker or Podman, by compose."""
+"""Executes runs in containers with Docker or Podman, using compose."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from robovast.execution.local.runtime import Identity, JobSpec
 X11_SOCKETS = Path("/tmp/.X11-unix")  # noqa: S108  # where X servers listen
 LABEL = "robovast.job"
 _NOT_STARTED = (125, 126, 127)
-"""What `docker run` answers when a container could not be started."""
+"""Exit codes of `docker run` if a container could not be started."""
 
 
 class ContainerRuntime:
-    """Starts each job as a container, or with secondary ones as a compose project."""
+    """Starts each job as a container, or as a compose project if it has secondary containers."""
 
     def __init__(
         self, engine: str, image: str, options: LocalOptions, message: Callable[[str], None]
@@ -42,7 +42,7 @@ class ContainerRuntime:
         self._started: dict[str, subprocess.Popen[bytes]] = {}
 
     def check(self) -> Identity:
-        """Make sure that the engine answers and that the image is here and compatible."""
+        """Check the engine, pull the image if necessary, and check its compatibility."""
         check_engine(self.name, "use `--runtime process`")
         _ = self._compose
         fetch_image(self.name, self._image, self._message, "build it with container/build.sh")
@@ -84,7 +84,7 @@ class ContainerRuntime:
             process_tree.stop(process, 0)
 
     def clean_up(self, spec: JobSpec) -> None:
-        """Remove the job's containers; one alone is removed by the engine when it has ended."""
+        """Remove the job's containers; the engine removes single containers itself."""
         process = self._started.pop(spec.token, None)
         if not _is_alone(spec):
             self._run_compose(spec, "down", "--timeout", "2", "--volumes", "--remove-orphans")
@@ -92,7 +92,7 @@ class ContainerRuntime:
             call([self.name, "rm", "--force", "--volumes", spec.token])
 
     def clean_up_campaign(self, prefix: str) -> None:
-        """Remove containers of an execution that was killed."""
+        """Remove containers of a killed execution."""
         listing = call([self.name, "ps", "-aq", "--filter", f"label={LABEL}={prefix}"])
         if listing.ok and listing.output.split():
             call([self.name, "rm", "-f", *listing.output.split()])
@@ -136,7 +136,7 @@ class ContainerRuntime:
         call([*self._project(spec), *command])
 
     def _project(self, spec: JobSpec) -> list[str]:
-        """The command line that speaks of a job's compose project."""
+        """The compose command line for a job's project."""
         name = spec.token.replace(".", "-")
         return [*self._compose, "-p", name, "-f", str(self._compose_file(spec))]
 
@@ -145,10 +145,10 @@ class ContainerRuntime:
 
 
 def _is_alone(spec: JobSpec) -> bool:
-    """True for a job of one container that every engine can start without compose."""
+    """Whether a job has a single container, which needs no compose."""
     return not spec.secondaries and not spec.limits.gpus
 
 
 def _may_be_left(code: int | None) -> bool:
-    """True when the engine's program has not seen its container end."""
+    """Whether a container may be left because the engine's program did not see it end."""
     return code is None or code < 0 or code in _NOT_STARTED

@@ -1,4 +1,4 @@
-"""`_execution/controller.log`: what a campaign on this machine did, and when."""
+"""`_execution/controller.log`: a log of a local campaign."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from robovast.model.plan import Run
 FILE = "controller.log"
 
 _log = logging.getLogger("robovast.campaign")
-_log.propagate = False  # whoever watches is told by the observer
+_log.propagate = False  # users see the observer's messages instead
 
 
 @contextmanager
 def logged(layout: Layout, observer: Observer) -> Iterator[Observer]:
-    """An observer that passes everything on, and writes it to the log of a campaign.
+    """Wrap an observer so that all events are also written to a campaign's log.
 
-    Warnings of the whole library go into that log, too.
+    Warnings of the whole library are written to that log, too.
 
     Raises:
-        StorageError: it cannot be written.
+        StorageError: the log cannot be written.
     """
     with explained(layout.root):
         layout.execution.mkdir(exist_ok=True)

@@ -11,12 +11,12 @@ from robovast.model.plan import Run
 
 
 class Observer(Protocol):
-    """Receives events, one at a time, from the thread that called the campaign."""
+    """Receives events one at a time, in the thread that started the campaign."""
 
     def campaign_started(self, campaign: Path, total: int, done: int, how: str) -> None:
-        """The campaign's folder exists; `done` of `total` runs were finished before.
+        """The campaign's folder exists; `done` of `total` runs are already finished.
 
-        `how` names the runtime and the number of jobs side by side.
+        `how` names the runtime and the number of parallel jobs.
         """
 
     def run_started(self, run: Run) -> None:
@@ -26,43 +26,43 @@ class Observer(Protocol):
         """A run ended and its results are stored."""
 
     def message(self, text: str) -> None:
-        """Something that a person wants to know."""
+        """A message for the user."""
 
 
 @dataclass(frozen=True)
 class LocalOptions:
-    """How a campaign is executed on this machine."""
+    """Options for executing a campaign on this machine."""
 
     select: str | None = None
-    """Name or glob of the configurations to run; all when None."""
+    """Name or glob of the configurations to run; None means all."""
     runs: int | None = None
-    """Runs of each configuration; the document's when None."""
+    """Runs of each configuration; None means the document's number."""
     jobs: int | None = None
-    """Jobs side by side; from the CPUs that a run asks for when None."""
+    """Number of parallel jobs; None derives it from CPUs and a run's CPU request."""
     runtime: str = "auto"
     """docker, podman, process or auto."""
     image: str | None = None
-    """Container image; ROBOVAST_IMAGE, then the document's, when None."""
+    """Container image; None means ROBOVAST_IMAGE or the document's."""
     gui: bool = True
-    """Show windows on this machine's display when there is one."""
+    """Show windows on this machine's display, if there is one."""
     network_host: bool = False
-    """Use the network of the machine."""
+    """Use the machine's network."""
     abort_on_failure: bool = False
-    """Start nothing more after the first run that does not pass."""
+    """Start no further runs after the first one that does not pass."""
     enforce_resources: bool = False
-    """Limit CPU and memory to what the document asks for (containers)."""
+    """Limit CPU and memory to the document's values (containers only)."""
     log_tree: bool = False
-    """Live behaviour tree of scenario-execution in the logs."""
+    """Print the live behaviour tree of scenario-execution to the logs."""
     debug: bool = False
-    """Debug log of scenario-execution."""
+    """Print debug logs of scenario-execution."""
 
 
 @dataclass(frozen=True)
 class Summary:
-    """How a campaign ended."""
+    """Result of a campaign."""
 
     campaign: Path
     total: int
     records: list[RunRecord] = field(default_factory=list)
-    """Runs that ended, in the order of their ids, earlier sessions included."""
+    """Finished runs sorted by id, including those of earlier sessions."""
     interrupted: bool = False

@@ -1,10 +1,10 @@
-"""Give this process a view of the machine of its own, then become a program.
+"""Restrict this process's view of the machine, then execute a program.
 
     unshare --mount --pid --fork … python3 … ROOT [OPTION]... -- PROGRAM [ARGUMENT]...
 
-Stands in for bubblewrap, in namespaces that `unshare` has just made: understands those options of
-`bwrap` (see its manual page) that sandbox.py writes. ROOT is an empty folder. It starts with every
-job: few imports.
+Replaces bubblewrap within namespaces that `unshare` has just created: it understands the options
+of `bwrap` (see its manual page) that sandbox.py writes. ROOT is an empty folder. It starts with
+every job, so it imports little.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ libc = ctypes.CDLL(None, use_errno=True)
 
 
 class View:
-    """The file system that the program will see, as it is made below a folder."""
+    """The program's file system, built below a folder."""
 
     def __init__(self, root: str) -> None:
         """Begin with an empty one."""
@@ -62,12 +62,12 @@ class View:
             "--dev": (1, self.make_dev),
             "--remount-ro": (1, self.close),
             "--chdir": (1, self.choose_folder),
-            "--cap-drop": (1, lambda _: None),  # all that are not kept are dropped
+            "--cap-drop": (1, lambda _: None),  # all others are dropped anyway
             "--cap-add": (1, lambda name: self.kept.append(CAPABILITIES[name])),
         }
 
     def bind(self, source: str, path: str, attributes: int) -> None:
-        """Show a file or folder, with all that is mounted below it."""
+        """Bind-mount a file or folder, including mounts below it."""
         target = self._root + path
         if os.path.isdir(source):
             os.makedirs(target, exist_ok=True)
@@ -78,22 +78,22 @@ class View:
         restrict(target, attributes, AT_RECURSIVE)
 
     def link(self, content: str, path: str) -> None:
-        """Make a symbolic link."""
+        """Create a symbolic link."""
         os.symlink(content, self._root + path)
 
     def make_temporary(self, path: str) -> None:
-        """Make an empty folder that goes with the last process."""
+        """Create an empty folder that disappears with the last process."""
         os.makedirs(self._root + path, exist_ok=True)
         mount("tmpfs", self._root + path, "tmpfs", MS_NOSUID | MS_NODEV, "mode=0755")
 
     def make_proc(self, path: str) -> None:
-        """Show the processes of this namespace."""
+        """Mount the processes of this namespace."""
         target = self._root + path
         os.makedirs(target)
         mount("proc", target, "proc", MS_NOSUID | MS_NODEV | MS_NOEXEC)
 
     def make_dev(self, path: str) -> None:
-        """Make the devices that every program expects, terminals and memory to share."""
+        """Create the usual devices, terminals and shared memory."""
         self.make_temporary(path)
         for name in DEVICES:
             self.bind(f"/dev/{name}", f"{path}/{name}", NO_SUID)
@@ -106,15 +106,15 @@ class View:
         self.link("pts/ptmx", f"{path}/ptmx")
 
     def close(self, path: str) -> None:
-        """Let nothing more be made in a folder itself."""
+        """Make a folder itself read-only."""
         restrict(self._root + path, READ_ONLY)
 
     def choose_folder(self, path: str) -> None:
-        """Choose the folder in which the program starts."""
+        """Set the program's working directory."""
         self.folder = path
 
     def enter(self) -> None:
-        """Make it the root; what was there before cannot be reached any more."""
+        """Make it the root; the previous root becomes unreachable."""
         os.chdir(self._root)
         checked(libc.pivot_root(b".", b"."), "pivot_root")
         checked(libc.umount2(b".", MNT_DETACH), "umount")
@@ -122,7 +122,7 @@ class View:
 
 
 def checked(result: int, what: str) -> None:
-    """Raise what the kernel said."""
+    """Raise the kernel's error, if any."""
     if result:
         raise OSError(ctypes.get_errno(), f"{what}: {os.strerror(ctypes.get_errno())}")
 
@@ -135,18 +135,18 @@ def mount(source: str, target: str, kind: str, flags: int, data: str = "") -> No
 
 
 def restrict(target: str, attributes: int, extent: int = 0) -> None:
-    """Take rights from a mount, or with AT_RECURSIVE also from those below it."""
+    """Restrict a mount; with AT_RECURSIVE, also the mounts below it."""
     wanted = (ctypes.c_uint64 * 4)(attributes, 0, 0, 0)
     call = (AT_FDCWD, os.fsencode(target), extent, wanted, ctypes.c_size_t(32))
     checked(libc.syscall(SYS_MOUNT_SETATTR, *call), f"restrict {target}")
 
 
 def drop_capabilities(kept: list[int]) -> None:
-    """Keep no rights of root but these, and gain none again."""
+    """Drop all capabilities of root but these, permanently."""
     libc.prctl(PR_CAP_AMBIENT, PR_CAP_AMBIENT_CLEAR_ALL, 0, 0, 0)
     for number in range(64):
         if number not in kept:
-            libc.prctl(PR_CAPBSET_DROP, number, 0, 0, 0)  # fails behind the last that there is
+            libc.prctl(PR_CAPBSET_DROP, number, 0, 0, 0)  # fails for numbers beyond the last one
     mask = sum(1 << number for number in kept)
     header = (ctypes.c_uint32 * 2)(CAPABILITY_VERSION, 0)
     data = (ctypes.c_uint32 * 6)(mask, mask, 0, 0, 0, 0)
@@ -155,7 +155,7 @@ def drop_capabilities(kept: list[int]) -> None:
 
 
 def main() -> None:
-    """Make the view, enter it, start the program."""
+    """Build the view, enter it, execute the program."""
     words: Iterator[str] = iter(sys.argv[2:])
     try:
         view = View(sys.argv[1])

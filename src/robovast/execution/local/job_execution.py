@@ -1,4 +1,4 @@
-"""Executing one job: start it, watch its runs, store each as it ends."""
+"""Executes one job: starts it, watches its runs, stores each when it ends."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from robovast.execution.progress import JobOutput, end_of, keep_the_rest
 from robovast.model.plan import Job, Run
 
 POLL = 0.1
-"""How often a job is looked at while it runs [s]; its end is noticed at once."""
+"""Interval of checking a running job [s]; its end is noticed at once."""
 GRACE = 10.0
-"""How long a job may take to end by itself when it is told to [s]."""
+"""Time for a job to end by itself after a request [s]."""
 
 _CONSOLE = "console.log"
-"""What the runtime itself says, in the job's work folder."""
+"""Messages of the runtime itself, in the job's work folder."""
 
 Started = Callable[[Run], None]
 Finished = Callable[[Run, RunRecord], None]
 
 
 class JobExecution:
-    """One execution of a job, in a work folder of its own."""
+    """One execution of a job in its own work folder."""
 
     def __init__(
         self, session: Session, job: Job, stop: Event, started: Started, finished: Finished
@@ -49,12 +49,12 @@ class JobExecution:
         self._spec = session.spec(job, self._work)
         self._output = JobOutput(self._spec.out, self._spec.job, self._spec.job)
         self._current = 0
-        """Index of the run that is being executed."""
+        """Index of the current run."""
         self._stopwatch = Stopwatch()
-        """Of that run."""
+        """Stopwatch of the current run."""
 
     def execute(self) -> tuple[Run, ...]:
-        """Execute the job; returns the runs that it never came to.
+        """Execute the job; return the runs that were not started.
 
         Raises:
             StorageError: results cannot be stored.
@@ -97,16 +97,16 @@ class JobExecution:
         self._give_to_user(folders)
 
     def _make_mount_point(self) -> None:
-        """Where a run finds the job's own folder below `/out`."""
+        """Create the mount point of the job's own folder below `/out`."""
         mount_point = Layout(self._spec.out).job(self._job.name)
         if self._session.runtime.out_dir is None:
             mount_point.parent.mkdir(parents=True)
             mount_point.symlink_to(self._spec.job)
-        else:  # the daemon would make it as root
+        else:  # otherwise the daemon creates it as root
             mount_point.mkdir(parents=True)
 
     def _give_to_user(self, folders: list[Path]) -> None:
-        """Let the container's user write where it must."""
+        """Let the container's user write to folders."""
         user = self._session.user_id
         if self._session.runtime.name == "process" or user == os.getuid():
             return
@@ -129,7 +129,7 @@ class JobExecution:
         return Ending(process.poll())
 
     def _advance(self) -> None:
-        """Store the runs of a pack that are over; the last one is left to the job's end."""
+        """Store the finished runs of a pack; the last one is stored at the job's end."""
         runs = self._job.runs
         while self._current < len(runs) - 1 and self._output.is_over(runs, self._current):
             self._store(Ending(None))
@@ -154,7 +154,7 @@ class JobExecution:
         self._finished(run, record)
 
     def _keep_the_rest(self) -> None:
-        """Keep what the job wrote outside its runs' folders, then remove the work folder."""
+        """Store the job's output outside of runs, then remove the work folder."""
         out, own = self._spec.out, self._spec.job
         for name in (JOBS, RUNNING):
             _remove(out / name, out)
@@ -166,6 +166,6 @@ class JobExecution:
 
 
 def _remove(path: Path, root: Path) -> None:
-    """Remove something; what another user has made in it may stay."""
+    """Remove a path as far as possible; files of other users may remain."""
     with suppress(OSError):
         safe_paths.remove(path, root)

@@ -1,6 +1,6 @@
-"""Parse a scenario with the grammar of scenario-execution, and print its first mistake as JSON.
+"""Parse a scenario with scenario-execution's grammar, and print the first error as JSON.
 
-Executed by the Python of the environment that has scenario-execution; RoboVAST is not there.
+Executed by the Python of scenario-execution's environment, where RoboVAST is not installed.
 """
 
 import importlib
@@ -12,7 +12,7 @@ GRAMMAR = "scenario_execution.osc2_parsing.OpenSCENARIO2"
 
 
 def mistake_in(path: str) -> Any:
-    """Line, column (both from 1) and text of what does not fit; None when all does."""
+    """Line, column (both from 1) and text of the first syntax error, or None."""
     antlr4 = importlib.import_module("antlr4")
     listeners = importlib.import_module("antlr4.error.ErrorListener")
     mistakes = []

@@ -1,4 +1,4 @@
-"""`prepare-run`: a folder with a `run.sh` that needs Docker or Podman, but not RoboVAST."""
+"""`prepare-run`: writes a folder whose `run.sh` needs Docker or Podman, but not RoboVAST."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ _TEMPLATE = Path(__file__).with_name("run.sh.in")
 
 
 def prepare_run(document: Document, output: Path, options: LocalOptions) -> Path:
-    """Write everything that `run.sh` needs into a folder; returns the script's path.
+    """Write everything that `run.sh` needs to a folder; return the script's path.
 
-    The folder holds `run.sh`, `out_template/` (the campaign as it is before the first run) and
+    The folder contains `run.sh`, `out_template/` (the campaign before its first run) and
     `jobs/<job>/` with each job's config folder and compose file.
 
     Raises:
@@ -81,7 +81,7 @@ def _silent(message: str) -> None:
 
 
 def _make_room(output: Path) -> None:
-    """Replace what an earlier prepare-run left, results excepted; never anything else."""
+    """Remove the output of an earlier prepare-run, but neither results nor other files."""
     refuse_file(output)
     with writing(output):
         if output.is_dir() and any(output.iterdir()) and not (output / "run.sh").is_file():
@@ -112,7 +112,7 @@ def _write_jobs(
 
 
 def _compose_model(session: Session, job: Job, folder: Path) -> dict[str, Any]:
-    """The job's compose file; what `run.sh` decides stands in it as variables."""
+    """The job's compose file; values that `run.sh` determines are variables."""
     spec = session.spec(job, folder)
     model = compose_model(
         name=None,
@@ -132,7 +132,7 @@ def _compose_model(session: Session, job: Job, folder: Path) -> dict[str, Any]:
 
 
 def _gui(document: Document) -> dict[str, Any]:
-    """What `run.sh` adds when this machine has a display."""
+    """Additions for machines with a display."""
     service = {
         "environment": {"DISPLAY": "${DISPLAY}"},
         "volumes": [f"{X11_SOCKETS}:{X11_SOCKETS}"],

@@ -1,7 +1,7 @@
-"""The Python environment that executes scenarios where there is no container.
+"""The Python environment that executes scenarios without a container.
 
-scenario-execution pins versions that clash with ours, so it lives in an environment of its own,
-made once, from hashed requirements, in the user's cache folder.
+scenario-execution pins versions that conflict with ours, so it has its own environment, created
+once from hashed requirements in the user's cache folder.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from robovast.common.execution import COMPAT_VERSION
 
 REQUIREMENTS = Path(__file__).with_name("process_requirements.txt")
 VARIABLE = "ROBOVAST_PROCESS_ENV"
-"""Names an existing environment (with `bin/scenario_execution`) to use in place of ours."""
+"""Variable with the path of an existing environment (with `bin/scenario_execution`) to use."""
 
 VERSION_FILE = Path("etc") / "robovast_compat_version"
 
 
 def process_environment(message: Callable[[str], None]) -> Path:
-    """Folder of the environment; made now when it is not there yet.
+    """Folder of the environment, which is created if necessary.
 
     Args:
-        message: is told when something takes a while.
+        message: receives progress messages.
 
     Raises:
-        CannotRunError: it cannot be made, or the one that the user named is of no use.
+        CannotRunError: it cannot be created, or the user's environment is not usable.
     """
     own = os.environ.get(VARIABLE)
     if own:
@@ -48,7 +48,7 @@ def process_environment(message: Callable[[str], None]) -> Path:
 
 
 def existing_environment() -> Path | None:
-    """Folder of the environment, the user's or ours, when it is there."""
+    """Folder of the existing environment, the user's or ours, or None."""
     own = os.environ.get(VARIABLE)
     folder = Path(own) if own else cache_folder() / f"process-{_key()}"
     return folder if (folder / "bin" / "scenario_execution").is_file() else None

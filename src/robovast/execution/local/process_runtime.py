@@ -1,4 +1,4 @@
-"""Runs as plain processes: the same contract and layout, no container."""
+"""Executes runs as plain processes: the same contract and layout without containers."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MOUNTS = re.compile(r"(?<![\w./-])/(config|out)(?=[/\"'\s)])")
 
 
 class ProcessRuntime:
-    """Starts the run contract's entrypoint as a process of this machine."""
+    """Starts the run contract's entrypoint as a process."""
 
     name = "process"
 
@@ -36,7 +36,7 @@ class ProcessRuntime:
         self._secondaries: dict[str, list[subprocess.Popen[bytes]]] = {}
 
     def check(self) -> Identity:
-        """Make sure that the environment exists and speaks our version of the contract."""
+        """Check that the environment exists and has our version of the contract."""
         folder = process_environment(self._message)
         check_compat(str(folder), _read_version(folder))
         self._environment = folder
@@ -44,7 +44,7 @@ class ProcessRuntime:
         return Identity(image=f"process:{folder.name}", digest="")
 
     def start(self, spec: JobSpec, console: Path) -> subprocess.Popen[bytes]:
-        """Start the main entrypoint and one more for each secondary container."""
+        """Start the main entrypoint, and one for each secondary container."""
         if self._sandbox is None:
             _localize_scenario(spec)
         elif spec.secondaries:
@@ -72,7 +72,7 @@ class ProcessRuntime:
         self._end(process, grace)
 
     def clean_up(self, spec: JobSpec) -> None:
-        """End the secondary processes and whatever the scenario left behind."""
+        """End the secondary processes and everything that the scenario left running."""
         for process in self._secondaries.pop(spec.token, []):
             self._end(process, grace=2.0)
         if self._sandbox is None:
@@ -81,13 +81,13 @@ class ProcessRuntime:
             shutil.rmtree(_shared_memory(spec.token), ignore_errors=True)
 
     def clean_up_campaign(self, prefix: str) -> None:
-        """End processes of an execution that was killed."""
+        """End processes of a killed execution."""
         process_tree.kill_marked(f"{prefix}.")
         for folder in _SHARED_MEMORY.glob(f"{prefix}.*"):
             shutil.rmtree(folder, ignore_errors=True)
 
     def _isolate(self, environment: Path) -> None:
-        """Choose how runs are kept from the rest of the machine."""
+        """Choose how to isolate runs from the machine."""
         interpreter = (environment / "bin" / "python").resolve()
         programs = map(Path, os.get_exec_path())
         found = find_sandbox([environment, interpreter.parent.parent, *programs])
@@ -138,7 +138,7 @@ class ProcessRuntime:
 
 
 def _mounts(spec: JobSpec) -> dict[str, Path]:
-    """Where a job's processes see which folder; they share memory as in one pod."""
+    """Mounts of a job's processes, which share memory like the containers of a pod."""
     shared = {"/dev/shm": _shared_memory(spec.token)} if spec.secondaries else {}  # noqa: S108
     return {CONFIG: spec.config, OUT: spec.out, spec.environment["OUTPUT_DIR"]: spec.job, **shared}
 
@@ -148,13 +148,13 @@ def _shared_memory(token: str) -> Path:
 
 
 def _localize_scenario(spec: JobSpec) -> None:
-    """Let a scenario that was written for `/config` and `/out` find them where they are here."""
+    """Replace `/config` and `/out` in a scenario by the actual paths."""
     scenario = spec.config / spec.environment["SCENARIO_FILE"]
     folders = {"config": str(spec.config), "out": str(spec.out)}
     text = scenario.read_text(encoding="utf-8", errors="surrogateescape")
     changed = _MOUNTS.sub(lambda match: folders[match[1]], text)
     if changed != text:
-        scenario.unlink()  # the file is a link that other jobs share
+        scenario.unlink()  # other jobs share the linked file
         scenario.write_text(changed, encoding="utf-8", errors="surrogateescape")
 
 

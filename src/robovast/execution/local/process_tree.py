@@ -1,4 +1,4 @@
-"""Stopping a program together with everything that it started."""
+"""Stops a program together with everything that it started."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import time
 from pathlib import Path
 
 MARKER = "ROBOVAST_JOB"
-"""Environment variable that every process of a job inherits; finds those that left the group."""
+"""Environment variable of all processes of a job; finds those that left the process group."""
 
 
 def wait(process: subprocess.Popen[bytes], timeout: float) -> bool:
-    """Wait until a process ends, at most `timeout` seconds; True when it ended.
+    """Wait at most `timeout` seconds for the end of a process; return True if it ended.
 
-    `Popen.wait(timeout)` polls in growing steps; the kernel can tell at once.
+    `Popen.wait(timeout)` polls at growing intervals; the kernel reports the end immediately.
     """
     if process.poll() is not None:
         return True
@@ -35,7 +35,7 @@ def wait(process: subprocess.Popen[bytes], timeout: float) -> bool:
 
 
 def stop(process: subprocess.Popen[bytes], grace: float) -> None:
-    """Ask a process (leader of its own group) to end; end it after `grace` seconds."""
+    """Terminate a process (leader of its own group); kill it after `grace` seconds."""
     _signal_group(process.pid, signal.SIGTERM)
     if not wait(process, grace):
         _signal_group(process.pid, signal.SIGKILL)
@@ -43,9 +43,9 @@ def stop(process: subprocess.Popen[bytes], grace: float) -> None:
 
 
 def stop_launched(process: subprocess.Popen[bytes], grace: float) -> None:
-    """Do so with the first process of a namespace, whose end is that of all others in it.
+    """Do the same with the first process of a namespace, whose end ends all others in it.
 
-    The process itself has only started that one, and ends when they all have.
+    The given process only started that one, and ends when all have ended.
     """
     deadline = time.monotonic() + grace
     asked = False
@@ -61,7 +61,7 @@ def stop_launched(process: subprocess.Popen[bytes], grace: float) -> None:
 
 
 def _ask(pid: int) -> bool:
-    """Ask a process to end, once it listens: else the first of a namespace never hears of it."""
+    """Terminate a process once it handles the signal, which a namespace's first may ignore."""
     try:
         status = Path(f"/proc/{pid}/status").read_text()
     except OSError:
@@ -81,8 +81,8 @@ def _children(pid: int) -> list[int]:
 
 
 def kill_marked(token: str) -> None:
-    """End every process whose token begins so, whatever group it moved to."""
-    for _ in range(5):  # what starts while we look is found the next time
+    """Kill every process whose token has this prefix, whatever its group."""
+    for _ in range(5):  # repeated for processes started meanwhile
         found = _marked(token)
         if not found:
             return
@@ -100,7 +100,7 @@ def _marked(token: str) -> list[int]:
         try:
             environment = (folder / "environ").read_bytes()
             stopped = (folder / "stat").read_text().rpartition(")")[2].split()[0] in "ZX"
-        except OSError:  # somebody else's, or gone
+        except OSError:  # another user's, or ended
             continue
         if entry in b"\0" + environment and not stopped:
             found.append(int(folder.name))

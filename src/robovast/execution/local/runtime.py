@@ -1,4 +1,4 @@
-"""The interface of all runtimes, which start and stop the processes of a job."""
+"""The interface of all runtimes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Protocol
 
 @dataclass(frozen=True)
 class Limits:
-    """What a container may use; None is no limit."""
+    """Resource limits of a container; None means no limit."""
 
     cpus: float | None = None
     memory: int | None = None
@@ -21,18 +21,18 @@ class Limits:
 
 @dataclass(frozen=True)
 class JobSpec:
-    """A job, ready to be started."""
+    """Everything that is needed to start a job."""
 
     token: str
     """Unique name of the job on this machine, `<campaign token>.<job>`."""
     work: Path
     """Folder for the runtime's own files."""
     config: Path
-    """Folder that the run sees as `/config`."""
+    """Folder that is `/config` inside the run."""
     out: Path
-    """Folder that the run sees as `/out`."""
+    """Folder that is `/out` inside the run."""
     job: Path
-    """Folder that the run sees as `/out/_jobs/<job>`."""
+    """Folder that is `/out/_jobs/<job>` inside the run."""
     environment: Mapping[str, str]
     user: str
     """`uid:gid` of the processes in the container."""
@@ -48,7 +48,7 @@ class Identity:
     image: str
     """Image reference, or the pinned executor of the process runtime."""
     digest: str
-    """Content digest; empty when there is none."""
+    """Content digest; empty if there is none."""
 
 
 class Runtime(Protocol):
@@ -56,25 +56,25 @@ class Runtime(Protocol):
 
     name: str
     config_dir: str | None
-    """Where a run sees its config folder; None when it sees the real path. Known after `check`."""
+    """Path of the config folder inside a run; None means the real path. Known after `check`."""
     out_dir: str | None
-    """Where a run sees its output folder; None when it sees the real path."""
+    """Path of the output folder inside a run; None means the real path."""
 
     def check(self) -> Identity:
-        """Make sure that runs can be started, before anything is.
+        """Check that runs can be started.
 
         Raises:
-            CannotRunError: why not, and what to do.
+            CannotRunError: runs cannot be started; the message gives cause and remedy.
         """
 
     def start(self, spec: JobSpec, console: Path) -> subprocess.Popen[bytes]:
-        """Start a job; the returned process ends when the job's main container does."""
+        """Start a job; the returned process ends with the job's main container."""
 
     def stop(self, spec: JobSpec, process: subprocess.Popen[bytes], grace: float) -> None:
-        """End a job that is still running, all of it."""
+        """Stop all processes of a running job."""
 
     def clean_up(self, spec: JobSpec) -> None:
-        """Remove what a job left behind, after it ended in whatever way."""
+        """Remove everything that a job left running, however it ended."""
 
     def clean_up_campaign(self, prefix: str) -> None:
-        """Remove what an earlier, killed execution left running, by the prefix of its tokens."""
+        """Remove everything that a killed execution left running, by the prefix of its tokens."""

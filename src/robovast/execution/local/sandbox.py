@@ -1,8 +1,8 @@
-"""What a process of a job sees of this machine, and how it gets to see no more.
+"""Restricts what a job's processes see of this machine.
 
-The machine, read only, with `/config` and `/out` of the run contract and a private `/tmp`, in mount
-and process namespaces of its own. `/run` is empty: a socket there (Docker's, systemd's) leads out.
-The options are bubblewrap's; `unshare` and isolate.py understand them, too.
+They see the machine read-only, `/config` and `/out` of the run contract and a private `/tmp`, in
+their own mount and process namespaces. `/run` is empty, since sockets there (Docker's, systemd's)
+would give access to the machine. The options are those of bubblewrap; isolate.py understands them.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ isolate.main()
 """
 
 _OWN = frozenset({"proc", "dev", "tmp", "run", "config", "out"})
-"""Folders at the top that are not the machine's."""
+"""Top-level folders that are replaced."""
 _HIDDEN = ("/tmp/", "/run/")  # noqa: S108  # what is in them is hidden from runs
 _SETTINGS = ("sys", "sysrq-trigger", "irq", "bus", "fs")
-"""By these files of /proc root could change the machine."""
+"""Files of /proc by which root could change the machine."""
 _GRAPHICS = re.compile(r"dri|nvidia.*|nvhost.*|nvmap|kfd|dxg|mali\d*")
 _CAPABILITIES = (
     "CHOWN", "DAC_OVERRIDE", "FOWNER", "FSETID", "KILL", "SETGID", "SETUID", "NET_BIND_SERVICE",
     "NET_RAW",
 )  # fmt: skip
-"""What root keeps: rights over files and processes, as in a container; others keep none."""
+"""Capabilities of root over files and processes, as in containers; other users have none."""
 
 
 _Launcher = Callable[[Path], Sequence[str]]
@@ -44,20 +44,20 @@ _Launcher = Callable[[Path], Sequence[str]]
 
 @dataclass(frozen=True)
 class Sandbox:
-    """A way to start programs in namespaces of their own that works on this machine."""
+    """A way to start programs in their own namespaces that works on this machine."""
 
     launcher: _Launcher
-    """The program that starts others so, given an empty folder."""
+    """Prefix of the command line, given an empty folder."""
     shown: Sequence[Path]
-    """What a program sees of the folders that are hidden from it."""
+    """Parts of hidden folders that programs see nevertheless."""
 
     def command(self, work: Path, mounts: Mapping[str, Path], program: Sequence[str]) -> list[str]:
         """The command line that starts a program.
 
         Args:
-            work: folder to make for what it needs: an empty root, and its `/tmp`.
-            mounts: what it sees at which place; it may write there, but not in `/config`.
-            program: its own command line.
+            work: folder to create for internal use: an empty root, and the program's `/tmp`.
+            mounts: folders by their paths in the sandbox; all but `/config` are writable.
+            program: the program's command line.
         """
         root, temporary = work / "root", work / "tmp"
         for folder in (root, temporary):
@@ -76,10 +76,10 @@ class Sandbox:
 
 
 def find_sandbox(needed: Iterable[Path]) -> Sandbox | str:
-    """A sandbox that works here; else why there is none.
+    """A sandbox that works on this machine, or the reason why there is none.
 
     Args:
-        needed: what programs must see, wherever it is.
+        needed: paths that programs must see.
     """
     faults = []
     shown = _hidden([*needed, Path("/etc/resolv.conf").resolve().parent])
@@ -96,7 +96,7 @@ def find_sandbox(needed: Iterable[Path]) -> Sandbox | str:
 
 
 def _try(sandbox: Sandbox) -> str:
-    """Start a program that does nothing; what went wrong, if anything."""
+    """Start a program that does nothing; return the error, or an empty text."""
     with TemporaryDirectory(prefix="robovast-") as folder:
         places = {CONFIG: Path(folder), OUT: Path(folder)}
         command = sandbox.command(Path(folder), places, ["true"])
@@ -124,10 +124,10 @@ def _unshare(root: Path) -> Sequence[str]:
 
 
 LAUNCHERS: dict[str, _Launcher] = {"bwrap": _bubblewrap, "unshare": _unshare}
-"""What is tried in this order by root, in the other by others.
+"""Sandboxes in the order in which root tries them; other users try the reverse.
 
-Bubblewrap starts faster, but lets a job write to what is mounted on the machine while it runs,
-unless it is itself in a mount namespace that hears of nothing; only root can start it there.
+Bubblewrap starts faster, but lets a job write to file systems mounted later, unless it is itself
+in a mount namespace without propagation, which only root can create.
 """
 
 
@@ -146,7 +146,7 @@ def _machine() -> Iterator[str]:
 
 
 def _hidden(needed: Iterable[Path]) -> list[Path]:
-    """Of the folders that must be seen, those that are in hidden ones."""
+    """Those of the needed paths that are in hidden folders."""
     places = {place for path in needed for place in (path.absolute(), path.resolve())}
     return sorted(place for place in places if str(place).startswith(_HIDDEN) and place.exists())
 

@@ -1,4 +1,4 @@
-"""Whether a scenario can be parsed, said before any run fails of it."""
+"""Checks the syntax of a scenario before any run fails because of it."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from robovast.execution.local.process_environment import existing_environment
 
 _SCRIPT = Path(__file__).with_name("parse_scenario.py")
 _LONGEST = 60
-"""More than any scenario takes to be parsed [s]."""
+"""Time limit for parsing [s]."""
 
 _log = logging.getLogger(__name__)
 
 
 def check_syntax(scenario: Path) -> None:
-    """Parse a scenario where scenario-execution is installed; elsewhere nothing is known of it.
+    """Parse a scenario, if scenario-execution is installed on this machine.
 
-    Only its grammar is checked: what a scenario imports may be in a container's image alone.
+    Only the syntax is checked, since imports may exist only in a container's image.
 
     Raises:
         DocumentError: the scenario cannot be parsed.

@@ -1,4 +1,4 @@
-"""One execution of a campaign on this machine, as all its jobs share it."""
+"""The shared state of all jobs of a local campaign execution."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Session:
 
     @cached_property
     def token(self) -> str:
-        """Name of the campaign on this machine, equal for every execution of it."""
+        """Name of the campaign on this machine, equal for all its executions."""
         return "robovast-" + hashlib.sha256(str(self.layout.root).encode()).hexdigest()[:12]
 
     @cached_property
@@ -56,12 +56,12 @@ class Session:
 
     @cached_property
     def limits(self) -> Limits:
-        """What the main container asks for."""
+        """Limits of the main container."""
         return _limits(self.document.vast.execution.resources, "execution.resources")
 
     @cached_property
     def secondaries(self) -> dict[str, Limits]:
-        """What each secondary container asks for."""
+        """Limits of each secondary container."""
         return {
             container.name: _limits(container.resources, f"secondary container `{container.name}`")
             for container in self.document.vast.execution.secondary_containers
@@ -69,7 +69,7 @@ class Session:
 
     @property
     def jobs_side_by_side(self) -> int:
-        """How many jobs run at once: as the user says, else as many as the CPUs allow."""
+        """Number of parallel jobs: the user's, or as many as CPUs allow."""
         if self.options.jobs is not None:
             return self.options.jobs
         asked = [self.limits, *self.secondaries.values()]
@@ -80,15 +80,15 @@ class Session:
     def user_id(self) -> int:
         """User of the processes in a container.
 
-        The document's, when it names one. Else the caller, so that results belong to who asked
-        for them; for root the contract's default, since simulators refuse to run as root.
+        The document's, if it sets one. Otherwise the caller, so that results belong to the caller;
+        for root the contract's default, since simulators refuse to run as root.
         """
         if "run_as_user" in self.document.vast.execution.model_fields_set:
             return self.document.vast.execution.run_as_user
         return os.getuid() or DEFAULT_USER
 
     def spec(self, job: Job, work: Path) -> JobSpec:
-        """A job, ready to be started in its work folder."""
+        """The specification for starting a job in its work folder."""
         config, out, own = work / "config", work / "out", self.layout.job(job.name)
         unlimited = not self.options.enforce_resources
         return JobSpec(

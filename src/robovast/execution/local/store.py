@@ -1,4 +1,4 @@
-"""Storing finished runs: a run appears in the results at once and complete, or not at all."""
+"""Stores finished runs: a run appears in the results complete or not at all."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from robovast.execution.local.session import Session
 from robovast.model.plan import Job, Run
 
 _NAMED = 3
-"""How many runs are named in a message."""
+"""Most runs that a message names."""
 
 
 def store_run(
@@ -38,10 +38,10 @@ def store_run(
         session: the campaign's execution.
         job: the job that executed the run.
         run: the run.
-        folder: what the run wrote, out of its reach; made when it wrote nothing.
+        folder: the run's output, out of its reach; created if it wrote nothing.
         result: its verdict.
-        observed: when it was seen to start and to end [s since the epoch].
-        exit_code: of its process, None when that goes on with other runs.
+        observed: its observed start and end [s since the epoch].
+        exit_code: exit code of its process; None if the process continues with other runs.
     """
     target = session.layout.run(run.path)
     earlier = read_run_record(target)
@@ -69,8 +69,8 @@ def finished_runs(
 ) -> dict[int, RunRecord]:
     """Records of the runs that need not be executed again, by id.
 
-    What stands in a run's place and is not understood (a record of a newer version, or one that a
-    power cut emptied, a folder without any) is moved aside: it may be all that is left of a run.
+    Unknown content in a run's place (a record of a newer version, an empty record after a power
+    cut, a folder without record) is moved aside, since it may be all that is left of a run.
     """
     found: dict[int, RunRecord] = {}
     aside = []
@@ -102,7 +102,7 @@ def _set_aside(layout: Layout, run: Run) -> None:
 
 @contextmanager
 def explained(root: Path) -> Iterator[None]:
-    """Turn a fault of the file system into an error that says what to do."""
+    """Convert an error of the file system to one with a remedy."""
     try:
         yield
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Choosing the variants that a local campaign executes."""
+"""Selects the variants that a local campaign executes."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Shares, where plugins look for their base class."""
+"""Import path of the base class of shares, for plugins."""
