@@ -1,4 +1,7 @@
-"""`notify`: tell somebody outside of the cluster about a campaign."""
+"""`notify`: tell somebody outside of the cluster about a campaign.
+
+A notice is one POST request, to ntfy as well, so this needs no library but the HTTP client.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""HTTP servers as RoboVAST uses them: patient, explained, and silent on credentials."""
+"""HTTP servers as RoboVAST uses them: patient, explained, and silent on credentials.
+
+It adds to `urllib3` what its `Retry` does not offer: patience in seconds instead of attempts,
+requests that must not be repeated, bodies made anew, and errors that name the remedy.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ import json
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
-from typing import IO, Any
+from typing import IO, Any, Required, TypedDict, Unpack
 from urllib.parse import urlsplit
 
 import certifi
@@ -42,6 +46,21 @@ class HttpError(StorageError):
     def __init__(self, message: str, status: int) -> None:
         super().__init__(message)
         self.status = status
+
+
+class Options(TypedDict, total=False):
+    """What a request has beside its method and address."""
+
+    attempt: Required[str]
+    """What is tried, for messages: `make a draft`."""
+    body: Callable[[], Body]
+    """Makes the body of each attempt anew."""
+    headers: Mapping[str, str]
+    """Beside those of every request."""
+    accept: Collection[int]
+    """Statuses that are no error, beside 200 to 299."""
+    repeatable: bool
+    """Doing it twice is as good as once, which is assumed when omitted."""
 
 
 class HttpClient:
@@ -87,57 +106,30 @@ class HttpClient:
         )
 
     def request(
-        self,
-        method: str,
-        url: str,
-        *,
-        attempt: str,
-        body: Callable[[], Body] = lambda: None,
-        headers: Mapping[str, str] | None = None,
-        accept: Collection[int] = (),
-        repeatable: bool = True,
+        self, method: str, url: str, **options: Unpack[Options]
     ) -> urllib3.BaseHTTPResponse:
-        """The answer to a request, read.
+        """The answer to a request, read; see `opened`."""
+        with self.opened(method, url, preload=True, **options) as answer:
+            return answer
+
+    @contextmanager
+    def opened(
+        self, method: str, url: str, *, preload: bool = False, **options: Unpack[Options]
+    ) -> Iterator[urllib3.BaseHTTPResponse]:
+        """The answer to a request, to be read while the context lasts.
 
         Args:
             method: of HTTP.
             url: absolute.
-            attempt: what is tried, for messages: `make a draft`.
-            body: makes the body of each attempt anew.
-            headers: beside those of every request.
-            accept: statuses that are no error, beside 200 to 299.
-            repeatable: doing it twice is as good as once.
+            preload: read it at once.
+            options: of the request.
 
         Raises:
             HttpError: the server refused.
             StorageError: it cannot be reached.
         """
-        with self.opened(
-            method,
-            url,
-            attempt=attempt,
-            body=body,
-            headers=headers,
-            accept=accept,
-            repeatable=repeatable,
-            preload=True,
-        ) as answer:
-            return answer
-
-    @contextmanager
-    def opened(
-        self,
-        method: str,
-        url: str,
-        *,
-        attempt: str,
-        body: Callable[[], Body] = lambda: None,
-        headers: Mapping[str, str] | None = None,
-        accept: Collection[int] = (),
-        repeatable: bool = True,
-        preload: bool = False,
-    ) -> Iterator[urllib3.BaseHTTPResponse]:
-        """The answer to a request, to be read while the context lasts; as `request`."""
+        attempt, repeatable = options["attempt"], options.get("repeatable", True)
+        body = options.get("body", lambda: None)
         pauses = self._pauses()
         while True:
             try:
@@ -145,7 +137,7 @@ class HttpClient:
                     method,
                     url,
                     body=body(),
-                    headers={**self._headers, **(headers or {})},
+                    headers={**self._headers, **options.get("headers", {})},
                     redirect=False,
                     preload_content=preload,
                 )
@@ -157,7 +149,7 @@ class HttpClient:
                     raise self._unreachable(attempt, url, error) from None
                 continue
             self._has_answered = True
-            if 200 <= answer.status < 300 or answer.status in accept:
+            if 200 <= answer.status < 300 or answer.status in options.get("accept", ()):
                 break
             again = answer.status in (BUSY if repeatable else _NOT_TAKEN)
             if not again or not pauses.wait(_retry_after(answer)):

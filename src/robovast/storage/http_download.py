@@ -1,4 +1,7 @@
-"""Files from HTTP servers, resumed where an earlier attempt ended."""
+"""Files from HTTP servers, resumed where an earlier attempt ended.
+
+`urllib3` does not resume, and neither does `pooch`, which would add `requests` (5 MiB).
+"""
 
 from __future__ import annotations
 

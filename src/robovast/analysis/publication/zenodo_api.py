@@ -1,4 +1,7 @@
-"""The required part of Zenodo's REST API for deposits (https://developers.zenodo.org)."""
+"""The required part of Zenodo's REST API for deposits (https://developers.zenodo.org).
+
+These are five requests. The only library for such servers, `inveniordm-py`, is at version 0.1.1.
+"""
 
 from __future__ import annotations
 

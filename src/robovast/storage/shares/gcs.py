@@ -1,4 +1,8 @@
-"""Shares in Google Cloud Storage, by its JSON API."""
+"""Shares in Google Cloud Storage, by its JSON API.
+
+It is written by hand, since Google's client would add 16 packages and 12 MiB to the 23 MiB of the
+extra `share`, take 1.5 s to import (this module: 0.3 s), and report no progress of an upload.
+"""
 
 from __future__ import annotations
 

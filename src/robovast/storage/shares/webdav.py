@@ -1,4 +1,8 @@
-"""Shares on WebDAV servers."""
+"""Shares on WebDAV servers.
+
+Beside plain HTTP it needs two methods, PROPFIND and MOVE. The package `webdav4` would bring a
+second HTTP client with other rules for retries and credentials (`httpx`, 6 MiB).
+"""
 
 from __future__ import annotations
 
