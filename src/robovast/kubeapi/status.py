@@ -22,17 +22,6 @@ NOTIFIED_LIMIT = 50
 
 FAILING_LIMIT = 10
 
-ConditionType = Literal[
-    "Accepted",
-    "QuotaReserved",
-    "Reconciling",
-    "Stalled",
-    "Succeeded",
-    "Passed",
-    "ResultsAvailable",
-]
-
-
 YEARS = range(1970, 3000)
 """Of times that can be reckoned with."""
 

@@ -75,12 +75,6 @@ def place(
     raise PlacingError(_too_many(len(wanted), most, course))
 
 
-def nearest_on(points: Sequence[Point], place: Point) -> Point:
-    """The point of a polyline nearest to a given point."""
-    found = (_nearest_on_leg(a, b, place) for a, b in itertools.pairwise(points))
-    return min(found, key=lambda point: math.dist(point, place))
-
-
 def _placed(
     costmap: Costmap, rng: random.Random, course: Course, wanted: Sequence[Kind]
 ) -> Iterator[Placed]:
@@ -138,15 +132,6 @@ def _leaves_a_way(costmap: Costmap, course: Course, placed: Sequence[Placed]) ->
     return all(
         inflated.shortest_path(a, b) is not None for a, b in itertools.pairwise(course.stops)
     )
-
-
-def _nearest_on_leg(a: Point, b: Point, place: Point) -> Point:
-    length = math.dist(a, b)
-    if not length:
-        return a
-    along = (place[0] - a[0]) * (b[0] - a[0]) + (place[1] - a[1]) * (b[1] - a[1])
-    part = min(max(along / length**2, 0.0), 1.0)
-    return a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1])
 
 
 def _too_many(wanted: int, most: int, course: Course) -> str:

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from shapely import LineString, Point
 
 from robovast.base.errors import InputError
 from robovast.navigation.costmap import Costmap
 from robovast.navigation.occupancy import read_map
-from robovast.navigation.placing import nearest_on
 from robovast.navigation.poses import read_pose
 from robovast.navigation.sizes import radius_of
 
@@ -51,8 +51,8 @@ def places(variant) -> list[tuple[float, float]]:
 
 
 def from_path(variant) -> list[float]:
-    path = [tuple(point) for point in variant.extra["_navigation"]["path"]]
-    return [math.dist(nearest_on(path, place), place) for place in places(variant)]
+    path = LineString(variant.extra["_navigation"]["path"])
+    return [path.distance(Point(place)) for place in places(variant)]
 
 
 def refusal(expanded, *variations) -> str:

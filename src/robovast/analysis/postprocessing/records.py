@@ -51,18 +51,13 @@ def merge(campaign: Path, entries: Iterable[Entry]) -> None:
 
 def update(path: Path, entries: Iterable[Entry], **facts: Any) -> None:
     """Write entries and other facts to one file."""
-    before = read_record(path)
+    before = read_mapping_leniently(path)
     old = before.get("entries")
     merged = {_identity(e): e for e in old if isinstance(e, dict)} if isinstance(old, list) else {}
     merged.update({_identity(entry): entry for entry in entries})
     after = to_plain({**before, **facts, "entries": list(merged.values())})
     if after != before:
         write_atomically(path, dump_yaml(after), lasting=False)
-
-
-def read_record(path: Path) -> dict[str, Any]:
-    """The content of a `postprocessing.yaml`; empty if it is missing or unreadable."""
-    return read_mapping_leniently(path)
 
 
 def _identity(entry: Entry) -> tuple[str, str]:

@@ -28,6 +28,7 @@ from robovast.analysis.postprocessing.survey import Survey
 from robovast.analysis.postprocessing.worker import StoppedError
 from robovast.analysis.postprocessing.workers import started
 from robovast.base.errors import InputError, RobovastError
+from robovast.base.yaml_files import read_mapping_leniently
 from robovast.campaign.configurations import read_configurations
 from robovast.campaign.finding import find_campaigns
 from robovast.campaign.layout import POSTPROCESSING, Layout
@@ -153,7 +154,7 @@ def _logs_are_implied(asked: Sequence[PluginCall]) -> bool:
 
 def _given(layout: Layout, options: Options) -> dict[str, Any]:
     """Arguments that commands receive besides their parameters."""
-    image = records.read_record(layout.execution_record).get("image")
+    image = read_mapping_leniently(layout.execution_record).get("image")
     asked = {"debug": options.debug, "force": options.force}
     known = {"execution_image": image} if image else {}
     return known | {name: True for name, wanted in asked.items() if wanted}

@@ -6,7 +6,8 @@ from typing import Any
 import pytest
 
 from robovast.analysis.postprocessing.outcome import NonsenseError, read_returned
-from robovast.analysis.postprocessing.records import merge, read_record
+from robovast.analysis.postprocessing.records import merge
+from robovast.base.yaml_files import read_mapping
 
 CAMPAIGN = Path("/results/camp")
 
@@ -54,13 +55,13 @@ def test_entries_are_merged_into_the_run_that_they_are_about(tmp_path: Path) -> 
     entry = {"output": "a/0/x", "sources": [], "plugin": "p", "params": {}}
     merge(tmp_path, [entry, {**entry, "output": "summary.csv"}])
     merge(tmp_path, [{**entry, "sources": ["a/0/bag"]}])
-    record = read_record(tmp_path / "a/0/postprocessing.yaml")
+    record = read_mapping(tmp_path / "a/0/postprocessing.yaml")
     assert record["x"] == 1
     assert [(e["output"], e.get("sources")) for e in record["entries"]] == [
         ("a/0/y", None),
         ("a/0/x", ["a/0/bag"]),
     ]
-    own = read_record(tmp_path / "_transient/postprocessing.yaml")["entries"]
+    own = read_mapping(tmp_path / "_transient/postprocessing.yaml")["entries"]
     assert [e["output"] for e in own] == ["summary.csv"]
 
 
@@ -68,4 +69,4 @@ def test_a_damaged_record_is_replaced(tmp_path: Path) -> None:
     (tmp_path / "a/0").mkdir(parents=True)
     (tmp_path / "a/0/postprocessing.yaml").write_bytes(b"\xff: [")
     merge(tmp_path, [{"output": "a/0/x", "sources": [], "plugin": "p", "params": {}}])
-    assert len(read_record(tmp_path / "a/0/postprocessing.yaml")["entries"]) == 1
+    assert len(read_mapping(tmp_path / "a/0/postprocessing.yaml")["entries"]) == 1
