@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import os
 import re
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from robovast.base.errors import ExitCode, InputError
 from robovast.campaign.layout import SYSTEM_LOG, Layout
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
-from robovast.execution.local import LocalOptions, Observer, Summary, resume_campaign, run_campaign
+from robovast.execution.local import LocalOptions, Summary, resume_campaign, run_campaign
 from robovast.model.document import Document
+from robovast_cli.ui.live_view import LiveView, is_live
+from robovast_cli.ui.local_view import LocalView
 from robovast_cli.ui.output import asked, say
 from robovast_cli.workspace import shown
 
@@ -65,7 +66,7 @@ def resume(campaign: Path, options: LocalOptions) -> ExitCode:
     return _watch(lambda view: resume_campaign(campaign, options, view))
 
 
-def _watch(execute: Callable[[Observer], Summary]) -> ExitCode:
+def _watch(execute: Callable[[LocalView], Summary]) -> ExitCode:
     with _view() as view:
         summary = execute(view)
     for line in summary_lines(summary):
@@ -73,15 +74,9 @@ def _watch(execute: Callable[[Observer], Summary]) -> ExitCode:
     return exit_code(summary)
 
 
-def _view() -> AbstractContextManager[Observer]:
+def _view() -> LocalView:
     """A live view on a terminal, lines elsewhere."""
-    if sys.stdout.isatty() and os.environ.get("TERM") != "dumb":
-        from robovast_cli.ui.live_view import LiveView
-
-        return LiveView()
-    from robovast_cli.ui.plain_view import PlainView
-
-    return PlainView()
+    return LocalView(partial(LiveView, transient=True) if is_live(sys.stdout) else None)
 
 
 def exit_code(summary: Summary) -> ExitCode:

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from types import TracebackType
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import Protocol, Self
 
 from robovast_cli.kube.status import CampaignState, now
 from robovast_cli.ui.listing import format_table
+from robovast_cli.ui.live_view import LiveView, Standing, clock_time, is_live
 from robovast_cli.ui.output import say
-from robovast_cli.ui.progress import clock_time
-
-if TYPE_CHECKING:
-    from rich.console import Console, RenderableType
 
 STEPS = 100
 """Into how many parts a campaign is divided: a line is printed for each at most."""
@@ -30,9 +25,7 @@ class View(Protocol):
 
 def follow_view() -> AbstractContextManager[View]:
     """A live view on a terminal, lines elsewhere."""
-    if sys.stdout.isatty() and os.environ.get("TERM") != "dumb":
-        return LiveCampaigns()
-    return CampaignLines()
+    return LiveCampaigns() if is_live(sys.stdout) else CampaignLines()
 
 
 class CampaignLines:
@@ -44,12 +37,7 @@ class CampaignLines:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        at: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *how: object) -> None:
         """Nothing to end."""
 
     def update(self, campaigns: Sequence[CampaignState]) -> None:
@@ -105,78 +93,28 @@ def _cells(campaign: CampaignState) -> list[str]:
     ]
 
 
-class LiveCampaigns:
+class LiveCampaigns(LiveView):
     """A bar for each campaign, renewed in place."""
 
-    def __init__(self, console: Console | None = None) -> None:
-        from rich.console import Console
-        from rich.live import Live
-
+    def __init__(self) -> None:
         self._campaigns: Sequence[CampaignState] = ()
-        self._console = console or Console(highlight=False)
-        self._live = Live(
-            console=self._console,
-            get_renderable=self.render,
-            refresh_per_second=2,
-            transient=False,
-        )
-
-    def __enter__(self) -> Self:
-        self._live.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        at: TracebackType | None,
-    ) -> None:
-        """Give the terminal back."""
-        self._live.stop()
+        super().__init__(lambda: [_standing(campaign) for campaign in self._campaigns])
 
     def update(self, campaigns: Sequence[CampaignState]) -> None:
         """Show them from now on."""
         self._campaigns = campaigns
 
-    def render(self) -> RenderableType:
-        """What is shown now."""
-        from rich.console import Group
-        from rich.table import Table
-        from rich.text import Text
 
-        if not self._campaigns:
-            return Text("no campaigns", "dim")
-        grid = Table.grid(padding=(0, 1))
-        notes = []
-        for campaign in self._campaigns:
-            grid.add_row(*_row(campaign))
-            notes += [Text(f"{campaign.name}: {m}", "yellow") for m in campaign.messages]
-        return Group(grid, *notes)
-
-
-def _row(campaign: CampaignState) -> list[RenderableType]:
-    from rich.progress_bar import ProgressBar
-    from rich.text import Text
-
-    runs = campaign.status.runs
-    styles = {"passed": "green", "failed": "red", "errored": "yellow"}
-    counts = {"passed": runs.passed, "failed": runs.failed, "errored": runs.errored}
-    parts = [Text(f"{count} {word}", styles[word]) for word, count in counts.items() if count]
-    parts += [Text(text, "cyan") for text in campaign.pods()]
-    return [
-        Text(campaign.name),
-        Text(campaign.status.state, "dim"),
-        ProgressBar(
-            total=max(runs.total, 1), completed=campaign.done, width=30, complete_style="cyan"
-        ),
-        Text(f"{campaign.done}/{runs.total}"),
-        Text("  ").join(parts),
-        Text(_times(campaign), "dim"),
-    ]
-
-
-def _times(campaign: CampaignState) -> str:
-    elapsed, left = campaign.elapsed(now()), campaign.left(now())
-    if elapsed is None:
-        return ""
-    return clock_time(elapsed) + (f", about {clock_time(left)} left" if left is not None else "")
+def _standing(campaign: CampaignState) -> Standing:
+    runs, at = campaign.status.runs, now()
+    pods = {} if campaign.finished else {"running": runs.active, "waiting": runs.waiting}
+    return Standing(
+        campaign.done,
+        runs.total,
+        {"passed": runs.passed, "failed": runs.failed, "errored": runs.errored, **pods},
+        campaign.elapsed(at),
+        campaign.left(at),
+        campaign.name,
+        campaign.status.state,
+        [(f"{campaign.name}: {message}", "yellow") for message in campaign.messages],
+    )

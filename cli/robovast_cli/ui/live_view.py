@@ -1,100 +1,154 @@
-"""A view of a running campaign that renews itself in place, for terminals."""
+"""How far campaigns are, renewed in place on a terminal."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from types import TracebackType
-
-from rich.console import Console, Group, RenderableType
-from rich.live import Live
-from rich.progress_bar import ProgressBar
-from rich.table import Table
-from rich.text import Text
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self, TextIO
 
 from robovast.base.printable import printable
-from robovast.campaign.run_record import RunRecord
-from robovast.campaign.verdict import Verdict
-from robovast.model.plan import Run
-from robovast_cli.ui.progress import Progress, clock_time
 
-MOST_RUNNING = 8
-"""Running runs that are named at most."""
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
+    from rich.text import Text
 
-_STYLES = {
-    Verdict.PASSED: "green",
-    Verdict.FAILED: "red",
-    Verdict.ERRORED: "yellow",
-    Verdict.INTERRUPTED: "dim",
+STYLES = {
+    "passed": "green",
+    "failed": "red",
+    "errored": "yellow",
+    "interrupted": "dim",
+    "running": "cyan",
+    "waiting": "cyan",
 }
+WIDEST_BAR = 30
+"""[characters]"""
 
 
-class LiveView(Progress):
-    """Shows counts, what runs and the time left; runs that do not pass stay as lines above."""
+@dataclass(frozen=True)
+class Standing:
+    """How far a campaign is."""
 
-    def __init__(self, console: Console | None = None) -> None:
-        super().__init__()
+    done: int
+    total: int
+    counts: Mapping[str, int]
+    """By verdict, and of what runs or waits; 0 is not shown."""
+    elapsed: float | None
+    """[s]"""
+    left: float | None
+    """Until its end at the pace so far [s]."""
+    name: str = ""
+    state: str = ""
+    notes: Sequence[tuple[str, str]] = ()
+    """Lines below all campaigns, each with its style."""
+
+    @property
+    def times(self) -> str:
+        """`2:03, about 0:40 left`."""
+        if self.elapsed is None:
+            return ""
+        left = f", about {clock_time(self.left)} left" if self.left is not None else ""
+        return f"{clock_time(self.elapsed)}{left}"
+
+
+class LiveView:
+    """A bar, counts and times of each campaign, below lines that stay.
+
+    Args:
+        look: how far the campaigns are now.
+        transient: take the bars away at the end.
+        console: where to show it; standard output when None.
+    """
+
+    def __init__(
+        self,
+        look: Callable[[], Sequence[Standing]],
+        *,
+        transient: bool = False,
+        console: Console | None = None,
+    ) -> None:
+        from rich.console import Console
+        from rich.live import Live
+
+        self._look = look
         self._console = console or Console(highlight=False)
         self._live = Live(
             console=self._console,
             get_renderable=self.render,
             refresh_per_second=4,
-            transient=True,
+            transient=transient,
         )
 
-    def __enter__(self) -> LiveView:
+    def __enter__(self) -> Self:
         self._live.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        at: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *how: object) -> None:
         """Give the terminal back."""
         self._live.stop()
 
-    def campaign_started(self, campaign: Path, total: int, done: int, how: str) -> None:
-        """Begin to show."""
-        super().campaign_started(campaign, total, done, how)
-        self._console.print(Text(self.title))
+    def say(self, line: str, word: str = "") -> None:
+        """Leave a line; the word that it begins with has its style."""
+        from rich.text import Text
 
-    def run_finished(self, run: Run, record: RunRecord) -> None:
-        """Leave a line when the run did not pass."""
-        super().run_finished(run, record)
-        if record.verdict is not Verdict.PASSED:
-            line = Text(f"{record.verdict:<7} ", _STYLES[record.verdict])
-            self._console.print(line.append(f"{run.path}: {printable(record.reason)}", "default"))
-
-    def message(self, text: str) -> None:
-        """Leave a line."""
-        self._console.print(Text(printable(text)))
+        text = Text(printable(line))
+        text.stylize(STYLES.get(word, ""), 0, len(word))
+        self._console.print(text)
 
     def render(self) -> RenderableType:
         """What is shown now."""
-        if not self.title:
-            return Text(f"preparing … {clock_time(self.elapsed)}", "dim")
+        from rich.console import Group
+        from rich.text import Text
+
+        campaigns = self._look()
+        if not campaigns:
+            return Text("no campaigns", "dim")
+        notes = (note for campaign in campaigns for note in campaign.notes)
+        lines = (_line((printable(text), style)) for text, style in notes)
+        widest = min(WIDEST_BAR, self._console.width // 5)
+        parts = (part for campaign in campaigns for part in _parts(campaign, widest))
+        return Group(*parts, *lines)
+
+
+def _parts(campaign: Standing, widest: int) -> Iterator[RenderableType]:
+    """What it is called, if at all, and below that its bar, if it has runs."""
+    from rich.progress_bar import ProgressBar
+    from rich.table import Table
+    from rich.text import Text
+
+    titled = bool(campaign.name or campaign.state)
+    if titled:
+        yield _line((campaign.name, ""), (campaign.state, "dim"), (campaign.times, "dim"))
+    if campaign.total:
+        counts = [_line((f"{n} {word}", STYLES[word])) for word, n in campaign.counts.items() if n]
         bar = Table.grid(padding=(0, 1))
+        bar.add_column(max_width=widest)
         bar.add_row(
-            ProgressBar(
-                total=max(self.total, 1), completed=self.done, width=30, complete_style="cyan"
-            ),
-            f"{self.done}/{self.total}",
-            self._counts(),
-            Text(self._times(), "dim"),
+            ProgressBar(campaign.total, campaign.done, complete_style="cyan"),
+            _line((f"{campaign.done}/{campaign.total}", "")),
+            Text("  ").join(counts),
+            _line(("" if titled else campaign.times, "dim")),
         )
-        names = list(self.running.values())
-        more = f" and {len(names) - MOST_RUNNING} more" if len(names) > MOST_RUNNING else ""
-        running = Text(f"running: {', '.join(names[:MOST_RUNNING])}{more}" if names else "", "dim")
-        return Group(bar, running)
+        yield bar
 
-    def _counts(self) -> Text:
-        pairs = [(f"{count} {verdict}", _STYLES[verdict]) for verdict, count in self._seen()]
-        return Text("  ").join(Text(text, style) for text, style in pairs)
 
-    def _seen(self) -> list[tuple[Verdict, int]]:
-        return [(verdict, self.verdicts[verdict]) for verdict in Verdict if self.verdicts[verdict]]
+def _line(*parts: tuple[str, str]) -> Text:
+    """One line, whatever its width."""
+    from rich.text import Text
 
-    def _times(self) -> str:
-        left = f", about {clock_time(self.left)} left" if self.left is not None else ""
-        return f"{clock_time(self.elapsed)}{left}"
+    texts = [Text(text, style) for text, style in parts if text]
+    line = Text("  ", no_wrap=True, overflow="ellipsis").join(texts)
+    line.no_wrap, line.overflow = True, "ellipsis"
+    return line
+
+
+def is_live(stream: TextIO) -> bool:
+    """Whether what is written can be renewed in place."""
+    return stream.isatty() and os.environ.get("TERM") != "dumb"
+
+
+def clock_time(seconds: float) -> str:
+    """`1:02:03` or `2:03`."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

@@ -13,7 +13,7 @@ from robovast.agent.campaign import PATIENCE
 from robovast.agent.mounts import Folders
 from robovast.base.backoff import BUSY
 from robovast.base.errors import InputError
-from robovast.base.progress_bar import fmt_size
+from robovast.base.sizes import fmt_size
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
 from robovast.kubeapi.pod_contract.messages import Shared
 from robovast.storage.compressing import pack_bucket

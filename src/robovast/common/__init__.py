@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from robovast.base.file_cache import FileCache
-    from robovast.base.progress_bar import ProgressBar, fmt_size
+    from robovast.base.sizes import fmt_size
     from robovast.common.execution import (
         COMPAT_VERSION,
         get_campaign,
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         is_campaign_dir,
     )
     from robovast.common.generation import generate_scenario_variations
+    from robovast.common.progress import ProgressBar
     from robovast.model.scenario import get_scenario_parameters, is_scenario_parameter
     from robovast.model.variation_config import (
         VariationConfig,

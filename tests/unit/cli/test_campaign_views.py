@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from pathlib import Path
 
 import pytest
@@ -15,9 +16,8 @@ from robovast.execution.local.events import Summary
 from robovast.model.expansion.variant import Variant
 from robovast.model.plan import Run, plan_runs
 from robovast_cli.ui.campaign import MOST_LISTED, exit_code, summary_lines
-from robovast_cli.ui.live_view import LiveView
-from robovast_cli.ui.plain_view import PlainView
-from robovast_cli.ui.progress import Progress, clock_time
+from robovast_cli.ui.live_view import LiveView, clock_time
+from robovast_cli.ui.local_view import LocalView
 
 
 def runs_of(count: int) -> list[Run]:
@@ -83,7 +83,7 @@ def test_an_unfinished_campaign_says_how_to_go_on() -> None:
     ]
 
 
-def play(view: Progress, runs: list[Run], verdicts: list[Verdict], done: int = 0) -> None:
+def play(view: LocalView, runs: list[Run], verdicts: list[Verdict], done: int = 0) -> None:
     view.campaign_started(Path("out/c"), len(runs) + done, done, "process, 2 side by side")
     for run, verdict in zip(runs, verdicts, strict=True):
         view.run_started(run)
@@ -91,7 +91,7 @@ def play(view: Progress, runs: list[Run], verdicts: list[Verdict], done: int = 0
 
 
 def test_a_short_campaign_has_a_line_for_each_run(capsys) -> None:
-    play(PlainView(), runs_of(3), [P, F, P])
+    play(LocalView(), runs_of(3), [P, F, P])
     assert capsys.readouterr().out.splitlines() == [
         "3 runs, process, 2 side by side, into out/c",
         "[1/3] passed  hall/0  1.5 s",
@@ -103,7 +103,7 @@ def test_a_short_campaign_has_a_line_for_each_run(capsys) -> None:
 def test_a_long_campaign_has_a_hundred_lines_and_the_failures(capsys) -> None:
     verdicts = [P] * 10_000
     verdicts[1234] = F
-    play(PlainView(), runs_of(10_000), verdicts)
+    play(LocalView(), runs_of(10_000), verdicts)
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 102
     assert "[ 1235/10000] failed  hall/1234: because" in lines
@@ -111,7 +111,7 @@ def test_a_long_campaign_has_a_hundred_lines_and_the_failures(capsys) -> None:
 
 
 def test_a_resumed_campaign_counts_what_was_there(capsys) -> None:
-    play(PlainView(), runs_of(1), [P], done=3)
+    play(LocalView(), runs_of(1), [P], done=3)
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("4 runs, 3 of them finished before, ")
     assert lines[1].startswith("[4/4] ")
@@ -119,7 +119,7 @@ def test_a_resumed_campaign_counts_what_was_there(capsys) -> None:
 
 def test_the_time_left_follows_from_the_pace() -> None:
     now = 100.0
-    progress = Progress(clock=lambda: now)
+    progress = LocalView(clock=lambda: now)
     runs = runs_of(10)
     progress.campaign_started(Path("c"), 12, 2, "docker")
     assert progress.left is None
@@ -131,18 +131,28 @@ def test_the_time_left_follows_from_the_pace() -> None:
     assert clock_time(3723) == "1:02:03"
 
 
-def test_the_live_view_shows_counts_and_what_runs() -> None:
+@pytest.mark.parametrize("width", [100, 60])
+def test_the_live_view_shows_counts_and_what_runs(width: int) -> None:
     screen = io.StringIO()
-    console = Console(file=screen, force_terminal=True, width=100, color_system=None)
+    console = Console(file=screen, force_terminal=True, width=width, color_system=None)
     runs = runs_of(20)
-    with LiveView(console) as view:
+    with LocalView(lambda look: LiveView(look, console=console)) as view:
         view.campaign_started(Path("c"), 20, 0, "docker, 12 side by side")
         for run in runs[:12]:
             view.run_started(run)
         view.run_finished(runs[0], record(runs[0]))
         view.run_finished(runs[1], record(runs[1], E, "[red]exploded"))
-        console.print(view.render())
-    shown = screen.getvalue()
-    assert "errored hall/1: [red]exploded" in shown
-    assert "2/20 1 passed  1 errored" in shown
-    assert "running: hall/2, hall/3, hall/4, hall/5, hall/6, hall/7, hall/8, hall/9 and 2" in shown
+    *_, bar, running = (line for line in screen.getvalue().splitlines() if line.strip("\x1b[?25h"))
+    assert re.search(r"2/20 1 passed  1 errored 0:00, about 0:0\d left", bar)
+    assert "running: hall/2, hall/3, hall/4, hall/5, hall/6" in running
+    assert (width == 60) == running.rstrip().endswith("…")
+    assert "hall/9 and 2 more" in running or width == 60
+
+
+def test_what_did_not_pass_stays_above_the_live_view() -> None:
+    screen = io.StringIO()
+    console = Console(file=screen, force_terminal=True, width=100, color_system=None)
+    with LocalView(lambda look: LiveView(look, console=console)) as view:
+        play(view, runs_of(2), [P, E])
+    assert "errored hall/1: because" in screen.getvalue()
+    assert "passed  hall/0" not in screen.getvalue()

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from robovast.base.errors import CannotRunError, InputError, StorageError
-from robovast.base.printable import printable
-from robovast.base.progress_bar import fmt_size
+from robovast.base.sizes import fmt_size
 from robovast.storage.belonging import folder_for
-from robovast.storage.download import DownloadObserver, DownloadResult, Silent, download_campaign
+from robovast.storage.download import DownloadResult, download_campaign
 from robovast.storage.ownership import find_bucket, is_owned, owner_of
 from robovast_cli.kube.api import Kubernetes, connect
 from robovast_cli.kube.status import CampaignState, find_campaign, lookup
 from robovast_cli.kube.store import StorePlace, installed_place, open_store, place_of
+from robovast_cli.ui.bars import Bars
 from robovast_cli.ui.output import say
 from robovast_cli.ui.report import tell
 from robovast_cli.workspace import shown
@@ -130,7 +127,8 @@ def _download(kube: Kubernetes, results: Results, output: Path, *, force: bool) 
         folder = folder_for(output, results.name, owner_of(store, results.bucket))
         if folder.name != results.name:
             say(f"{results.name} is another campaign's folder here; this one is {folder.name}.")
-        with _view(folder.name) as view:
+        with Bars() as bars:
+            view = _Shown(bars, folder.name)
             result = download_campaign(store, results.bucket, folder, view, force=force)
     for line in _summary(result):
         say(line)
@@ -157,50 +155,29 @@ def _summary(result: DownloadResult) -> Iterator[str]:
         yield f"… and {len(result.warnings) - MOST_TOLD} objects more."
 
 
-def _view(title: str) -> AbstractContextManager[DownloadObserver]:
-    return _bar(title) if sys.stdout.isatty() else nullcontext(Silent())
+class _Shown:
+    """A download as one bar."""
 
-
-@contextmanager
-def _bar(title: str) -> Iterator[DownloadObserver]:
-    from rich.progress import (
-        BarColumn,
-        DownloadColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-        TransferSpeedColumn,
-    )
-
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        DownloadColumn(),
-        TransferSpeedColumn(),
-        TextColumn("{task.fields[files]}/{task.fields[count]} files"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns) as progress:
-        yield _Bar(progress, title)
-
-
-class _Bar:
-    """A bar on the terminal."""
-
-    def __init__(self, progress: Any, title: str) -> None:
-        self._progress = progress
-        self._task = progress.add_task(printable(title), total=None, files=0, count=0)
-        self._files = 0
+    def __init__(self, bars: Bars, title: str) -> None:
+        self._bars = bars
+        self._title = title
+        self._size = self._count = self._received = self._files = 0
 
     def planned(self, files: int, size: int) -> None:
         """Set its length."""
-        self._progress.update(self._task, total=size, count=files)
+        self._count, self._size = files, size
+        self._show()
 
     def received(self, size: int) -> None:
         """Advance it."""
-        self._progress.advance(self._task, size)
+        self._received += size
+        self._show()
 
     def file_finished(self) -> None:
         """Count a file."""
         self._files += 1
-        self._progress.update(self._task, files=self._files)
+        self._show()
+
+    def _show(self) -> None:
+        note = f"{self._files}/{self._count} files"
+        self._bars(self._title, self._received, self._size, note)

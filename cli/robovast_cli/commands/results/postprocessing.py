@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import typer
 
@@ -14,9 +11,9 @@ from robovast.analysis.postprocessing.child import GIVEN
 from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Options
 from robovast.analysis.postprocessing.session import postprocess
 from robovast.base.errors import ExitCode
-from robovast.base.printable import printable
 from robovast.model.document.commands import GROUP
 from robovast_cli.commands.results.plugin_list import described_plugins
+from robovast_cli.ui.bars import Bars
 from robovast_cli.ui.output import say
 from robovast_cli.ui.report import tell
 
@@ -30,21 +27,23 @@ class View:
     """Prints lines; on a terminal with a progress bar below them."""
 
     def __init__(self) -> None:
-        live = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
-        self._bar = _Bar() if live else None
+        self._bars = Bars(of_bytes=False, transient=True)
+        self._step = ("", 0, 0)
 
     def campaign_started(self, campaign: Path, runs: int) -> None:
         """Nothing to say yet: most often nothing has changed."""
 
     def step_started(self, title: str, total: int) -> None:
         """Begin to count."""
-        if self._bar:
-            self._bar.start(title, total)
+        self.close()
+        self._step = (title, 0, total)
+        self._bars(*self._step)
 
     def step_advanced(self) -> None:
         """Count."""
-        if self._bar:
-            self._bar.advance()
+        title, done, total = self._step
+        self._step = (title, done + 1, total)
+        self._bars(*self._step)
 
     def failed(self, failure: Failure) -> None:
         """The summary names it."""
@@ -61,46 +60,7 @@ class View:
 
     def close(self) -> None:
         """Take the bar away; the next step brings it back."""
-        if self._bar:
-            self._bar.stop()
-
-
-class _Bar:
-    """How far the present step is, on stderr."""
-
-    def __init__(self) -> None:
-        from rich.console import Console
-        from rich.progress import (
-            BarColumn,
-            MofNCompleteColumn,
-            Progress,
-            TextColumn,
-            TimeRemainingColumn,
-        )
-
-        columns = (
-            TextColumn("{task.description}", markup=False),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-        )
-        self._progress = Progress(*columns, console=Console(stderr=True), transient=True)
-        self._task: Any = None
-
-    def start(self, title: str, total: int) -> None:
-        self.stop()
-        self._task = self._progress.add_task(printable(title), total=total)
-        self._progress.start()
-
-    def advance(self) -> None:
-        if self._task is not None:
-            self._progress.advance(self._task)
-
-    def stop(self) -> None:
-        if self._task is not None:
-            self._progress.stop()
-            self._progress.remove_task(self._task)
-            self._task = None
+        self._bars.close()
 
 
 def run(results: Path, options: Options) -> ExitCode:

@@ -12,10 +12,10 @@ from robovast.analysis.publication.context import PublicationContext
 from robovast.analysis.publication.plugin import GROUP
 from robovast.analysis.publication.publish import PublishOptions, plan_publication, publish
 from robovast.base.errors import ExitCode
-from robovast.base.progress_bar import ProgressBar
 from robovast.campaign.finding import find_campaigns
 from robovast_cli.commands.results.options import chosen_campaigns
 from robovast_cli.commands.results.plugin_list import described_plugins
+from robovast_cli.ui.bars import Bars
 from robovast_cli.ui.output import asked, say
 from robovast_cli.workspace import shown
 
@@ -48,7 +48,8 @@ def publish_campaigns(results: Path, choice: Choice) -> ExitCode:
                 err=True,
             )
             return code
-    publish(batches, options, _context(), say)
+    with Bars() as bars:
+        publish(batches, options, _context(bars), say)
     return ExitCode.OK
 
 
@@ -66,25 +67,12 @@ def _postprocess(campaigns: list[Path], choice: Choice) -> ExitCode:
     return next((code for code in codes if code is not ExitCode.OK), ExitCode.OK)
 
 
-def _context() -> PublicationContext:
-    progress = _Bars()
+def _context(bars: Bars) -> PublicationContext:
     if not sys.stdin.isatty():
-        return PublicationContext((), progress=progress)
-    return PublicationContext((), confirm=_confirm, progress=progress)
+        return PublicationContext((), progress=bars)
 
+    def confirm(path: Path) -> bool:
+        bars.close()
+        return asked(f"{shown(path)} exists and differs. Replace it?", default=True)
 
-def _confirm(path: Path) -> bool:
-    return asked(f"{shown(path)} exists and differs. Replace it?", default=True)
-
-
-class _Bars:
-    """One bar for each file that is uploaded."""
-
-    def __init__(self) -> None:
-        self._name = ""
-        self._bar = ProgressBar(0)
-
-    def __call__(self, name: str, done: int, total: int) -> None:
-        if name != self._name:
-            self._name, self._bar = name, ProgressBar(total, name)
-        self._bar.update(done, total)
+    return PublicationContext((), confirm=confirm, progress=bars)

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from robovast.base.errors import InputError
-from robovast.base.progress_bar import fmt_size
+from robovast.base.sizes import fmt_size
 from robovast_cli.commands.results.options import ResultsDir
 from robovast_cli.lazy import new_app
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 from robovast.base.errors import InputError
-from robovast.base.printable import printable
 from robovast.campaign.executables import warn_of_executables
 from robovast.storage.shares.campaigns import NotOnShareError, download_from_share, open_share
+from robovast_cli.ui.bars import Bars
 from robovast_cli.ui.output import say
 from robovast_cli.workspace import shown
 
@@ -24,7 +22,7 @@ def download_shared(names: Sequence[str], output: Path, *, force: bool, keep_arc
         force: fetch also what is here, in its place.
         keep_archive: leave the archives beside the folders.
     """
-    with open_share() as share, _view() as progress:
+    with open_share() as share, Bars() as progress:
         try:
             fetched, present = download_from_share(
                 share, names, output, force=force, keep_archive=keep_archive, progress=progress
@@ -39,37 +37,3 @@ def download_shared(names: Sequence[str], output: Path, *, force: bool, keep_arc
         say(f"{shown(folder)}: is here; `--force` fetches it again.")
     if not fetched and not present:
         say("There is no campaign on the share.")
-
-
-@contextmanager
-def _view() -> Iterator[Callable[[str, int, int], None]]:
-    """A bar for each campaign, on a terminal."""
-    if not sys.stdout.isatty():
-        yield lambda _name, _done, _total: None
-        return
-    from rich.progress import (
-        BarColumn,
-        DownloadColumn,
-        Progress,
-        TaskID,
-        TextColumn,
-        TimeRemainingColumn,
-        TransferSpeedColumn,
-    )
-
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        DownloadColumn(),
-        TransferSpeedColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns) as bars:
-        tasks: dict[str, TaskID] = {}
-
-        def progress(name: str, done: int, total: int) -> None:
-            if name not in tasks:
-                tasks[name] = bars.add_task(printable(name), total=total)
-            bars.update(tasks[name], completed=done)
-
-        yield progress

@@ -20,9 +20,9 @@ from robovast.analysis.publication.ro_crate import ro_crate
 from robovast.analysis.publication.selection import Filter, archive_path, files_of, link_target
 from robovast.base.atomic import appearing_file
 from robovast.base.errors import InputError, StorageError
-from robovast.base.progress_bar import fmt_size
 from robovast.base.safe_paths import MOST_OF_ALL, open_file, read_file
 from robovast.base.serialization import dump_yaml
+from robovast.base.sizes import fmt_size
 from robovast.base.yaml_files import read_mapping
 from robovast.campaign.layout import EXECUTION_RECORD, METADATA
 from robovast.model.naming import get_campaign_timestamp

@@ -1,0 +1,123 @@
+"""A campaign on this machine while it runs: in place on a terminal, as lines elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Self
+
+from robovast.campaign.run_record import RunRecord
+from robovast.campaign.verdict import Verdict
+from robovast.model.plan import Run
+from robovast_cli.ui.live_view import LiveView, Standing, clock_time
+from robovast_cli.ui.output import say
+from robovast_cli.workspace import shown
+
+MOST_LINES = 100
+"""Up to this many runs every one has a line; of more, each that did not pass, and a count for
+every hundredth part."""
+MOST_RUNNING = 8
+"""Running runs that are named at most."""
+
+
+class LocalView:
+    """Counts a campaign's runs, and shows them; runs that do not pass have a line of their own.
+
+    Args:
+        make_live: makes what renews itself in place; without it there are lines alone.
+        clock: the time [s].
+    """
+
+    def __init__(
+        self,
+        make_live: Callable[[Callable[[], Sequence[Standing]]], LiveView] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.total = 0
+        self.done_before = 0
+        self.verdicts: Counter[Verdict] = Counter()
+        self.running: dict[int, str] = {}
+        """Names of the runs in progress, by id, the oldest first."""
+        self._clock = clock
+        self._started = clock()
+        self._live = make_live(self.look) if make_live else None
+
+    def __enter__(self) -> Self:
+        if self._live:
+            self._live.__enter__()
+        return self
+
+    def __exit__(self, *how: object) -> None:
+        """Give the terminal back."""
+        if self._live:
+            self._live.__exit__(*how)
+
+    @property
+    def done(self) -> int:
+        """Runs that ended, those of earlier sessions included."""
+        return self.done_before + self.verdicts.total()
+
+    @property
+    def elapsed(self) -> float:
+        """Time since the first run could start [s]."""
+        return self._clock() - self._started
+
+    @property
+    def left(self) -> float | None:
+        """Time until the last run ends, at the pace so far [s]; None before the first has."""
+        ended = self.verdicts.total()
+        return self.elapsed / ended * (self.total - self.done) if ended else None
+
+    def look(self) -> list[Standing]:
+        """How far the campaign is."""
+        counts = {str(verdict): self.verdicts[verdict] for verdict in Verdict}
+        state = "" if self.total else "preparing …"
+        names = list(self.running.values())
+        more = f" and {len(names) - MOST_RUNNING} more" if len(names) > MOST_RUNNING else ""
+        running = f"running: {', '.join(names[:MOST_RUNNING])}{more}" if names else ""
+        notes = [(running, "dim")]
+        return [Standing(self.done, self.total, counts, self.elapsed, self.left, "", state, notes)]
+
+    def campaign_started(self, campaign: Path, total: int, done: int, how: str) -> None:
+        """Say what begins, and begin to count."""
+        self.total, self.done_before = total, done
+        self._started = self._clock()
+        noun = "run" if total == 1 else "runs"
+        before = f", {done} of them finished before" if done else ""
+        self.message(f"{total} {noun}{before}, {how}, into {shown(campaign)}")
+
+    def run_started(self, run: Run) -> None:
+        """A run began."""
+        self.running[run.id] = run.path
+
+    def run_finished(self, run: Run, record: RunRecord) -> None:
+        """Say how a run ended, when that is worth a line."""
+        self.running.pop(run.id, None)
+        self.verdicts[record.verdict] += 1
+        passed = record.verdict is Verdict.PASSED
+        how = f"  {record.duration:.1f} s" if passed else f": {record.reason}"
+        line = f"{record.verdict:<7} {run.path}{how}"
+        if self._live:
+            if not passed:
+                self._live.say(line, str(record.verdict))
+            return
+        if not passed or self.total <= MOST_LINES:
+            say(f"[{self.done:>{len(str(self.total))}}/{self.total}] {line}")
+        steps = [done * 100 // self.total for done in (self.done - 1, self.done)]
+        if self.total > MOST_LINES and steps[0] < steps[1]:
+            say(f"{self._counts()}{f', about {clock_time(self.left)} left' if self.left else ''}")
+
+    def message(self, text: str) -> None:
+        """Leave a line."""
+        if self._live:
+            self._live.say(text)
+        else:
+            say(text)
+
+    def _counts(self) -> str:
+        """`12 of 260 done: 4 before, 7 passed, 1 failed`."""
+        before = [f"{self.done_before} before"] if self.done_before else []
+        parts = [*before, *(f"{self.verdicts[v]} {v}" for v in Verdict if self.verdicts[v])]
+        return f"{self.done} of {self.total} done" + (f": {', '.join(parts)}" if parts else "")
