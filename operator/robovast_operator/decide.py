@@ -1,7 +1,7 @@
 """The heart of the operator: what is to be done for a campaign, from what is there.
 
 `decide` is pure: it looks at one moment and knows no history but the status. Whatever happened
-in between, whatever was lost, the same picture leads to the same actions.
+in between, whatever was lost, the same snapshot leads to the same actions.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from robovast.kubeapi.status import CampaignStatus
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import parse_time
 from robovast_operator.planning.shards import WINDOW, ShardPlan, next_shards
-from robovast_operator.snapshot import Observed, Picture
+from robovast_operator.snapshot import Snapshot
 from robovast_operator.status.status import tell
 
 
@@ -76,53 +76,52 @@ class Decision:
     """When to look again although nothing happens [s]."""
 
 
-def decide(observed: Observed) -> Decision:
+def decide(snapshot: Snapshot) -> Decision:
     """The next steps of an accepted campaign."""
-    picture = Picture.of(observed)
-    actions = [*_open_jobs(picture), *_new_jobs(picture)]
+    actions = [*_open_jobs(snapshot), *_new_jobs(snapshot)]
     created = [action.shard for action in actions if isinstance(action, CreateShard)]
-    status = tell(picture, created)
-    later = [*_cancel(picture), *_withdraw(picture), *_tidy(picture), *_expire(picture)]
-    return Decision(status, tuple(actions), tuple(later), _again(picture))
+    status = tell(snapshot, created)
+    later = [*_cancel(snapshot), *_withdraw(snapshot), *_tidy(snapshot), *_expire(snapshot)]
+    return Decision(status, tuple(actions), tuple(later), _again(snapshot))
 
 
-def _open_jobs(picture: Picture) -> list[Action]:
+def _open_jobs(snapshot: Snapshot) -> list[Action]:
     """Changes of Jobs that are at work."""
-    spec = picture.observed.accepted.spec
-    if picture.quiet:
+    spec = snapshot.accepted.spec
+    if snapshot.quiet:
         return []
-    wrong = [job for job in picture.open if _is_wrong(picture, job) and not job.deleting]
+    wrong = [job for job in snapshot.open if _is_wrong(snapshot, job) and not job.deleting]
     actions: list[Action] = [SuspendJob(job.name, spec.suspend) for job in wrong]
-    stuck = [DeleteJob(job.name) for job in picture.open if _is_to_be_made_anew(picture, job)]
-    return [*actions, *stuck, *_resize(picture)]
+    stuck = [DeleteJob(job.name) for job in snapshot.open if _is_to_be_made_anew(snapshot, job)]
+    return [*actions, *stuck, *_resize(snapshot)]
 
 
-def _is_wrong(picture: Picture, job: JobState) -> bool:
+def _is_wrong(snapshot: Snapshot, job: JobState) -> bool:
     """Whether a Job is to be stopped or resumed; Kueue owns the field of those in its queues."""
-    suspend = picture.observed.accepted.spec.suspend
+    suspend = snapshot.accepted.spec.suspend
     if not job.queue:
         return job.suspended != suspend
-    return suspend != (job.name in picture.observed.parked) and (suspend or job.suspended)
+    return suspend != (job.name in snapshot.queue.parked) and (suspend or job.suspended)
 
 
-def _is_to_be_made_anew(picture: Picture, job: JobState) -> bool:
+def _is_to_be_made_anew(snapshot: Snapshot, job: JobState) -> bool:
     """Whether a Job holds pods that are to go, or waits in a queue that is not its own any more."""
     if job.deleting:
         return False
-    queue = picture.observed.accepted.spec.queue_name
+    queue = snapshot.accepted.spec.queue_name
     right = {"", DEFAULT_QUEUE} if queue is None else {queue}
-    return job.name in picture.observed.stuck or (job.suspended and job.queue not in right)
+    return job.name in snapshot.pods.stuck or (job.suspended and job.queue not in right)
 
 
-def _resize(picture: Picture) -> list[Action]:
+def _resize(snapshot: Snapshot) -> list[Action]:
     """The last open Jobs share `parallelism`; Kueue has counted on what it admitted."""
-    spec = picture.observed.accepted.spec
-    if any(job.queue for job in picture.open):
-        return _shrink(picture)
-    if picture.waiting:
+    spec = snapshot.accepted.spec
+    if any(job.queue for job in snapshot.open):
+        return _shrink(snapshot)
+    if snapshot.not_begun:
         return []
-    free = spec.parallelism - sum(job.parallelism for job in picture.open)
-    return _grow(picture.open, free) if free > 0 else _cut(picture.open, spec.parallelism)
+    free = spec.parallelism - sum(job.parallelism for job in snapshot.open)
+    return _grow(snapshot.open, free) if free > 0 else _cut(snapshot.open, spec.parallelism)
 
 
 def _grow(jobs: Sequence[JobState], free: int) -> list[Action]:
@@ -142,104 +141,101 @@ def _cut(jobs: Sequence[JobState], parallelism: int) -> list[Action]:
     return [ResizeJob(jobs[0].name, parallelism)] if too_many else []
 
 
-def _shrink(picture: Picture) -> list[Action]:
+def _shrink(snapshot: Snapshot) -> list[Action]:
     """A Job that waits asks for no more pods than its queue can ever give, nor than it may have."""
-    waiting, spec = picture.observed.waiting, picture.observed.accepted.spec
-    job = next((job for job in picture.open if waiting and job.name == waiting.job), None)
+    waiting, spec = snapshot.queue.waiting, snapshot.accepted.spec
+    job = next((job for job in snapshot.open if waiting and job.name == waiting.job), None)
     if waiting is None or job is None:
         return []
-    others = sum(other.parallelism for other in picture.open if other is not job)
+    others = sum(other.parallelism for other in snapshot.open if other is not job)
     limits = [job.parallelism, spec.parallelism - others]
     wanted = max(1, min(limits if waiting.fits is None else [*limits, waiting.fits]))
     return [] if job.parallelism == wanted else [ResizeJob(job.name, wanted)]
 
 
-def _new_jobs(picture: Picture) -> list[Action]:
-    spec = picture.observed.accepted.spec
+def _new_jobs(snapshot: Snapshot) -> list[Action]:
+    spec = snapshot.accepted.spec
     if spec.suspend:
         return []
-    if not picture.quiet:
-        pods = [job.parallelism for job in picture.open]
-        chosen = next_shards(picture.waiting, pods, spec.parallelism)
-        if spec.queue_name is not None or any(job.queue for job in picture.open):
+    if not snapshot.quiet:
+        pods = [job.parallelism for job in snapshot.open]
+        chosen = next_shards(snapshot.not_begun, pods, spec.parallelism)
+        if spec.queue_name is not None or any(job.queue for job in snapshot.open):
             # one waits at most: others have their turn, too
-            chosen = [] if any(job.suspended for job in picture.open) else chosen[:1]
+            chosen = [] if any(job.suspended for job in snapshot.open) else chosen[:1]
         return [CreateShard(shard) for shard in chosen]
-    if picture.repetition_due and picture.all_known:
+    if snapshot.repetition_due and snapshot.all_known:
         return []
-    return [] if picture.indexed or _at_work(picture) else _last_jobs(picture)
+    return [] if snapshot.indexed or _at_work(snapshot) else _last_jobs(snapshot)
 
 
-def _last_jobs(picture: Picture) -> list[Action]:
+def _last_jobs(snapshot: Snapshot) -> list[Action]:
     """When nothing more is to be executed: the index, then what the results are worked up to."""
-    plan, jobs = picture.observed.revisions[-1].config_map, picture.observed.jobs
-    if picture.final is None:
-        finish = picture.finish
-        due = finish.last is None or (picture.lost_words and not _pause(picture))
+    plan, jobs = snapshot.revisions[-1].config_map, snapshot.jobs
+    if snapshot.final is None:
+        finish = snapshot.finish
+        due = finish.last is None or (snapshot.lost_words and not _pause(snapshot))
         return [CreateTask("finish", finish.next_name, plan)] if due else []
-    process = CreateTask("process", picture.process_name, plan)
-    return [] if picture.process_name in jobs else [process]
+    process = CreateTask("process", snapshot.process_name, plan)
+    return [] if snapshot.process_name in jobs else [process]
 
 
-def _pause(picture: Picture) -> float | None:
+def _pause(snapshot: Snapshot) -> float | None:
     """How long to wait before the results are indexed again [s]; None when that is not asked."""
-    return picture.finish.wait(picture.observed.now) if picture.lost_words else None
+    return snapshot.finish.wait(snapshot.now) if snapshot.lost_words else None
 
 
-def _cancel(picture: Picture) -> list[Action]:
+def _cancel(snapshot: Snapshot) -> list[Action]:
     """Of a campaign that was given up, what is still at work goes."""
-    if picture.aborted is None or picture.repeats:
+    if snapshot.aborted is None or snapshot.repeats:
         return []
-    return [DeleteJob(job.name) for job in _at_work(picture) if not job.deleting]
+    return [DeleteJob(job.name) for job in _at_work(snapshot) if not job.deleting]
 
 
-def _at_work(picture: Picture) -> list[JobState]:
+def _at_work(snapshot: Snapshot) -> list[JobState]:
     """Jobs of shards that may still store something; one that goes is there as long as its pods."""
-    jobs = (picture.job(shard) for shard in picture.shards)
+    jobs = (snapshot.job(shard) for shard in snapshot.shards)
     return [job for job in jobs if job is not None and job.open]
 
 
-def _tidy(picture: Picture) -> list[Action]:
+def _tidy(snapshot: Snapshot) -> list[Action]:
     """Jobs that the status has the verdicts of go with their pods, but for the last few."""
-    known = [
-        job
-        for shard in picture.shards
-        if (job := picture.job(shard)) is not None and not job.open and picture.is_remembered(shard)
-    ]
-    old = [*known[:-WINDOW], *picture.finish.old]
+    told = (snapshot.job(shard) for shard in snapshot.shards if snapshot.is_remembered(shard))
+    known = [job for job in told if job is not None and not job.open]
+    old = [*known[:-WINDOW], *snapshot.finish.old]
     return [DeleteJob(job.name) for job in old if not job.deleting]
 
 
-def _withdraw(picture: Picture) -> list[Action]:
+def _withdraw(snapshot: Snapshot) -> list[Action]:
     """Delete the Jobs of Configurations that were deleted: nothing else does.
 
     The Campaign is their owner, so that they go with that, whether the operator is there or not.
     An object goes when its last owner does, so the Configuration cannot be another one; nor can it
     belong to the Campaign: GitOps tools do not prune what has an owner.
     """
-    withdrawn = picture.observed.withdrawn
-    gone = (job for job in picture.observed.jobs.values() if job.configuration in withdrawn)
+    withdrawn = snapshot.withdrawn
+    gone = (job for job in snapshot.jobs.values() if job.configuration in withdrawn)
     return [DeleteJob(job.name) for job in gone if not job.deleting]
 
 
-def _expiry(picture: Picture) -> datetime | None:
+def _expiry(snapshot: Snapshot) -> datetime | None:
     """When the Jobs of a finished campaign go."""
-    ttl = picture.observed.accepted.spec.ttl_seconds_after_finished
-    ended = picture.observed.status.completion_time
-    if ttl is None or ended is None or not picture.indexed:
+    ttl = snapshot.accepted.spec.ttl_seconds_after_finished
+    ended = snapshot.status.completion_time
+    if ttl is None or ended is None or not snapshot.indexed:
         return None
     return parse_time(ended) + timedelta(seconds=ttl)
 
 
-def _expire(picture: Picture) -> list[Action]:
-    expiry = _expiry(picture)
-    if expiry is None or picture.observed.now < expiry:
+def _expire(snapshot: Snapshot) -> list[Action]:
+    expiry = _expiry(snapshot)
+    if expiry is None or snapshot.now < expiry:
         return []
-    return [DeleteJob(job.name) for job in picture.observed.jobs.values() if not job.deleting]
+    return [DeleteJob(job.name) for job in snapshot.jobs.values() if not job.deleting]
 
 
-def _again(picture: Picture) -> float | None:
-    expiry = _expiry(picture)
-    if expiry is None or not picture.observed.jobs:
-        return _pause(picture)
-    return max(1.0, (expiry - picture.observed.now).total_seconds())
+def _again(snapshot: Snapshot) -> float | None:
+    expiry = _expiry(snapshot)
+    if expiry is None or not snapshot.jobs:
+        return _pause(snapshot)
+    return max(1.0, (expiry - snapshot.now).total_seconds())

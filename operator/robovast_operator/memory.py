@@ -1,4 +1,7 @@
-"""What the operator remembers of a campaign between two looks; all of it can be found out anew."""
+"""What need not be found out twice of a campaign; all of it can be found out anew.
+
+Each part belongs to one module of `effects`, which alone changes it.
+"""
 
 from __future__ import annotations
 
@@ -18,13 +21,12 @@ from robovast_operator.pods.waiting import Waiting
 
 
 @dataclass
-class Memory:
-    """Of one Campaign, by its uid."""
+class InputsCache:
+    """Of `effects.inputs`."""
 
-    uid: str
+    accepted: Accepted | Rejected | None = None
     accepted_for: str = ""
     """What `accepted` was made from."""
-    accepted: Accepted | Rejected | None = None
     revisions: list[Revision] | None = None
     planned: CampaignPlan | None = None
     """A plan that was fixed; all of them agree on where results are."""
@@ -33,23 +35,6 @@ class Memory:
     source: Object | None = None
     """The ConfigMap with the input files, until they are copied."""
     files_made: bool = False
-    reports: dict[str, tuple[str, Mapping[int, Report]]] = field(default_factory=dict)
-    """By Job: its failed indexes and what their pods said."""
-    finals: dict[str, Final] = field(default_factory=dict)
-    final_trouble: dict[str, Trouble] = field(default_factory=dict)
-    """By uid of a Job that failed as a whole."""
-    stuck: set[str] = field(default_factory=set)
-    """Jobs that hold pods which are to go."""
-    trouble: Trouble | None = None
-    waiting: Waiting | None = None
-    parked: set[str] = field(default_factory=set)
-    """Jobs that are known to be out of their queue because the campaign is suspended."""
-    queue_job: tuple[object, ...] = ()
-    """The Job that waits, as it was when Kueue was first asked about it."""
-    queued: float = 0.0
-    """When that was."""
-    queue_looked: float = 0.0
-    """When Kueue was last asked."""
     additions: Additions | None = None
     """What Configurations that were applied by hand add."""
     additions_for: tuple[object, ...] = ()
@@ -58,43 +43,33 @@ class Memory:
     """By content of an entry that was added, what it expands to, or what is wrong."""
     withdrawn: set[str] = field(default_factory=set)
     """Configurations that asked for runs and are gone, by uid."""
-    problems: dict[str, str] = field(default_factory=dict)
-    """By Configuration, why its runs cannot be added."""
-    picture: tuple[object, object] | None = None
-    """The Jobs as they were when something last moved; None before the first look."""
+
+    def forget(self) -> None:
+        """Somebody else has fixed a plan: read and check everything anew."""
+        self.accepted = self.revisions = self.planned = None
+
+
+@dataclass
+class Motion:
+    """When something of a campaign's Jobs last moved."""
+
+    jobs: tuple[object, object] | None = None
+    """The Jobs as they were then; None before the first look."""
     moved: float = field(default_factory=time.monotonic)
     progressed: float = field(default_factory=time.monotonic)
     """When something last came to its end, or was begun."""
-    diagnosed: float = -math.inf
-    """When it was last looked why nothing does."""
-    looked: float = 0.0
-    """When pods were last looked at."""
-    status_written: float = 0.0
-    failing: float | None = None
-    """Since when looks at it fail; None when the last one did not."""
-    witnessed: set[str] = field(default_factory=set)
-    """Uids of Jobs that have ended, and whose pods were looked at."""
-    undelivered: set[str] = field(default_factory=set)
-    """Uids of the Jobs whose notices reached nobody, and were told to have."""
 
-    def notice(self, jobs: Mapping[str, JobState]) -> None:
-        """Remember when something last moved."""
+    def notice(self, jobs: Mapping[str, JobState]) -> tuple[bool, bool]:
+        """Whether something has moved, and whether something has come to its end, or was begun."""
         ends = tuple((j.name, j.completed, j.failed, j.suspended) for j in jobs.values())
         pods = tuple((job.active, job.ready) for job in jobs.values())
-        before, self.picture = self.picture, (ends, pods)
-        if before is None or before == self.picture:
-            return
+        before, self.jobs = self.jobs, (ends, pods)
+        if before is None or before == self.jobs:
+            return False, False
         self.moved = time.monotonic()
-        self.stuck.clear()
-        at_work = any(job.ready for job in jobs.values() if job.open)
-        if before[0] != ends or (at_work and not (self.trouble and self.trouble.repeated)):
-            self.trouble = None
         if before[0] != ends:
             self.progressed = self.moved
-
-    def forget_inputs(self) -> None:
-        """Somebody else has fixed a plan: read and check everything anew."""
-        self.accepted = self.revisions = self.planned = None
+        return True, before[0] != ends
 
     def still_for(self) -> float:
         """How long nothing has moved [s]."""
@@ -108,3 +83,53 @@ class Memory:
         """Look for the cause of a known stall at once."""
         self.moved -= seconds
         self.progressed -= seconds
+
+
+@dataclass
+class PodsCache:
+    """Of `effects.diagnose`."""
+
+    motion: Motion = field(default_factory=Motion)
+    reports: dict[str, tuple[str, Mapping[int, Report]]] = field(default_factory=dict)
+    """By Job: its failed indexes and what their pods said."""
+    finals: dict[str, Final] = field(default_factory=dict)
+    given_up: dict[str, Trouble] = field(default_factory=dict)
+    """By uid of a Job that failed as a whole, why."""
+    stuck: set[str] = field(default_factory=set)
+    """Jobs that hold pods which are to go."""
+    trouble: Trouble | None = None
+    diagnosed: float = -math.inf
+    """When it was last looked why nothing moves."""
+    looked: float = 0.0
+    """When pods were last looked at."""
+
+
+@dataclass
+class QueueCache:
+    """Of `effects.queues`."""
+
+    waiting: Waiting | None = None
+    parked: set[str] = field(default_factory=set)
+    """Jobs that are known to be out of their queue because the campaign is suspended."""
+    job: tuple[object, ...] = ()
+    """The Job that waits, as it was when Kueue was first asked about it."""
+    since: float = 0.0
+    """When that was."""
+    looked: float = 0.0
+    """When Kueue was last asked."""
+
+
+@dataclass
+class Memory:
+    """Of one Campaign, by its uid."""
+
+    uid: str
+    inputs: InputsCache = field(default_factory=InputsCache)
+    pods: PodsCache = field(default_factory=PodsCache)
+    queue: QueueCache = field(default_factory=QueueCache)
+    witnessed: set[str] = field(default_factory=set)
+    """Of `effects.witness`: uids of Jobs that have ended, and whose pods were looked at."""
+    undelivered: set[str] = field(default_factory=set)
+    """Of `effects.notifier`: uids of Jobs whose notices reached nobody, and were told to have."""
+    failing: float | None = None
+    """Of the reconcile loop: since when looks at it fail; None when the last one did not."""

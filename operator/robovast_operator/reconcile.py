@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Mapping, Sequence
 
 from robovast.base.errors import RobovastError
 from robovast.kubeapi.status import CampaignStatus, read_status
@@ -33,7 +34,7 @@ from robovast_operator.kube.store import JobState, Store
 from robovast_operator.kube.times import now
 from robovast_operator.kube.work_queue import REFUSED_DELAY, WorkQueue
 from robovast_operator.memory import Memory
-from robovast_operator.planning.accept import DOCUMENT_CHANGED, same_document, with_composition
+from robovast_operator.planning.accept import DOCUMENT_CHANGED, with_composition
 from robovast_operator.planning.campaign import Accepted, Rejected, Revision
 from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.jobs import shard_job, task_job
@@ -41,7 +42,7 @@ from robovast_operator.pods.pod_status import trouble_of
 from robovast_operator.pods.reports import composed_of
 from robovast_operator.pods.tries import NO_WORD, Tries
 from robovast_operator.settings import Settings
-from robovast_operator.snapshot import Observed
+from robovast_operator.snapshot import Snapshot
 from robovast_operator.status.conditions import is_settled
 from robovast_operator.status.failures import trouble_of_error
 
@@ -102,7 +103,7 @@ class Reconciler:
         if time.monotonic() - memory.failing < self._settings.stall_seconds:
             return
         try:
-            await self._statuses.failing(obj, trouble, memory)
+            await self._statuses.failing(obj, trouble)
         except (TimeoutError, ApiError, OSError) as error:
             LOGGER.warning("%s/%s: its status cannot be written: %s", *key, error)
 
@@ -128,7 +129,8 @@ class Reconciler:
         if "deletionTimestamp" in obj["metadata"]:
             await self._deleted(obj, memory, jobs)
             return
-        await self._notifier.report(identity, self._store.notices_of(key, identity.uid), memory)
+        notices = self._store.notices_of(key, identity.uid)
+        await self._notifier.report(identity, notices, memory.undelivered)
         if not is_settled(obj, jobs, self._store.configurations_of(key)):
             await self._advance(obj, memory, jobs)
 
@@ -138,24 +140,24 @@ class Reconciler:
             memory = self._memories[key] = Memory(identity.uid)
             status = read_status(CampaignStatus, obj.get("status"))
             if is_true(status, "Stalled"):  # a new leader need not wait to find that again
-                memory.expect_stall(PATIENCE * self._settings.stall_seconds)
+                memory.pods.motion.expect_stall(PATIENCE * self._settings.stall_seconds)
         return memory
 
     async def _advance(self, obj: Object, memory: Memory, jobs: dict[str, JobState]) -> None:
-        accepted = await self._inputs.accepted(obj, memory)
+        accepted = await self._inputs.accepted(obj, memory.inputs)
         if isinstance(accepted, Accepted):
             await self._purge.protect(obj)
-            if not await self._inputs.make_files(accepted, memory):
-                accepted = await self._inputs.accepted(obj, memory)
+            if not await self._inputs.make_files(accepted, memory.inputs):
+                accepted = await self._inputs.accepted(obj, memory.inputs)
         if isinstance(accepted, Accepted) and not (accepted.pure or accepted.entries):
             composed = await self._composed(obj, accepted, memory, jobs)
             if composed is None:
                 return
             accepted = composed
         if isinstance(accepted, Rejected):
-            await self._statuses.rejected(obj, accepted, memory)
+            await self._statuses.rejected(obj, accepted)
             if accepted.reason in {"SourceNotFound", "SourceChanged"}:  # nothing tells of a change
-                later = min(300.0, max(10.0, memory.still_for() / 2))
+                later = min(300.0, max(10.0, memory.pods.motion.still_for() / 2))
                 self._queue.add((obj["metadata"]["namespace"], obj["metadata"]["name"]), later)
             return
         await self._execute(obj, accepted, memory, jobs)
@@ -164,42 +166,47 @@ class Reconciler:
         self, obj: Object, accepted: Accepted, memory: Memory, jobs: dict[str, JobState]
     ) -> None:
         """Bring an accepted campaign further."""
-        additions = await self._inputs.additions(obj, accepted, memory)
-        revisions = await self._inputs.revisions(accepted, additions, memory)
-        if not _is_as_planned(obj, accepted, revisions[0], memory):
-            await self._statuses.rejected(obj, DOCUMENT_CHANGED, memory)
+        known = memory.inputs
+        additions = await self._inputs.additions(obj, accepted, known)
+        revisions = await self._inputs.revisions(accepted, additions, known)
+        if not self._inputs.is_as_planned(obj, accepted, revisions[0], known):
+            await self._statuses.rejected(obj, DOCUMENT_CHANGED)
             return
-        memory.notice(jobs)
+        snapshot = await self._look(obj, accepted, revisions, memory, jobs)
+        decision = decide(snapshot)
+        await self._carry_out(obj, accepted, decision, memory)
+        told = decision.status
+        await self._show_configurations(obj, accepted, revisions[-1], told, additions.problems)
+        for delay in (snapshot.pods.again, snapshot.queue.again, decision.again):
+            if delay is not None:
+                self._queue.add(accepted.identity.key, delay)
+
+    async def _look(
+        self,
+        obj: Object,
+        accepted: Accepted,
+        revisions: Sequence[Revision],
+        memory: Memory,
+        jobs: dict[str, JobState],
+    ) -> Snapshot:
+        """What is there of a campaign."""
         status = read_status(CampaignStatus, obj.get("status"))
-        again = await self._diagnosis.update(accepted, memory, jobs)
-        await self._witness.update(accepted, memory, jobs)
-        queued = await self._queues.update(memory, jobs, suspended=accepted.spec.suspend)
-        observed = Observed(
+        pods = await self._diagnosis.findings(accepted, memory.pods, jobs)
+        await self._witness.update(accepted, memory.witnessed, jobs)
+        suspended = accepted.spec.suspend
+        motion = memory.pods.motion
+        queue = await self._queues.findings(memory.queue, motion, jobs, suspended=suspended)
+        return Snapshot(
             accepted=accepted,
             generation=obj["metadata"]["generation"],
             status=status,
             revisions=revisions,
             jobs=jobs,
             now=now(),
-            reports={name: reports for name, (_, reports) in memory.reports.items()},
-            stuck=frozenset(memory.stuck),
-            withdrawn=await self._inputs.withdrawn(accepted, revisions, memory),
-            trouble=memory.trouble,
-            finals=memory.finals,
-            failures={
-                name: memory.final_trouble[job.uid]
-                for name, job in jobs.items()
-                if job.uid in memory.final_trouble
-            },
-            waiting=memory.waiting,
-            parked=frozenset(memory.parked),
+            pods=pods,
+            queue=queue,
+            withdrawn=await self._inputs.withdrawn(accepted, revisions, memory.inputs),
         )
-        decision = decide(observed)
-        await self._carry_out(obj, accepted, decision, memory)
-        await self._show_configurations(obj, accepted, revisions[-1], decision.status, memory)
-        for delay in (again, queued, decision.again):
-            if delay is not None:
-                self._queue.add((accepted.identity.namespace, accepted.identity.name), delay)
 
     async def _show_configurations(
         self,
@@ -207,13 +214,13 @@ class Reconciler:
         accepted: Accepted,
         revision: Revision,
         status: CampaignStatus,
-        memory: Memory,
+        problems: Mapping[str, str],
     ) -> None:
         """Keep the objects that show a campaign's entries; no run waits for one that is refused."""
         identity = accepted.identity
         try:
             await self._inputs.make_configurations(accepted)
-            await self._statuses.configurations(accepted, revision, status, memory)
+            await self._statuses.configurations(accepted, revision, status, problems)
         except ApiError as error:
             if error.terminating or error.code == 0:
                 raise
@@ -221,14 +228,14 @@ class Reconciler:
             LOGGER.warning("%s/%s: %s", identity.namespace, identity.name, trouble.message)
             self._metrics.failed(trouble.reason)
             await self._statuses.tell(identity, trouble, obj["metadata"]["generation"])
-            self._queue.add((identity.namespace, identity.name), REFUSED_DELAY)
+            self._queue.add(identity.key, REFUSED_DELAY)
 
     async def _composed(
         self, obj: Object, accepted: Accepted, memory: Memory, jobs: dict[str, JobState]
     ) -> Accepted | Rejected | None:
         """The campaign with what its compose Job found out; None while that is at work."""
         identity = accepted.identity
-        planned = await self._inputs.planned(accepted, memory)
+        planned = await self._inputs.planned(accepted, memory.inputs)
         if planned is not None:
             return planned
         tries = Tries.of(jobs.values(), identity.child("compose"))
@@ -237,7 +244,6 @@ class Reconciler:
             found = await self._composition(accepted, tries.last)
             if found is not None:
                 return found
-        memory.notice(jobs)
         if tries.last is None or (ended and not tries.wait(now())):
             plan = identity.child("plan-compose")
             await self._inputs.prepare_composing(accepted, plan)
@@ -245,11 +251,11 @@ class Reconciler:
             await self._create_job(task_job(accepted, self._settings, "compose", name, plan))
         for job in tries.old:
             await self._api.delete(f"{paths.jobs(identity.namespace)}/{job.name}")
-        again = await self._diagnosis.update(accepted, memory, jobs)
-        if ended and tries.told:
-            memory.trouble = Trouble(NO_WORD, tries.told)
-        self._queue.add((identity.namespace, identity.name), again or self._settings.stall_seconds)
-        await self._statuses.composing(obj, accepted, memory)
+        pods = await self._diagnosis.findings(accepted, memory.pods, jobs)
+        again = pods.again or self._settings.stall_seconds
+        self._queue.add(identity.key, again)
+        speechless = Trouble(NO_WORD, tries.told) if ended and tries.told else None
+        await self._statuses.composing(obj, accepted, speechless or pods.trouble)
         return None
 
     async def _composition(self, accepted: Accepted, job: JobState) -> Accepted | Rejected | None:
@@ -267,7 +273,7 @@ class Reconciler:
         """Act, then remember in the status, then remove what is remembered there."""
         for action in decision.actions:
             await self._act(accepted, action, memory)
-        written = await self._statuses.write(obj, decision.status, memory)
+        written = await self._statuses.write(obj, decision.status)
         if not written:
             return
         for action in decision.later:
@@ -278,7 +284,9 @@ class Reconciler:
         match action:
             case CreateShard(shard):
                 await self._create_job(shard_job(accepted, self._settings, shard))
-            case CreateTask("finish") if await self._diagnosis.hold_back(accepted.identity, memory):
+            case CreateTask("finish") if await self._diagnosis.hold_back(
+                accepted.identity, memory.pods
+            ):
                 self._queue.add((namespace, accepted.identity.name), PAUSE)
             case CreateTask(command, name, plan):
                 seen = await self._witness.kept(accepted) if command == "finish" else ()
@@ -295,8 +303,8 @@ class Reconciler:
     async def _suspend(self, accepted: Accepted, name: str, suspend: bool, memory: Memory) -> None:
         """Stop or resume a Job; of one that Kueue looks after, it is asked to."""
         identity = accepted.identity
-        jobs = self._store.jobs_of((identity.namespace, identity.name), identity.uid)
-        if name in jobs and not await self._queues.park(jobs[name], memory, parked=suspend):
+        jobs = self._store.jobs_of(identity.key, identity.uid)
+        if name in jobs and not await self._queues.park(jobs[name], memory.queue, parked=suspend):
             patch: Object = {"spec": {"suspend": suspend}}
             self._saw(await self._api.patch(f"{paths.jobs(identity.namespace)}/{name}", patch))
 
@@ -312,17 +320,7 @@ class Reconciler:
         """A Campaign that is being deleted; only `retention: Delete` leaves anything to do."""
         if not self._purge.holds(obj):
             return
-        begun = await self._inputs.begun(obj, memory)
+        begun = await self._inputs.begun(obj, memory.inputs)
         again = await self._purge.carry_out(obj, begun, jobs)
         if again is not None:
             self._queue.add((obj["metadata"]["namespace"], obj["metadata"]["name"]), again)
-
-
-def _is_as_planned(obj: Object, accepted: Accepted, first: Revision, memory: Memory) -> bool:
-    """Whether the document is still the one that was planned; parsed once for each change."""
-    generation = obj["metadata"]["generation"]
-    if memory.generation_as_planned != generation:
-        if not same_document(first.document, accepted.spec.vast):
-            return False
-        memory.generation_as_planned = generation
-    return True

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from robovast.base.errors import InputError
 from robovast.model.expansion.limit import DEFAULT, variant_limit
@@ -67,10 +67,11 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
             raise InputError(f"The environment variable {name} is not set; the chart sets it.")
         return value
 
-    def number(name: str, default: float) -> float:
+    def number(setting: str) -> float:
+        name = f"ROBOVAST_{setting.upper()}"
         value = environment.get(name, "")
         try:
-            return float(value) if value else default
+            return float(value) if value else float(getattr(Settings, setting))
         except ValueError as error:
             raise InputError(f"The environment variable {name} is no number: {value}") from error
 
@@ -78,6 +79,7 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         given = environment.get(variable, "").split(",")
         return tuple(name.strip() for name in given if name.strip())
 
+    numbers = {f.name: number(f.name) for f in fields(Settings) if isinstance(f.default, float)}
     return Settings(
         agent_image=needed("ROBOVAST_AGENT_IMAGE"),
         endpoint=needed("ROBOVAST_S3_ENDPOINT"),
@@ -90,12 +92,6 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         lease_namespace=environment.get("POD_NAMESPACE", "default"),
         identity=environment.get("POD_NAME", f"operator-{os.getpid()}"),
         variant_limit=variant_limit(environment),
-        port=int(number("ROBOVAST_PORT", 8080)),
-        stall_seconds=number("ROBOVAST_STALL_SECONDS", 15),
-        silence_minutes=number("ROBOVAST_SILENCE_MINUTES", 30),
-        notify_seconds=number("ROBOVAST_NOTIFY_SECONDS", 300),
-        status_seconds=number("ROBOVAST_STATUS_SECONDS", 5),
-        resync_seconds=number("ROBOVAST_RESYNC_SECONDS", 600),
-        silence_seconds=number("ROBOVAST_SILENCE_SECONDS", 70),
-        lease_seconds=number("ROBOVAST_LEASE_SECONDS", 15),
+        port=int(number("port")),
+        **numbers,
     )

@@ -11,9 +11,9 @@ from robovast_operator.kube.api import Api
 from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import now
-from robovast_operator.memory import Memory
+from robovast_operator.memory import PodsCache
 from robovast_operator.planning.campaign import Accepted
-from robovast_operator.pods.findings import Trouble
+from robovast_operator.pods.findings import PodFindings, Trouble
 from robovast_operator.pods.pod_status import is_stuck, trouble_of, trouble_of_events
 from robovast_operator.pods.reports import final_of, reports_of
 from robovast_operator.pods.stalls import cause_of, may_store
@@ -37,21 +37,30 @@ GIVEN_UP = frozenset({"PodFailurePolicy", "BackoffLimitExceeded", "DeadlineExcee
 
 
 class Diagnosis:
-    """Fills the memory of a campaign with what its pods tell."""
+    """Finds out what the pods of campaigns tell."""
 
     def __init__(self, api: Api, settings: Settings) -> None:
         self._api = api
         self._settings = settings
 
-    async def update(
-        self, accepted: Accepted, memory: Memory, jobs: Mapping[str, JobState]
-    ) -> float | None:
-        """Look where a look is due; returns when to look again [s], None when events will tell."""
-        waits = [await self._reports(memory, job) for job in jobs.values()]
+    async def findings(
+        self, accepted: Accepted, known: PodsCache, jobs: Mapping[str, JobState]
+    ) -> PodFindings:
+        """What a campaign's pods tell; they are looked at where a look is due."""
+        _forget(known, jobs)
+        waits = [await self._reports(known, job) for job in jobs.values()]
         for job in jobs.values():
-            await self._final(memory, job)
-        waits.append(await self._stalled(accepted, memory, jobs))
-        return min((wait for wait in waits if wait is not None), default=None)
+            await self._final(known, job)
+        waits.append(await self._stalled(accepted, known, jobs))
+        given_up = known.given_up
+        return PodFindings(
+            reports={name: reports for name, (_, reports) in known.reports.items()},
+            finals=dict(known.finals),
+            failures={n: given_up[job.uid] for n, job in jobs.items() if job.uid in given_up},
+            stuck=frozenset(known.stuck),
+            trouble=known.trouble,
+            again=min((wait for wait in waits if wait is not None), default=None),
+        )
 
     def pods_of(self, job: JobState, **parameters: str) -> AsyncIterator[Object]:
         """The pods of a Job."""
@@ -60,94 +69,93 @@ class Diagnosis:
 
     async def storing(self, identity: Identity) -> str:
         """A pod of runs that may still store something, though its Job may be gone; or nothing."""
-        labels = {**identity.labels, ROLE_LABEL: "shard"}
-        selector = ",".join(f"{name}={value}" for name, value in labels.items())
         pods = self._api.list(
             paths.pods(identity.namespace),
-            labelSelector=selector,
+            labelSelector=identity.selector(**{ROLE_LABEL: "shard"}),
             fieldSelector="status.phase=Running",
         )
         found = [pod["metadata"]["name"] async for pod in pods if may_store(pod, now())]
         return min(found, default="")
 
-    async def hold_back(self, identity: Identity, memory: Memory) -> bool:
+    async def hold_back(self, identity: Identity, known: PodsCache) -> bool:
         """Whether the index has to wait for a pod, which is told when that lasts."""
         pod = await self.storing(identity)
-        if pod and memory.still_for() > STORING_PATIENCE:
+        if pod and known.motion.still_for() > STORING_PATIENCE:
             logs = f"kubectl logs -n {identity.namespace} {pod} -c agent"
             message = (
                 f"all Jobs have ended, but the pod {pod} may still store results, and the index "
                 f"waits for it: see `{logs}`, or delete the pod."
             )
-            memory.trouble = Trouble(STORING, message)
+            known.trouble = Trouble(STORING, message)
         return bool(pod)
 
-    async def _reports(self, memory: Memory, job: JobState) -> float | None:
+    async def _reports(self, known: PodsCache, job: JobState) -> float | None:
         """The verdicts of failed indexes."""
-        known, _ = memory.reports.get(job.name, ("", {}))
-        if job.role != "shard" or not job.failed or known == f"{job.uid} {job.failed}":
+        mark = f"{job.uid} {job.failed}"
+        before, _ = known.reports.get(job.name, ("", {}))
+        if job.role != "shard" or not job.failed or before == mark:
             return None
-        wait = memory.looked + REPORT_SECONDS - time.monotonic()
-        if job.open and known and wait > 0:
+        wait = known.looked + REPORT_SECONDS - time.monotonic()
+        if job.open and before and wait > 0:
             return wait
         pods = self.pods_of(job, fieldSelector="status.phase=Failed")
         reports = reports_of([pod async for pod in pods])
-        memory.reports[job.name] = (f"{job.uid} {job.failed}", reports)
-        memory.looked = time.monotonic()
+        known.reports[job.name] = (mark, reports)
+        known.looked = time.monotonic()
         return None
 
-    async def _final(self, memory: Memory, job: JobState) -> None:
+    async def _final(self, known: PodsCache, job: JobState) -> None:
         """The last words of Jobs that are over: the finish Job's numbers, or why one failed."""
-        if job.role == "finish" and job.finished == "Complete" and job.name not in memory.finals:
+        if job.role == "finish" and job.finished == "Complete" and job.name not in known.finals:
             final = final_of([pod async for pod in self.pods_of(job)])
             if final is not None:
-                memory.finals[job.name] = final
+                known.finals[job.name] = final
         if job.finished != "Failed" or job.reason not in GIVEN_UP:
             return
-        if job.uid not in memory.final_trouble:
+        if job.uid not in known.given_up:
             pods = [pod async for pod in self.pods_of(job)]
             found = trouble_of(pods) or Trouble(job.reason, f"the Job {job.name}: {job.message}")
-            memory.final_trouble[job.uid] = Trouble(found.reason, found.message, final=True)
-        told = memory.final_trouble[job.uid]
+            known.given_up[job.uid] = Trouble(found.reason, found.message, final=True)
+        told = known.given_up[job.uid]
         if job.role == "shard":
-            memory.trouble = told
+            known.trouble = told
         elif job.role != "process":  # without tables a campaign is complete all the same
-            memory.trouble = Trouble(told.reason, told.message)
+            known.trouble = Trouble(told.reason, told.message)
 
     async def _stalled(
-        self, accepted: Accepted, memory: Memory, jobs: Mapping[str, JobState]
+        self, accepted: Accepted, known: PodsCache, jobs: Mapping[str, JobState]
     ) -> float | None:
         """Why nothing moves."""
         waiting = [job for job in jobs.values() if job.open and not job.suspended]
-        if not waiting or accepted.spec.suspend or (memory.trouble and memory.trouble.final):
+        if not waiting or accepted.spec.suspend or (known.trouble and known.trouble.final):
             return None
         at_work = any(job.ready for job in waiting)
         limit = self._settings.stall_seconds
         # Where pods are at work runs may be long; or they die one after the other.
-        quiet, least = memory.still_for(), limit
+        quiet, least = known.motion.still_for(), limit
         if at_work:
-            quiet, least = memory.fruitless_for(), PATIENCE * limit
+            quiet, least = known.motion.fruitless_for(), PATIENCE * limit
         pause = min(300.0, max(limit, quiet / 2))
         wait = least - quiet
-        if at_work or memory.diagnosed > memory.moved:
-            wait = max(wait, memory.diagnosed + pause - time.monotonic())
+        if at_work or known.diagnosed > known.motion.moved:
+            wait = max(wait, known.diagnosed + pause - time.monotonic())
         if wait > 0:
             return wait
-        memory.diagnosed = time.monotonic()
+        known.diagnosed = time.monotonic()
         for job in waiting:
-            memory.trouble = await self._look_at_pods(memory, job, at_work=at_work)
-            if memory.trouble is not None:
+            known.trouble = await self._look_at_pods(known, job, at_work=at_work)
+            if known.trouble is not None:
                 break
         return pause
 
     async def _look_at_pods(
-        self, memory: Memory, job: JobState, *, at_work: bool
+        self, known: PodsCache, job: JobState, *, at_work: bool
     ) -> Trouble | None:
         """Why nothing comes of the pods of a Job, by them and by events."""
         phase = "status.phase=Failed" if at_work else "status.phase!=Succeeded"
         seen = [pod async for pod in _first(self.pods_of(job, fieldSelector=phase))]
         if any(is_stuck(pod, now()) for pod in seen):
-            memory.stuck.add(job.name)
+            known.stuck.add(job.name)
         silence = self._settings.silence_minutes * 60
         found = cause_of(seen, job, now(), silence, at_work=at_work)
         if at_work:
@@ -161,6 +169,17 @@ class Diagnosis:
             )
             found = trouble_of_events([event async for event in _first(told)])
         return found
+
+
+def _forget(known: PodsCache, jobs: Mapping[str, JobState]) -> None:
+    """Forget what was in the way of a campaign that moves again."""
+    moved, ended = known.motion.notice(jobs)
+    if not moved:
+        return
+    known.stuck.clear()
+    at_work = any(job.ready for job in jobs.values() if job.open)
+    if ended or (at_work and not (known.trouble and known.trouble.repeated)):
+        known.trouble = None
 
 
 async def _first(objects: AsyncIterator[Object]) -> AsyncIterator[Object]:

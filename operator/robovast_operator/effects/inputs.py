@@ -15,12 +15,13 @@ from robovast_operator.kube.few_at_once import few_at_once
 from robovast_operator.kube.lenient import metadata
 from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.store import Store
-from robovast_operator.memory import Memory
+from robovast_operator.memory import InputsCache
 from robovast_operator.planning.accept import (
     Files,
     accept,
     config_map_files,
     inline_files,
+    same_document,
     source_changed,
 )
 from robovast_operator.planning.additions import Additions, with_additions
@@ -52,10 +53,10 @@ class Inputs:
         self._settings = settings
         self._apart = Apart()
 
-    async def accepted(self, obj: Object, memory: Memory) -> Accepted | Rejected:
+    async def accepted(self, obj: Object, known: InputsCache) -> Accepted | Rejected:
         """The Campaign as far as it can be checked here; once for each change of its spec."""
         mark = str(obj["metadata"]["generation"])
-        if memory.accepted is None or memory.accepted_for != mark:
+        if known.accepted is None or known.accepted_for != mark:
             source = await self._source(obj)
             if isinstance(source, Rejected):
                 return source
@@ -65,16 +66,16 @@ class Inputs:
             except InputError as error:
                 accepted = Rejected("TooLarge", str(error))
             if isinstance(accepted, Accepted):
-                planned = await self._where(accepted.identity, memory)
+                planned = await self._where(accepted.identity, known)
                 other = source_changed(planned, accepted)
                 if other is not None:
                     return other
                 accepted = replace(accepted, planned=planned)
-            memory.accepted, memory.accepted_for = accepted, mark
-            memory.source = None if memory.files_made else source
-        return memory.accepted
+            known.accepted, known.accepted_for = accepted, mark
+            known.source = None if known.files_made else source
+        return known.accepted
 
-    async def begun(self, obj: Object, memory: Memory) -> Begun | Rejected:
+    async def begun(self, obj: Object, known: InputsCache) -> Begun | Rejected:
         """A Campaign and where its results are, whatever has gone of that which it was made from.
 
         Its status knows what its plans would say, unless it was never looked at again.
@@ -84,7 +85,7 @@ class Inputs:
             return accepted
         without = accepted.spec.model_copy(update={"source": Source()})
         accepted = replace(accepted, spec=without)
-        planned = await self._where(accepted.identity, memory)
+        planned = await self._where(accepted.identity, known)
         if planned is not None:
             return accepted, planned
         plan, status = campaign_plan(accepted, None, ()), obj.get("status") or {}
@@ -118,44 +119,54 @@ class Inputs:
                 return None
             raise
 
-    async def planned(self, accepted: Accepted, memory: Memory) -> Accepted | None:
+    async def planned(self, accepted: Accepted, known: InputsCache) -> Accepted | None:
         """A campaign with what its compose Job once found out; None when it has not yet."""
-        revisions = await self._load_revisions(accepted.identity, memory)
+        revisions = await self._load_revisions(accepted.identity, known)
         if not revisions:
             return None
         first = revisions[0]
         entries = first.entries[: len(accepted.vast.configuration or [None])]
         return replace(accepted, entries=entries, composed=first.composed)
 
+    @staticmethod
+    def is_as_planned(obj: Object, accepted: Accepted, first: Revision, known: InputsCache) -> bool:
+        """Whether the document is still the one that was planned; parsed once for each change."""
+        generation = obj["metadata"]["generation"]
+        if known.generation_as_planned != generation:
+            if not same_document(first.document, accepted.spec.vast):
+                return False
+            known.generation_as_planned = generation
+        return True
+
     async def prepare_composing(self, accepted: Accepted, plan: str) -> None:
         """What the compose Job mounts."""
         await self._create_plan(accepted, Revision(-1, plan, NO_PLAN), ())
 
-    async def make_files(self, accepted: Accepted, memory: Memory) -> bool:
+    async def make_files(self, accepted: Accepted, known: InputsCache) -> bool:
         """The input files, where pods can mount them and nobody changes them.
 
         Returns:
             False when another replica was faster: its copy of a ConfigMap may be of another moment.
         """
         identity = accepted.identity
-        if memory.files_made:
+        if known.files_made:
             return True
-        config_map = files_config_map(accepted, memory.source)
+        config_map = files_config_map(accepted, known.source)
         made = config_map is None or bool(
             await self._api.create(paths.config_maps(identity.namespace), config_map)
         )
-        memory.files_made, source = True, memory.source
-        memory.source = None
+        known.files_made, source = True, known.source
+        known.source = None
         is_copy = source is not None and metadata(source).get("name") == identity.files
         if made or source is None or is_copy:
             return True
-        memory.forget_inputs()
+        known.forget()
         return False
 
     async def make_configurations(self, accepted: Accepted) -> None:
         """The Configurations of the document's own entries; nothing waits for them."""
         identity = accepted.identity
-        there = self._store.configurations_of((identity.namespace, identity.name))
+        there = self._store.configurations_of(identity.key)
         names = {item["metadata"]["name"] for item in there}
         missing = (
             wanted
@@ -170,69 +181,70 @@ class Inputs:
         if made is not None:
             self._store.put_configuration(made)
 
-    async def additions(self, obj: Object, accepted: Accepted, memory: Memory) -> Additions:
+    async def additions(self, obj: Object, accepted: Accepted, known: InputsCache) -> Additions:
         """What Configurations that were applied by hand add; found out once for each change."""
         identity = accepted.identity
         added = [
             item
-            for item in self._store.configurations_of((identity.namespace, identity.name))
+            for item in self._store.configurations_of(identity.key)
             if not is_own(item, identity) and "deletionTimestamp" not in item["metadata"]
         ]
         if not added:
             return Additions()
         each = ((item["metadata"]["uid"], item["metadata"].get("generation")) for item in added)
-        revisions = await self._load_revisions(identity, memory)
+        revisions = await self._load_revisions(identity, known)
         mark = (obj["metadata"]["generation"], len(revisions), *each)
-        if memory.additions is None or memory.additions_for != mark:
+        if known.additions is None or known.additions_for != mark:
             source = await self._source(obj)
             files = source if isinstance(source, Rejected) else _files(obj, source)
-            memory.additions = await asyncio.to_thread(
+            known.additions = await asyncio.to_thread(
                 with_additions,
-                *(obj, accepted, added, files, self._settings, memory.expanded),
+                *(obj, accepted, added, files, self._settings, known.expanded),
                 *(Planned.of_revisions(revisions), self._apart.call),
             )
-            memory.additions_for = () if isinstance(files, Rejected) else mark
-        return memory.additions
+            known.additions_for = () if isinstance(files, Rejected) else mark
+        return known.additions
 
     async def revisions(
-        self, accepted: Accepted, additions: Additions, memory: Memory
+        self, accepted: Accepted, additions: Additions, known: InputsCache
     ) -> Sequence[Revision]:
         """The campaign's plans, with one more when more is asked for."""
-        memory.problems = dict(additions.problems)
-        revisions = await self._load_revisions(accepted.identity, memory)
+        revisions = await self._load_revisions(accepted.identity, known)
         name = accepted.identity.child(f"plan-{len(revisions)}")
         new = next_revision(accepted, revisions, additions.found, name)
         if new is not None:
             if not await self._create_plan(as_planned(accepted, new), new, new.entries):
-                await self._read_theirs(accepted.identity, len(revisions), name, memory)
-                return await self.revisions(accepted, additions, memory)
+                await self._read_theirs(accepted.identity, len(revisions), name, known)
+                return await self.revisions(accepted, additions, known)
             revisions.append(new)
         return revisions
 
-    async def _read_theirs(self, identity: Identity, known: int, name: str, memory: Memory) -> None:
+    async def _read_theirs(
+        self, identity: Identity, number: int, name: str, known: InputsCache
+    ) -> None:
         """Read what another replica, which was faster, has planned.
 
         Raises:
             InputError: nobody has: something else has the plan's name.
         """
-        memory.forget_inputs()
-        if len(await self._load_revisions(identity, memory)) <= known:
+        known.forget()
+        if len(await self._load_revisions(identity, known)) <= number:
             raise InputError(
                 f"there is a ConfigMap {name} already, which is none of this campaign's plans. "
                 f"Remove it: `kubectl delete configmap {name} -n {identity.namespace}`."
             )
 
     async def withdrawn(
-        self, accepted: Accepted, revisions: Sequence[Revision], memory: Memory
+        self, accepted: Accepted, revisions: Sequence[Revision], known: InputsCache
     ) -> frozenset[str]:
         """The Configurations that asked for runs and are gone, by uid."""
         identity = accepted.identity
-        there = self._store.configurations_of((identity.namespace, identity.name))
-        known = {item["metadata"]["uid"] for item in there} | memory.withdrawn
+        there = self._store.configurations_of(identity.key)
+        counted = {item["metadata"]["uid"] for item in there} | known.withdrawn
         for owner in revisions[-1].owners.values():
-            if owner["uid"] not in known and await self._is_gone(identity.namespace, owner):
-                memory.withdrawn.add(owner["uid"])
-        return frozenset(memory.withdrawn)
+            if owner["uid"] not in counted and await self._is_gone(identity.namespace, owner):
+                known.withdrawn.add(owner["uid"])
+        return frozenset(known.withdrawn)
 
     async def _is_gone(self, namespace: str, owner: Object) -> bool:
         """Whether the server does not know an object either: a watch may be late."""
@@ -240,23 +252,23 @@ class Inputs:
         found = self._api.list(paths.configurations(namespace), fieldSelector=name)
         return owner["uid"] not in [item["metadata"]["uid"] async for item in found]
 
-    async def _load_revisions(self, identity: Identity, memory: Memory) -> list[Revision]:
+    async def _load_revisions(self, identity: Identity, known: InputsCache) -> list[Revision]:
         """The campaign's plans, read once."""
-        if memory.revisions is None:
+        if known.revisions is None:
             plans = await self._plans(identity)
-            memory.revisions = read_revisions(plans, identity.child("plan-"))
-        return memory.revisions
+            known.revisions = read_revisions(plans, identity.child("plan-"))
+        return known.revisions
 
-    async def _where(self, identity: Identity, memory: Memory) -> CampaignPlan | None:
+    async def _where(self, identity: Identity, known: InputsCache) -> CampaignPlan | None:
         """A plan that was fixed: all agree on where the results are."""
-        if memory.planned is None:
-            memory.planned = any_plan(await self._plans(identity), identity.child("plan-"))
-        return memory.planned
+        if known.planned is None:
+            known.planned = any_plan(await self._plans(identity), identity.child("plan-"))
+        return known.planned
 
     async def _plans(self, identity: Identity) -> list[Object]:
         """The campaign's ConfigMaps."""
-        selector = ",".join(f"{name}={value}" for name, value in identity.labels.items())
-        found = self._api.list(paths.config_maps(identity.namespace), labelSelector=selector)
+        path = paths.config_maps(identity.namespace)
+        found = self._api.list(path, labelSelector=identity.selector())
         return [obj async for obj in found]
 
     async def _create_plan(

@@ -22,7 +22,6 @@ from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.store import NOTIFY_ROLE, JobState
 from robovast_operator.kube.times import now
 from robovast_operator.kube.work_queue import WorkQueue
-from robovast_operator.memory import Memory
 from robovast_operator.pods.jobs import notify_job
 from robovast_operator.pods.pod_status import last_words
 from robovast_operator.settings import Settings
@@ -49,7 +48,7 @@ class Notifier:
         lasting = timedelta(seconds=self._settings.notify_seconds)
         transition, wait = due(status, wanted.notifications, moment, lasting)
         if wait is not None:
-            self._queue.add((identity.namespace, identity.name), wait)
+            self._queue.add(identity.key, wait)
         if transition is None:
             return status, None
         order = Order(
@@ -60,16 +59,16 @@ class Notifier:
         job = notify_job(identity, self._settings, wanted.scheduling, name, order)
         return marked(status, transition), job
 
-    async def report(self, identity: Identity, jobs: Iterable[JobState], memory: Memory) -> None:
+    async def report(self, identity: Identity, jobs: Iterable[JobState], told: set[str]) -> None:
         """Tell by an Event of each notice that did not reach everybody."""
         for job in jobs:
-            if job.finished != "Failed" or job.uid in memory.undelivered:
+            if job.finished != "Failed" or job.uid in told:
                 continue
             pods = [pod async for pod in self._diagnosis.pods_of(job)]
             causes = last_words(pods, NOTIFY_ROLE, job.failed) or [job.message]
             message = Message("Warning", "NotificationFailed", "\n".join(causes), job.uid)
             await announce(self._api, identity, message)
-            memory.undelivered.add(job.uid)
+            told.add(job.uid)
 
 
 class _Wanted(BaseModel):

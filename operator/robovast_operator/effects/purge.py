@@ -64,7 +64,6 @@ class Purge:
             await self._set(obj, others)  # it never had a bucket
             return None
         accepted, where = begun
-        namespace = accepted.identity.namespace
         name = accepted.identity.child("purge")
         job = jobs.get(name)
         if job is not None and job.finished == "Complete":
@@ -73,19 +72,23 @@ class Purge:
         if job is not None and job.finished:
             await self._tell_that_it_waits(obj, await self._cause(job))
             return 300.0
-        at_work = [other for other in jobs.values() if other.name != name]
-        for other in at_work:
-            if not other.deleting:
-                await self._api.delete(f"{paths.jobs(namespace)}/{other.name}")
-        if at_work:
+        if await self._end_others(jobs, name):
             return 2.0  # what still stores results would make the bucket anew
         plan = accepted.identity.child("plan-purge")
         told = plan_config_map(accepted, plan, where)
-        await self._api.create(paths.config_maps(namespace), told)
+        await self._api.create(paths.config_maps(told["metadata"]["namespace"]), told)
         if job is None:
             made = task_job(accepted, self._settings, "purge", name, plan)
-            await self._api.create(paths.jobs(namespace), made)
+            await self._api.create(paths.jobs(made["metadata"]["namespace"]), made)
         return 15.0
+
+    async def _end_others(self, jobs: Mapping[str, JobState], own: str) -> bool:
+        """Remove all Jobs but our own; returns whether any is still there."""
+        others = [job for job in jobs.values() if job.name != own]
+        for job in others:
+            if not job.deleting:
+                await self._api.delete(f"{paths.jobs(job.namespace)}/{job.name}")
+        return bool(others)
 
     async def give_up(self, obj: Object) -> None:
         """Let a Campaign go whose namespace is being deleted: no Job can be made there."""

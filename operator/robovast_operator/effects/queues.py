@@ -14,8 +14,8 @@ from robovast_operator.kube.lenient import mapping, mappings, text
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState, Store
 from robovast_operator.kube.times import now
-from robovast_operator.memory import Memory
-from robovast_operator.pods.waiting import PARKED, Waiting, place_of, waiting_of
+from robovast_operator.memory import Motion, QueueCache
+from robovast_operator.pods.waiting import PARKED, QueueFindings, Waiting, place_of, waiting_of
 from robovast_operator.settings import Settings
 
 LOOK_SECONDS = 30.0
@@ -31,7 +31,7 @@ VERSIONS = ("v1beta2", "v1beta1")
 
 
 class Queues:
-    """Fills the memory of a campaign with what Kueue says of it."""
+    """Finds out what Kueue says of campaigns."""
 
     def __init__(self, api: Api, store: Store, settings: Settings) -> None:
         self._api = api
@@ -39,76 +39,64 @@ class Queues:
         self._settings = settings
         self._answers: dict[str, tuple[float, Object | None]] = {}
 
-    async def update(
-        self, memory: Memory, jobs: Mapping[str, JobState], *, suspended: bool
-    ) -> float | None:
-        """Learn why a campaign waits; returns when to look again [s], None when events will tell.
+    async def findings(
+        self, known: QueueCache, motion: Motion, jobs: Mapping[str, JobState], *, suspended: bool
+    ) -> QueueFindings:
+        """Why a campaign waits; Kueue is asked where that is due.
 
         Args:
-            memory: of the campaign.
+            known: of the campaign.
+            motion: of its Jobs.
             jobs: its Jobs.
             suspended: whether it is not to run now.
         """
-        held = [job for job in jobs.values() if self._is_held(job, memory)]
+        stalled = motion.still_for() > self._settings.stall_seconds
+        held = [job for job in jobs.values() if _is_held(job, stalled=stalled)]
         if suspended:
-            memory.waiting = None
-            if all(job.name in memory.parked for job in held):
-                return None
-            new = memory.still_for() < self._settings.stall_seconds
-            return FIRST_SECONDS if new else LOOK_SECONDS  # Kueue has not seen it yet
-        if not held:
-            memory.waiting, memory.queue_job = None, ()
+            again = self._until_parked(known, held, stalled=stalled)
+        elif held:
+            again = await self._learn(known, held[0], stalled=stalled)
+        else:
+            known.waiting, known.job, again = None, (), None
+        return QueueFindings(known.waiting, frozenset(known.parked), again)
+
+    @staticmethod
+    def _until_parked(known: QueueCache, held: list[JobState], *, stalled: bool) -> float | None:
+        known.waiting = None
+        if all(job.name in known.parked for job in held):
             return None
-        job, moment = held[0], time.monotonic()
-        if memory.queue_job != (job.uid, job.parallelism):
-            memory.queue_job, memory.queued = (job.uid, job.parallelism), moment
-        elif memory.queue_looked + self._pause(memory) > moment:
-            return memory.queue_looked + self._pause(memory) - moment
-        memory.waiting = await self._look(job, memory)
-        memory.queue_looked = moment
-        if memory.waiting is not None and memory.waiting.parked:
-            memory.parked.add(job.name)
-        return self._pause(memory)
+        return LOOK_SECONDS if stalled else FIRST_SECONDS  # Kueue has not seen it yet
 
-    def _is_held(self, job: JobState, memory: Memory) -> bool:
-        """Whether a Job waits; one without a queue may just be about to be resumed."""
-        if job.role != "shard" or not job.open or not job.suspended or job.deleting:
-            return False
-        return bool(job.queue) or memory.still_for() > self._settings.stall_seconds
+    async def _learn(self, known: QueueCache, job: JobState, *, stalled: bool) -> float:
+        """Ask about a Job that waits, unless that was just done; returns when to look again [s]."""
+        moment = time.monotonic()
+        if known.job != (job.uid, job.parallelism):
+            known.job, known.since = (job.uid, job.parallelism), moment
+        elif known.looked + _pause(known) > moment:
+            return known.looked + _pause(known) - moment
+        known.waiting = await self._look(job, known.waiting, stalled=stalled)
+        known.looked = moment
+        if known.waiting is not None and known.waiting.parked:
+            known.parked.add(job.name)
+        return _pause(known)
 
-    def _pause(self, memory: Memory) -> float:
-        waiting = memory.waiting
-        clear = waiting is not None and (waiting.helpless or waiting.place is not None)
-        new = time.monotonic() - memory.queued < LOOK_SECONDS
-        return FIRST_SECONDS if new and not clear else LOOK_SECONDS
-
-    async def _look(self, job: JobState, memory: Memory) -> Waiting | None:
+    async def _look(
+        self, job: JobState, before: Waiting | None, *, stalled: bool
+    ) -> Waiting | None:
         workload = await self._workload(job)
         if workload is None:
-            return self._nothing(job, memory)
+            return _nothing(job, stalled=stalled)
         found = waiting_of(workload, job)
         if found is None or found.helpless or found.parked:
             return found
         place = await self._place(job)
         if place is None:
             return found
-        known = memory.waiting and memory.waiting.place
+        known = before and before.place
         if known and known.summary == place.summary:
             place = known  # a start that is expected a moment earlier or later is no news
         message = f"waits in the queue {job.queue}: place {place.summary}"
         return replace(found, message=message, place=place)
-
-    def _nothing(self, job: JobState, memory: Memory) -> Waiting | None:
-        """Kueue has made no Workload."""
-        if not job.queue:
-            return None
-        if memory.still_for() < self._settings.stall_seconds:
-            return Waiting(job.name, "Waiting", f"waits in the queue {job.queue}")
-        message = (
-            f"nobody admits it to the queue {job.queue}: is Kueue installed, and does it look "
-            f"after the namespace {job.namespace}? Without spec.queueName none is needed."
-        )
-        return Waiting(job.name, "NoKueue", message, helpless=True)
 
     async def _place(self, job: JobState) -> QueuePlace | None:
         version = await self._version(paths.KUEUE_VISIBILITY)
@@ -151,7 +139,7 @@ class Queues:
         self._answers = {**young, path: (moment, answer)}
         return answer
 
-    async def park(self, job: JobState, memory: Memory, *, parked: bool) -> bool:
+    async def park(self, job: JobState, known: QueueCache, *, parked: bool) -> bool:
         """Take a Job out of its queue, or give it back; False when Kueue does not look after it.
 
         What somebody else took out stays out.
@@ -166,8 +154,8 @@ class Queues:
             name = workload["metadata"]["name"]
             path = f"{paths.workloads(version, job.namespace)}/{name}"
             await self._api.patch(path, {**mark, "spec": {"active": not parked}})
-        (memory.parked.add if parked else memory.parked.discard)(job.name)
-        memory.queue_job = ()
+        (known.parked.add if parked else known.parked.discard)(job.name)
+        known.job = ()
         return True
 
     async def _workload(self, job: JobState) -> Object | None:
@@ -181,3 +169,30 @@ class Queues:
                 return None
             raise
         return found[0] if found else None
+
+
+def _is_held(job: JobState, *, stalled: bool) -> bool:
+    """Whether a Job waits; one without a queue may just be about to be resumed."""
+    if job.role != "shard" or not job.open or not job.suspended or job.deleting:
+        return False
+    return bool(job.queue) or stalled
+
+
+def _pause(known: QueueCache) -> float:
+    waiting = known.waiting
+    clear = waiting is not None and (waiting.helpless or waiting.place is not None)
+    new = time.monotonic() - known.since < LOOK_SECONDS
+    return FIRST_SECONDS if new and not clear else LOOK_SECONDS
+
+
+def _nothing(job: JobState, *, stalled: bool) -> Waiting | None:
+    """Kueue has made no Workload."""
+    if not job.queue:
+        return None
+    if not stalled:
+        return Waiting(job.name, "Waiting", f"waits in the queue {job.queue}")
+    message = (
+        f"nobody admits it to the queue {job.queue}: is Kueue installed, and does it look "
+        f"after the namespace {job.namespace}? Without spec.queueName none is needed."
+    )
+    return Waiting(job.name, "NoKueue", message, helpless=True)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
+from collections.abc import Mapping
 
 from robovast.kubeapi.resources import API_VERSION
 from robovast.kubeapi.status import CampaignStatus, ConfigurationStatus, compact, read_status
@@ -17,7 +19,6 @@ from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.store import Store
 from robovast_operator.kube.times import format_time, now
 from robovast_operator.kube.work_queue import WorkQueue
-from robovast_operator.memory import Memory
 from robovast_operator.planning.campaign import Accepted, Rejected, Revision
 from robovast_operator.planning.configurations import ConfigurationStatuses, is_own
 from robovast_operator.pods.findings import Trouble
@@ -39,10 +40,12 @@ class Statuses:
         self._api = api
         self._store = store
         self._queue = queue
-        self._settings = settings
+        self._pause = settings.status_seconds
         self._notifier = notifier
+        self._written: dict[str, float] = {}
+        """By uid of a Campaign, when its status was last written; forgotten after a pause."""
 
-    async def rejected(self, obj: Object, rejected: Rejected, memory: Memory) -> None:
+    async def rejected(self, obj: Object, rejected: Rejected) -> None:
         """Of a Campaign that cannot be executed as it is."""
         generation = obj["metadata"]["generation"]
         old = read_status(CampaignStatus, obj.get("status"))
@@ -56,13 +59,12 @@ class Statuses:
                 "conditions": conditions,
             }
         )
-        await self.write(obj, status, memory)
+        await self.write(obj, status)
 
-    async def composing(self, obj: Object, accepted: Accepted, memory: Memory) -> None:
+    async def composing(self, obj: Object, accepted: Accepted, trouble: Trouble | None) -> None:
         """While nothing but the compose Job is at work."""
         generation = obj["metadata"]["generation"]
         old = read_status(CampaignStatus, obj.get("status"))
-        trouble = memory.trouble
         status = CampaignStatus(
             observed_generation=generation,
             state="Composing",
@@ -78,9 +80,9 @@ class Statuses:
                 old.conditions,
             ),
         )
-        await self.write(obj, status, memory)
+        await self.write(obj, status)
 
-    async def failing(self, obj: Object, trouble: Trouble, memory: Memory) -> None:
+    async def failing(self, obj: Object, trouble: Trouble) -> None:
         """Of a Campaign with which nothing can be done: what is known stays, and why is told.
 
         It is told by an Event, too, since the status itself may be what is refused.
@@ -91,23 +93,23 @@ class Statuses:
             (trouble.reason, trouble.message), generation, moment, old.conditions
         )
         await self.tell(Identity.of(obj), trouble, generation)
-        await self.write(obj, old.model_copy(update={"conditions": conditions}), memory)
+        await self.write(obj, old.model_copy(update={"conditions": conditions}))
 
     async def tell(self, identity: Identity, trouble: Trouble, generation: int) -> None:
         """Say what is wrong by an Event; once for each cause and generation."""
         message = Message("Warning", trouble.reason, trouble.message, str(generation))
         await announce(self._api, identity, message)
 
-    async def write(self, obj: Object, status: CampaignStatus, memory: Memory) -> bool:
+    async def write(self, obj: Object, status: CampaignStatus) -> bool:
         """Write a status that has changed; False when it is put off."""
         old = read_status(CampaignStatus, obj.get("status"))
         status, notice = self._notifier.next(obj, status)
         if status == old:
             return True
         identity = Identity.of(obj)
-        wait = memory.status_written + self._settings.status_seconds - time.monotonic()
+        wait = self._written.get(identity.uid, -math.inf) + self._pause - time.monotonic()
         if wait > 0 and not is_news(old, status):
-            self._queue.add((identity.namespace, identity.name), wait)
+            self._queue.add(identity.key, wait)
             return False
         if notice is not None:
             await self._api.create(paths.jobs(identity.namespace), notice)
@@ -121,7 +123,9 @@ class Statuses:
             "status": compact(status.model_dump(by_alias=True, exclude_none=True)),
         }
         written = await self._api.apply_status(path, body)
-        memory.status_written = time.monotonic()
+        moment = time.monotonic()
+        late = {uid: at for uid, at in self._written.items() if at + self._pause > moment}
+        self._written = {**late, identity.uid: moment}
         if written is not None:
             self._store.put_campaign(written)
         return True
@@ -131,7 +135,7 @@ class Statuses:
         accepted: Accepted,
         revision: Revision,
         status: CampaignStatus,
-        memory: Memory,
+        problems: Mapping[str, str],
     ) -> None:
         """Write the Configurations' statuses at the campaign's end.
 
@@ -141,11 +145,11 @@ class Statuses:
         identity, ended = accepted.identity, is_true(status, "ResultsAvailable")
         due = [
             item
-            for item in self._store.configurations_of((identity.namespace, identity.name))
+            for item in self._store.configurations_of(identity.key)
             if ended or not (is_own(item, identity) or _is_known(item))
         ]
         if due:
-            tell = ConfigurationStatuses(revision, status, format_time(now()), memory.problems)
+            tell = ConfigurationStatuses(revision, status, format_time(now()), problems)
             await few_at_once(self._write_configuration_status(i, tell.of(i)) for i in due)
 
     async def _write_configuration_status(self, item: Object, told: ConfigurationStatus) -> None:

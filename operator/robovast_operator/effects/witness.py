@@ -15,7 +15,6 @@ from robovast_operator.kube.announce import is_refusal
 from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
-from robovast_operator.memory import Memory
 from robovast_operator.planning.campaign import Accepted
 from robovast_operator.pods.jobs import SIGHTINGS_ROLE, sightings_config_map
 from robovast_operator.pods.pod_status import sighted
@@ -31,14 +30,14 @@ class Witness:
         self._diagnosis = diagnosis
 
     async def update(
-        self, accepted: Accepted, memory: Memory, jobs: Mapping[str, JobState]
+        self, accepted: Accepted, witnessed: set[str], jobs: Mapping[str, JobState]
     ) -> None:
         """Keep what is to be seen of Jobs that have ended since the last look."""
         for job in jobs.values():
             ended = job.role == "shard" and job.finished
-            if ended and job.uid not in memory.witnessed:
+            if ended and job.uid not in witnessed:
                 await self._keep(accepted, job)
-                memory.witnessed.add(job.uid)
+                witnessed.add(job.uid)
 
     async def _keep(self, accepted: Accepted, job: JobState) -> None:
         """Keep it in a ConfigMap; without one its runs' records say less, and nothing wrong."""
@@ -61,8 +60,7 @@ class Witness:
     async def kept(self, accepted: Accepted) -> list[str]:
         """Names of the ConfigMaps in which it is kept."""
         identity = accepted.identity
-        labels = {**identity.labels, ROLE_LABEL: SIGHTINGS_ROLE}
-        selector = ",".join(f"{name}={value}" for name, value in labels.items())
+        selector = identity.selector(**{ROLE_LABEL: SIGHTINGS_ROLE})
         found = self._api.list(paths.config_maps(identity.namespace), labelSelector=selector)
         names = [obj["metadata"]["name"] async for obj in found]
         return sorted(name for name in names if name.startswith(identity.child("pods-")))

@@ -38,6 +38,11 @@ class Identity:
         meta = obj["metadata"]
         return cls(meta["namespace"], meta["name"], meta["uid"], meta["creationTimestamp"])
 
+    @property
+    def key(self) -> Key:
+        """Namespace and name."""
+        return self.namespace, self.name
+
     def child(self, suffix: str | int) -> str:
         """Name of an object that is made for the Campaign."""
         return child_name(self.name, self.uid, suffix)
@@ -51,6 +56,10 @@ class Identity:
     def labels(self) -> dict[str, str]:
         """Labels of every object that is made for the Campaign."""
         return {CAMPAIGN_LABEL: self.name, UID_LABEL: self.uid, MANAGED_LABEL: MANAGED_BY}
+
+    def selector(self, **more: str) -> str:
+        """What finds the objects that are made for the Campaign, with some more labels."""
+        return ",".join(f"{name}={value}" for name, value in {**self.labels, **more}.items())
 
     @property
     def owner(self) -> Object:

@@ -45,6 +45,18 @@ class Waiting:
     place: QueuePlace | None = None
 
 
+@dataclass(frozen=True)
+class QueueFindings:
+    """What Kueue says of a campaign at one moment."""
+
+    waiting: Waiting | None = None
+    """Why the oldest Job that waits is not admitted."""
+    parked: frozenset[str] = frozenset()
+    """Jobs that are out of their queue because the campaign was suspended."""
+    again: float | None = None
+    """When to look again [s]; None when events will tell."""
+
+
 def waiting_of(workload: Object, job: JobState) -> Waiting | None:
     """Why a Job waits, by what Kueue says of its Workload; None when it has its quota."""
     conditions = {c["type"]: c for c in workload["status"].get("conditions", ())}

@@ -3,53 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
 
-from robovast.kubeapi.resources import CampaignSpec
 from robovast.kubeapi.status import CampaignStatus, Condition, Runs, read_status
 from robovast_operator.kube.conditions import Found, dated, is_true
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
+from robovast_operator.kube.times import format_time
+from robovast_operator.snapshot import Snapshot
 
 Why = tuple[str, str]
 """Reason and message."""
 
 
-@dataclass(frozen=True)
-class Facts:
-    """What conditions are made from."""
+def campaign_conditions(snapshot: Snapshot, runs: Runs) -> list[Condition]:
+    """All conditions of an accepted campaign.
 
-    generation: int
-    now: str
-    spec: CampaignSpec
-    runs: Runs
-    active: bool
-    """Whether any Job of a shard is open."""
-    over: bool
-    """Whether nothing more is to be executed."""
-    indexed: bool
-    """Whether the results are complete in the bucket."""
-    aborted: Why | None = None
-    trouble: Why | None = None
-    quota: Why | None = None
-    helpless: bool = False
-    """Whether it gets no quota until somebody helps."""
-    unprocessed: Why | None = None
-    """Why the results could not be worked up."""
-
-
-def campaign_conditions(facts: Facts, old: Iterable[Condition]) -> list[Condition]:
-    """All conditions of an accepted campaign."""
+    Args:
+        snapshot: of the campaign.
+        runs: what is told of its runs.
+    """
     found: list[Found] = [
         ("Accepted", "True", "Valid", "the document is in order"),
-        _quota(facts),
-        _reconciling(facts),
-        _stalled(facts),
-        _succeeded(facts),
-        _passed(facts),
-        _results(facts),
+        _quota(snapshot),
+        _reconciling(snapshot, runs),
+        _stalled(snapshot),
+        _succeeded(snapshot, runs),
+        _passed(snapshot, runs),
+        _results(snapshot),
     ]
-    return dated(found, facts.generation, facts.now, old)
+    moment = format_time(snapshot.now)
+    return dated(found, snapshot.generation, moment, snapshot.status.conditions)
 
 
 def rejected_conditions(
@@ -98,79 +81,91 @@ def failing_conditions(
     return dated([*kept, ("Stalled", "True", *why)], generation, now, before)
 
 
-def campaign_state(facts: Facts, conditions: Iterable[Condition]) -> str:
-    """One word for people."""
+def campaign_state(
+    snapshot: Snapshot, runs: Runs, conditions: Iterable[Condition], *, active: bool
+) -> str:
+    """One word for people.
+
+    Args:
+        snapshot: of the campaign.
+        runs: what is told of its runs.
+        conditions: of the campaign.
+        active: whether any Job of a shard is open.
+    """
     by_type = {condition.type: condition for condition in conditions}
     if by_type["Succeeded"].status == "False":
         return "Failed"
-    if facts.over:
-        return "Finished" if facts.indexed else "Finishing"
-    if facts.spec.suspend:
+    if snapshot.over:
+        return "Finished" if snapshot.indexed else "Finishing"
+    if snapshot.accepted.spec.suspend:
         return "Suspended"
     if by_type["QuotaReserved"].status == "False":
         return "Queued"
-    if not facts.active:
+    if not active:
         return "Pending"
-    if facts.runs.active:
+    if runs.active:
         return "Running"
     if by_type["Stalled"].status == "True":
         return "Stalled"
-    return "Running" if facts.runs.decided else "Pending"
+    return "Running" if runs.decided else "Pending"
 
 
-def _quota(facts: Facts) -> Found:
-    if facts.quota is not None:
-        return ("QuotaReserved", "False", *facts.quota)
-    if facts.spec.queue_name is None:
+def _quota(snapshot: Snapshot) -> Found:
+    held, queue = snapshot.held, snapshot.accepted.spec.queue_name
+    if held is not None:
+        return ("QuotaReserved", "False", held.reason, held.message)
+    if queue is None:
         return ("QuotaReserved", "True", "NoQueue", "spec.queueName names no queue")
-    message = f"admitted by the queue {facts.spec.queue_name}"
+    message = f"admitted by the queue {queue}"
     return ("QuotaReserved", "True", "Admitted", message)
 
 
-def _reconciling(facts: Facts) -> Found:
-    if facts.indexed:
+def _reconciling(snapshot: Snapshot, runs: Runs) -> Found:
+    if snapshot.indexed:
         return ("Reconciling", "False", "Finished", "")
-    if facts.over:
+    if snapshot.over:
         return ("Reconciling", "True", "Finishing", "the results are being completed")
-    if facts.spec.suspend:
+    if snapshot.accepted.spec.suspend:
         return ("Reconciling", "False", "Suspended", "spec.suspend is set")
-    return ("Reconciling", "True", "Running", f"{facts.runs.decided} of {facts.runs.total} runs")
+    return ("Reconciling", "True", "Running", f"{runs.decided} of {runs.total} runs")
 
 
-def _stalled(facts: Facts) -> Found:
-    cause = facts.aborted or facts.trouble or (facts.quota if facts.helpless else None)
-    if cause is not None and not (facts.indexed and facts.aborted is None):
-        return ("Stalled", "True", *cause)
+def _stalled(snapshot: Snapshot) -> Found:
+    held = snapshot.held if snapshot.held is not None and snapshot.held.helpless else None
+    cause = snapshot.given_up or snapshot.trouble or held
+    if cause is not None and not (snapshot.indexed and snapshot.given_up is None):
+        return ("Stalled", "True", cause.reason, cause.message)
     return ("Stalled", "False", "Progressing", "")
 
 
-def _succeeded(facts: Facts) -> Found:
-    if facts.aborted is not None:
-        return ("Succeeded", "False", *facts.aborted)
-    if facts.over:
-        return ("Succeeded", "True", "Finished", f"all {facts.runs.total} runs have ended")
+def _succeeded(snapshot: Snapshot, runs: Runs) -> Found:
+    if snapshot.given_up is not None:
+        return ("Succeeded", "False", snapshot.given_up.reason, snapshot.given_up.message)
+    if snapshot.over:
+        return ("Succeeded", "True", "Finished", f"all {runs.total} runs have ended")
     return ("Succeeded", "Unknown", "Running", "")
 
 
-def _passed(facts: Facts) -> Found:
-    runs, least = facts.runs, facts.spec.acceptance.min_pass_ratio
+def _passed(snapshot: Snapshot, runs: Runs) -> Found:
+    least = snapshot.accepted.spec.acceptance.min_pass_ratio
     bad = runs.failed + runs.errored
     needed = float(least) * runs.total
     told = f"{runs.passed} of {runs.total} runs passed; needed are {least} of all"
     if runs.total and runs.total - bad < needed - 1e-9:
         return ("Passed", "False", "TooManyBadRuns", told)
-    if facts.aborted is not None:
-        return ("Passed", "False", facts.aborted[0], facts.aborted[1])
-    if facts.over and facts.indexed:
+    if snapshot.given_up is not None:
+        return ("Passed", "False", snapshot.given_up.reason, snapshot.given_up.message)
+    if snapshot.over and snapshot.indexed:
         return ("Passed", "True", "Accepted", told)
     return ("Passed", "Unknown", "Running", "")
 
 
-def _results(facts: Facts) -> Found:
-    if facts.indexed and facts.unprocessed is not None:
-        message = f"the results are complete, but not worked up: {facts.unprocessed[1]}"
+def _results(snapshot: Snapshot) -> Found:
+    unprocessed = snapshot.pods.failures.get(snapshot.process_name)
+    if snapshot.indexed and unprocessed is not None:
+        message = f"the results are complete, but not worked up: {unprocessed.message}"
         return ("ResultsAvailable", "True", "ProcessingFailed", message)
-    if facts.indexed:
+    if snapshot.indexed:
         return ("ResultsAvailable", "True", "Indexed", "the bucket is complete")
     return ("ResultsAvailable", "False", "Running", "")
 

@@ -12,105 +12,64 @@ from robovast.kubeapi.status import RANGES_LIMIT, SHARDS_LIMIT, CampaignStatus, 
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time
 from robovast_operator.planning.shards import ShardPlan
-from robovast_operator.pods.findings import Trouble
-from robovast_operator.pods.tries import NO_WORD
 from robovast_operator.pods.verdicts import Tally
-from robovast_operator.snapshot import Picture
-from robovast_operator.status.conditions import Facts, Why, campaign_conditions, campaign_state
+from robovast_operator.snapshot import Snapshot
+from robovast_operator.status.conditions import campaign_conditions, campaign_state
 
 
-def tell(picture: Picture, created: Sequence[ShardPlan]) -> CampaignStatus:
+def tell(snapshot: Snapshot, created: Sequence[ShardPlan]) -> CampaignStatus:
     """The status of a campaign, with the shards that are just being made."""
-    observed, old = picture.observed, picture.observed.status
-    accepted = observed.accepted
-    records, settled = _folded(picture, _records(picture, created))
-    numbers = _numbers(picture)
-    runs, indexed = numbers.runs, picture.indexed
-    started = old.start_time or (format_time(observed.now) if records else None)
-    ended = format_time(observed.now) if picture.over else None
+    old = snapshot.status
+    accepted = snapshot.accepted
+    records, settled = _folded(snapshot, _records(snapshot, created))
+    numbers = _numbers(snapshot)
+    runs, indexed = numbers.runs, snapshot.indexed
+    started = old.start_time or (format_time(snapshot.now) if records else None)
+    ended = format_time(snapshot.now) if snapshot.over else None
     status = CampaignStatus(
-        observed_generation=observed.generation,
+        observed_generation=snapshot.generation,
         progress=f"{runs.decided}/{runs.total}",
         campaign=accepted.campaign,
         bucket=accepted.bucket,
         endpoint=accepted.endpoint,
         image=accepted.image,
-        attempt=picture.attempt,
+        attempt=snapshot.attempt,
         runs=runs,
         failed_runs=numbers.failed,
         errored_runs=numbers.errored,
         ranges_truncated=numbers.truncated,
         failing=list(numbers.failing),
         shards=records,
-        finished_shards=picture.ended_shards if indexed else old.finished_shards,
+        finished_shards=snapshot.ended_shards if indexed else old.finished_shards,
         settled=settled,
-        bad=picture.bad,
-        queue=picture.held and picture.held.place,
+        bad=snapshot.bad,
+        queue=snapshot.held and snapshot.held.place,
         start_time=started,
         completion_time=(old.completion_time or ended) if ended else None,
         notified=old.notified,
     )
-    facts = _facts(picture, runs, active=bool(picture.open or created))
-    conditions = campaign_conditions(facts, old.conditions)
-    return status.model_copy(
-        update={"conditions": conditions, "state": campaign_state(facts, conditions)}
-    )
+    conditions = campaign_conditions(snapshot, runs)
+    active = bool(snapshot.open or created)
+    state = campaign_state(snapshot, runs, conditions, active=active)
+    return status.model_copy(update={"conditions": conditions, "state": state})
 
 
-def _facts(picture: Picture, runs: Runs, *, active: bool) -> Facts:
-    observed, held = picture.observed, picture.held
-    return Facts(
-        generation=observed.generation,
-        now=format_time(observed.now),
-        spec=observed.accepted.spec,
-        runs=runs,
-        active=active,
-        over=picture.over,
-        indexed=picture.indexed,
-        aborted=None if picture.repeats else _why(picture.aborted),
-        trouble=_why(observed.trouble or _unrepeatable(picture) or _speechless(picture)),
-        quota=None if held is None else (held.reason, held.message),
-        helpless=held is not None and held.helpless,
-        unprocessed=_why(observed.failures.get(picture.process_name)),
-    )
-
-
-def _unrepeatable(picture: Picture) -> Trouble | None:
-    """Why bad runs cannot be executed once more, if they cannot."""
-    if not picture.repetition_due or not picture.all_known or picture.repeats:
-        return None
-    message = (
-        "the finish Job has stored no list of the bad runs: are operator and agent of one version?"
-    )
-    return Trouble("NoList", message)
-
-
-def _speechless(picture: Picture) -> Trouble | None:
-    """Why the index is made again and again, if it is."""
-    told = picture.finish.told if picture.lost_words else ""
-    return Trouble(NO_WORD, told) if told else None
-
-
-def _why(trouble: Trouble | None) -> Why | None:
-    return None if trouble is None else (trouble.reason, trouble.message)
-
-
-def _records(picture: Picture, created: Sequence[ShardPlan]) -> list[Shard]:
+def _records(snapshot: Snapshot, created: Sequence[ShardPlan]) -> list[Shard]:
     """Shards that the status tells of: they have a Job, or had one."""
     made = {shard.job for shard in created}
     records = []
-    for shard in picture.shards:
-        record, job = picture.records.get(shard.job), picture.job(shard)
+    for shard in snapshot.shards:
+        record, job = snapshot.records.get(shard.job), snapshot.job(shard)
         known = record is not None or job is not None or shard.job in made
-        if not known and not picture.withdrawn(shard):
+        if not known and not snapshot.is_withdrawn(shard):
             continue
-        ended = picture.ended(shard)
-        tally = picture.tallies[shard.job] if ended else Tally()
+        ended = snapshot.ended(shard)
+        tally = snapshot.tallies[shard.job] if ended else Tally()
         records.append(
             Shard(
                 index=shard.index,
                 job=shard.job,
-                state=_record_state(picture, shard, record, job),
+                state=_record_state(snapshot, shard, record, job),
                 packs=shard.packs,
                 attempt=shard.attempt,
                 passed=tally.passed,
@@ -123,17 +82,17 @@ def _records(picture: Picture, created: Sequence[ShardPlan]) -> list[Shard]:
     return records
 
 
-def _folded(picture: Picture, records: Sequence[Shard]) -> tuple[list[Shard], Settled]:
+def _folded(snapshot: Snapshot, records: Sequence[Shard]) -> tuple[list[Shard], Settled]:
     """What is told of shards, the oldest as numbers when there are too many."""
-    current = {shard.job for shard in picture.shards}
-    past = [record for record in picture.observed.status.shards if record.job not in current]
-    settled = picture.settled
-    if settled != picture.observed.status.settled:  # all of them are settled now
+    current = {shard.job for shard in snapshot.shards}
+    past = [record for record in snapshot.status.shards if record.job not in current]
+    settled = snapshot.settled
+    if settled != snapshot.status.settled:  # all of them are settled now
         return [*past, *records][-SHARDS_LIMIT:], settled
     by_job = {record.job: record for record in records}
     folded: list[Shard] = []
     for repeated in (False, True):
-        mine = [by_job.get(s.job) for s in picture.shards if bool(s.repeat) == repeated]
+        mine = [by_job.get(s.job) for s in snapshot.shards if bool(s.repeat) == repeated]
         folded += [record for record in takewhile(_has_ended, mine) if record is not None]
     folded = folded[: max(0, len(records) - SHARDS_LIMIT)]
     update = {
@@ -154,15 +113,15 @@ def _has_ended(record: Shard | None) -> bool:
 
 
 def _record_state(
-    picture: Picture, shard: ShardPlan, record: Shard | None, job: JobState | None
+    snapshot: Snapshot, shard: ShardPlan, record: Shard | None, job: JobState | None
 ) -> Literal["Waiting", "Open", "Complete", "Failed"]:
     if record is not None and record.state in {"Complete", "Failed"}:
         return record.state
     if job is not None and not job.open:
         good = job.finished == "Complete" or job.reason == "FailedIndexes"
         return "Complete" if good else "Failed"
-    given_up = picture.aborted is not None and (job is not None or record is not None)
-    return "Failed" if given_up or picture.withdrawn(shard) else "Open"
+    given_up = snapshot.aborted is not None and (job is not None or record is not None)
+    return "Failed" if given_up or snapshot.is_withdrawn(shard) else "Open"
 
 
 @dataclass(frozen=True)
@@ -176,26 +135,26 @@ class _Numbers:
     failing: Sequence[str] = ()
 
 
-def _numbers(picture: Picture) -> _Numbers:
+def _numbers(snapshot: Snapshot) -> _Numbers:
     """Counts and bad runs: as the Jobs say, and in the end as the bucket says."""
-    old, final, settled = picture.observed.status, picture.final, picture.settled
-    if picture.repeats:
-        return _Numbers(Runs(total=picture.plan.total, **_counts(settled), stored=settled.passed))
+    old, final, settled = snapshot.status, snapshot.final, snapshot.settled
+    if snapshot.repeats:
+        return _Numbers(Runs(total=snapshot.plan.total, **_counts(settled), stored=settled.passed))
     if final is not None:
         failed, errored, cut = _texts(final.failed, final.errored)
         return _Numbers(final.runs, failed, errored, final.truncated or cut, final.failing)
-    if picture.indexed:
+    if snapshot.indexed:
         return _Numbers(
             old.runs, old.failed_runs, old.errored_runs, old.ranges_truncated, old.failing
         )
-    tally = picture.tally
+    tally = snapshot.tally
     runs = Runs(
-        total=picture.plan.total,
-        active=sum(job.at_work for job in picture.open),
-        waiting=sum(job.active - job.at_work for job in picture.open),
+        total=snapshot.plan.total,
+        active=sum(job.at_work for job in snapshot.open),
+        waiting=sum(job.active - job.at_work for job in snapshot.open),
         **_counts(tally),
         stored=tally.passed + tally.failed,
-        undecided=picture.undecided,
+        undecided=snapshot.undecided,
     )
     failed, errored, cut = _texts(
         merge([*parse_ranges(old.failed_runs), *tally.failed_ids]),

@@ -25,10 +25,10 @@ from robovast_operator.planning.accept import accept
 from robovast_operator.planning.campaign import Accepted, Revision
 from robovast_operator.planning.revisions import next_revision
 from robovast_operator.planning.shards import ShardPlan
-from robovast_operator.pods.findings import Final
+from robovast_operator.pods.findings import Final, PodFindings
 from robovast_operator.pods.verdicts import Report
 from robovast_operator.settings import Settings
-from robovast_operator.snapshot import Observed
+from robovast_operator.snapshot import Snapshot
 
 SETTINGS = Settings(agent_image="agent:1", endpoint="http://s3:9000")
 
@@ -170,7 +170,7 @@ class World:
         """One look of the operator; it may die `before` its status is written, or `amid` acts."""
         self.now += timedelta(seconds=1)
         going = [name for name, job in self.jobs.items() if job.deleting]
-        decision = decide(self.observed())
+        decision = decide(self.snapshot())
         acts = decision.actions[:1] if dies == "amid" else decision.actions
         for action in acts:
             self._act(action)
@@ -183,8 +183,8 @@ class World:
             self.jobs.pop(name, None)
         return decision
 
-    def observed(self) -> Observed:
-        return Observed(
+    def snapshot(self) -> Snapshot:
+        return Snapshot(
             accepted=self.accepted,
             generation=1,
             status=self.status,
@@ -192,12 +192,14 @@ class World:
             jobs={name: replace(job.state(), ended=job.ended) for name, job in self.jobs.items()},
             now=self.now,
             withdrawn=self.withdrawn,
-            reports={name: self._reports(job) for name, job in self.jobs.items()},
-            finals={
-                name: self._final()
-                for name, job in self.jobs.items()
-                if job.role == "finish" and job.over and name not in self.mute
-            },
+            pods=PodFindings(
+                reports={name: self._reports(job) for name, job in self.jobs.items()},
+                finals={
+                    name: self._final()
+                    for name, job in self.jobs.items()
+                    if job.role == "finish" and job.over and name not in self.mute
+                },
+            ),
         )
 
     def work(self, verdict: str = "passed", which: int = 0) -> bool:

@@ -275,7 +275,7 @@ async def look(objects: dict[str, list[Any]]) -> Server:
         for key in (*operator.store.campaigns, ("lab", "nobody")):
             memory = operator._reconcile._memories.get(key)
             if memory is not None:  # long enough for a look at pods and queues
-                memory.moved -= 1000
+                memory.pods.motion.moved -= 1000
             await operator._reconcile(key)
     await resync.compare()
     operator.metrics.page(operator.store, operator.queue, leading=True)

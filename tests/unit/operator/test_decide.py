@@ -14,7 +14,7 @@ from robovast.kubeapi.resources import Acceptance, FailFast
 from robovast_operator import snapshot as picture_module
 from robovast_operator.decide import CreateShard, CreateTask, DeleteJob, decide
 from robovast_operator.planning import shards as shards_module
-from robovast_operator.pods.findings import Trouble
+from robovast_operator.pods.findings import PodFindings, Trouble
 from robovast_operator.status import status as tell_module
 
 
@@ -445,10 +445,11 @@ def test_results_are_worked_up_after_the_index_when_that_is_asked_for() -> None:
 def test_a_job_that_holds_pods_which_are_to_go_is_made_anew() -> None:
     world = World(accepted(runs=2))
     world.look()
-    held = replace(world.observed(), stuck=frozenset({"drive-0123-0"}))
+    stuck = PodFindings(stuck=frozenset({"drive-0123-0"}))
+    held = replace(world.snapshot(), pods=stuck)
     assert decide(held).actions == (DeleteJob("drive-0123-0"),)
     world.jobs["drive-0123-0"].deleting = True
-    held = replace(world.observed(), stuck=frozenset({"drive-0123-0"}))
+    held = replace(world.snapshot(), pods=stuck)
     assert decide(held).actions == (), "once is enough"
 
 
@@ -504,8 +505,10 @@ def test_a_campaign_none_of_whose_pods_is_at_work_is_said_to_stall_with_the_caus
     world.look()
     (job,) = world.jobs.values()
     job.ready = 0
-    stalled = replace(world.observed(), trouble=Trouble("ImagePull", "no image"))
+    stalled = replace(world.snapshot(), pods=PodFindings(trouble=Trouble("ImagePull", "no image")))
     assert decide(stalled).status.state == "Stalled"
     job.ready = 1
-    dying = replace(world.observed(), trouble=Trouble("Evicted", "again", repeated=True))
+    dying = replace(
+        world.snapshot(), pods=PodFindings(trouble=Trouble("Evicted", "again", repeated=True))
+    )
     assert decide(dying).status.state == "Running"

@@ -22,7 +22,7 @@ from robovast_operator.kube.objects import Identity
 from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.jobs import notify_job
 from robovast_operator.pods.pod_status import last_words
-from robovast_operator.snapshot import Observed
+from robovast_operator.snapshot import Snapshot
 from robovast_operator.status.notices import due, interested, job_suffix, marked, notice
 
 LASTING = timedelta(seconds=300)
@@ -42,12 +42,13 @@ class Watched(World):
         self.letters: set[str] = set()
         """Names of the Jobs that are there."""
 
-    def observed(self) -> Observed:
-        return replace(super().observed(), trouble=self.trouble)
+    def snapshot(self) -> Snapshot:
+        found = super().snapshot()
+        return replace(found, pods=replace(found.pods, trouble=self.trouble))
 
     def tell(self, dies: str = "") -> float | None:
         """One look, and what is told after it; the operator may die before or after the Job."""
-        status = decide(self.observed()).status
+        status = decide(self.snapshot()).status
         self.look(dies="before")
         transition, wait = due(status, self.receivers, self.now, LASTING)
         if dies == "before":
@@ -61,7 +62,7 @@ class Watched(World):
             status = marked(status, transition)
         if not dies:
             self.status = status
-            for action in decide(self.observed()).later:
+            for action in decide(self.snapshot()).later:
                 self._act(action)
         return wait
 

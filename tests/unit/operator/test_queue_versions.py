@@ -14,7 +14,7 @@ from robovast_operator.effects.queues import Queues
 from robovast_operator.kube.api import ApiError
 from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.store import Store
-from robovast_operator.memory import Memory
+from robovast_operator.memory import Motion, QueueCache
 
 
 class Kueue:
@@ -54,16 +54,16 @@ def test_the_newest_version_that_both_know_is_spoken(served: tuple[str, ...], sp
     waiting = FakeJob("drive-0", "shard", 10, 4, suspended=True).state()
     job = replace(waiting, queue="robovast")
     queues = Queues(kueue, Store(), SETTINGS)
-    memory = Memory("uid")
+    known, motion = QueueCache(), Motion()
 
     async def twice() -> None:
         for _ in range(2):
-            memory.queue_job = ()
-            await queues.update(memory, {job.name: job}, suspended=False)
+            known.job = ()
+            await queues.findings(known, motion, {job.name: job}, suspended=False)
 
     asyncio.run(twice())
-    assert memory.waiting is not None
-    assert memory.waiting.reason == "Waiting"
+    assert known.waiting is not None
+    assert known.waiting.reason == "Waiting"
     assert [path for path in kueue.asked if path.endswith("/workloads")] == [
         f"/apis/kueue.x-k8s.io/{spoken}/namespaces/lab/workloads"
     ] * 2

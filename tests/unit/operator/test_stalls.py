@@ -17,7 +17,7 @@ from robovast_operator.effects.diagnose import STORING, Diagnosis
 from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time, now
-from robovast_operator.memory import Memory
+from robovast_operator.memory import PodsCache
 from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.pod_status import trouble_of_events
 from robovast_operator.pods.stalls import cause_of
@@ -236,17 +236,16 @@ class Campaign:
 
     def __init__(self, *pods: Any) -> None:
         self.server: Any = Server(*pods)
-        self.memory = Memory("uid")
+        self._known = PodsCache()
         self._diagnosis = Diagnosis(self.server, SETTINGS)
 
     def pass_by(self, seconds: float, **status: Any) -> str:
         """The time goes by, and then it is looked; returns what is told."""
-        for name in ("moved", "progressed", "diagnosed"):
-            setattr(self.memory, name, getattr(self.memory, name) - seconds)
+        self._known.motion.expect_stall(seconds)
+        self._known.diagnosed -= seconds
         jobs = {"drive-0": job(**status)}
-        self.memory.notice(jobs)
-        asyncio.run(self._diagnosis.update(accepted(), self.memory, jobs))
-        return self.memory.trouble.reason if self.memory.trouble else ""
+        found = asyncio.run(self._diagnosis.findings(accepted(), self._known, jobs))
+        return found.trouble.reason if found.trouble else ""
 
 
 @pytest.mark.parametrize(
@@ -265,12 +264,12 @@ def test_the_index_waits_for_agents_whose_jobs_are_gone(
 ) -> None:
     server: Any = Server(*left)
     identity = accepted().identity
-    diagnosis, memory = Diagnosis(server, SETTINGS), Memory("uid")
+    diagnosis, known = Diagnosis(server, SETTINGS), PodsCache()
     assert bool(asyncio.run(diagnosis.storing(identity))) == storing
     for seconds, told in ((0, False), (1000, storing)):
-        memory.moved -= seconds
-        assert asyncio.run(diagnosis.hold_back(identity, memory)) == storing
-        assert (memory.trouble is not None) == told
+        known.motion.moved -= seconds
+        assert asyncio.run(diagnosis.hold_back(identity, known)) == storing
+        assert (known.trouble is not None) == told
 
 
 def test_a_stall_neither_flaps_nor_stays() -> None:

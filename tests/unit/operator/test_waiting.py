@@ -15,6 +15,7 @@ from robovast_operator.kube.times import format_time
 from robovast_operator.planning import shards as shards_module
 from robovast_operator.pods.waiting import (
     PARKED,
+    QueueFindings,
     Waiting,
     about,
     place_of,
@@ -22,7 +23,7 @@ from robovast_operator.pods.waiting import (
     wait_seconds,
     waiting_of,
 )
-from robovast_operator.snapshot import Observed
+from robovast_operator.snapshot import Snapshot
 
 NOW = datetime(2026, 11, 21, 12, tzinfo=UTC)
 TOO_MANY = (
@@ -182,13 +183,13 @@ class Queued(World):
         self.parked: frozenset[str] = frozenset()
         super().__init__(accepted(queueName="lab", **spec))
 
-    def observed(self) -> Observed:
-        found = super().observed()
+    def snapshot(self) -> Snapshot:
+        found = super().snapshot()
         jobs = {name: replace(job, queue="lab") for name, job in found.jobs.items()}
-        return replace(found, jobs=jobs, waiting=self.waiting, parked=self.parked)
+        return replace(found, jobs=jobs, queue=QueueFindings(self.waiting, self.parked))
 
     def decided(self) -> tuple[Action, ...]:
-        return decide(self.observed()).actions
+        return decide(self.snapshot()).actions
 
     def arrive(self) -> FakeJob:
         """Let the newest Job wait, as each does at first."""
