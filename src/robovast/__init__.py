@@ -1,17 +1,17 @@
-"""RoboVAST: vary a scenario, run every variant, say what failed, where and why.
+"""RoboVAST: vary a scenario, execute all variants, and find out what failed, where and why.
 
-What a script needs stands here; docs/scripting.md shows it at work.
+This is the API for scripts; docs/scripting.md has examples.
 
 ```
-load_document(path)          the .vast document, checked
+load_document(path)          a checked .vast document
 expand(document, folder)     its variants
 run_campaign(document, …)    execute it on this machine
-open_campaign(folder)        a campaign that was executed: its runs, and SQL over its tables
+open_campaign(folder)        an executed campaign: its runs, and SQL over its tables
 find_campaigns(results)      the folders of all campaigns in a folder
-ask(folders, sql)            SQL over the tables of several
+ask(folders, sql)            SQL over the tables of several campaigns
 ```
 
-Names are imported when they are first used. `robovast.common` is for plugins and notebooks.
+Names are imported on first use. `robovast.common` is for plugins and notebooks.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Campaigns for scripts: execute one here, open one that was executed; `robovast` exports it."""
+"""The scripting API: execute campaigns, and open executed ones; exported by `robovast`."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class StoredRun:
-    """A run of a campaign, as its folder says."""
+    """A stored run of a campaign."""
 
     folder: Path
     variant: str
     """Name of its variant."""
     number: int
-    """From 0, in its variant."""
+    """Number of the run within its variant, from 0."""
     verdict: Verdict
     reason: str
-    """Why it did not pass; empty when it did."""
+    """Why it did not pass; empty if it did."""
     duration: float | None
     """[s]"""
     parameters: Mapping[str, Any]
@@ -53,15 +53,15 @@ class Campaign:
     folder: Path
 
     def variants(self) -> list[Variant]:
-        """What was to be executed, in order.
+        """The planned variants, in order.
 
         Raises:
-            InputError: the campaign does not say it; other tools leave it out.
+            InputError: the campaign has no list of variants, as with other tools.
         """
         return read_variants(Layout(self.folder))[1]
 
     def runs(self) -> list[StoredRun]:
-        """All runs that are stored, by variant and number; also those of other tools."""
+        """All stored runs, including those of other tools, by variant and number."""
         parameters: dict[str, Mapping[str, Any]] = {}
         with suppress(InputError):
             parameters = {variant.name: variant.parameters for variant in self.variants()}
@@ -69,13 +69,13 @@ class Campaign:
         return [_stored_run(folder, parameters.get(folder.parent.name, {})) for folder in folders]
 
     def postprocess(self, options: PostprocessingOptions | None = None) -> CampaignSummary:
-        """Turn what runs left into tables, metadata and a graph, where that is not up to date.
+        """Update the tables, metadata and graph of the campaign.
 
         Args:
-            options: as of `vast results postprocess`; its defaults when None.
+            options: options of `vast results postprocess`; None means its defaults.
 
-        Returns:
-            What was done; commands that did not succeed are in its `failures`.
+            Returns:
+                A summary; `failures` lists the commands that failed.
         """
         from robovast.analysis.postprocessing.events import Options
         from robovast.analysis.postprocessing.session import postprocess
@@ -84,17 +84,17 @@ class Campaign:
         return summary
 
     def query(self, sql: str) -> Answer:
-        """Ask the campaign's tables, which postprocessing makes; see `ask`."""
+        """Query the campaign's tables, which postprocessing makes; see `ask`."""
         from robovast.analysis.tables.query import ask
 
         return ask([self.folder], sql)
 
 
 def open_campaign(folder: str | Path) -> Campaign:
-    """The campaign in a folder.
+    """Open the campaign in a folder.
 
     Raises:
-        InputError: the folder is no campaign; where it holds several, `find_campaigns` has them.
+        InputError: the folder is not a campaign; use `find_campaigns` for a folder of campaigns.
     """
     path = Path(folder).absolute()
     found = find_campaigns(path)
@@ -109,18 +109,18 @@ def open_campaign(folder: str | Path) -> Campaign:
 def run_campaign(
     document: Document, output: str | Path, options: LocalOptions | None = None
 ) -> Campaign:
-    """Execute a new campaign on this machine, to its end; Ctrl-C ends it early.
+    """Execute a new campaign on this machine until it ends; Ctrl-C ends it early.
 
-    What happens is told to the logger `robovast.scripting`.
+    Progress is logged by the logger `robovast.scripting`.
 
     Args:
-        document: what to execute.
-        output: folder in which the campaign's folder is made.
-        options: how; as `vast exec local run` does by default when None.
+        document: the document.
+        output: parent of the campaign's new folder.
+        options: options of `vast exec local run`; None means its defaults.
 
     Raises:
-        InputError: the document cannot be expanded, or nothing matches `options.select`.
-        CannotRunError: the runtime cannot run it; nothing was started or made.
+        InputError: the document cannot be expanded, or no variant matches `options.select`.
+        CannotRunError: the runtime is not usable; nothing was started or created.
         StorageError: `output` cannot be written.
     """
     from robovast.execution.local import LocalOptions, run_campaign
@@ -144,7 +144,7 @@ def _stored_run(folder: Path, parameters: Mapping[str, Any]) -> StoredRun:
 
 
 class _RunLog:
-    """Writes down what an execution tells."""
+    """Logs the events of an execution."""
 
     def campaign_started(self, campaign: Path, total: int, done: int, how: str) -> None:
         _log.info("%s: %d runs, %d of them finished before; %s", campaign, total, done, how)
@@ -160,7 +160,7 @@ class _RunLog:
 
 
 class _PostprocessingLog:
-    """Writes down what postprocessing tells."""
+    """Logs the events of postprocessing."""
 
     def campaign_started(self, campaign: Path, runs: int) -> None:
         _log.info("%s: postprocessing of %d runs", campaign, runs)

@@ -1,4 +1,4 @@
-"""What only files of the existing tool's users need: classes under the names that they import.
+"""Compatibility with files of the existing tool: classes under the names that they import.
 
 | imported as | is |
 | --- | --- |

@@ -1,4 +1,4 @@
-"""Which differences from the existing tool a .vast file meets (docs/coming-from.md)."""
+"""Finds the differences from the existing tool that affect a .vast file (docs/coming-from.md)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NOTES = {
     "FloorplanVariation": "a plan that cannot be built is drawn again; there it is passed on",
     "FloorplanGeneration": "a plan that cannot be built is an error; there it is passed on",
 }
-"""What any use of a variation type meets."""
+"""Differences that affect any use of a variation type."""
 _SEEDED = frozenset(_NOTES) - {"OneOfVariation", "FloorplanGeneration"} | {
     "ParameterVariationDistributionGaussian",
     "ParameterVariationDistributionUniform",
@@ -28,7 +28,7 @@ _SEEDED = frozenset(_NOTES) - {"OneOfVariation", "FloorplanGeneration"} | {
 
 
 def differences(document: Document) -> list[Problem]:
-    """What a document means here and did not there, each with its place, in the file's order."""
+    """Parts of a document that mean something else than in the existing tool, in file order."""
     return sorted([*_of_document(document), *_of_variations(document)], key=lambda p: p.place)
 
 

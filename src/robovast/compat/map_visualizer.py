@@ -1,4 +1,4 @@
-"""Maps with paths, poses and obstacles in notebooks, drawn by matplotlib (extra `analysis`)."""
+"""Draws maps with paths, poses and obstacles in notebooks, using matplotlib (extra `analysis`)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _WHITE, _GREY, _BLACK = 255, 205, 0
 
 
 class MapVisualizer:
-    """A map on which results are drawn: load it, create a figure, draw.
+    """A map with results drawn on it: load it, create a figure, draw.
 
     Attributes:
         map: the map; None until one is loaded.
@@ -37,7 +37,7 @@ class MapVisualizer:
         self.ax: Axes | None = None
 
     def load_map(self, yaml_path: str | Path) -> bool:
-        """Read a map; False, with a printed reason, when that cannot be done."""
+        """Read a map; print the reason and return False if that fails."""
         try:
             self.map = read_map(Path(yaml_path))
         except InputError as error:
@@ -52,7 +52,7 @@ class MapVisualizer:
 
         Args:
             figsize: width and height [in].
-            ax: draw there, not in a new figure.
+            ax: existing axes to draw on.
         """
         if ax is None:
             self.fig, self.ax = plt.subplots(figsize=figsize)
@@ -77,7 +77,7 @@ class MapVisualizer:
         label: str = "Path",
         show_endpoints: bool = True,
     ) -> None:
-        """A line through points (pairs, or what has `x` and `y`), its ends marked."""
+        """Draw a line through points (pairs, or objects with `x` and `y`) and mark its ends."""
         points = [_point(item) for item in path_points]
         axes = self._axes()
         if not points:
@@ -106,7 +106,7 @@ class MapVisualizer:
     def add_robot_pose(
         self, x: float, y: float, theta: float = 0.0, color: str = "blue", size: float = 0.3
     ) -> None:
-        """A robot [m], looking towards `theta` [rad]."""
+        """Draw a robot of this size [m] that looks towards `theta` [rad]."""
         axes = self._axes()
         axes.add_patch(Circle((x, y), size / 2, color=color, alpha=0.6))
         ahead = (x + size * math.cos(theta), y + size * math.sin(theta))
@@ -120,16 +120,16 @@ class MapVisualizer:
         yaw: float = 0.0,
         shape: str = "circle",
     ) -> None:
-        """An obstacle.
+        """Draw an obstacle.
 
         Args:
-            x: of its middle [m].
-            y: of its middle [m].
+            x: x of its centre [m].
+            y: y of its centre [m].
             draw_args: `radius` or `diameter` of a circle, `width` and `length` of a box [m], and
-                matplotlib's options of a patch; or the arguments of its model, as
+                matplotlib's options of patches; or arguments of its model, such as
                 `width:=0.5 length:=0.3`.
             yaw: [rad]
-            shape: `circle`; else a box.
+            shape: `circle`; anything else means a box.
         """
         given = sizes_of(draw_args) if isinstance(draw_args, str) else draw_args
         style: dict[str, Any] = {"color": "orange", "alpha": 0.7, **given}
@@ -149,11 +149,11 @@ class MapVisualizer:
         )
 
     def draw_circle(self, x: float, y: float, radius: float = 0.25, **style: Any) -> None:
-        """A circle [m]; `style` are matplotlib's options of a patch."""
+        """Draw a circle [m]; `style` contains matplotlib's options of patches."""
         self._axes().add_patch(Circle((x, y), radius, **{"color": "orange", "alpha": 0.7, **style}))
 
     def draw_obstacles(self, obstacles: Iterable[Mapping[str, Any]]) -> None:
-        """Obstacles as obstacle variations write them: `spawn_pose`, `xacro_arguments`."""
+        """Draw obstacles as written by obstacle variations: `spawn_pose`, `xacro_arguments`."""
         for obstacle in obstacles:
             pose = obstacle["spawn_pose"]
             position, yaw = pose["position"], pose.get("orientation", {}).get("yaw", 0.0)
@@ -162,17 +162,17 @@ class MapVisualizer:
             self.draw_obstacle(position["x"], position["y"], size, yaw, shape)
 
     def show_legend(self) -> None:
-        """Say what was drawn."""
+        """Show a legend."""
         self._axes().legend()
 
     def save_figure(self, filename: str | Path, dpi: float = 300) -> None:
-        """Write the figure into a file."""
+        """Write the figure to a file."""
         self._axes()
         assert self.fig is not None  # noqa: S101  # it comes with its axes
         self.fig.savefig(filename, dpi=dpi, bbox_inches="tight")
 
     def get_map_bounds(self) -> tuple[float, float, float, float]:
-        """Least x, largest x, least y, largest y of the map [m]."""
+        """Smallest x, largest x, smallest y, largest y of the map [m]."""
         return self._map().extent
 
     def pixel_to_world(self, px: float, py: float) -> tuple[float, float]:

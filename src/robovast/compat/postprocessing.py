@@ -1,4 +1,4 @@
-"""Postprocessing commands that are classes."""
+"""The base class of postprocessing commands."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 class BasePostprocessingPlugin(ABC):
-    """A postprocessing command as a class; a function does as well (docs/postprocessing.md)."""
+    """A postprocessing command as a class; functions work, too (docs/postprocessing.md)."""
 
     @abstractmethod
     def __call__(self, results_dir: str, config_dir: str, **kwargs: Any) -> Sequence[Any]:
@@ -17,13 +17,13 @@ class BasePostprocessingPlugin(ABC):
         Args:
             results_dir: folder of the campaign.
             config_dir: folder of the .vast file.
-            kwargs: parameters as the .vast file has them, and `provenance_file`.
+            kwargs: parameters in the .vast file, and `provenance_file`.
 
         Returns:
             Whether it succeeded, a message, and provenance entries, if there are any.
         """
 
     def get_files_to_copy(self, config_dir: str, params: dict[str, Any]) -> list[str]:
-        """Files that the campaign's `_config` folder should hold, beside those that it names."""
+        """Additional files to copy to the campaign's `_config` folder."""
         del config_dir, params
         return []

@@ -1,1 +1,1 @@
-"""Storage that is reached over a network: S3, HTTP servers, shares."""
+"""Storage on the network: S3, HTTP servers, shares."""

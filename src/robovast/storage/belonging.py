@@ -1,7 +1,7 @@
-"""Which campaign a folder of results belongs to: two may be of one name and one second.
+"""Records which campaign a folder of results belongs to, since names and times may be equal.
 
-A campaign of a cluster has the owner of its bucket in its folder. A folder without one is of a
-local campaign, or of a bucket of an older version.
+The folder of a cluster campaign contains the owner of its bucket. A folder without owner belongs to
+a local campaign, or to a bucket of an older version.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from robovast.storage.ownership import OWNER, OtherOwnerError, parse_owner
 
 
 def folder_for(results: Path, campaign: str, owner: Owner | None) -> Path:
-    """Where a campaign of a bucket goes: `<campaign>`, unless that folder is another's.
+    """Folder for the campaign of a bucket: `<campaign>`, unless that belongs to another campaign.
 
-    A second campaign of one name and second is `<name>-<first digits of its uid>-<timestamp>`.
+    Another campaign with the same name and second is `<name>-<start of its uid>-<timestamp>`.
 
     Args:
         results: the results folder.
         campaign: name of the campaign's own folder.
-        owner: of its bucket.
+        owner: owner of its bucket.
     """
     wanted = results / campaign
     if owner is None or _is_free_for(wanted, owner):
@@ -34,29 +34,29 @@ def folder_for(results: Path, campaign: str, owner: Owner | None) -> Path:
 
 
 def distinct_name(campaign: str, uid: str) -> str:
-    """Name of a campaign's folder where there is another one of its name and second."""
+    """Name of a campaign's folder if another campaign has the same name and second."""
     timestamp = get_campaign_timestamp(campaign) or ""
     name = campaign.removesuffix(f"-{timestamp}")
     return "-".join(filter(None, (name, uid_digits(uid), timestamp)))
 
 
 def occupy(folder: Path, owner: Owner | None) -> None:
-    """Note in a campaign's folder whose it is, before anything else is in it.
+    """Record the owner of a campaign's folder before anything else is written to it.
 
     Args:
-        folder: the campaign's.
-        owner: of the bucket that is brought into it; None when that has none.
+        folder: the campaign's folder.
+        owner: owner of the downloaded bucket; None if it has none.
 
     Raises:
-        OtherOwnerError: it is another's.
-        OSError: it cannot be written.
+        OtherOwnerError: the folder belongs to another campaign.
+        OSError: the folder cannot be written.
     """
     if not _is_free_for(folder, owner):
         found = _owner_of(folder)
         raise OtherOwnerError(
-            f"{folder}: holds {found or 'a campaign of this machine, or of an older version'}, "
-            f"and what is fetched is of {owner or 'an older version'}; they are not mixed. "
-            "Fetch it into another folder."
+            f"{folder} contains {found or 'a campaign of this machine, or of an older version'}, "
+            f"but the download belongs to {owner or 'an older version'}, so they are kept apart. "
+            "Download it to another folder."
         )
     if owner is not None and _owner_of(folder) is None:
         (folder / OWNER).parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Names of campaigns and of their buckets."""
+"""Names of campaigns and their buckets."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ def campaign_id(name: str, created: datetime) -> str:
     """Name of a campaign's results folder.
 
     Args:
-        name: `metadata.name` of the document, else of the Campaign.
+        name: `metadata.name` of the document, or else of the Campaign.
         created: creation time of the Campaign (UTC).
     """
     return campaign_folder_name(name, created)
 
 
 def bucket_name(campaign: str, prefix: str = "", uid: str = "") -> str:
-    """A campaign's bucket: lower case, letters, digits and `-`, 3 to 63 characters.
+    """Name of a campaign's bucket: 3 to 63 lower-case letters, digits and `-`.
 
-    What is too long is cut and made distinct again by a hash.
+    Longer names are shortened and made unique by a hash.
 
     Args:
         campaign: name of the results folder.
-        prefix: begins the name.
-        uid: of the Campaign, whose first digits end the name: two Campaigns may have one name and
-            be of one second. Buckets of older versions have none.
+        prefix: prefix of the bucket's name.
+        uid: uid of the Campaign; its first digits are appended, since two Campaigns may have the
+            same name and second. Buckets of older versions have none.
     """
     wanted = f"{prefix}{campaign}"
     mark = f"-{uid_digits(uid)}" if uid else ""
@@ -47,12 +47,12 @@ def bucket_name(campaign: str, prefix: str = "", uid: str = "") -> str:
 
 
 def uid_digits(uid: str) -> str:
-    """As much of a uid as tells campaigns of one name and second apart."""
+    """Enough digits of a uid to distinguish campaigns of the same name and second."""
     return uid.replace("-", "").lower()[:UID_DIGITS]
 
 
 def buckets_of(campaign: str, buckets: Iterable[str]) -> list[str]:
-    """The buckets that can be a campaign's, by the name of its results folder or of its bucket."""
+    """Buckets that may belong to a campaign, given by the name of its results folder or bucket."""
     stem = bucket_name(campaign, uid="0" * UID_DIGITS)[:-UID_DIGITS]
     pattern = re.compile(re.escape(stem) + f"[0-9a-f]{{{UID_DIGITS}}}")
     return [

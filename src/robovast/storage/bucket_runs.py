@@ -1,4 +1,4 @@
-"""Runs as they are in a bucket: what a record names, all of one execution, and nothing else."""
+"""Reads runs from a bucket: exactly the files of one execution that its record names."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ from robovast.storage.faults import ObjectError
 from robovast.storage.s3 import ObjectStore, StoredObject
 
 AT_ONCE = 50_000
-"""Files of runs that are known at once; one run may have more."""
+"""Most files of runs that are held in memory at once; a single run may have more."""
 
 
 @dataclass(frozen=True)
 class RunObjects:
-    """A run that is stored, as the listing of a bucket has it."""
+    """A stored run in the listing of a bucket."""
 
     path: str
     """`<variant>/<number>`."""
     objects: tuple[StoredObject, ...]
-    """What is below its path, without what writers have put into places of their own."""
+    """Objects below its path, except those in writers' own places."""
     count: int
-    """Of all objects below its path, also those that nobody names."""
+    """Number of all objects below its path, including unreferenced ones."""
     size: int
-    """Of these together [byte]."""
+    """Total size of these objects [byte]."""
 
 
 def in_batches(runs: Iterable[RunObjects]) -> Iterator[list[RunObjects]]:
-    """Runs some at a time, so that no more files than fit into memory are known at once.
+    """Split runs into batches whose files fit into memory.
 
-    One batch at least, that may have no run.
+    There is at least one batch, which may be empty.
     """
     batch: list[RunObjects] = []
     count = 0
@@ -57,13 +57,13 @@ def in_batches(runs: Iterable[RunObjects]) -> Iterator[list[RunObjects]]:
 
 @dataclass(frozen=True)
 class BucketFile:
-    """A file, and where its content is."""
+    """A file and the object with its content."""
 
     path: str
-    """In the campaign's folder."""
+    """Path in the campaign's folder."""
     item: StoredObject
     content: bytes | None = None
-    """When it was read already."""
+    """Content, if it was read already."""
 
     def bring(
         self,
@@ -72,7 +72,7 @@ class BucketFile:
         target: Path,
         received: Callable[[int], None] = lambda _: None,
     ) -> None:
-        """Write it; see `ObjectStore.get_file`."""
+        """Download it; see `ObjectStore.get_file`."""
         if self.content is None:
             store.get_file(bucket, self.item, target, received)
             return
@@ -84,28 +84,28 @@ class BucketFile:
 
 @dataclass(frozen=True)
 class OpenedRun:
-    """A run of which is known what belongs to it."""
+    """A run whose files are known."""
 
     path: str
     """`<variant>/<number>`."""
     files: tuple[BucketFile, ...]
-    """Its record last."""
+    """All files, the record last."""
     lacks_files: bool
-    """Whether it wrote some that could not be stored."""
+    """Whether it wrote files that could not be stored."""
     apart: Mapping[str, str]
-    """Files that are folders too, by where they were, and where they are."""
+    """New paths, by old path, of files whose path is also a folder."""
 
     @property
     def tag(self) -> str:
-        """Tells it from other executions of the run."""
+        """Identifies this execution of the run."""
         return hashlib.sha256(repr(self.files).encode()).hexdigest()[:12]
 
 
 def open_run(store: ObjectStore, bucket: str, run: RunObjects) -> OpenedRun:
-    """Read what belongs to a run.
+    """Read the list of a run's files.
 
     Raises:
-        ObjectError: its record or its list of files is damaged, or gone.
+        ObjectError: its record or list of files is damaged or missing.
         StorageError: the bucket cannot be read.
     """
     key = f"{run.path}/{RUN_RECORD}"
@@ -126,7 +126,7 @@ def open_run(store: ObjectStore, bucket: str, run: RunObjects) -> OpenedRun:
 
 
 def _files_beside(run: RunObjects) -> tuple[BucketFile, ...]:
-    """Of a run that an older version stored."""
+    """Files of a run that an older version stored."""
     below = len(run.path) + 1
     return tuple(BucketFile(i.key, i) for i in run.objects if i.key[below:] != RUN_RECORD)
 
@@ -144,10 +144,10 @@ def _named_files(
 
 
 def listed_files(store: ObjectStore, bucket: str, run: str, files: FileList) -> list[StoredFile]:
-    """What the list says that a record names.
+    """Read the list of files that a record refers to.
 
     Raises:
-        ObjectError: it is damaged, or gone.
+        ObjectError: the list is damaged or missing.
         StorageError: the bucket cannot be read.
     """
     name = f"{bucket}/{run}/{files.key}"

@@ -1,4 +1,4 @@
-"""A campaign's archive, made of its bucket: what a download would bring, in one file."""
+"""Makes a campaign's archive from its bucket, with the same content as a download."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ def pack_bucket(
     archive: Path,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> list[str]:
-    """Write the `.tar.gz` of a campaign that is in a bucket.
+    """Write the `.tar.gz` of a campaign in a bucket.
 
-    Equal buckets make equal archives. Files are fetched some at a time and verified, so that the
-    disk needs room for the archive, and little more.
+    Equal buckets produce equal archives. Files are downloaded a few at a time and verified, so that
+    the disk needs little more space than the archive.
 
     Args:
         store: the S3 server.
         bucket: the campaign's bucket.
         campaign: name of the campaign's folder in the archive.
         archive: the file; it appears when it is complete.
-        progress: is told how many bytes of the campaign are in it, of how many.
+        progress: called with the number of archived bytes, and of all bytes.
 
     Returns:
-        What of the bucket is not in it, or in another place.
+        Warnings about objects that are left out or stored under other paths.
 
     Raises:
         InputError: the bucket is empty.
-        ObjectError: an object is not what it should be.
+        ObjectError: an object is damaged or missing.
         StorageError: the bucket cannot be read, or the archive cannot be written.
     """
     plan = plan_download(store.objects(bucket), archive.parent / campaign, force=True)
@@ -77,13 +77,13 @@ def pack_bucket(
 def _files(
     store: ObjectStore, bucket: str, plan: DownloadPlan, warnings: list[str]
 ) -> Iterator[BucketFile]:
-    """What belongs into the archive, in an order of its own: the campaign's files, then its runs.
+    """Files for the archive in a fixed order: the campaign's files, then its runs.
 
     Args:
         store: the S3 server.
         bucket: the campaign's bucket.
-        plan: what is in it.
-        warnings: gets what is in another place.
+        plan: the content of the bucket.
+        warnings: collects files that are stored under other paths.
     """
     yield from sorted(plan.files, key=lambda file: file.path)
     with ThreadPoolExecutor(THREADS, "open") as pool:
@@ -95,7 +95,7 @@ def _files(
 
 @contextmanager
 def _written(path: Path) -> Iterator[tarfile.TarFile]:
-    """A compressed tar file that says nothing of when and where it was made."""
+    """A compressed tar file without information on time and place of its creation."""
     with (
         path.open("wb") as file,
         gzip.GzipFile("", "wb", fileobj=file, mtime=0) as compressed,
@@ -107,7 +107,7 @@ def _written(path: Path) -> Iterator[tarfile.TarFile]:
 def _fetched(
     store: ObjectStore, bucket: str, files: Iterable[BucketFile], folder: Path
 ) -> Generator[tuple[BucketFile, Path], None, None]:
-    """Each file, in order, with one of its content here; the next ones are on their way."""
+    """Each file in order, with a local copy of its content; the next ones download in parallel."""
     with TemporaryDirectory(prefix=".packing-", dir=folder) as scratch:
         names = count()
 
@@ -139,7 +139,7 @@ def _add(tar: tarfile.TarFile, name: str, path: Path, modified: int) -> None:
 
 
 def _add_link(tar: tarfile.TarFile, run: PurePosixPath, record: Path, modified: int) -> None:
-    """What S3 cannot hold: the link to the job that executed the run."""
+    """Add the link to the run's job, since S3 cannot store links."""
     target = job_link(record)
     if target is not None:
         entry = _entry(f"{run}/job", modified)

@@ -1,9 +1,9 @@
-"""Bringing a campaign home from S3: in parallel, resumed, verified, each run at once or not at all.
+"""Downloads a campaign from S3: in parallel, resumable, verified, each run whole or not at all.
 
 ```
 <campaign>/
-  <variant>/<run>/         a run, complete; its `run.json` has the time of the object in S3
-  .download/<variant>/…    executions of which files are still missing; gone at the end
+   <variant>/<run>/         a complete run; its `run.json` has the time of the object in S3
+   .download/<variant>/…    incomplete runs; removed at the end
 ```
 """
 
@@ -39,30 +39,30 @@ from robovast.storage.s3 import ObjectStore, StoredObject
 T = TypeVar("T")
 
 THREADS = 8
-"""Files that are fetched at once."""
+"""Number of parallel downloads."""
 MOST_TOLD = 5
-"""Broken runs that an error names."""
+"""Most broken runs that an error names."""
 MOST_SHOWN = 100
-"""Of a file's path, in an error."""
+"""Longest file path in an error [characters]."""
 
 _UNKEEPABLE = frozenset(
     {errno.EEXIST, errno.EILSEQ, errno.EINVAL, errno.EISDIR, errno.ENAMETOOLONG, errno.ENOTDIR}
 )
-"""What a disk says of a file that it cannot have, whatever else it has."""
+"""Errors of a file system about a single file."""
 _JOB = re.compile(r"[\w-][\w.-]*(/[\w-][\w.-]*)*")
 
 
 class DownloadObserver(Protocol):
-    """Is told what happens, from several threads, one at a time."""
+    """Receives progress events from several threads, one at a time."""
 
     def planned(self, files: int, size: int) -> None:
-        """So many files, and bytes, will be fetched; told again when more are known."""
+        """Numbers of files and bytes to download; called again when they grow."""
 
     def received(self, size: int) -> None:
-        """So many bytes more arrived."""
+        """More bytes have arrived."""
 
     def file_finished(self) -> None:
-        """One file more is here."""
+        """Another file is complete."""
 
 
 class Silent:
@@ -80,37 +80,37 @@ class Silent:
 
 @dataclass(frozen=True)
 class DownloadPlan:
-    """What is to be fetched."""
+    """What is to be downloaded."""
 
     runs: tuple[RunObjects, ...]
-    """Complete runs that are not here, or were repeated since."""
+    """Complete runs that are missing here, or were repeated since."""
     files: tuple[BucketFile, ...]
-    """Other files that are not here, or have changed since."""
+    """Other files that are missing here, or have changed since."""
     present: int = 0
-    """Runs that are here."""
+    """Number of runs that are here already."""
     unfinished: tuple[str, ...] = ()
-    """Runs that are not stored yet."""
+    """Number of runs that are not stored yet."""
     warnings: tuple[str, ...] = ()
-    """What of the bucket has no place in the folder, or another one."""
+    """Warnings about objects that are left out or stored under other paths."""
 
 
 @dataclass(frozen=True)
 class DownloadResult:
-    """What a download did."""
+    """Result of a download."""
 
     campaign: Path
     fetched: int
-    """Runs that were fetched."""
+    """Number of downloaded runs."""
     present: int
-    """Runs that were here before."""
+    """Number of runs that were here already."""
     unfinished: tuple[str, ...]
-    """Runs that the cluster has not stored yet."""
+    """Number of runs that the cluster has not stored yet."""
     size: int
-    """Bytes of the files that were fetched."""
+    """Size of the downloaded files [byte]."""
     lacking: tuple[str, ...] = ()
-    """Runs that were fetched, of which files could not be stored: their records say which."""
+    """Downloaded runs with files that could not be stored; their records list those."""
     warnings: tuple[str, ...] = ()
-    """What of the bucket has no place in the folder, or another one."""
+    """Warnings about objects that are left out or stored under other paths."""
 
 
 def download_campaign(
@@ -121,24 +121,24 @@ def download_campaign(
     *,
     force: bool = False,
 ) -> DownloadResult:
-    """Bring what is stored of a campaign into its folder.
+    """Download the stored part of a campaign to its folder.
 
-    A run appears in the folder with all its files or not at all. What is here already is not
-    fetched again; files of which a part is here are continued.
+    A run appears in the folder with all its files or not at all. Existing files are skipped, and
+    partial files are resumed.
 
     Args:
-        store: where its bucket is.
+        store: the S3 server.
         bucket: the campaign's bucket.
-        campaign: the campaign's folder; made when it does not exist.
-        observer: is told of the progress.
-        force: fetch everything, also what is here.
+        campaign: the campaign's folder; created if missing.
+        observer: receives progress events.
+        force: download everything, including existing files.
 
     Raises:
-        OtherOwnerError: what is in the folder is another campaign's.
+        OtherOwnerError: the folder belongs to another campaign.
         StorageError: the bucket cannot be read, the folder cannot be written, or some files
-            could not be fetched; those that were stay.
+            could not be downloaded; the others are kept.
     """
-    refusal = f"{campaign}: another download writes into it. Wait until it has ended."
+    refusal = f"{campaign}: another download is writing to it. Wait until it ends."
     with _explained(campaign), exclusive_folder(campaign / STAGE, refusal):
         occupy(campaign, owner_of(store, bucket))
         plan = plan_download(store.objects(bucket), campaign, force=force)
@@ -156,7 +156,7 @@ def download_campaign(
 
 @dataclass
 class _Done:
-    """What was fetched so far, or is being fetched."""
+    """Downloads that are finished or in progress."""
 
     files: int = 0
     size: int = 0
@@ -166,7 +166,7 @@ class _Done:
     warnings: list[str] = field(default_factory=list)
 
     def add(self, files: Iterable[BucketFile], runs: Sequence[OpenedRun]) -> None:
-        """Files and runs are fetched."""
+        """Add downloaded files and runs."""
         for file in (*files, *(file for run in runs for file in run.files)):
             self.files += 1
             self.size += file.item.size
@@ -178,7 +178,7 @@ class _Done:
 def plan_download(
     objects: Iterable[StoredObject], campaign: Path, *, force: bool = False
 ) -> DownloadPlan:
-    """What is to be fetched of the objects of a bucket."""
+    """Determine what to download from the objects of a bucket."""
     runs: dict[str, list[StoredObject]] = {}
     counts: Counter[str] = Counter()
     sizes: Counter[str] = Counter()
@@ -222,7 +222,7 @@ def plan_download(
 
 
 def told_apart(apart: Mapping[str, str]) -> Iterator[str]:
-    """What to say of files that have another place; see `set_apart`."""
+    """Warnings about files that are stored under other paths; see `set_apart`."""
     for path, place in apart.items():
         yield f"{path!r} is a file in the bucket, and a folder: here the file is {place!r}."
 
@@ -236,33 +236,33 @@ def _is_here(item: StoredObject, path: Path) -> bool:
 
 
 class _Stopped(Exception):  # noqa: N818 - no error: it ends a thread
-    """Another file could not be fetched, or the user has stopped it."""
+    """A download failed elsewhere, or the user stopped it."""
 
 
 @dataclass
 class _Pending:
-    """A run of which files are still missing."""
+    """A run with files that are still missing."""
 
     run: OpenedRun
     stage: Path
-    """Where its files are until all are here; those of other executions are elsewhere."""
+    """Folder of its files until all are here, separate from other executions."""
     left: int
     lock: Lock = field(default_factory=Lock)
     broken: bool = False
-    """One of its files cannot be had."""
+    """One of its files is not available."""
 
     def count_down(self) -> bool:
-        """One file less is to come; True when it was the last."""
+        """Count a finished file; return True if it was the last one."""
         with self.lock:
             self.left -= 1
             return not self.left
 
 
 class _Fetching:
-    """Fetches files in several threads, and moves each run that is complete into its place.
+    """Downloads files in several threads and moves each complete run to its place.
 
-    A broken object costs its run alone; what is in progress ends after any other fault, and is
-    continued another time.
+    A broken object only affects its run; after other errors, downloads in progress finish and can
+    be resumed later.
     """
 
     def __init__(
@@ -275,13 +275,13 @@ class _Fetching:
         self._lock = Lock()
         self._stop = Event()
         self._broken: dict[str, ObjectError] = {}
-        """What is wrong, by run or file."""
+        """Errors by run or file."""
 
     def fetch(self, plan: DownloadPlan) -> _Done:
-        """Fetch all.
+        """Download everything.
 
         Raises:
-            StorageError: some files could not be fetched.
+            StorageError: some files could not be downloaded.
         """
         done = _Done()
         files = plan.files
@@ -348,7 +348,7 @@ class _Fetching:
 
     @contextlib.contextmanager
     def _costing(self, pending: _Pending) -> Iterator[None]:
-        """Let a broken object cost its run."""
+        """Restrict the effect of a broken object to its run."""
         try:
             yield
         except ObjectError as error:
@@ -381,7 +381,7 @@ class _Fetching:
 
 @contextlib.contextmanager
 def _keeping(path: str) -> Iterator[None]:
-    """What this disk cannot have, whatever else it has, is the fault of one object."""
+    """Report a file that this disk cannot store as the error of one object."""
     try:
         yield
     except OSError as error:
@@ -392,18 +392,18 @@ def _keeping(path: str) -> Iterator[None]:
 
 
 def _link_job(run: Path) -> None:
-    """Restore what S3 cannot hold: the link to the job that executed the run."""
+    """Restore the link to the run's job, since S3 cannot store links."""
     target, link = job_link(run / RUN_RECORD), run / JOB_LINK
     if target is not None and not os.path.lexists(link):
         link.symlink_to(target)
 
 
 def job_link(record: Path) -> Path | None:
-    """Where the link `job` of a run leads to; None when its record does not say."""
+    """Target of a run's `job` link; None if its record does not contain it."""
     try:
         job = json.loads(record.read_text(encoding="utf-8"))["job"]
     except (ValueError, TypeError, KeyError):
-        return None  # a record of another version; the files are all here
+        return None  # a record of another version; all files are here
     named = isinstance(job, str) and _JOB.fullmatch(job)
     return job_link_target(job) if named else None
 

@@ -1,4 +1,4 @@
-"""The address of an S3 server, and the keys of an account on it."""
+"""The address of an S3 server, and the credentials of an account."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from pathlib import Path
 from robovast.base.errors import StorageError
 
 DEFAULT_REGION = "us-east-1"
-"""What servers other than Amazon's answer to."""
+"""Default region of servers other than Amazon's."""
 
 
 @dataclass(frozen=True)
 class Endpoint:
-    """Where an S3 server is."""
+    """Address of an S3 server."""
 
     host: str
     """`HOST` or `HOST:PORT`."""
@@ -23,12 +23,12 @@ class Endpoint:
 
     @classmethod
     def parse(cls, text: str, region: str | None = None, *, secure: bool = True) -> Endpoint:
-        """From `https://host:port`, `http://host:port` or `host:port`.
+        """Parse `https://host:port`, `http://host:port` or `host:port`.
 
         Args:
             text: the address.
-            region: `us-east-1` when there is none.
-            secure: counts when the address has no scheme.
+            region: by default `us-east-1`.
+            secure: used if the address has no scheme.
         """
         scheme, separator, host = text.rstrip("/").rpartition("://")
         return cls(host, scheme != "http" if separator else secure, region or DEFAULT_REGION)
@@ -46,10 +46,10 @@ class Credentials:
 
     @classmethod
     def from_folder(cls, folder: Path) -> Credentials:
-        """From the files `accessKey` and `secretKey`, as a mounted Secret has them.
+        """Read the files `accessKey` and `secretKey` of a mounted Secret.
 
         Raises:
-            StorageError: one of them is missing or empty.
+            StorageError: a file is missing or empty.
         """
         return cls(*(_read_key(folder / name) for name in ("accessKey", "secretKey")))
 

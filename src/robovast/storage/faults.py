@@ -1,4 +1,4 @@
-"""Faults of an S3 server: which pass by themselves, and what to tell."""
+"""Errors of S3 servers: which are temporary, and how to describe them."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ T = TypeVar("T")
 
 
 class ObjectError(StorageError):
-    """One object is not what it should be; that says nothing of the others."""
+    """One object is damaged, missing or wrong; others are not affected."""
 
 
 CLOCKS_APART = 600
-"""So much, and servers may refuse what is asked; most allow 15 minutes [s]."""
+"""Difference of clocks from which servers may refuse requests; most allow 15 minutes [s]."""
 _SKEWED = "RequestTimeTooSkewed"
 _PASSING = frozenset(
     {
-        "BadDigest",  # damaged on the way
+        "BadDigest",  # damaged during transfer
         "ConditionalRequestConflict",
         "IncompleteBody",
         "InternalError",
         "NoSuchUpload",  # a restart forgot the parts of a large file
         "OperationAborted",
-        _SKEWED,  # it waited for too long, or a clock is wrong
+        _SKEWED,  # the request was delayed, or a clock is wrong
         "RequestTimeout",
         "ServiceUnavailable",
         "SlowDown",
@@ -47,14 +47,14 @@ _PASSING = frozenset(
 
 
 def persist(action: Callable[[], T], patience: float) -> T:
-    """The result of `action`, which is repeated while its fault may pass by itself.
+    """Call `action`, and repeat it after temporary errors.
 
     Args:
-        action: does the same however often it is called.
-        patience: for how long to repeat it [s].
+        action: an idempotent function.
+        patience: how long to repeat it [s].
 
     Raises:
-        MinioException: the last fault, also urllib3's `HTTPError` and `OSError`.
+        MinioException: the last error; also urllib3's `HTTPError` and `OSError`.
     """
     pauses = Pauses(patience)
     while True:
@@ -66,12 +66,12 @@ def persist(action: Callable[[], T], patience: float) -> T:
 
 
 def passes(error: Exception) -> bool:
-    """True when the same request may succeed later."""
+    """Whether the same request may succeed later."""
     if isinstance(error, S3Error):
         return error.code in _PASSING or error.response.status in BUSY or _is_of_clocks(error)
     if isinstance(error, ServerError):
         return error.status_code in BUSY
-    if isinstance(error, InvalidResponseError):  # of a proxy, which speaks no S3
+    if isinstance(error, InvalidResponseError):  # from a proxy
         return any(f"Response code: {code}," in str(error) for code in BUSY)
     if isinstance(error, MaxRetryError):
         return not isinstance(error.reason, SSLError)
@@ -79,9 +79,9 @@ def passes(error: Exception) -> bool:
 
 
 def _is_of_clocks(error: S3Error) -> bool:
-    """True when a request was refused because it was signed at another time than the server's.
+    """Whether a request was refused because client and server have different times.
 
-    That has a code of its own, but no code comes with the answer to a HEAD.
+    That error has its own code, but responses to HEAD contain no code.
     """
     told = parsedate(error.response.headers.get("date"))
     apart = abs(timegm(told) - time.time()) if told else 0
@@ -89,16 +89,16 @@ def _is_of_clocks(error: S3Error) -> bool:
 
 
 def is_refusal(error: S3Error) -> bool:
-    """True when a server says no to who asks, or to what is asked, whenever that is.
+    """Whether a server refuses a request permanently.
 
-    What is not there, is there already, or has changed meanwhile may be otherwise the next time.
+    Errors about missing, existing or changed objects are not permanent.
     """
     status = error.response.status
     return status in range(400, 500) and status not in _CHANGING and not passes(error)
 
 
 _CHANGING = frozenset({404, 408, 409, 412, 416})
-"""HTTP statuses that are about the state of things."""
+"""HTTP statuses about the state of objects."""
 
 
 def _kind(error: S3Error) -> type[StorageError]:
@@ -109,14 +109,14 @@ def _kind(error: S3Error) -> type[StorageError]:
 
 @contextmanager
 def explained(attempt: str) -> Iterator[None]:
-    """Turn a fault into an error that says what to do.
+    """Convert an error to one with a remedy.
 
     Args:
-        attempt: the server, and what cannot be done.
+        attempt: the server and the failed operation.
 
     Raises:
-        RefusedError: the server refuses, and will do so again.
-        StorageError: in place of what `minio` and urllib3 raise.
+        RefusedError: the server refuses permanently.
+        StorageError: in place of other errors of `minio` and urllib3.
     """
     try:
         yield

@@ -23,21 +23,21 @@ from robovast.base.errors import StorageError
 Body = bytes | IO[bytes] | None
 
 PATIENCE = 300.0
-"""For how long a server may be gone [s]."""
+"""How long to retry a server that has responded before [s]."""
 FIRST_CONTACT = 5.0
-"""For how long a server may be gone that never answered: its address may be wrong [s]."""
+"""How long to retry a server that has never responded; its address may be wrong [s]."""
 ATTEMPTS = 3
-"""How often a long upload is begun again."""
+"""How often a long upload is restarted."""
 SILENCE = 120.0
-"""For how long a server may say nothing to a request [s]."""
+"""Timeout of a request [s]."""
 CHUNK = 2**20
-"""How much of an answer is held in memory [byte]."""
+"""Part of a response that is read into memory [byte]."""
 
 _NOT_TAKEN = frozenset({429, 503})
-"""Statuses of a request that was not begun."""
+"""Statuses of requests that were not processed."""
 _LONGEST_QUOTE = 300
 _SHORTEST_SECRET = 4
-"""What is shorter stands in any text."""
+"""Shorter secrets are not masked, since they occur in any text."""
 
 
 class HttpError(StorageError):
@@ -64,9 +64,9 @@ class Options(TypedDict, total=False):
 
 
 class HttpClient:
-    """Requests to one server; a server that is busy or gone is asked again.
+    """Sends requests to one server; temporary errors are retried.
 
-    No method follows a redirection, so that credentials reach no other server.
+    Redirections are never followed, so that credentials do not reach other servers.
     """
 
     def __init__(
@@ -82,13 +82,13 @@ class HttpClient:
     ) -> None:
         """
         Args:
-            name: what a user calls the server.
-            headers: of every request.
-            remedies: what to do, by HTTP status.
-            secrets: what no message may contain.
+            name: the server's name in messages.
+            headers: headers of every request.
+            remedies: remedies by HTTP status.
+            secrets: texts that no message may contain.
             insecure: accept any certificate.
-            patience: for how long to ask again [s].
-            timeout: for how long it may say nothing [s].
+            patience: how long to retry [s].
+            timeout: timeout of a request [s].
         """
         self.name = name
         self._headers = dict(headers)
@@ -207,7 +207,7 @@ class HttpClient:
 
 
 def _message(text: str) -> str:
-    """The message in a JSON answer, as servers of several kinds write it."""
+    """The message in a JSON response, in the formats of several servers."""
     try:
         data = json.loads(text)
     except ValueError:
@@ -231,12 +231,12 @@ def _retry_after(answer: urllib3.BaseHTTPResponse) -> float:
 
 
 _REMEDIES = {
-    300: "Give the address that it names.",
+    300: "Use the address that it names.",
     401: "It does not accept the credentials.",
     403: "The account must be allowed to do that.",
     404: "Is the address right?",
     413: "It is larger than the server accepts.",
     429: "Too many requests; try again later.",
-    500: "The server has a fault; try again later.",
-    507: "Make room on the server; what is stored stays.",
+    500: "The server has an internal error; try again later.",
+    507: "Free space on the server; stored data is kept.",
 }

@@ -31,16 +31,16 @@ def download(
     headers: Mapping[str, str] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Download a file; a connection that is cut is made again for the rest.
+    """Download a file; after an interruption, only the rest is downloaded.
 
     Args:
-        client: of the server.
-        url: of the file.
+        client: client of the server.
+        url: URL of the file.
         dest: the local file.
-        attempt: what is tried, for messages.
-        offset: how many bytes of the file are here already.
-        headers: of the request.
-        progress: is told how many bytes are here, of how many.
+        attempt: the operation, for messages.
+        offset: number of bytes that are here already.
+        headers: additional headers.
+        progress: called with the number of bytes that are here, and of all bytes.
 
     Raises:
         HttpError: the server refused.
@@ -60,7 +60,7 @@ def download(
                 headers={**(headers or {}), **asked},
                 accept={_NO_SUCH_RANGE},
             ) as answer:
-                if answer.status == _NO_SUCH_RANGE:  # nothing is left of it, or it has changed
+                if answer.status == _NO_SUCH_RANGE:  # complete already, or changed
                     if _total(answer, 0) == file.tell():
                         return
                     file.seek(0)
@@ -94,7 +94,7 @@ def _range_headers(offset: int, etag: str) -> dict[str, str]:
 
 
 def _place(answer: BaseHTTPResponse) -> tuple[int, int]:
-    """Where in the file an answer begins, and the file's size [byte]."""
+    """Offset of a response in the file, and the file's size [byte]."""
     match = _RANGE.fullmatch(answer.headers.get("Content-Range", ""))
     if answer.status == 206 and match:
         return int(match["first"]), int(match["total"])

@@ -1,6 +1,6 @@
-"""Whose a bucket is: an object that is made before everything else in it, and never changes.
+"""The owner of a bucket: an object that is created first and never changes.
 
-A bucket without one is of an older version, or nobody's yet.
+A bucket without owner belongs to an older version, or to nobody yet.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ OWNER = f"{TRANSIENT}/owner.json"
 
 
 class OtherOwnerError(StorageError):
-    """A bucket, or a folder, belongs to another campaign."""
+    """A bucket or folder belongs to another campaign."""
 
 
 _LARGEST = 64 * 1024
-"""Of what says whose a bucket is [byte]."""
+"""Largest size of the owner object [byte]."""
 
 
 def owner_of(store: ObjectStore, bucket: str) -> Owner | None:
-    """Whose a bucket is; None when nobody has claimed it.
+    """The owner of a bucket; None if nobody has claimed it.
 
     Raises:
-        OtherOwnerError: it is not known, since the object is not what this program writes.
+        OtherOwnerError: the owner is unknown, since the object has another format.
         StorageError: the bucket cannot be read.
     """
     content = store.read(bucket, OWNER, _LARGEST)
@@ -41,14 +41,14 @@ def owner_of(store: ObjectStore, bucket: str) -> Owner | None:
 
 
 def find_bucket(store: ObjectStore, name: str) -> tuple[str, Owner | None] | None:
-    """The bucket of a campaign, and whose it is; None when there is none.
+    """The bucket of a campaign and its owner; None if there is none.
 
     Args:
-        store: where it is.
-        name: of the results folder, or of the bucket.
+        store: the S3 server.
+        name: name of the results folder or of the bucket.
 
     Raises:
-        InputError: campaigns of one second have that name.
+        InputError: several campaigns have that name.
     """
     owners = {bucket: owner_of(store, bucket) for bucket in buckets_of(name, store.buckets())}
     found = [
@@ -63,12 +63,12 @@ def find_bucket(store: ObjectStore, name: str) -> tuple[str, Owner | None] | Non
 
 
 def parse_owner(content: bytes, place: str) -> Owner:
-    """An owner as it is written.
+    """Parse an owner object.
 
     Raises:
-        OtherOwnerError: it is none.
+        OtherOwnerError: the content is invalid.
     """
-    unknown = f"{place}: whose it is cannot be read in {OWNER}, so it is left alone."
+    unknown = f"{place}: its owner cannot be read from {OWNER}, so it is not touched."
     try:
         owner = Owner.model_validate_json(content)
     except ValidationError as error:
@@ -79,16 +79,16 @@ def parse_owner(content: bytes, place: str) -> Owner:
 
 
 def _is_name(text: str) -> bool:
-    """True for what can be the name of a file, and is no path to another place."""
+    """Whether a text can be a file name and is not a path."""
     return PurePosixPath(text).name == text and text not in {"", ".."} and "\0" not in text
 
 
 def claim(store: ObjectStore, bucket: str, owner: Owner) -> None:
-    """Make a bucket, and make it a campaign's own; nothing happens when it is.
+    """Create a bucket and record its owner; do nothing if it has this owner already.
 
     Raises:
-        OtherOwnerError: it is another's.
-        StorageError: it cannot be made, read or written.
+        OtherOwnerError: it belongs to another campaign.
+        StorageError: it cannot be created, read or written.
     """
     if not is_owned(store, bucket, owner.uid):
         store.make_bucket(bucket)
@@ -97,15 +97,15 @@ def claim(store: ObjectStore, bucket: str, owner: Owner) -> None:
 
 
 def is_owned(store: ObjectStore, bucket: str, uid: str | None) -> bool:
-    """True when a bucket is that Campaign's, False when it is nobody's.
+    """True if a bucket belongs to the Campaign, False if it has no owner.
 
     Args:
-        store: where it is.
+        store: the S3 server.
         bucket: its name.
-        uid: of the Campaign; None for one of an older version, which owns none.
+        uid: uid of the Campaign; None for one of an older version, which owns no bucket.
 
     Raises:
-        OtherOwnerError: it is another's.
+        OtherOwnerError: it belongs to another campaign.
         StorageError: it cannot be read.
     """
     found = owner_of(store, bucket)

@@ -1,7 +1,7 @@
-"""An S3 server as RoboVAST uses it: patient, checksummed, and never the same work twice.
+"""An S3 client that retries, verifies checksums, and skips work that is already done.
 
-Every object carries the SHA-256 of its content. Writing is idempotent: what is there and equal is
-not sent again. A server that is restarted, or gone for a while, costs time and nothing else.
+Every object has the SHA-256 of its content as metadata. Writes are idempotent: equal content is
+not sent again. A server that restarts or is unreachable for a while only costs time.
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ from robovast.storage.upload import ChangedError, Content, measured, of_bytes, s
 T = TypeVar("T")
 
 DIGEST = "sha256"
-"""Metadata key of the content's SHA-256, in hexadecimal digits."""
+"""Metadata key of the content's SHA-256, in hexadecimal."""
 MODE = "mode"
-"""Metadata key that executable files have."""
+"""Metadata key of executable files."""
 EXECUTABLE = 0o755
 
 PARTS = 4
-"""How many parts of large files are sent at once, whatever the number of files."""
+"""Number of parts of large files that are sent in parallel, for all files together."""
 SMALL = 256 * 1024 * 1024
-"""Larger objects are never read into memory, whoever made them [byte]."""
+"""Larger objects are never read into memory [byte]."""
 
 CHUNK = 2**20
-"""How much of a download is held in memory [byte]."""
+"""Block size of downloads [byte]."""
 PATIENCE = 600.0
-"""For how long a server may be gone by default [s]."""
+"""How long to retry by default [s]."""
 ATTEMPTS = 3
-"""How often a file is sent that changes while it is sent."""
+"""How often to send a file that changes meanwhile."""
 
 _ABSENT = frozenset({"NoSuchKey", "NoSuchBucket", "NotFound", "ResourceNotFound"})
 _REFUSED = frozenset({"PreconditionFailed", "NoSuchKey"})
@@ -55,33 +55,33 @@ _TAKEN = frozenset({"BucketAlreadyOwnedByYou", "BucketAlreadyExists"})
 
 @dataclass(frozen=True)
 class StoredObject:
-    """What a listing says of an object."""
+    """An object in a listing."""
 
     key: str
     size: int
     """[byte]"""
     modified: float
-    """When it was stored [s since the epoch]; whole seconds on some servers."""
+    """Time of storage [s since the epoch]; whole seconds on some servers."""
     etag: str
-    """Empty when it is not known."""
+    """ETag; empty if unknown."""
     sha256: str = ""
-    """Of its content, where more than its own metadata says it."""
+    """SHA-256, if it is known from elsewhere than the object's metadata."""
 
 
 @dataclass(frozen=True)
 class Look:
-    """A small object, all at one time."""
+    """A consistent view of a small object."""
 
     content: bytes
     etag: str
     modified: float
-    """When it was stored [s since the epoch], in whole seconds."""
+    """Time of storage [s since the epoch], in whole seconds."""
 
 
 class ObjectStore:
-    """Buckets and objects of one account; several threads may share it.
+    """Access to the buckets and objects of one account; thread-safe.
 
-    Every method raises `StorageError` when the server refuses, or is gone for too long.
+    Every method raises `StorageError` if the server refuses, or is unreachable for too long.
     """
 
     def __init__(
@@ -96,8 +96,8 @@ class ObjectStore:
         Args:
             endpoint: the server.
             credentials: the account.
-            patience: for how long a server that does not answer is asked again [s].
-            connections: how many threads share the store.
+            patience: how long to retry if the server does not respond [s].
+            connections: number of threads that share the store.
         """
         self.endpoint = endpoint
         self._patience = patience
@@ -110,12 +110,12 @@ class ObjectStore:
             return sorted(bucket.name for bucket in self._persist(self._client.list_buckets))
 
     def has_bucket(self, bucket: str) -> bool:
-        """Whether there is such a bucket."""
+        """Whether a bucket exists."""
         with self._explained(f"look for the bucket {bucket}"):
             return self._has_bucket(bucket)
 
     def make_bucket(self, bucket: str) -> None:
-        """Make a bucket; nothing happens when it is there."""
+        """Create a bucket unless it exists."""
         with self._explained(f"make the bucket {bucket}"):
             if self._has_bucket(bucket):
                 return
@@ -126,7 +126,7 @@ class ObjectStore:
                     raise
 
     def delete_bucket(self, bucket: str) -> None:
-        """Remove a bucket with all that is in it; nothing happens when there is none."""
+        """Remove a bucket with its content, if it exists."""
         with self._explained(f"remove the bucket {bucket}"):
             if self._has_bucket(bucket):
                 self._persist(lambda: self._empty(bucket))
@@ -140,7 +140,7 @@ class ObjectStore:
         self._delete(bucket, (item.object_name for item in items))
 
     def delete(self, bucket: str, keys: Collection[str]) -> None:
-        """Remove objects; those that are not there count as removed."""
+        """Remove objects; missing ones are ignored."""
         with self._explained(f"remove objects from {bucket}"):
             self._persist(lambda: self._delete(bucket, keys))
 
@@ -149,7 +149,7 @@ class ObjectStore:
             raise StorageError(f"{bucket}/{error.name} cannot be removed: {error.message}")
 
     def put_file(self, bucket: str, key: str, path: Path) -> bool:
-        """Store a file; False when an equal object was there.
+        """Store a file; return False if an equal object exists.
 
         Raises:
             OSError: the file cannot be read.
@@ -158,24 +158,24 @@ class ObjectStore:
             return self.put(bucket, key, stream)
 
     def put_bytes(self, bucket: str, key: str, content: bytes) -> bool:
-        """Store a content; False when an equal object was there."""
+        """Store content; return False if an equal object exists."""
         with self._explained(f"store {bucket}/{key}"):
             return self._put(bucket, key, of_bytes(content), {})
 
     def put(self, bucket: str, key: str, file: BinaryIO) -> bool:
-        """Store the content of an open file; False when an equal one was there.
+        """Store an open file's content; return False if an equal object exists.
 
         Raises:
-            OSError: the file cannot be read, or changes again and again.
+            OSError: the file cannot be read, or keeps changing.
         """
         with self._explained(f"store {bucket}/{key}"):
             return self._steady(file, lambda content, mode: self._put(bucket, key, content, mode))
 
     def put_new(self, bucket: str, key: str, file: BinaryIO) -> Content:
-        """Store the content of an open file where nothing is yet; returns what was stored.
+        """Store an open file's content under an unused key; return what was stored.
 
         Raises:
-            OSError: the file cannot be read, or changes again and again.
+            OSError: the file cannot be read, or keeps changing.
         """
 
         def store(content: Content, mode: Mapping[str, str]) -> Content:
@@ -192,7 +192,7 @@ class ObjectStore:
                 return store(measured(file), {MODE: "executable"} if executable else {})
             except ChangedError:
                 continue
-        raise OSError("it changes again and again while it is stored")
+        raise OSError("it keeps changing while it is being stored")
 
     def _put(self, bucket: str, key: str, content: Content, metadata: Mapping[str, str]) -> bool:
         if self._digest(bucket, key) == content.sha256:
@@ -213,18 +213,18 @@ class ObjectStore:
         self._persist(lambda: send(self._client, self._parts, bucket, key, content, headers))
 
     def create(self, bucket: str, key: str, content: bytes) -> bool:
-        """Store a content unless there is an object of this name; False when there is another one.
+        """Store content unless the object exists; return False if another one exists.
 
-        Of several that try at once one succeeds, where the server knows conditional writes
-        (`If-None-Match`); where it does not, it is looked for first.
+        Of several concurrent calls one succeeds if the server supports conditional writes
+        (`If-None-Match`); on other servers the existence is checked first.
         """
         return self._store_if(bucket, key, content, None)
 
     def replace(self, bucket: str, key: str, content: bytes, etag: str) -> bool:
-        """Store a content in place of the object of this ETag; False when there is another one.
+        """Replace the object with this ETag; return False if another one exists.
 
-        Of several that try at once one succeeds, where the server knows conditional writes
-        (`If-Match`); where it does not, it is looked for first.
+        Of several concurrent calls one succeeds if the server supports conditional writes
+        (`If-Match`); on other servers the ETag is checked first.
         """
         return self._store_if(bucket, key, content, etag)
 
@@ -239,7 +239,7 @@ class ObjectStore:
                     return self._store_unless(bucket, key, sent, etag)
                 if error.code not in _REFUSED:
                     raise
-                return self._digest(bucket, key) == sent.sha256  # ours, when its answer was lost
+                return self._digest(bucket, key) == sent.sha256  # ours: only the response was lost
             return True
 
     def _store_unless(self, bucket: str, key: str, content: Content, etag: str | None) -> bool:
@@ -250,7 +250,7 @@ class ObjectStore:
         return found is not None and _noted(found.metadata or {}, DIGEST) == content.sha256
 
     def digest(self, bucket: str, key: str) -> str | None:
-        """SHA-256 that the writer of an object noted, empty without; None when there is none."""
+        """SHA-256 in an object's metadata, or empty; None if the object is missing."""
         with self._explained(f"look at {bucket}/{key}"):
             return self._digest(bucket, key)
 
@@ -262,15 +262,15 @@ class ObjectStore:
         return self._unless_absent(lambda: self._client.stat_object(bucket, key))
 
     def objects(self, bucket: str, prefix: str = "") -> Iterator[StoredObject]:
-        """All objects whose key begins so, sorted by key."""
+        """All objects whose key has a prefix, sorted by key."""
         with self._explained(f"list {bucket}/{prefix}"):
             for item in self._items(bucket, prefix, recursive=True):
-                if item.size or not item.object_name.endswith("/"):  # which some show for folders
+                if item.size or not item.object_name.endswith("/"):  # some servers list folders
                     modified = item.last_modified.timestamp()
                     yield StoredObject(item.object_name, item.size, modified, _etag(item))
 
     def folders(self, bucket: str, prefix: str = "") -> list[str]:
-        """Names of the folders directly below a prefix that is empty or ends with `/`."""
+        """Names of the folders directly below a prefix, which is empty or ends with `/`."""
         with self._explained(f"list {bucket}/{prefix}"):
             items = self._items(bucket, prefix, recursive=False)
             return [item.object_name[len(prefix) : -1] for item in items if item.is_dir]
@@ -291,15 +291,15 @@ class ObjectStore:
                     raise
 
     def read(self, bucket: str, key: str, limit: int = SMALL) -> bytes | None:
-        """Content of a small object, verified; None when there is none."""
+        """Verified content of a small object; None if it is missing."""
         found = self.look(bucket, key, limit)
         return found.content if found else None
 
     def look(self, bucket: str, key: str, limit: int = SMALL) -> Look | None:
-        """A small object, verified; None when there is none.
+        """A small object, verified; None if it is missing.
 
         Raises:
-            ObjectError: it has more bytes than the limit: others may have made it.
+            ObjectError: it is larger than the limit.
         """
 
         def read() -> Look:
@@ -325,19 +325,18 @@ class ObjectStore:
         target: Path,
         received: Callable[[int], None] = lambda _: None,
     ) -> None:
-        """Bring an object home: resumed where an earlier attempt ended, verified, then renamed.
+        """Download an object: resume an earlier attempt, verify it, and rename it when complete.
 
-        The file gets the time at which the object was stored, so that it can be told later that
-        it is here.
+        The file gets the object's time of storage, so that later downloads can recognize it.
 
         Args:
             bucket: its bucket.
             item: the object, as listed.
-            target: the file; its folder is made.
-            received: is told how many bytes arrived, those of earlier attempts included.
+            target: the file; its folder is created.
+            received: called with the number of bytes, including those of earlier attempts.
 
         Raises:
-            ObjectError: the object is not what it should be.
+            ObjectError: the object is damaged or has changed.
             OSError: the file cannot be written.
         """
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -346,7 +345,7 @@ class ObjectStore:
         try:
             with self._explained(f"fetch {bucket}/{item.key}"):
                 self._persist(lambda: self._fetch(bucket, item, part, meter))
-        except ObjectError:  # what arrived is not what was wanted
+        except ObjectError:  # the content is wrong
             part.unlink(missing_ok=True)
             raise
         os.utime(part, (item.modified, item.modified))
@@ -398,7 +397,7 @@ class ObjectStore:
 
 
 class _Meter:
-    """Tells of each byte once, however often a download begins again."""
+    """Reports each byte once, however often a download restarts."""
 
     def __init__(self, received: Callable[[int], None]) -> None:
         self._received = received
@@ -411,7 +410,7 @@ class _Meter:
 
 
 def _part(target: Path, content: str) -> Path:
-    """Where a file is while it is incomplete: named by its content, to be resumed by anyone."""
+    """Temporary path of a file, named after its content so that it can be resumed."""
     tag = hashlib.sha256(content.encode("utf-8", "surrogateescape")).hexdigest()[:12]
     name = os.fsdecode(os.fsencode(target.name)[:200])  # file systems count bytes
     return target.with_name(f".{name}.{tag}.part")
@@ -429,8 +428,8 @@ def _noted(headers: Mapping[str, Any], name: str) -> str:
 def _verify(name: str, noted: str, found: str) -> None:
     if noted and noted != found:
         raise ObjectError(
-            f"{name} is damaged: its SHA-256 is {found}, its writer noted {noted}. When that is "
-            "so again, the object in the bucket is broken."
+            f"{name} is damaged: its SHA-256 is {found}, its writer recorded {noted}. If that "
+            "happens again, the object in the bucket is broken."
         )
 
 
@@ -438,6 +437,6 @@ def _verify_size(name: str, expected: int, offset: int, headers: Mapping[str, st
     length = next((int(v) for k, v in headers.items() if k.lower() == "content-length"), None)
     if length is not None and offset + length != expected:
         raise ObjectError(
-            f"{name} is damaged: it has {offset + length} bytes, its writer noted {expected}. When "
-            "that is so again, the object in the bucket is broken."
+            f"{name} is damaged: it has {offset + length} bytes, its writer recorded {expected}. "
+            "If that happens again, the object in the bucket is broken."
         )

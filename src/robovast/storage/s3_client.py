@@ -1,4 +1,4 @@
-"""The `minio` client, set up to stream what it sends and to repeat what fails on the way."""
+"""The `minio` client, extended to stream uploads and to retry failed requests."""
 
 from __future__ import annotations
 
@@ -16,33 +16,33 @@ from robovast.base.backoff import BUSY, FIRST_PAUSE, LONGEST_PAUSE
 from robovast.storage.endpoint import Credentials, Endpoint
 
 MOST_RETRIES = 6
-"""How often one request is repeated as it is: its signature holds for some minutes only."""
+"""How often a single request is repeated; its signature is valid for some minutes only."""
 BLOCK = 2**18
-"""How much of a body is in memory [byte]."""
+"""Part of a body that is in memory [byte]."""
 
 
 class Body(Protocol):
-    """What an upload sends: read in pieces, and from its beginning when it is repeated."""
+    """The content of an upload, which is read in blocks, and again from the start for a retry."""
 
     size: int
     """[byte]"""
     sha256: str
-    """In hexadecimal digits; the server refuses anything else."""
+    """SHA-256 in hexadecimal; the server refuses other content."""
 
     def read(self, size: int = -1, /) -> bytes:
         """The next bytes; empty at the end."""
 
     def tell(self) -> int:
-        """How much was read."""
+        """Current position."""
 
     def seek(self, position: int, /) -> object:
-        """Go on reading elsewhere."""
+        """Set the position."""
 
 
 class Client(Minio):
-    """Also sends bodies that are not in memory, under conditions.
+    """Adds streamed bodies and conditional requests.
 
-    The client has neither: it takes a part as `bytes`, and no headers beside metadata.
+    minio only accepts parts as `bytes`, and no headers except metadata.
     """
 
     def put(
@@ -53,7 +53,7 @@ class Client(Minio):
         headers: Mapping[str, str],
         query: Mapping[str, str] | None = None,
     ) -> str:
-        """Send an object, or a part of one; returns its ETag."""
+        """Send an object or a part of one; return its ETag."""
         answer = self._execute(
             "PUT",
             bucket,
@@ -66,16 +66,16 @@ class Client(Minio):
         return str(answer.headers.get("etag", "")).strip('"')
 
     def begin(self, bucket: str, key: str, headers: Mapping[str, str]) -> str:
-        """Begin an object of several parts; returns the id of the upload."""
+        """Begin a multipart upload; return its id."""
         return self._create_multipart_upload(bucket, key, dict(headers))
 
     def complete(self, bucket: str, key: str, upload: str, etags: Sequence[str]) -> None:
-        """Make an object of its parts."""
+        """Complete a multipart upload."""
         parts = [Part(number, etag) for number, etag in enumerate(etags, 1)]
         self._complete_multipart_upload(bucket, key, upload, parts)
 
     def abort(self, bucket: str, key: str, upload: str) -> None:
-        """Forget the parts of an object."""
+        """Discard a multipart upload."""
         self._abort_multipart_upload(bucket, key, upload)
 
     def _build_headers(
@@ -91,14 +91,14 @@ class Client(Minio):
 def connect(
     endpoint: Endpoint, credentials: Credentials, patience: float, connections: int
 ) -> Client:
-    """A client that several threads may share.
+    """A thread-safe client.
 
     Args:
         endpoint: the server.
         credentials: the account.
-        patience: longest time of the client's own retries [s], of which it uses about 30; `persist`
-            repeats beyond that.
-        connections: how many are kept.
+        patience: limit of all retries [s]; the client itself uses about 30 s of it, `persist`
+            the rest.
+        connections: size of the connection pool.
     """
     return Client(
         endpoint.host,
@@ -117,7 +117,7 @@ def connect(
 
 
 def _retries(patience: float) -> urllib3.Retry:
-    """Repeated by itself, a part of a large file does not cost the parts before it."""
+    """Retry single requests, so that a failed part does not discard the previous parts."""
     number = 0
     while number < MOST_RETRIES and FIRST_PAUSE * 2 ** (number + 1) <= patience:
         number += 1

@@ -1,8 +1,7 @@
-"""Sending contents to S3: measured first, streamed in parts, the same bytes or none.
+"""Uploads to S3: content is measured first, then streamed in parts, exactly as measured.
 
-However large a file is, and however many are sent at once, a thread holds one block of it. What
-was sent is what was measured: the digests of the parts, which the server compares, are those of
-the bytes that the digest of the whole was made of.
+Whatever the number and size of files, each thread holds a single block. The server verifies the
+digests of the parts, which are computed from the same bytes as the digest of the whole.
 """
 
 from __future__ import annotations
@@ -22,24 +21,24 @@ from urllib3.exceptions import HTTPError
 from robovast.storage.s3_client import Client
 
 PART = 16 * 2**20
-"""Largest content that is sent in one piece, least size of the pieces of a larger one [byte]."""
+"""Largest content sent in one piece, and smallest size of parts of larger ones [byte]."""
 MOST_PARTS = 10_000
-"""Of one object, as S3 has it."""
+"""Most parts of an object in S3."""
 LARGEST = 5 * 2**40
-"""Size of an object, as S3 has it [byte]."""
+"""Largest object in S3 [byte]."""
 SMALL = 2**20
-"""What is no larger is read once, and held while it is sent [byte]."""
+"""Largest content that is read once and held in memory while it is sent [byte]."""
 CHUNK = 2**20
-"""How much of a file is read at once [byte]."""
+"""Block size for reading files [byte]."""
 
 
 class ChangedError(Exception):
-    """A file is not what it was when it was measured."""
+    """A file has changed since it was measured."""
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A stretch of a file."""
+    """A range of a file."""
 
     begin: int
     size: int
@@ -49,24 +48,24 @@ class Piece:
 
 @dataclass(frozen=True)
 class Content:
-    """What is to be stored: bytes, or a file that was measured."""
+    """Content to store: bytes, or a measured file."""
 
     size: int
     """[byte]"""
     sha256: str
     source: bytes | int
-    """The content itself, or the descriptor of its file."""
+    """The bytes, or the file descriptor."""
     pieces: Sequence[Piece] = ()
-    """Of a file."""
+    """The measured ranges of the file."""
 
 
 def of_bytes(content: bytes) -> Content:
-    """A content that is at hand."""
+    """Content in memory."""
     return Content(len(content), hashlib.sha256(content).hexdigest(), content)
 
 
 def measured(file: BinaryIO) -> Content:
-    """The content of an open file as it is now, whatever is appended meanwhile.
+    """Measure the current content of an open file; later appends are ignored.
 
     Raises:
         OSError: it cannot be read, or is larger than S3 allows.
@@ -83,7 +82,7 @@ def measured(file: BinaryIO) -> Content:
 
 
 def stretches(size: int) -> list[tuple[int, int]]:
-    """Begin and end of the parts that a file is sent in: of equal size, and not too many."""
+    """Start and end of the parts of a file: of equal size, within S3's limit."""
     part = max(PART, -(-size // MOST_PARTS))
     return [(begin, min(begin + part, size)) for begin in range(0, size, part)]
 
@@ -109,20 +108,20 @@ def send(
     content: Content,
     headers: Mapping[str, str],
 ) -> None:
-    """Send a content once.
+    """Send content once.
 
     Args:
-        client: of the server.
-        pool: sends the parts of a large file; all files share it.
+        client: client of the server.
+        pool: sends the parts of large files; shared by all files.
         bucket: an existing bucket.
-        key: name of the object.
-        content: what to send.
-        headers: of the object.
+        key: the object's key.
+        content: the content.
+        headers: the object's headers.
 
     Raises:
-        ChangedError: the file is not what was measured.
+        ChangedError: the file has changed since it was measured.
         OSError: the file cannot be read any more.
-        MinioException: the server refuses, also urllib3's `HTTPError`.
+        MinioException: the server refuses; also urllib3's `HTTPError`.
     """
     headers = {"Content-Type": "application/octet-stream", **headers}
     if isinstance(content.source, bytes):
@@ -154,7 +153,7 @@ def _send_parts(
     except BaseException:
         for task in tasks:
             task.cancel()
-        with suppress(MinioException, HTTPError):  # it is gone, or the server is
+        with suppress(MinioException, HTTPError):  # the upload or the server is gone
             client.abort(bucket, key, upload)
         raise
 
@@ -170,14 +169,14 @@ def _put(
     try:
         etag = client.put(bucket, key, body, headers, query)
     except (S3Error, HTTPError):
-        body.check()  # then this is why it was refused
+        body.check()  # a changed file explains the refusal
         raise
     body.check()
     return etag
 
 
 class _Bytes(io.BytesIO):
-    """A body that is at hand."""
+    """A body in memory."""
 
     def __init__(self, content: Content) -> None:
         super().__init__(content.source if isinstance(content.source, bytes) else b"")
@@ -186,10 +185,10 @@ class _Bytes(io.BytesIO):
 
 
 class _Stretch:
-    """A stretch of a file as a body.
+    """A range of a file as a body.
 
-    What cannot be read any more is sent as zeros: the server, which was told of a digest, refuses
-    them at once, where a body that is too short would let it wait.
+    Unreadable data is replaced by zeros: the server compares digests and refuses them at once, but
+    would wait for the rest of a body that is too short.
     """
 
     def __init__(self, descriptor: int, piece: Piece) -> None:
@@ -218,17 +217,17 @@ class _Stretch:
         return data or bytes(wanted)
 
     def tell(self) -> int:
-        """How much was read."""
+        """Current position."""
         return self._position
 
     def seek(self, position: int, /) -> object:
-        """Begin anew: the position is 0."""
+        """Start again; the position must be 0."""
         self._position = position
         self._digest = hashlib.sha256()
         return position
 
     def check(self) -> None:
-        """Raise what went wrong with the file when everything was read."""
+        """Raise the error of the file, once everything was read."""
         if self._failure is not None:
             raise self._failure
         if self._position == self.size and self._digest.hexdigest() != self.sha256:

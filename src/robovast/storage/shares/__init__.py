@@ -1,4 +1,4 @@
-"""Shares: places where finished campaigns lie as `<campaign>.tar.gz`.
+"""Shares: storage for finished campaigns as `<campaign>.tar.gz`.
 
-A provider for each kind of place is a plugin of the group `robovast.share_providers`.
+Each kind of share is a plugin in the group `robovast.share_providers`.
 """

@@ -11,30 +11,30 @@ from uuid import uuid4
 from robovast.base.errors import CannotRunError, InputError
 
 ProgressCallback = Callable[[int, int], None]
-"""Is told how many bytes are done, of how many."""
+"""Called with the number of bytes done, and of all bytes."""
 
 INSECURE_SSL = "ROBOVAST_INSECURE_SSL"
-"""Variable that, when it is set to `1` or `true`, accepts servers that prove nothing."""
+"""Variable that disables verification of certificates if it is `1` or `true`."""
 
 
 class BaseShareProvider(ABC):
     """A place for archives.
 
-    A provider takes its address and credentials from `os.environ`, where the caller has put what
-    a `.env` file says. A subclass that can only upload implements the abstract methods; the others
-    say that it cannot.
+    A provider reads its address and credentials from `os.environ`, to which the caller has added
+    the variables of a `.env` file. Upload-only providers implement the abstract methods; the others
+    then raise an error.
     """
 
     SHARE_TYPE: ClassVar[str] = ""
-    """Value of `ROBOVAST_SHARE_TYPE` that chooses it."""
+    """Value of `ROBOVAST_SHARE_TYPE` that selects it."""
 
     @abstractmethod
     def required_env_vars(self) -> dict[str, str]:
-        """Variables that must be set, each with an explanation."""
+        """Required variables, each with an explanation."""
 
     @abstractmethod
     def build_pod_env(self) -> dict[str, str]:
-        """Variables that it needs in a pod: it is made there with these alone."""
+        """Variables that it needs in a pod, where it is created with these only."""
 
     @abstractmethod
     def upload_archive(
@@ -48,17 +48,17 @@ class BaseShareProvider(ABC):
         Args:
             archive_path: a local file.
             object_name: its name on the share, `<campaign>.tar.gz`.
-            progress_callback: is told how many bytes are sent, of how many.
+            progress_callback: called with the number of sent bytes, and of all bytes.
 
         Raises:
-            Exception: it could not be uploaded; `RobovastError` with a message for the user.
+            Exception: the upload failed; use `RobovastError` for messages to the user.
         """
 
     def verify_access(self) -> None:  # noqa: B027 - a provider may have nothing to check
-        """Raise when the share cannot be used as configured; cheap.
+        """Check cheaply whether the share can be used as configured; raise if not.
 
         It is called on the user's machine, and again in the pod with the variables of
-        `build_pod_env`. Without a subclass that asks the share, nothing is checked.
+        `build_pod_env`. By default, nothing is checked.
         """
 
     def list_campaign_archives_with_size(self) -> list[tuple[str, int]]:
@@ -77,8 +77,8 @@ class BaseShareProvider(ABC):
         Args:
             object_name: its name on the share.
             dest: a local file.
-            progress_callback: is told how many bytes are here, of how many.
-            resume_offset: how many bytes the file has already; the rest is appended.
+            progress_callback: called with the number of bytes that are here, and of all bytes.
+            resume_offset: number of bytes that the file has already; the rest is appended.
         """
         del object_name, dest, progress_callback, resume_offset
         self._cannot("download from it")
@@ -89,7 +89,7 @@ class BaseShareProvider(ABC):
         self._cannot("remove archives")
 
     def archive_exists_on_share(self, name: str) -> bool:
-        """True when an archive is on the share."""
+        """Whether an archive is on the share."""
         return any(name == known for known, _ in self.list_campaign_archives_with_size())
 
     def _cannot(self, what: str) -> NoReturn:
@@ -97,12 +97,12 @@ class BaseShareProvider(ABC):
 
 
 class UploadProgressReader:
-    """Reads a file and tells how far it is; a request's body.
+    """A request body that reads a file and reports the progress.
 
     Args:
         stream: an open file.
         total: its size [byte].
-        progress_callback: is told how many bytes were read, of how many.
+        progress_callback: called with the number of read bytes, and of all bytes.
     """
 
     def __init__(
@@ -126,19 +126,19 @@ class UploadProgressReader:
         return data
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Go elsewhere in the file, as to its beginning for another attempt."""
+        """Set the position, for example to the start for another attempt."""
         return self._stream.seek(offset, whence)
 
     def tell(self) -> int:
-        """Where it is in the file."""
+        """Current position."""
         return self._stream.tell()
 
 
 def check_variables(provider: BaseShareProvider) -> None:
-    """Raise when a variable that a provider needs is not set.
+    """Check that all required variables of a provider are set.
 
     Raises:
-        InputError: with every such variable and what it is.
+        InputError: variables are missing; the message explains each.
     """
     required = provider.required_env_vars()
     missing = {name: text for name, text in required.items() if not os.environ.get(name)}
@@ -151,13 +151,13 @@ def check_variables(provider: BaseShareProvider) -> None:
 
 
 def probe_name() -> str:
-    """Name of a file that is written to see whether that is allowed; of this attempt alone.
+    """Unique name of a temporary file for checking write access.
 
-    Others may try the same share at the same moment, and every pod has the same process id.
+    Others may check the same share at the same time, and every pod has the same process id.
     """
     return f".robovast-access-{uuid4().hex}"
 
 
 def accepts_any_certificate() -> bool:
-    """True when the user has given up on knowing whom the share belongs to."""
+    """Whether the user has disabled verification of certificates."""
     return os.environ.get(INSECURE_SSL, "").lower() in {"1", "true", "yes", "on"}

@@ -1,4 +1,4 @@
-"""Campaigns on a share: listed, brought home, removed."""
+"""Campaigns on a share: listing, downloading, removing."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ class SharedCampaign:
 
 
 class NotOnShareError(InputError):
-    """A share has no campaign of this name."""
+    """A campaign is not on the share."""
 
 
 class Share:
-    """A share through its provider; every fault is one for the user."""
+    """A share, accessed through its provider; all errors are meant for users."""
 
     def __init__(self, provider: BaseShareProvider) -> None:
         self.provider = provider
@@ -66,10 +66,10 @@ class Share:
             )
 
     def chosen(self, names: Sequence[str]) -> list[SharedCampaign]:
-        """The named campaigns, or all; a glob that matches none is told as a warning.
+        """The named campaigns, or all; warns of globs without match.
 
         Raises:
-            NotOnShareError: one is not on the share.
+            NotOnShareError: a campaign is not on the share.
         """
         known = {item.name: item for item in self.campaigns()}
         found: list[str] = []
@@ -86,21 +86,21 @@ class Share:
         return [known[name] for name in dict.fromkeys(found)] if names else list(known.values())
 
     def verify(self) -> None:
-        """Raise when archives cannot be uploaded, as far as that can be told before."""
+        """Check, as far as possible in advance, that archives can be uploaded; raise if not."""
         with self._explained("be used"):
             self.provider.verify_access()
 
     def has(self, campaign: str) -> bool:
-        """True when the archive of a campaign is there."""
+        """Whether a campaign's archive is on the share."""
         with self._explained(f"look for {campaign}"):
             return self.provider.archive_exists_on_share(f"{campaign}{SUFFIX}")
 
     def put(self, archive: Path, progress: Callable[[int, int], None]) -> None:
-        """Upload an archive under its own name, in place of one that is there.
+        """Upload an archive under its own name; an existing one is replaced.
 
         Args:
             archive: the file.
-            progress: is told how many bytes are sent, of how many.
+            progress: called with the number of sent bytes, and of all bytes.
         """
         with self._explained(f"take {archive.name}"):
             self.provider.upload_archive(str(archive), archive.name, progress)
@@ -113,10 +113,10 @@ class Share:
     def fetch(
         self, campaign: SharedCampaign, target: Path, progress: Callable[[int, int], None]
     ) -> None:
-        """Download a campaign's archive, resumed where an earlier attempt ended.
+        """Download a campaign's archive, resuming an earlier attempt.
 
         Raises:
-            StorageError: it is not here as a whole.
+            StorageError: the download is incomplete.
         """
         part = target.with_name(f".{target.name}.{campaign.size}.part")
         here = part.stat().st_size if part.exists() else 0
@@ -147,14 +147,14 @@ class Share:
 
 @contextmanager
 def open_share(folder: Path | None = None) -> Iterator[Share]:
-    """The share that the environment, or a `.env` file, describes.
+    """The share configured in the environment or a `.env` file.
 
     Args:
-        folder: where to look for a `.env` file, there and above; the working directory when
-            omitted.
+        folder: where to search for a `.env` file, also above it; by default the working
+            directory.
 
     Raises:
-        InputError: none is described, or not completely.
+        InputError: no share is configured, or variables are missing.
     """
     with dotenv_loaded(folder):
         kind = os.environ.get(SHARE_TYPE)
@@ -177,22 +177,22 @@ def download_from_share(
     keep_archive: bool = False,
     progress: Callable[[str, int, int], None] = lambda _name, _done, _total: None,
 ) -> tuple[list[Path], list[Path]]:
-    """Bring campaigns home from a share, each complete or not at all.
+    """Download campaigns from a share, each completely or not at all.
 
     Args:
         share: the share.
-        names: the campaigns; all when empty.
-        output: folder for the campaigns' folders.
-        force: also fetch campaigns that are here.
-        keep_archive: leave `<campaign>.tar.gz` beside the campaign's folder.
-        progress: is told how many bytes of a campaign are here, of how many.
+        names: the campaigns; all if empty.
+        output: parent of the campaigns' folders.
+        force: also download campaigns that exist here.
+        keep_archive: keep `<campaign>.tar.gz` beside the campaign's folder.
+        progress: called with a campaign, the number of bytes that are here, and of all bytes.
 
     Returns:
-        Folders of the campaigns that were fetched, and of those that were here.
+        Folders of downloaded campaigns, and of those that existed already.
 
     Raises:
-        InputError: one is not on the share, or its archive is damaged or unsafe.
-        StorageError: it cannot be fetched or written.
+        InputError: a campaign is not on the share, or its archive is damaged or unsafe.
+        StorageError: a campaign cannot be downloaded or written.
     """
     fetched, present = [], []
     for campaign in share.chosen(names):
@@ -224,15 +224,15 @@ def _bring(
 
 
 def load_provider(kind: str, folder: Path) -> BaseShareProvider:
-    """The provider of a kind of share.
+    """Create the provider of a kind of share.
 
     Args:
         kind: value of `ROBOVAST_SHARE_TYPE`: a plugin's name, or `<path>.py:<class>`.
-        folder: what such a path is relative to.
+        folder: base of such a path.
 
     Raises:
-        InputError: there is no such provider, or it cannot be made.
-        CannotRunError: packages that it needs are missing.
+        InputError: the provider is missing or invalid.
+        CannotRunError: required packages are missing.
     """
     try:
         provider_class = load_plugin(kind, GROUP, folder)
@@ -241,7 +241,7 @@ def load_provider(kind: str, folder: Path) -> BaseShareProvider:
             raise CannotRunError(f"{error} Built-in ones need `robovast[share]`.") from error
         raise
     if not (isinstance(provider_class, type) and issubclass(provider_class, BaseShareProvider)):
-        raise InputError(f"the share provider `{kind}` is no subclass of BaseShareProvider.")
+        raise InputError(f"the share provider `{kind}` is not a subclass of BaseShareProvider.")
     try:
         return provider_class()
     except RobovastError:

@@ -27,10 +27,10 @@ PREFIX = "ROBOVAST_GCS_PREFIX"
 KEY_FILE = "ROBOVAST_GCS_KEY_FILE"
 KEY_JSON = "ROBOVAST_GCS_KEY_JSON"
 EMULATOR = "STORAGE_EMULATOR_HOST"
-"""Address of a server that stands for Google's, as Google's own libraries name it."""
+"""Address of a server in place of Google's, with the name that Google's own libraries use."""
 
 PART = 16 * 2**20
-"""How much is sent in one request [byte]; a multiple of 256 KiB."""
+"""Size of an upload request [byte]; a multiple of 256 KiB."""
 
 _SERVER = "https://storage.googleapis.com"
 _SCOPE = "https://www.googleapis.com/auth/devstorage.read_write"
@@ -50,18 +50,18 @@ class GcsShareProvider(BaseShareProvider):
         self._token_ends = 0.0
 
     def required_env_vars(self) -> dict[str, str]:
-        """The bucket; a key is needed for uploading and removing only."""
+        """The bucket; a key is required only for uploading and removing."""
         return {BUCKET: "name of the bucket"}
 
     def build_pod_env(self) -> dict[str, str]:
-        """The variables, with the key itself in place of its file."""
+        """The variables, with the key's content in place of its file."""
         names = (BUCKET, PREFIX, EMULATOR)
         env = {name: os.environ[name] for name in names if name in os.environ}
         key = _key()
         return {**env, **({KEY_JSON: json.dumps(key)} if key else {})}
 
     def verify_access(self) -> None:
-        """Ask whether the account may upload."""
+        """Check that the account may upload."""
         right = "storage.objects.create"
         answer = self._client.request(
             "GET",
@@ -81,7 +81,7 @@ class GcsShareProvider(BaseShareProvider):
         object_name: str,
         progress_callback: ProgressCallback | None = None,
     ) -> None:
-        """Upload an archive in parts; after a cut, the rest is sent."""
+        """Upload an archive in parts; after an interruption, the rest is sent."""
         path = Path(archive_path)
         size = path.stat().st_size
         session = self._begin_upload(object_name, size)
@@ -125,7 +125,7 @@ class GcsShareProvider(BaseShareProvider):
         progress_callback: ProgressCallback | None = None,
         resume_offset: int = 0,
     ) -> None:
-        """Download an archive; a connection that is cut is made again for the rest."""
+        """Download an archive; after an interruption, only the rest is downloaded."""
         download(
             self._client,
             f"{self._object(object_name)}?alt=media",
@@ -149,7 +149,7 @@ class GcsShareProvider(BaseShareProvider):
             raise InputError(f"{self._client.name}: there is no {name}.")
 
     def archive_exists_on_share(self, name: str) -> bool:
-        """Ask for this one only."""
+        """Look for a single archive."""
         answer = self._client.request(
             "GET",
             self._object(name),
@@ -160,7 +160,7 @@ class GcsShareProvider(BaseShareProvider):
         return answer.status != _NOT_THERE
 
     def _begin_upload(self, name: str, size: int) -> str:
-        """Address that takes the parts."""
+        """Begin a resumable upload; return its address."""
         query = urlencode({"uploadType": "resumable", "name": self._prefix + name})
         answer = self._client.request(
             "POST",
@@ -182,7 +182,7 @@ class GcsShareProvider(BaseShareProvider):
         size: int,
         progress: ProgressCallback | None,
     ) -> Mapping[str, Any]:
-        """Send what the server does not have yet, until it has everything."""
+        """Send missing parts until the server has all of them."""
         offset = 0
         while True:
             stream.seek(offset)
@@ -206,7 +206,7 @@ class GcsShareProvider(BaseShareProvider):
                 return _data(answer.data)
 
     def _authorization(self, *, needed: bool = False) -> dict[str, str]:
-        """Header with a token; empty without a key, as a public bucket needs none."""
+        """Header with an access token; empty without a key, which public buckets do not need."""
         key = _key()
         if key is None:
             if needed:
@@ -280,7 +280,7 @@ class GcsShareProvider(BaseShareProvider):
 
 
 def _key() -> dict[str, Any] | None:
-    """The service account's key, from the variables."""
+    """The service account's key from the variables."""
     text, path = os.environ.get(KEY_JSON), os.environ.get(KEY_FILE)
     if not text and not path:
         return None
@@ -297,7 +297,7 @@ def _key() -> dict[str, Any] | None:
 
 
 def _assertion(key: Mapping[str, Any]) -> str:
-    """What proves to Google's token service who asks (RFC 7523)."""
+    """The signed assertion for Google's token service (RFC 7523)."""
     try:
         from cryptography.hazmat.primitives import hashes, serialization
         from cryptography.hazmat.primitives.asymmetric.padding import PKCS1v15

@@ -1,4 +1,4 @@
-"""Shares that are public links of a Nextcloud server."""
+"""Shares as public links of a Nextcloud server."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ class NextcloudShareProvider(WebDavShareProvider):
         """The link's WebDAV folder, with its token as the user.
 
         Raises:
-            InputError: it is no such link.
+            InputError: it is not a public link.
         """
         match = _LINK.fullmatch(os.environ[URL].strip())
         if match is None:
             raise InputError(
-                f"{URL} is no public link of a Nextcloud server: copy it from the sharing dialog, "
-                "as https://cloud.example.org/s/AbCdEf."
+                f"{URL} is not a public link of a Nextcloud server: copy it from the sharing "
+                "dialog, as https://cloud.example.org/s/AbCdEf."
             )
         return f"{match['server']}/public.php/webdav/", match["token"], ""
 
     def remedies(self) -> Mapping[int, str]:
-        """What to do, by HTTP status."""
+        """Remedies by HTTP status."""
         return {
             401: f"Check {URL}: the link may have ended, or have a password.",
             403: "The link must allow uploading and editing.",

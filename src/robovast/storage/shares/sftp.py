@@ -35,18 +35,18 @@ KEY_FILE = "ROBOVAST_SFTP_KEY_FILE"
 KEY_PEM = "ROBOVAST_SFTP_KEY_PEM"
 REMOTE_DIR = "ROBOVAST_SFTP_REMOTE_DIR"
 HOST_KEY = "ROBOVAST_SFTP_HOST_KEY"
-"""The server's public key, where no `known_hosts` file has it: `ssh-ed25519 AAAA…`."""
+"""Public key of a server that is in no `known_hosts` file: `ssh-ed25519 AAAA…`."""
 
 CHUNK = 2**18
-"""How much is written or read at once [byte]."""
+"""Block size of transfers [byte]."""
 REQUESTS = 64
-"""How many pieces of a download are asked for before the first is here."""
+"""Number of blocks that are requested ahead."""
 PATIENCE = 300.0
-"""For how long a server may be gone [s]."""
+"""How long to retry an unreachable server [s]."""
 ATTEMPTS = 20
-"""How often a transfer is resumed in any case."""
+"""Minimum number of retries of a transfer."""
 TIMEOUT = 60.0
-"""For how long a server may be silent [s]."""
+"""Timeout of a server without response [s]."""
 SSH_PORT = 22
 
 _KEY_TYPES: tuple[type[PKey], ...] = (
@@ -57,16 +57,16 @@ _KEY_TYPES: tuple[type[PKey], ...] = (
 
 
 class SftpShareProvider(BaseShareProvider):
-    """A folder on a server that is reached by SSH."""
+    """A folder on an SSH server."""
 
     SHARE_TYPE: ClassVar[str] = "sftp"
 
     def required_env_vars(self) -> dict[str, str]:
-        """Server and account; how it proves itself is a choice."""
+        """Server and account; there are several ways of authentication."""
         return {HOST: "name of the server", USER: "name of the account"}
 
     def build_pod_env(self) -> dict[str, str]:
-        """The variables, with keys in place of files that a pod does not have."""
+        """The variables, with keys in place of files that pods do not have."""
         names = (HOST, PORT, USER, PASSWORD, KEY_PEM, REMOTE_DIR, HOST_KEY, INSECURE_SSL)
         env = {name: os.environ[name] for name in names if name in os.environ}
         if KEY_FILE in os.environ and KEY_PEM not in env:
@@ -91,11 +91,11 @@ class SftpShareProvider(BaseShareProvider):
         object_name: str,
         progress_callback: ProgressCallback | None = None,
     ) -> None:
-        """Upload an archive under another name, resumed after an interruption, then rename it."""
+        """Upload an archive under a temporary name, resuming earlier attempts, then rename it."""
         path = Path(archive_path)
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-        # Its content is in the name, so that only the same archive is ever resumed.
+        # The name contains a digest, so that only the same archive is resumed.
         part = _remote(f".{object_name}.{digest[:16]}.part")
 
         def upload(sftp: SFTPClient) -> None:
@@ -120,7 +120,7 @@ class SftpShareProvider(BaseShareProvider):
         progress_callback: ProgressCallback | None = None,
         resume_offset: int = 0,
     ) -> None:
-        """Download an archive; a connection that is cut is made again for the rest."""
+        """Download an archive; after an interruption, only the rest is downloaded."""
         path = Path(dest)
         with writing(path), path.open("r+b" if resume_offset and path.exists() else "wb") as file:
             file.seek(resume_offset)
@@ -132,7 +132,7 @@ class SftpShareProvider(BaseShareProvider):
                     source.seek(file.tell())
                     _prefetch(source, size)
                     while data := source.read(CHUNK):
-                        with writing(path):  # or it would count as the server's
+                        with writing(path):  # otherwise it would count as the server's error
                             file.write(data)
                         if progress_callback:
                             progress_callback(file.tell(), size)
@@ -144,7 +144,7 @@ class SftpShareProvider(BaseShareProvider):
         _with_server(f"remove {name}", lambda sftp: sftp.remove(_remote(name)))
 
     def archive_exists_on_share(self, name: str) -> bool:
-        """Ask for this one only."""
+        """Look for a single archive."""
 
         def exists(sftp: SFTPClient) -> bool:
             try:
@@ -157,7 +157,7 @@ class SftpShareProvider(BaseShareProvider):
 
 
 def _append(sftp: SFTPClient, path: Path, part: str, progress: ProgressCallback | None) -> None:
-    """Add to a file on the server what it lacks."""
+    """Append the missing rest to a file on the server."""
     try:
         offset = sftp.stat(part).st_size or 0
     except FileNotFoundError:
@@ -180,9 +180,9 @@ def _append(sftp: SFTPClient, path: Path, part: str, progress: ProgressCallback 
 
 
 def _prefetch(source: SFTPFile, size: int) -> None:
-    """Ask for the rest of a file ahead of reading it.
+    """Request blocks ahead of reading.
 
-    A lost connection is noticed by who reads; the thread that asks would print it as well.
+    The reader notices a lost connection; the requesting thread must not print it as well.
     """
     inner: Any = source
     ask = inner._prefetch_thread
@@ -198,18 +198,18 @@ def _prefetch(source: SFTPFile, size: int) -> None:
 def _replace(sftp: SFTPClient, part: str, target: str) -> None:
     try:
         sftp.posix_rename(part, target)
-    except OSError:  # an older server: it renames only to a name that is free
+    except OSError:  # older servers only rename to unused names
         with suppress(FileNotFoundError):
             sftp.remove(target)
         sftp.rename(part, target)
 
 
 def _with_server(attempt: str, action: Callable[[SFTPClient], T]) -> T:
-    """The result of what is done on the server, again after the connection was lost.
+    """Execute an action on the server, again after a lost connection.
 
     Raises:
-        InputError: the account or the server's key is not accepted, or there is no such file.
-        StorageError: it cannot be reached, or does not do it.
+        InputError: the account or the server's key is not accepted, or a file is missing.
+        StorageError: the server is unreachable or refuses.
     """
     pauses = Pauses(PATIENCE, ATTEMPTS)
     was_connected = False
@@ -258,7 +258,7 @@ def _is_lost(client: SSHClient, error: Exception) -> bool:
 
 
 class _Policy(paramiko.MissingHostKeyPolicy):
-    """Accepts the server's key that the user has given, or any when the user says so."""
+    """Accepts the server's key given by the user, or any key if the user allows that."""
 
     def missing_host_key(self, client: SSHClient, hostname: str, key: PKey) -> None:
         del client
@@ -296,7 +296,7 @@ def _explained(attempt: str, error: Exception) -> InputError | StorageError:
 
 
 def _known_host_key() -> str | None:
-    """The server's key as this machine knows it."""
+    """The server's key in the files of this machine."""
     path = Path("~/.ssh/known_hosts").expanduser()
     if not path.is_file():
         return None
@@ -313,7 +313,7 @@ def _private_key() -> PKey | None:
     for key_type in _KEY_TYPES:
         with suppress(paramiko.SSHException, ValueError):
             return key_type.from_private_key(StringIO(text.replace("\\n", "\n")))
-    raise InputError(f"{KEY_PEM} holds no private key that can be read without a passphrase.")
+    raise InputError(f"{KEY_PEM} contains no private key that can be read without a passphrase.")
 
 
 def _key_file() -> Path:

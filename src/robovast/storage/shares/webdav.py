@@ -44,11 +44,11 @@ _REFUSALS = range(300, 600)
 
 
 class WebDavShareProvider(BaseShareProvider):
-    """A folder on a WebDAV server, with a user's name and password."""
+    """A folder on a WebDAV server, with user name and password."""
 
     SHARE_TYPE: ClassVar[str] = "webdav"
     PUT_IS_ATOMIC: ClassVar[bool] = False
-    """True where a file that is uploaded can be seen by others only when it is complete."""
+    """Whether uploaded files become visible only when they are complete."""
 
     def required_env_vars(self) -> dict[str, str]:
         """Address and account."""
@@ -67,7 +67,7 @@ class WebDavShareProvider(BaseShareProvider):
         """Write a small file and remove it."""
         probe = self._folder + probe_name()
         self._client.request("PUT", probe, attempt="write to the folder", body=lambda: b"")
-        # Where the answer of a first attempt was lost, the file is gone already.
+        # If the response of a first attempt was lost, the file is gone already.
         self._client.request("DELETE", probe, attempt="remove from the folder", accept={_NOT_THERE})
 
     def upload_archive(
@@ -76,14 +76,14 @@ class WebDavShareProvider(BaseShareProvider):
         object_name: str,
         progress_callback: ProgressCallback | None = None,
     ) -> None:
-        """Upload an archive under another name, then rename it."""
+        """Upload an archive under a temporary name, then rename it."""
         path = Path(archive_path)
         target = self._url(object_name)
         part = target if self.PUT_IS_ATOMIC else self._url(f".{object_name}.part")
         try:
             self._put(path, part, object_name, progress_callback)
         except HttpError:
-            if part != target:  # a share that is full has no room for halves
+            if part != target:  # do not leave partial files on a full share
                 with suppress(StorageError):
                     self._client.request("DELETE", part, attempt="tidy up", accept=_REFUSALS)
             raise
@@ -113,7 +113,7 @@ class WebDavShareProvider(BaseShareProvider):
         progress_callback: ProgressCallback | None = None,
         resume_offset: int = 0,
     ) -> None:
-        """Download an archive; a connection that is cut is made again for the rest."""
+        """Download an archive; after an interruption, only the rest is downloaded."""
         download(
             self._client,
             self._url(object_name),
@@ -132,7 +132,7 @@ class WebDavShareProvider(BaseShareProvider):
             raise InputError(f"{self._client.name}: there is no {name}.")
 
     def archive_exists_on_share(self, name: str) -> bool:
-        """Ask for this one only."""
+        """Look for a single archive."""
         answer = self._client.request(
             "HEAD", self._url(name), attempt=f"look for {name}", accept={_NOT_THERE}
         )
@@ -142,7 +142,7 @@ class WebDavShareProvider(BaseShareProvider):
         """Address of the folder, user and password.
 
         Raises:
-            InputError: it is no address.
+            InputError: it is not a valid address.
         """
         url = os.environ[URL].strip()
         if not url.startswith(("https://", "http://")):
@@ -171,7 +171,7 @@ class WebDavShareProvider(BaseShareProvider):
         )
 
     def remedies(self) -> Mapping[int, str]:
-        """What to do, by HTTP status."""
+        """Remedies by HTTP status."""
         return {
             401: f"Check {USER} and {PASSWORD}.",
             404: f"Check {URL}: the folder must exist.",
@@ -210,7 +210,7 @@ class WebDavShareProvider(BaseShareProvider):
             )
 
     def _look(self, url: str, depth: str, attempt: str) -> dict[str, int]:
-        """Size of each file that a request for properties tells of [byte]."""
+        """Size [byte] of each file in a PROPFIND response."""
         answer = self._client.request(
             "PROPFIND",
             url,

@@ -96,7 +96,7 @@ def test_missing_variables_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
     ("kind", "message"),
     [
         ("webdaw", "Did you mean `webdav`"),
-        ("p.py:os", "no subclass of BaseShareProvider"),
+        ("p.py:os", "not a subclass of BaseShareProvider"),
         ("p.py:BaseShareProvider", "cannot be made: TypeError"),
     ],
 )
@@ -209,7 +209,7 @@ def test_a_nextcloud_link_is_understood(
 
 def test_another_link_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROBOVAST_SHARE_URL", "https://c.example.org/apps/files")
-    with pytest.raises(RobovastError, match="no public link"):
+    with pytest.raises(RobovastError, match="not a public link"):
         NextcloudShareProvider().address()
 
 
