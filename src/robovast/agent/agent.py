@@ -14,13 +14,14 @@ from robovast.agent.container_control import RunContainer
 from robovast.agent.job_files import prepare_later_job
 from robovast.agent.mounts import Folders
 from robovast.agent.pack import Pack, PodJob, read_pack
+from robovast.agent.pod_process import follow_job
 from robovast.agent.results import Results
 from robovast.agent.silence import SILENT, Silence
 from robovast.agent.upload import SIDE_BY_SIDE
-from robovast.agent.watch import EndedRun, JobWatch
 from robovast.base.safe_paths import pinned
 from robovast.base.signals import call_on_signals
 from robovast.campaign.layout import JOBS
+from robovast.campaign.records import EndedRun
 from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit, exit_code_of
 from robovast.kubeapi.pod_contract.messages import Verdicts
@@ -79,8 +80,9 @@ def _follow_jobs(
             keeper.wait()  # what is stored makes room on the pod's disk
             prepare_later_job(folders, pack, job)
             container.run(number)
-        watch = JobWatch(folders, job, pack.timeout, pack.secondaries, keeper, stop.is_set, silence)
-        left = watch.follow()
+        left = follow_job(
+            folders, job, pack.timeout, pack.secondaries, keeper, stop.is_set, silence
+        )
         number += 1
 
 

@@ -13,17 +13,18 @@ from pathlib import Path
 from uuid import uuid4
 
 from robovast.agent.bucket import Bucket
-from robovast.agent.pack import Pack, PodJob
-from robovast.agent.watch import EndedRun
+from robovast.agent.pack import Pack
 from robovast.base.ranges import format_ranges, spans
+from robovast.campaign.records import EndedRun
 from robovast.campaign.verdict import TestResult, Verdict
 from robovast.execution.job_config import parameter_documents
+from robovast.model.plan import Job
 
 MOST_STARTS = 20
 """Pods that may begin with a run, and end without having stored it."""
 
 
-def claim_job(bucket: Bucket, pack: Pack, job: PodJob) -> int:
+def claim_job(bucket: Bucket, pack: Pack, job: Job) -> int:
     """Number of a job that from now on is this pod's alone.
 
     Raises:
@@ -62,5 +63,5 @@ def hopeless(bucket: Bucket, pack: Pack) -> EndedRun | None:
     return EndedRun(last, job.runs[0], Path(), result, (now, now), None)
 
 
-def _task(pack: Pack, job: PodJob) -> str:
+def _task(pack: Pack, job: Job) -> str:
     return f"attempt {pack.attempt}, runs {format_ranges(spans(run.id for run in job.runs))}"

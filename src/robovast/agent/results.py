@@ -13,18 +13,18 @@ from typing import BinaryIO
 
 from robovast.agent.bucket import Bucket
 from robovast.agent.claims import claim_job
-from robovast.agent.pack import Pack, PodJob
+from robovast.agent.pack import Pack
 from robovast.agent.upload import open_files, store_files
-from robovast.agent.watch import EndedRun
 from robovast.base import safe_paths
 from robovast.base.containers import named_digest
 from robovast.campaign.layout import JOBS
 from robovast.campaign.own_names import set_own_names_aside
 from robovast.campaign.places import Keys
-from robovast.campaign.records import Circumstances, make_record
+from robovast.campaign.records import Circumstances, EndedRun, make_record
 from robovast.campaign.run_files import MOST_TOLD, StoredFile, Writer, escaped
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
+from robovast.model.plan import Job
 
 RUNTIME = "kubernetes"
 """As run.json names it."""
@@ -101,9 +101,9 @@ class Results:
             host=self._host,
             pod=self._pod,
         )
-        return make_record(ended.run, ended.result, ended.observed, ended.exit_code, circumstances)
+        return make_record(ended, circumstances)
 
-    def store_job(self, job: PodJob, folder: Path) -> None:
+    def store_job(self, job: Job, folder: Path) -> None:
         """Store what a job that is over left beside its runs, and remove its folder."""
         prefix = f"{JOBS}/{self._name(job)}/"
         there = Keys(item.key for item in self._bucket.store.objects(self._bucket.name, prefix))
@@ -117,7 +117,7 @@ class Results:
             self._bucket.store.put_bytes(self._bucket.name, prefix + MISSING, told.encode())
         _remove(folder)
 
-    def store_snapshot(self, job: PodJob, folder: Path) -> None:
+    def store_snapshot(self, job: Job, folder: Path) -> None:
         """Store the small files of a job that goes on, now and then."""
         if time.monotonic() < self._next_snapshot:
             return
@@ -130,7 +130,7 @@ class Results:
                     self._bucket.store.put(self._bucket.name, prefix + escaped(path), file)
         self._next_snapshot = time.monotonic() + SNAPSHOT_INTERVAL
 
-    def _name(self, job: PodJob) -> str:
+    def _name(self, job: Job) -> str:
         """Name of a job in the bucket: `fetch` has claimed the pod's first one."""
         if job.index == 1:
             return job.name

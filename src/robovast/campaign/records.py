@@ -4,10 +4,26 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from pathlib import Path
 
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import TestResult
-from robovast.model.plan import Run
+from robovast.model.plan import Job, Run
+
+
+@dataclass(frozen=True)
+class EndedRun:
+    """A run that is over, out of its job's reach."""
+
+    job: Job
+    run: Run
+    folder: Path
+    """What it wrote; need not exist."""
+    result: TestResult
+    observed: tuple[float, float]
+    """When it was seen to start and to end [s since the epoch]."""
+    exit_code: int | None
+    """Of its process; None when that goes on with other runs."""
 
 
 @dataclass(frozen=True)
@@ -25,22 +41,9 @@ class Circumstances:
     """The pod that executed the run, on a cluster."""
 
 
-def make_record(
-    run: Run,
-    result: TestResult,
-    observed: tuple[float, float],
-    exit_code: int | None,
-    circumstances: Circumstances,
-) -> RunRecord:
-    """The record of a run.
-
-    Args:
-        run: the run.
-        result: the run's verdict.
-        observed: its observed start and end [s since the epoch].
-        exit_code: exit code of its process; None if the process continues with other runs.
-        circumstances: all other properties.
-    """
+def make_record(ended: EndedRun, circumstances: Circumstances) -> RunRecord:
+    """The record of a run."""
+    run, result, observed = ended.run, ended.result, ended.observed
     started = result.started_at or observed[0]
     duration = result.duration if result.duration is not None else observed[1] - observed[0]
     return RunRecord(
@@ -53,7 +56,7 @@ def make_record(
         started_at=_iso(started),
         finished_at=_iso(started + duration),
         duration=round(duration, 6),
-        exit_code=exit_code,
+        exit_code=ended.exit_code,
         parameters=dict(run.variant.parameters),
         **asdict(circumstances),
     )

@@ -26,6 +26,8 @@ class JobOutput:
     """The job's own folder."""
     root: Path
     """Ancestor of it, or the folder itself, that the job cannot replace."""
+    console: Path | None = None
+    """Log to use if the job has none; in a folder that the job cannot replace."""
 
     def is_over(self, runs: Sequence[Run], index: int) -> bool:
         """Whether a run is finished: the job reports it, or a later run has begun.
@@ -50,7 +52,8 @@ class JobOutput:
 
     def log_end(self) -> bytes:
         """The end of the job's log; empty if there is none."""
-        return end_of(self.own / SYSTEM_LOG, self.root)
+        log = _end_of(self.own / SYSTEM_LOG, self.root)
+        return log or (_end_of(self.console, self.console.parent) if self.console else b"")
 
     def take(self, run: Run, stored: Path) -> Path:
         """Move a run's output out of the job's reach, whatever modes its folders have.
@@ -69,7 +72,7 @@ class JobOutput:
         return target
 
 
-def end_of(log: Path, root: Path) -> bytes:
+def _end_of(log: Path, root: Path) -> bytes:
     """The end of a log below a folder; empty if there is none."""
     try:
         return safe_paths.read_end(log, root, _LOG_END)

@@ -17,7 +17,7 @@ from robovast_testbed.s3 import Server
 from robovast.agent.bucket import Bucket
 from robovast.agent.pack import Pack
 from robovast.agent.results import Results
-from robovast.agent.watch import EndedRun
+from robovast.campaign.records import EndedRun
 from robovast.campaign.verdict import TestResult, Verdict
 from robovast.model.expansion.variant import Variant
 from robovast.model.plan import Run

@@ -17,8 +17,9 @@ from robovast.agent.fetch import START
 from robovast.agent.job_files import prepare_output, write_environment
 from robovast.agent.mounts import Folders
 from robovast.agent.pack import Pack, PodJob, read_pack
+from robovast.agent.pod_process import follow_job
 from robovast.agent.silence import Silence
-from robovast.agent.watch import EndedRun, JobWatch
+from robovast.campaign.records import EndedRun
 from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit, exit_code_of
 from robovast.model.expansion import Variant
@@ -162,11 +163,11 @@ def test_a_clock_that_is_set_makes_no_run_overdue(
     monkeypatch.setattr(time, "time", lambda: real() + ahead[0])
     received = Received()
     silence = Silence(folders.work / "silent", 0)
-    watch = JobWatch(folders, job, 600, (), received, lambda: False, silence)
     with (folders.answers / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         begin(folders)
-        following = Thread(target=watch.follow)
+        arguments = (folders, job, 600, (), received, lambda: False, silence)
+        following = Thread(target=follow_job, args=arguments)
         following.start()
         time.sleep(0.5)
         ahead[0] = 3600.0

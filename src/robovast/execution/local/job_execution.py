@@ -5,25 +5,26 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from subprocess import Popen
 from threading import Event
 
 from robovast.base import safe_paths
 from robovast.base.stopwatch import Stopwatch
-from robovast.campaign.judge import Ending, judge
+from robovast.campaign.judge import Ending
 from robovast.campaign.layout import JOBS, LOGS, RUNNING, SYSTEM_LOG, Layout, parameters_key
+from robovast.campaign.records import EndedRun
 from robovast.campaign.run_record import RunRecord
-from robovast.campaign.verdict import read_test_result
 from robovast.execution.job_config import build_config_folder, is_pack, parameter_documents
 from robovast.execution.local.process_tree import wait
+from robovast.execution.local.runtime import JobSpec, Runtime
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, store_run
-from robovast.execution.progress import JobOutput, end_of, keep_the_rest
+from robovast.execution.progress import JobOutput, keep_the_rest
+from robovast.execution.watch import JobWatch
 from robovast.model.plan import Job, Run
 
-POLL = 0.1
-"""Interval of checking a running job [s]; its end is noticed at once."""
 GRACE = 10.0
 """Time for a job to end by itself after a request [s]."""
 
@@ -32,6 +33,35 @@ _CONSOLE = "console.log"
 
 Started = Callable[[Run], None]
 Finished = Callable[[Run, RunRecord], None]
+
+
+@dataclass
+class _Process:
+    """What the runtime has started for a job."""
+
+    runtime: Runtime
+    spec: JobSpec
+    stopping: Event
+    popen: Popen[bytes]
+    stopwatch: Stopwatch = field(default_factory=Stopwatch)
+
+    def started(self) -> Stopwatch:
+        return self.stopwatch
+
+    def ending(self) -> Ending | None:
+        code = self.popen.poll()
+        return None if code is None else Ending(code)
+
+    def is_interrupted(self) -> bool:
+        return self.stopping.is_set()
+
+    def stop(self) -> int | None:
+        if self.popen.poll() is None:
+            self.runtime.stop(self.spec, self.popen, GRACE)
+        return self.popen.poll()
+
+    def wait(self, seconds: float) -> None:
+        wait(self.popen, seconds)
 
 
 class JobExecution:
@@ -47,11 +77,7 @@ class JobExecution:
         self._finished = finished
         self._work = session.layout.running / job.name
         self._spec = session.spec(job, self._work)
-        self._output = JobOutput(self._spec.out, self._spec.job, self._spec.job)
-        self._current = 0
-        """Index of the current run."""
-        self._stopwatch = Stopwatch()
-        """Stopwatch of the current run."""
+        self._console = self._work / _CONSOLE
 
     def execute(self) -> tuple[Run, ...]:
         """Execute the job; return the runs that were not started.
@@ -61,20 +87,34 @@ class JobExecution:
         """
         with explained(self._session.layout.root):
             self._prepare()
-        self._begin(0)
-        process = self._session.runtime.start(self._spec, self._work / _CONSOLE)
-        try:
-            ending = self._watch(process)
-        finally:
-            self._session.runtime.clean_up(self._spec)
-        if not ending.from_outside:
-            self._advance()
-        if self._current == 0 or self._output.has_begun(self._job.runs[self._current]):
-            self._store(ending)
-            self._current += 1
-        with explained(self._session.layout.root):
+            watch = self._watch()
+            try:
+                ending = watch.follow()
+            finally:
+                self._session.runtime.clean_up(self._spec)
+            last = watch.finish(ending)
+            if last is not None:
+                self._store(last)
             self._keep_the_rest()
-        return self._job.runs[self._current :]
+        return watch.left
+
+    def _watch(self) -> JobWatch:
+        """Start the job."""
+        runtime, spec = self._session.runtime, self._spec
+        self._started(self._job.runs[0])
+        process = _Process(runtime, spec, self._stop, runtime.start(spec, self._console))
+        output = JobOutput(spec.out, spec.job, spec.job, self._console)
+        timeout = self._session.document.vast.execution.timeout
+
+        def run_over(ended: EndedRun) -> None:
+            self._store(ended)
+            self._started(watch.left[0])
+
+        watch = JobWatch(process, self._job, output, self._work / "stored", timeout, run_over)
+        return watch
+
+    def _store(self, ended: EndedRun) -> None:
+        self._finished(ended.run, store_run(self._session, ended))
 
     def _prepare(self) -> None:
         _remove(self._work, self._work.parent)
@@ -116,50 +156,13 @@ class JobExecution:
             else:
                 folder.chmod(0o777)
 
-    def _watch(self, process: Popen[bytes]) -> Ending:
-        timeout = self._session.document.vast.execution.timeout
-        while not wait(process, POLL):
-            self._advance()
-            if self._stop.is_set():
-                self._session.runtime.stop(self._spec, process, GRACE)
-                return Ending(process.poll(), interrupted=True)
-            if timeout is not None and self._stopwatch.seconds > timeout:
-                self._session.runtime.stop(self._spec, process, GRACE)
-                return Ending(process.poll(), timed_out=True)
-        return Ending(process.poll())
-
-    def _advance(self) -> None:
-        """Store the finished runs of a pack; the last one is stored at the job's end."""
-        runs = self._job.runs
-        while self._current < len(runs) - 1 and self._output.is_over(runs, self._current):
-            self._store(Ending(None))
-            self._begin(self._current + 1)
-
-    def _begin(self, index: int) -> None:
-        self._current = index
-        self._stopwatch = Stopwatch()
-        self._started(self._job.runs[index])
-
-    def _store(self, ending: Ending) -> None:
-        run = self._job.runs[self._current]
-        with explained(self._session.layout.root):
-            folder = self._output.take(run, self._work / "stored")
-        log = self._output.log_end() or end_of(self._work / _CONSOLE, self._work)
-        timeout = self._session.document.vast.execution.timeout
-        result = judge(read_test_result(folder), ending, timeout, log)
-        observed = self._stopwatch.period
-        record = store_run(
-            self._session, self._job, run, folder, result, observed, ending.exit_code
-        )
-        self._finished(run, record)
-
     def _keep_the_rest(self) -> None:
         """Store the job's output outside of runs, then remove the work folder."""
         out, own = self._spec.out, self._spec.job
         for name in (JOBS, RUNNING):
             _remove(out / name, out)
         keep_the_rest(out, own)
-        console, log = self._work / _CONSOLE, own / SYSTEM_LOG
+        console, log = self._console, own / SYSTEM_LOG
         if not safe_paths.is_file(log, own) and console.is_file():
             safe_paths.move(console, self._work, safe_paths.unused(log, own), own)
         _remove(self._work, self._work.parent)

@@ -13,54 +13,35 @@ from robovast.base.atomic import make_folder, put_in_place
 from robovast.base.errors import StorageError
 from robovast.campaign.layout import JOB_LINK, Layout, job_link_target
 from robovast.campaign.own_names import set_own_names_aside
-from robovast.campaign.records import Circumstances, make_record
+from robovast.campaign.records import Circumstances, EndedRun, make_record
 from robovast.campaign.run_record import RunRecord, read_run_record
-from robovast.campaign.verdict import TestResult
 from robovast.execution.local.session import Session
-from robovast.model.plan import Job, Run
+from robovast.model.plan import Run
 
 _NAMED = 3
 """Most runs that a message names."""
 
 
-def store_run(
-    session: Session,
-    job: Job,
-    run: Run,
-    folder: Path,
-    result: TestResult,
-    observed: tuple[float, float],
-    exit_code: int | None,
-) -> RunRecord:
-    """Complete a run's folder with its record and move it into the results.
-
-    Args:
-        session: the campaign's execution.
-        job: the job that executed the run.
-        run: the run.
-        folder: the run's output, out of its reach; created if it wrote nothing.
-        result: its verdict.
-        observed: its observed start and end [s since the epoch].
-        exit_code: exit code of its process; None if the process continues with other runs.
-    """
-    target = session.layout.run(run.path)
+def store_run(session: Session, ended: EndedRun) -> RunRecord:
+    """Complete a run's folder with its record and move it into the results."""
+    folder, job = ended.folder, ended.job.name
+    target = session.layout.run(ended.run.path)
     earlier = read_run_record(target)
     circumstances = Circumstances(
         campaign=session.layout.root.name,
         attempt=earlier.attempt + 1 if earlier else 1,
-        job=job.name,
+        job=job,
         runtime=session.runtime.name,
         image=session.identity.image,
         image_digest=session.identity.digest,
         host=session.host,
     )
-    record = make_record(run, result, observed, exit_code, circumstances)
-    with explained(session.layout.root):
-        folder.mkdir(parents=True, exist_ok=True)
-        set_own_names_aside(folder)
-        (folder / JOB_LINK).symlink_to(job_link_target(job.name))
-        record.write(folder)
-        put_in_place(folder, target, replace=earlier is not None and not earlier.finished)
+    record = make_record(ended, circumstances)
+    folder.mkdir(parents=True, exist_ok=True)
+    set_own_names_aside(folder)
+    (folder / JOB_LINK).symlink_to(job_link_target(job))
+    record.write(folder)
+    put_in_place(folder, target, replace=earlier is not None and not earlier.finished)
     return record
 
 
