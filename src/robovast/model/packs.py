@@ -1,16 +1,16 @@
-"""The plan of a campaign on a cluster: which run is which, which runs share a pod.
+"""The plan of a campaign: which run is which, which runs are one pack.
 
 It is small, whatever the number of runs, never changes an id that was given, and is shared by
-the operator (how many pods?), the agent (which runs are mine?) and the command line.
+all who execute runs: here, the operator (how many pods?) and the agent (which runs are mine?).
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Annotated, Literal
 
 from pydantic import (
@@ -139,6 +139,24 @@ class PlanSpec(_Data):
         if not 0 <= id_ < self.total:
             raise IndexError(f"run {id_} of {self.total}")
         return bisect_right(self._segments, id_, key=lambda segment: segment.first_id) - 1
+
+    def stretches(self, run_ids: Iterable[int]) -> Iterator[list[int]]:
+        """Run ids, which are sorted, by the stretch that they are in.
+
+        Raises:
+            IndexError: there is no such run.
+        """
+        return (list(stretch) for _, stretch in groupby(run_ids, self.stretch_of))
+
+    def packed(self, run_ids: Iterable[int]) -> Iterator[list[int]]:
+        """Run ids, which are sorted, in packs that are full, whichever ids are left out.
+
+        Raises:
+            IndexError: there is no such run.
+        """
+        size = self.runs_per_job
+        for stretch in self.stretches(run_ids):
+            yield from (stretch[first : first + size] for first in range(0, len(stretch), size))
 
     def pack_of(self, id_: int) -> int:
         """Index of the pack that contains a run id.

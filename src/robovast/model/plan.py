@@ -1,16 +1,18 @@
-"""The plan of a campaign: the ids of its runs, and how they are packed.
+"""The runs of a campaign, and the jobs that execute them, by its plan.
 
-A plan is a pure function of the variants in order, the number of runs and the size of a pack.
+The plan is a pure function of the variants in order, the number of runs and the size of a pack.
 """
 
 from __future__ import annotations
 
 import filecmp
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from robovast.base.errors import InputError
 from robovast.model.expansion.variant import Variant
+from robovast.model.packs import RUNS_LIMIT, Block, PlanSpec, format_breaks
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,33 +44,34 @@ class Job:
         return f"job-{self.index}"
 
 
-def plan_runs(variants: Sequence[Variant], runs: int) -> list[Run]:
-    """All runs of a campaign; the runs of a variant stay together."""
-    pairs = ((variant, number) for variant in variants for number in range(runs))
-    return [Run(id_, variant, number) for id_, (variant, number) in enumerate(pairs)]
+def plan_variants(variants: Sequence[Variant], runs: int, runs_per_job: int = 1) -> PlanSpec:
+    """The plan for executing each variant `runs` times.
 
-
-def pack_runs(runs: Iterable[Run], runs_per_job: int, first_job: int = 0) -> list[Job]:
-    """Group runs, in order, into packs of at most `runs_per_job`.
-
-    A pack also ends at each of `breaks`, since its variants share one config folder.
+    Raises:
+        InputError: a campaign cannot have so many runs.
     """
-    packs = _packs(list(runs), runs_per_job)
-    return [Job(first_job + index, tuple(pack)) for index, pack in enumerate(packs)]
+    total = len(variants) * runs
+    if total > RUNS_LIMIT:
+        raise InputError(
+            f"the campaign would have {total:,} runs, more than {RUNS_LIMIT:,}: lower "
+            "`execution.runs`, or select fewer configurations."
+        )
+    apart = format_breaks(breaks(variants))
+    blocks = (Block(first_variant=0, variants=len(variants), runs=runs),) if total > 0 else ()
+    return PlanSpec(blocks=blocks, runs_per_job=runs_per_job, breaks=apart)
 
 
-def _packs(runs: list[Run], size: int) -> Iterator[list[Run]]:
-    variants = list({run.variant.name: run.variant for run in runs}.values())
-    starts = {variants[index].name for index in breaks(variants)}
-    pack: list[Run] = []
-    for run in runs:
-        other = bool(pack) and pack[-1].variant.name != run.variant.name
-        if pack and (len(pack) == size or (other and run.variant.name in starts)):
-            yield pack
-            pack = []
-        pack.append(run)
-    if pack:
-        yield pack
+def plan_runs(plan: PlanSpec, variants: Sequence[Variant]) -> list[Run]:
+    """All runs of a plan; the runs of a variant stay together."""
+    places = enumerate(map(plan.run, range(plan.total)))
+    return [Run(id_, variants[variant], number) for id_, (variant, number) in places]
+
+
+def pack_runs(plan: PlanSpec, runs: Iterable[Run], first_job: int = 0) -> list[Job]:
+    """Group runs of a plan, in order, into jobs: each executes one pack."""
+    by_id = {run.id: run for run in runs}
+    packs = enumerate(plan.packed(by_id), first_job)
+    return [Job(index, tuple(map(by_id.__getitem__, pack))) for index, pack in packs]
 
 
 def breaks(variants: Sequence[Variant]) -> list[int]:

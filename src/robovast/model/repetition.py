@@ -27,8 +27,8 @@ def retry_groups(plan: PlanSpec, runs: Iterable[Span]) -> list[list[int]]:
     groups whose sizes are powers of two, so that few sizes describe all groups. Larger groups come
     first.
     """
-    stretches = groupby(ids(merge(runs)), plan.stretch_of)
-    groups = [group for _, run_ids in stretches for group in _cut(list(run_ids), plan.runs_per_job)]
+    stretches = plan.stretches(ids(merge(runs)))
+    groups = [group for run_ids in stretches for group in _cut(run_ids, plan.runs_per_job)]
     return sorted(groups, key=len, reverse=True)
 
 

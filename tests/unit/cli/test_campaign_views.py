@@ -14,14 +14,15 @@ from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.execution.local.events import Summary
 from robovast.model.expansion.variant import Variant
-from robovast.model.plan import Run, plan_runs
+from robovast.model.plan import Run
 from robovast_cli.ui.campaign import MOST_LISTED, exit_code, summary_lines
 from robovast_cli.ui.live_view import LiveView, clock_time
 from robovast_cli.ui.local_view import LocalView
 
 
 def runs_of(count: int) -> list[Run]:
-    return plan_runs([Variant(name="hall", entry="hall", parameters={})], count)
+    hall = Variant(name="hall", entry="hall", parameters={})
+    return [Run(number, hall, number) for number in range(count)]
 
 
 def record(run: Run, verdict: Verdict = Verdict.PASSED, reason: str = "") -> RunRecord:

@@ -18,7 +18,7 @@ from robovast.base.ranges import (
 )
 from robovast.model.expansion.variant import ConfigFile, Variant
 from robovast.model.packs import Block, PlanSpec, format_breaks
-from robovast.model.plan import breaks, pack_runs, plan_runs
+from robovast.model.plan import breaks, pack_runs, plan_runs, plan_variants
 from robovast.model.repetition import GroupSizes, retry_groups
 
 
@@ -68,12 +68,8 @@ def test_a_cluster_packs_runs_as_a_laptop_does(maps: list[int], runs: int, size:
         Variant(f"v-{i}", "v", {}, (ConfigFile("map.yaml", Path(f"/maps/{m}")),) if m else ())
         for i, m in enumerate(maps)
     ]
-    plan = PlanSpec(
-        blocks=(Block(first_variant=0, variants=len(variants), runs=runs),),
-        runs_per_job=size,
-        breaks=format_breaks(breaks(variants)),
-    )
-    local = pack_runs(plan_runs(variants, runs), size)
+    plan = plan_variants(variants, runs, size)
+    local = pack_runs(plan, plan_runs(plan, variants))
     assert [[run.id for run in job.runs] for job in local] == [
         list(plan.pack(index)) for index in range(plan.packs)
     ]

@@ -27,7 +27,7 @@ from robovast.execution.local.variants import choose_variants
 from robovast.model.document import Document, load_document
 from robovast.model.expansion import Variant, select_variants
 from robovast.model.naming import campaign_folder_name
-from robovast.model.plan import plan_runs
+from robovast.model.plan import plan_runs, plan_variants
 
 __all__ = [
     "LocalOptions",
@@ -52,11 +52,12 @@ def run_campaign(
     """
     with TemporaryDirectory(prefix="robovast-") as scratch:
         composition = choose_variants(document, Path(scratch), options, observer.message)
+        runs = options.runs or document.vast.execution.runs
+        plan = plan_variants(composition.variants, runs, document.vast.execution.runs_per_job)
         runtime = choose_runtime(document, options, observer.message)
         identity = runtime.check()
         started = datetime.now().astimezone()
         layout = _make_folder(output, document.vast.campaign_name, started)
-        runs = options.runs or document.vast.execution.runs
         with explained(layout.root):
             write_configurations(document, composition, layout.root, timings=True)
             write_execution(
@@ -72,7 +73,7 @@ def run_campaign(
             sync_folder(output)
     variants = _stored_files(layout, composition.variants)
     session = Session(document, layout, options, runtime, identity)
-    return execute_campaign(session, plan_runs(variants, runs), observer)
+    return execute_campaign(session, plan, plan_runs(plan, variants), observer)
 
 
 def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -> Summary:
@@ -86,13 +87,15 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
     layout = Layout(campaign.absolute())
     name, variants = read_variants(layout)
     document = load_document(layout.config / name)
-    runs = plan_runs(variants, options.runs or _planned_runs(layout))
+    repeated = options.runs or _planned_runs(layout)
+    plan = plan_variants(variants, repeated, document.vast.execution.runs_per_job)
+    runs = plan_runs(plan, variants)
     if options.select is not None:
         chosen = {variant.name for variant in select_variants(variants, options.select)}
         runs = [run for run in runs if run.variant.name in chosen]
     runtime = choose_runtime(document, options, observer.message)
     session = Session(document, layout, options, runtime, runtime.check())
-    return execute_campaign(session, runs, observer)
+    return execute_campaign(session, plan, runs, observer)
 
 
 def _make_folder(output: Path, name: str, started: datetime) -> Layout:

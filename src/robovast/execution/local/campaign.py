@@ -24,11 +24,14 @@ from robovast.execution.local.job_execution import JobExecution
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, finished_runs
 from robovast.model.inputs import container_files
+from robovast.model.packs import PlanSpec
 from robovast.model.plan import Job, Run, pack_runs
 
 
-def execute_campaign(session: Session, runs: Sequence[Run], observer: Observer) -> Summary:
-    """Execute all runs that have no finished record yet.
+def execute_campaign(
+    session: Session, plan: PlanSpec, runs: Sequence[Run], observer: Observer
+) -> Summary:
+    """Execute all these runs of a plan that have no finished record yet.
 
     Raises:
         StorageError: another program executes the campaign, or results cannot be stored.
@@ -44,7 +47,7 @@ def execute_campaign(session: Session, runs: Sequence[Run], observer: Observer) 
         todo = [run for run in runs if run.id not in done]
         session.runtime.clean_up_campaign(session.token)
         _prepare_common(session)
-        execution = _CampaignExecution(session, todo, told, done)
+        execution = _CampaignExecution(session, plan, todo, told, done)
         count = min(session.jobs_side_by_side, len(todo))
         how = f"{session.runtime.name}, {count} side by side"
         told.campaign_started(root, len(runs), len(done), how)
@@ -75,9 +78,15 @@ class _CampaignExecution:
     """Workers take jobs; their reports are handled in the caller's thread."""
 
     def __init__(
-        self, session: Session, todo: list[Run], observer: Observer, done: dict[int, RunRecord]
+        self,
+        session: Session,
+        plan: PlanSpec,
+        todo: list[Run],
+        observer: Observer,
+        done: dict[int, RunRecord],
     ) -> None:
         self.records = dict(done)
+        self._plan = plan
         self._session = session
         self._observer = observer
         self._events: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
@@ -142,8 +151,7 @@ class _CampaignExecution:
 
     def _add(self, runs: Sequence[Run]) -> None:
         with self._lock:
-            size = self._session.document.vast.execution.runs_per_job
-            jobs = pack_runs(runs, size, self._next_job)
+            jobs = pack_runs(self._plan, runs, self._next_job)
             self._next_job += len(jobs)
             self._jobs.extend(jobs)
 

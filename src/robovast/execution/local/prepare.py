@@ -29,7 +29,7 @@ from robovast.execution.local.variants import choose_variants
 from robovast.model.document import Document
 from robovast.model.inputs import container_files
 from robovast.model.naming import campaign_prefix
-from robovast.model.plan import Job, pack_runs, plan_runs
+from robovast.model.plan import Job, pack_runs, plan_runs, plan_variants
 from robovast.model.scenario import read_scenario
 
 _TEMPLATE = Path(__file__).with_name("run.sh.in")
@@ -51,8 +51,10 @@ def prepare_run(document: Document, output: Path, options: LocalOptions) -> Path
         composition = choose_variants(document, Path(scratch), options, _silent)
         template = Layout(output / "out_template")
         write_configurations(document, composition, template.root, timings=True)
-        runs = plan_runs(composition.variants, options.runs or document.vast.execution.runs)
-        jobs = pack_runs(runs, document.vast.execution.runs_per_job)
+        execution = document.vast.execution
+        runs, variants = options.runs or execution.runs, composition.variants
+        plan = plan_variants(variants, runs, execution.runs_per_job)
+        jobs = pack_runs(plan, plan_runs(plan, variants))
         _write_jobs(document, options, output, jobs, Path(scratch))
     (output / "gui.yaml").write_text(dump_yaml(_gui(document)), encoding="utf-8")
     return _write_script(document, output, options)
