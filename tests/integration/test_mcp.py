@@ -148,7 +148,7 @@ def test_tables_are_queried_and_no_other_file(results: Path, assistant: Assistan
 
 
 def test_a_query_without_end_is_ended(results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(question, "PATIENCE", 1.0)
+    monkeypatch.setattr(question, "TIME_LIMIT", 1.0)
     query = "SELECT (COUNT(*) AS ?n) { ?a ?b ?c . ?d ?e ?f . ?g ?h ?i . ?j ?k ?l }"
     with pytest.raises(InputError, match="ended after 1 s"):
         question.answer("sparql", [results / TABLED], query)

@@ -179,7 +179,7 @@ def test_a_server_that_says_nothing_keeps_nobody(
 ) -> None:
     receiver.silence = 0.5
     monkeypatch.setattr(command, "TIMEOUT", 0.1)
-    monkeypatch.setattr(command, "PATIENCE", 0.2)
+    monkeypatch.setattr(command, "REPEATABLE", 0.2)
     monkeypatch.setenv(NOTICE_VARIABLE, order(NOTICE, url=f"{receiver.url}/{TOPIC}"))
     with pytest.raises(StorageError, match="does not answer as it should"):
         command.notify(Folders(receivers=tmp_path), 0)

@@ -24,7 +24,7 @@ from robovast_cli.kube.port_forward import PortForward
 if TYPE_CHECKING:
     from anyio.from_thread import BlockingPortal
 
-PATIENCE = 20.0
+TIME_LIMIT = 20.0
 """How long an API server may take to answer [s]."""
 
 Json = dict[str, Any]
@@ -226,7 +226,7 @@ class Kubernetes:
         from aiohttp import ClientTimeout
 
         serialized = await self._client.param_serialize(*request, **details)
-        timeout = ClientTimeout(total=PATIENCE)
+        timeout = ClientTimeout(total=TIME_LIMIT)
         answer = await self._client.call_api(*serialized, _request_timeout=timeout)
         return answer.status, (await answer.read()).decode()
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
+from robovast.base.backoff import REPEATABLE
 from robovast.base.errors import CannotRunError, StorageError
 from robovast.kubeapi.names import CREDENTIALS_SECRET
 from robovast_cli.kube.api import Json, Kubernetes, cluster_extra
@@ -22,8 +23,6 @@ ENDPOINT = "ROBOVAST_S3_ENDPOINT"
 ACCESS_KEY = "ROBOVAST_S3_ACCESS_KEY"
 SECRET_KEY = "ROBOVAST_S3_SECRET_KEY"  # noqa: S105 - the name of a variable
 
-PATIENCE = 60.0
-"""For how long a server may be gone [s]."""
 CONNECTIONS = 16
 
 
@@ -77,7 +76,7 @@ def open_store(kube: Kubernetes, place: StorePlace) -> Iterator[ObjectStore]:
     credentials = Credentials(*_keys(kube, place.secret))
     with reachable(kube, os.environ.get(ENDPOINT) or place.endpoint) as address:
         endpoint = Endpoint.parse(address, place.region)
-        yield ObjectStore(endpoint, credentials, patience=PATIENCE, connections=CONNECTIONS)
+        yield ObjectStore(endpoint, credentials, patience=REPEATABLE, connections=CONNECTIONS)
 
 
 def cluster_service(endpoint: str) -> tuple[str, str, int] | None:

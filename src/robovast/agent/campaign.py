@@ -15,6 +15,7 @@ from robovast.agent.composed import Composed
 from robovast.agent.digests import check_files
 from robovast.agent.mounts import Folders
 from robovast.agent.sources import copy_inputs
+from robovast.base.backoff import REPEATABLE
 from robovast.base.errors import InputError
 from robovast.campaign.configurations import read_variants, variants_digest
 from robovast.campaign.layout import CONFIGURATIONS, Layout
@@ -26,10 +27,6 @@ from robovast.model.naming import CONFIG
 from robovast.model.packs import CampaignPlan, PlanSpec
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
-
-PATIENCE = 60.0
-"""How long a server that does not answer is asked again [s]: a pod that holds no results may end
-and say why, since the next one goes on."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +68,7 @@ def open_campaign(folders: Folders, *, connections: int = 8) -> Campaign:
     plan = read_plan(folders.campaign_plan)
     credentials = Credentials.from_folder(folders.credentials)
     endpoint = Endpoint.parse(plan.endpoint, plan.region)
-    store = ObjectStore(endpoint, credentials, connections=connections, patience=PATIENCE)
+    store = ObjectStore(endpoint, credentials, connections=connections, patience=REPEATABLE)
     return Campaign(plan, folders, store)
 
 

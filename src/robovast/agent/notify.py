@@ -16,7 +16,7 @@ from urllib.parse import unquote, urlsplit
 from pydantic import ValidationError
 
 from robovast.agent.mounts import Folders
-from robovast.base.backoff import BUSY
+from robovast.base.backoff import BUSY, REPEATABLE
 from robovast.base.errors import InputError
 from robovast.kubeapi.notice import NOTICE_VARIABLE, Event, Notice, Order
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit, PlanError
@@ -24,8 +24,6 @@ from robovast.kubeapi.resources import Notification, SecretKey
 from robovast.kubeapi.secret_names import SECRET_PREFIX
 from robovast.storage.http_client import HttpClient, HttpError
 
-PATIENCE = 60.0
-"""For how long a server may be busy [s]; then the pod ends, and the Job makes another one."""
 TIMEOUT = 20.0
 """For how long a server may say nothing [s]."""
 
@@ -73,7 +71,7 @@ def notify(folders: Folders, index: int) -> AgentExit:
         f"{receiver.kind} at {address.server}",
         address.headers,
         secrets=address.secrets,
-        patience=PATIENCE,
+        patience=REPEATABLE,
         timeout=TIMEOUT,
     )
     try:

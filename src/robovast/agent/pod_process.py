@@ -13,6 +13,7 @@ from robovast.agent.mounts import Folders
 from robovast.agent.pack import PodJob
 from robovast.agent.silence import Silence
 from robovast.base import safe_paths
+from robovast.base.backoff import wait_until
 from robovast.base.stopwatch import Stopwatch
 from robovast.campaign.judge import Ending
 from robovast.campaign.layout import JOBS, RUNNING, SYSTEM_LOG, Layout
@@ -100,9 +101,7 @@ class PodProcess:
         self._wait_for(lambda: self.container.all_over(self.job, secondaries))
 
     def _wait_for(self, condition: Callable[[], bool]) -> None:
-        give_up = time.monotonic() + STOP_PATIENCE
-        while not condition() and not self.is_interrupted() and time.monotonic() < give_up:
-            time.sleep(POLL)
+        wait_until(lambda: condition() or self.is_interrupted(), STOP_PATIENCE, POLL)
 
 
 def follow_job(

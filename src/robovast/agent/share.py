@@ -9,9 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from robovast.agent.campaign import PATIENCE
 from robovast.agent.mounts import Folders
-from robovast.base.backoff import BUSY
+from robovast.base.backoff import BUSY, REPEATABLE
 from robovast.base.errors import InputError
 from robovast.base.sizes import fmt_size
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
@@ -77,7 +76,7 @@ def _open(folder: Path) -> Share:
 
 def _pack(folders: Folders, request: Request, archive: Path) -> None:
     credentials = Credentials.from_folder(folders.credentials)
-    store = ObjectStore(request.endpoint, credentials, patience=PATIENCE)
+    store = ObjectStore(request.endpoint, credentials, patience=REPEATABLE)
     if request.uid is not None:
         is_owned(store, request.bucket, request.uid)
     progress = Progress("packed")

@@ -1,9 +1,19 @@
-"""Backoff: how long to wait before a request to a server is repeated."""
+"""Backoff: how long a request to a server is repeated, and how long to wait before that."""
 
 from __future__ import annotations
 
 import random
 import time
+from collections.abc import Callable
+
+HOLDING_RESULTS = 600.0
+"""Time limit of retries for a process that holds results which exist nowhere else [s]."""
+REPEATABLE = 60.0
+"""Time limit of retries for work that can be repeated: it soon ends and says why [s]."""
+TRANSFERRING = 300.0
+"""Time limit of retries for uploads to and downloads from other servers [s]."""
+FIRST_CONTACT = 5.0
+"""Time limit of retries for a server that never answered: its address may be wrong [s]."""
 
 FIRST_PAUSE = 0.25
 """Longest pause before the second attempt [s]; it doubles with each further attempt."""
@@ -49,3 +59,19 @@ class Pauses:
         time.sleep(min(left, max(at_least, pause)))
         self._longest = min(2 * self._longest, LONGEST_PAUSE)
         return True
+
+
+def wait_until(condition: Callable[[], bool], patience: float, pause: float) -> bool:
+    """Wait until a condition holds; return False if that takes too long.
+
+    Args:
+        condition: checks it.
+        patience: the time limit [s].
+        pause: time between two checks [s].
+    """
+    give_up = time.monotonic() + patience
+    while not condition():
+        if time.monotonic() > give_up:
+            return False
+        time.sleep(pause)
+    return True

@@ -11,7 +11,7 @@ from pathlib import Path
 from robovast.base.errors import InputError
 from robovast.evaluation.inside import MissingError, resolved
 
-PATIENCE = 30.0
+TIME_LIMIT = 30.0
 """Time limit for all queries to one file [s]."""
 _STEPS = 100_000
 """Number of virtual machine instructions between checks of the time."""
@@ -29,7 +29,7 @@ def opened(root: Path, relative: str) -> Iterator[sqlite3.Connection]:
         raise MissingError(f"{relative} is no file.")
     try:
         with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as connection:
-            end = time.monotonic() + PATIENCE
+            end = time.monotonic() + TIME_LIMIT
             connection.execute("PRAGMA trusted_schema = OFF")
             connection.execute("PRAGMA cell_size_check = ON")
             connection.set_progress_handler(lambda: time.monotonic() > end, _STEPS)

@@ -10,7 +10,7 @@ from robovast.base.plugins import plugins_of
 from robovast.base.version import __version__
 from robovast.evaluation.library import Library
 from robovast.mcp.bounds import MOST_BYTES, page
-from robovast.mcp.question import MOST_ROWS, PATIENCE
+from robovast.mcp.question import MOST_ROWS, TIME_LIMIT
 from robovast.mcp.tools import add_tools
 
 _TAXONOMY = {
@@ -68,7 +68,7 @@ class OrientationTools:
                 "limits": {
                     "answer_bytes": MOST_BYTES,
                     "query_rows": MOST_ROWS,
-                    "query_seconds": PATIENCE,
+                    "query_seconds": TIME_LIMIT,
                 },
             }
 

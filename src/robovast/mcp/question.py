@@ -21,7 +21,7 @@ from typing import Any, Literal
 from robovast.base.errors import CannotRunError, InputError, RobovastError
 from robovast.mcp.bounds import MOST_BYTES, fitted, page
 
-PATIENCE = 60.0
+TIME_LIMIT = 60.0
 """Time limit of an answer [s]."""
 MEMORY = 4 << 30
 """Address space limit of the process [bytes]."""
@@ -60,12 +60,12 @@ def answer(kind: Kind, campaigns: Sequence[Path], text: str = "") -> dict[str, A
                 [sys.executable, "-m", __name__],
                 input=json.dumps(question).encode(),
                 capture_output=True,
-                timeout=PATIENCE,
+                timeout=TIME_LIMIT,
                 check=False,
             )
     except subprocess.TimeoutExpired:
         raise InputError(
-            f"the query was ended after {PATIENCE:.0f} s; query fewer campaigns or less data."
+            f"the query was ended after {TIME_LIMIT:.0f} s; query fewer campaigns or less data."
         ) from None
     if not done.stdout:
         last = done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]

@@ -17,15 +17,11 @@ import certifi
 import urllib3
 from urllib3.exceptions import HTTPError, NewConnectionError, SSLError
 
-from robovast.base.backoff import BUSY, Pauses
+from robovast.base.backoff import BUSY, FIRST_CONTACT, TRANSFERRING, Pauses
 from robovast.base.errors import StorageError
 
 Body = bytes | IO[bytes] | None
 
-PATIENCE = 300.0
-"""How long to retry a server that has responded before [s]."""
-FIRST_CONTACT = 5.0
-"""How long to retry a server that has never responded; its address may be wrong [s]."""
 ATTEMPTS = 3
 """How often a long upload is restarted."""
 SILENCE = 120.0
@@ -77,7 +73,7 @@ class HttpClient:
         remedies: Mapping[int, str] | None = None,
         secrets: Collection[str] = (),
         insecure: bool = False,
-        patience: float = PATIENCE,
+        patience: float = TRANSFERRING,
         timeout: float = SILENCE,
     ) -> None:
         """

@@ -12,10 +12,10 @@ from pathlib import Path
 from urllib3 import BaseHTTPResponse
 from urllib3.exceptions import HTTPError
 
-from robovast.base.backoff import Pauses
+from robovast.base.backoff import TRANSFERRING, Pauses
 from robovast.base.errors import StorageError
 from robovast.base.file_errors import writing
-from robovast.storage.http_client import CHUNK, PATIENCE, HttpClient
+from robovast.storage.http_client import CHUNK, HttpClient
 
 _RANGE = re.compile(r"bytes (?P<first>\d+)-\d+/(?P<total>\d+)")
 _NO_SUCH_RANGE = 416
@@ -46,7 +46,7 @@ def download(
         HttpError: the server refused.
         StorageError: it cannot be reached, or the file cannot be written.
     """
-    pauses = Pauses(PATIENCE)
+    pauses = Pauses(TRANSFERRING)
     etag = ""
     with writing(dest), dest.open("r+b" if offset and dest.exists() else "wb") as file:
         file.seek(offset)

@@ -21,7 +21,7 @@ from minio.error import MinioException, S3Error
 from urllib3.exceptions import HTTPError, ProtocolError
 
 from robovast.base.atomic import put_in_place
-from robovast.base.backoff import Pauses
+from robovast.base.backoff import HOLDING_RESULTS, Pauses
 from robovast.base.errors import StorageError
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.faults import ObjectError, explained, passes, persist
@@ -43,8 +43,6 @@ SMALL = 256 * 1024 * 1024
 
 CHUNK = 2**20
 """Block size of downloads [byte]."""
-PATIENCE = 600.0
-"""How long to retry by default [s]."""
 ATTEMPTS = 3
 """How often to send a file that changes meanwhile."""
 
@@ -89,7 +87,7 @@ class ObjectStore:
         endpoint: Endpoint,
         credentials: Credentials,
         *,
-        patience: float = PATIENCE,
+        patience: float = HOLDING_RESULTS,
         connections: int = 8,
     ) -> None:
         """

@@ -99,7 +99,7 @@ def test_views_are_no_tables(results: Path) -> None:
 def test_a_question_that_takes_too_long_ends(
     results: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(database, "PATIENCE", 0)
+    monkeypatch.setattr(database, "TIME_LIMIT", 0)
     monkeypatch.setattr(database, "_STEPS", 10)
     with pytest.raises(InputError, match="interrupted"):
         metric(results, "hall", "poses", "x", "mean")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from robovast.analysis.publication.context import PublicationContext, context_of
 from robovast.analysis.publication.selection import files_of
+from robovast.base.backoff import REPEATABLE
 from robovast.base.environment import environment
 from robovast.base.errors import CannotRunError, InputError
 
@@ -19,8 +20,6 @@ DEFAULT = "https://s3.amazonaws.com"
 """Default address of the server."""
 THREADS = 8
 """Number of parallel uploads."""
-PATIENCE = 60.0
-"""Longest interruption of the server that is waited out [s]."""
 
 _KEYS = (
     ("ROBOVAST_S3_ACCESS_KEY", "ROBOVAST_S3_SECRET_KEY"),
@@ -135,6 +134,6 @@ def _store(endpoint: str, region: str | None) -> ObjectStore:
     return ObjectStore(
         Endpoint.parse(endpoint, region),
         Credentials(access, secret),
-        patience=PATIENCE,
+        patience=REPEATABLE,
         connections=THREADS,
     )

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import IO, Any, cast
 from urllib.parse import quote, urlsplit
 
+from robovast.base.backoff import TRANSFERRING
 from robovast.base.errors import InputError, StorageError
-from robovast.storage.http_client import PATIENCE, HttpClient, HttpError
+from robovast.storage.http_client import HttpClient, HttpError
 from robovast.storage.shares.base import UploadProgressReader
 
 _JSON = {"Content-Type": "application/json"}
@@ -60,7 +61,7 @@ class Deposit:
 class ZenodoApi:
     """Access to the deposits of one account."""
 
-    def __init__(self, address: str, token: str, *, patience: float = PATIENCE) -> None:
+    def __init__(self, address: str, token: str, *, patience: float = TRANSFERRING) -> None:
         """
         Args:
             address: address of the server, such as `https://zenodo.org`.

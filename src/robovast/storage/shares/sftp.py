@@ -14,7 +14,7 @@ from typing import Any, ClassVar, TypeVar
 import paramiko
 from paramiko import PKey, SFTPClient, SFTPFile, SSHClient
 
-from robovast.base.backoff import Pauses
+from robovast.base.backoff import TRANSFERRING, Pauses
 from robovast.base.errors import InputError, StorageError
 from robovast.base.file_errors import writing
 from robovast.storage.shares.base import (
@@ -41,8 +41,6 @@ CHUNK = 2**18
 """Block size of transfers [byte]."""
 REQUESTS = 64
 """Number of blocks that are requested ahead."""
-PATIENCE = 300.0
-"""How long to retry an unreachable server [s]."""
 ATTEMPTS = 20
 """Minimum number of retries of a transfer."""
 TIMEOUT = 60.0
@@ -211,7 +209,7 @@ def _with_server(attempt: str, action: Callable[[SFTPClient], T]) -> T:
         InputError: the account or the server's key is not accepted, or a file is missing.
         StorageError: the server is unreachable or refuses.
     """
-    pauses = Pauses(PATIENCE, ATTEMPTS)
+    pauses = Pauses(TRANSFERRING, ATTEMPTS)
     was_connected = False
     while True:
         client = SSHClient()

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 
+from robovast.base.backoff import wait_until
 from robovast.base.errors import CannotRunError
 from robovast.kubeapi.resources import UID_LABEL
 from robovast.storage.ownership import is_owned
@@ -71,15 +71,15 @@ def remove_bucket(kube: Kubernetes, campaign: CampaignState) -> None:
 
 
 def _wait_until_gone(kube: Kubernetes, campaign: CampaignState, *, with_pods: bool) -> None:
-    deadline = time.monotonic() + PATIENCE
-    while _is_there(kube, campaign) or (with_pods and kube.has_pods({UID_LABEL: campaign.uid})):
-        if time.monotonic() > deadline:
-            raise CannotRunError(
-                f"{campaign.name}: is marked for removal, but does not go. Look at `kubectl "
-                f"describe campaign {campaign.name}` and `kubectl get pods`, then repeat the "
-                "command."
-            )
-        time.sleep(PAUSE)
+    def is_gone() -> bool:
+        there = _is_there(kube, campaign)
+        return not (there or (with_pods and kube.has_pods({UID_LABEL: campaign.uid})))
+
+    if not wait_until(is_gone, PATIENCE, PAUSE):
+        raise CannotRunError(
+            f"{campaign.name}: is marked for removal, but does not go. Look at `kubectl describe "
+            f"campaign {campaign.name}` and `kubectl get pods`, then repeat the command."
+        )
 
 
 def _is_there(kube: Kubernetes, campaign: CampaignState) -> bool:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 
+from robovast.base.backoff import wait_until
 from robovast.base.errors import CannotRunError, InputError, RobovastError, StorageError
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
 from robovast.kubeapi.share_job import Upload, share_job, share_secret
@@ -145,12 +146,9 @@ def _has(job: Json, condition: str) -> bool:
 
 
 def _remove(kube: Kubernetes, name: str) -> None:
-    deadline = time.monotonic() + PATIENCE
     kube.delete_job(name)
-    while kube.job(name) is not None:
-        if time.monotonic() > deadline:
-            raise CannotRunError(
-                f"an earlier Job {name} is marked for removal, but does not go. Look at `kubectl "
-                f"--namespace {kube.namespace} describe job {name}`, then repeat the command."
-            )
-        time.sleep(INTERVAL)
+    if not wait_until(lambda: kube.job(name) is None, PATIENCE, INTERVAL):
+        raise CannotRunError(
+            f"an earlier Job {name} is marked for removal, but does not go. Look at `kubectl "
+            f"--namespace {kube.namespace} describe job {name}`, then repeat the command."
+        )
