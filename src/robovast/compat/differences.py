@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
-from robovast.base.errors import Problem
+from robovast.base.errors import Place, Problem
 from robovast.common.execution import campaign_prefix
 from robovast.model.document import Document
 from robovast.model.document.model import PluginCall
@@ -25,11 +27,18 @@ _SEEDED = frozenset(_NOTES) - {"OneOfVariation", "FloorplanGeneration"} | {
     "ParameterVariationDistributionGaussian",
     "ParameterVariationDistributionUniform",
 }
+_PLANS = {"FloorplanVariation": "variation_files", "FloorplanGeneration": "floorplans"}
+"""Variation types of floor plans, and where they name files."""
+_PLAN_WORDS = {
+    r"\bDefault values\s*:": "`Default values:` is understood; there it is an error",
+    r"\d\s*(cm|mm)\b": "lengths in cm and mm are understood; there they are errors",
+}
 
 
 def differences(document: Document) -> list[Problem]:
     """Parts of a document that mean something else than in the existing tool, in file order."""
-    return sorted([*_of_document(document), *_of_variations(document)], key=lambda p: p.place)
+    found = (_of_document, _of_variations, _of_plans, _of_postprocessing)
+    return sorted((p for kind in found for p in kind(document)), key=lambda p: p.place)
 
 
 def _of_document(document: Document) -> Iterator[Problem]:
@@ -40,6 +49,8 @@ def _of_document(document: Document) -> Iterator[Problem]:
         if pattern.endswith("**"):
             path = ("execution", "run_files", index)
             yield source.problem(path, f"`{pattern}` takes all that is below; there nothing")
+    if vast.execution.timeout is not None:
+        yield source.problem(("execution", "timeout"), "counts here, too; there on a cluster alone")
     if campaign_prefix(vast.campaign_name) != campaign_prefix(vast.campaign_name, "._-"):
         message = (
             f"results go into `{campaign_prefix(vast.campaign_name)}-…`, and `run.sh` keeps `_`"
@@ -52,7 +63,7 @@ def _of_variations(document: Document) -> Iterator[Problem]:
     for index, entry in enumerate(document.vast.configuration or ()):
         for position, call in enumerate(entry.variations or ()):
             path = ("configuration", index, "variations", position)
-            for message in _of_variation(call, types):
+            for message in (*_of_variation(call, types), *_of_navigation(call)):
                 yield document.source.problem(path, f"{call.name}: {message}")
 
 
@@ -66,8 +77,82 @@ def _of_variation(call: PluginCall, types: dict[str, str]) -> Iterator[str]:
         numbers = [v for v in given.get("values") or () if isinstance(v, str) and _is_number(v)]
         if numbers:
             yield f"{numbers[0]!r} stays text, as the scenario declares; there it is a number"
+
+
+def _of_navigation(call: PluginCall) -> Iterator[str]:
+    given = call.parameters
     if call.name == "PathVariationRasterized" and _several(given.get("num_goal_poses")):
         yield "every path of several goals is made; there one a start at most"
+    if call.name == "PathVariationRasterized" and isinstance(given.get("start_pose"), str):
+        yield "`start_pose` gets the start; there a name always fails"
+    if call.name == "PathVariationRandom" and any(map(_is_written, _poses(given))):
+        yield "poses that are written out are the path's; there they are ignored"
+    if call.name in _PLANS and len(_listed(given.get("name"))) == 1:
+        yield "`name` has one item, for the map alone; there it must have two"
+    for key in ("name", "spawn_trigger_point", "spawn_trigger_threshold"):
+        if any(str(value).startswith("@") for value in _listed(given.get(key))):
+            yield f"the `@` of `{key}` is dropped; there it becomes part of the name"
+
+
+def _of_plans(document: Document) -> Iterator[Problem]:
+    """What floor plans say that the language there does not know."""
+    calls = (call for entry in document.vast.configuration or () for call in entry.variations or ())
+    named = (call.parameters.get(_PLANS[call.name]) for call in calls if call.name in _PLANS)
+    files = [document.folder / str(name) for names in named for name in _listed(names)]
+    plans = (
+        plan for file in files for plan in (file, *(file.parent / p for p in _imports(_text(file))))
+    )
+    for plan in dict.fromkeys(plans):
+        for number, line in enumerate(_text(plan).splitlines(), start=1):
+            for pattern, message in _PLAN_WORDS.items():
+                if (found := re.search(pattern, line.partition("//")[0])) is not None:
+                    yield Problem(Place(plan, number, found.start() + 1), "", message)
+
+
+def _of_postprocessing(document: Document) -> Iterator[Problem]:
+    for section in ("results_processing", "analysis"):
+        for index, call in enumerate(getattr(document.vast, section).postprocessing):
+            plugins = _listed(call.parameters.get("plugins"))
+            types = [plugin for plugin in plugins if isinstance(plugin, dict)]
+            for given in (call.parameters, *types):
+                for message in _of_command(given):
+                    path = (section, "postprocessing", index)
+                    yield document.source.problem(path, f"{call.name}: {message}")
+
+
+def _of_command(given: dict[str, Any]) -> Iterator[str]:
+    if "workers" in given:
+        yield "`workers` has no effect; `-j` says how many runs are worked on side by side"
+    if "skip_levels" in given:
+        yield "`skip_levels` leaves these levels out; there it has no effect"
+    if isinstance(given.get("min_level"), int):
+        yield "`min_level` counts as this number; there as DEBUG"
+
+
+def _poses(given: dict[str, Any]) -> list[Any]:
+    return [given.get("start_pose"), *_listed(given.get("goal_poses"))]
+
+
+def _is_written(pose: Any) -> bool:
+    return isinstance(pose, dict)
+
+
+def _listed(value: Any) -> list[Any]:
+    if value is None:
+        return []
+    return value if isinstance(value, list) else [value]
+
+
+def _text(file: Path) -> str:
+    """Of a floor plan; what cannot be read is said when it is expanded."""
+    try:
+        return file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return ""
+
+
+def _imports(text: str) -> list[str]:
+    return re.findall(r'^\s*import\s+"([^"]+)"', text, re.MULTILINE)
 
 
 def _is_number(text: str) -> bool:

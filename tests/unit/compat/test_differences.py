@@ -11,6 +11,8 @@ from robovast.model.document import load_document
 
 SCENARIO = 'scenario drive:\n    speed: float = 1.0\n    label: string = "a"\n'
 
+OBSTACLES = "obstacle_configs: [{amount: 1, max_distance: 1, model: m}]"
+
 
 def met(folder: Path, configuration: str, execution: str = "", name: str = "drive") -> list[str]:
     (folder / "drive.osc").write_text(SCENARIO)
@@ -56,12 +58,70 @@ def test_a_variation_that_differs_is_named_with_its_place(
     assert words in found
 
 
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            "PathVariationRasterized: {start_pose: start, path_length: 5, raster_size: 1}",
+            "there a name always fails",
+        ),
+        (
+            "PathVariationRandom: {start_pose: '@s', path_length: 5, "
+            "goal_poses: [{position: {x: 1, y: 1}}]}",
+            "written out",
+        ),
+        (
+            "FloorplanVariation: {name: [map], num_variations: 1, variation_files: [a.variation]}",
+            "`name` has one item",
+        ),
+        (
+            f"ObstacleVariation: {{name: '@things', {OBSTACLES}}}",
+            "the `@` of `name` is dropped",
+        ),
+        (
+            "ObstacleVariationWithDistanceTrigger: {name: o, spawn_trigger_point: '@p', "
+            f"spawn_trigger_threshold: t, trigger_distance: 1, {OBSTACLES}}}",
+            "the `@` of `spawn_trigger_point` is dropped",
+        ),
+    ],
+)
+def test_forms_of_navigation_types_are_named(tmp_path: Path, text: str, words: str) -> None:
+    assert any(words in found for found in met(tmp_path, variation(text)))
+
+
+def test_words_of_floor_plans_are_named_in_their_file(tmp_path: Path) -> None:
+    (tmp_path / "a.variation").write_text('import "plan.fpm"\n')
+    (tmp_path / "plan.fpm").write_text("Default values:\n  thickness: 23 cm // 5 mm\n")
+    text = "FloorplanVariation: {name: [m, n], num_variations: 1, variation_files: [a.variation]}"
+    found = [item for item in met(tmp_path, variation(text)) if "plan.fpm" in item]
+    assert [item.rpartition("plan.fpm:")[2] for item in found] == [
+        "1:1: `Default values:` is understood; there it is an error",
+        "2:15: lengths in cm and mm are understood; there they are errors",
+    ]
+
+
+def test_parameters_of_postprocessing_are_named(tmp_path: Path) -> None:
+    commands = """\
+analysis:
+  postprocessing:
+  - rosbags_process: {workers: 3, plugins: [{type: rosout_to_csv, min_level: 40}]}
+results_processing:
+  postprocessing:
+  - rosbags_rosout_to_csv: {skip_levels: [DEBUG]}
+"""
+    same = variation("ParameterVariationList: {name: speed, values: [1, 2]}")
+    found = met(tmp_path, same, commands)
+    words = ["`workers` has no effect", "`min_level` counts", "`skip_levels` leaves"]
+    assert [word in item for word, item in zip(words, found, strict=True)] == [True] * 3
+
+
 def test_differences_of_the_document_are_named(tmp_path: Path) -> None:
     (tmp_path / "files").mkdir()
     (tmp_path / "files" / "x").write_text("")
-    found = met(tmp_path, "", "  run_files: [files/**]\n", "my_drive")
+    found = met(tmp_path, "", "  run_files: [files/**]\n  timeout: 60\n", "my_drive")
     assert [item.partition(": ")[2] for item in found] == [
         "one configuration, `config1`, runs; there nothing did",
         "metadata.name: results go into `my-drive-…`, and `run.sh` keeps `_`",
         "execution.run_files[0]: `files/**` takes all that is below; there nothing",
+        "execution.timeout: counts here, too; there on a cluster alone",
     ]

@@ -390,6 +390,11 @@ def test_sqlite_has_the_times_of_every_run(tmp_path: Path) -> None:
     campaign = finished_campaign(tmp_path, 2)
     update(campaign)
     update(campaign, c_1_0="another")
+    columns = sqlite_rows(
+        campaign, "SELECT name, type FROM pragma_table_info('scenario_timestamps')"
+    )
+    names = ("config_name", "run_id", "timestamp", "status", "message")
+    assert columns == [(name, "TEXT") for name in names]
     times = "SELECT * FROM scenario_timestamps WHERE run_id = '0' ORDER BY timestamp"
     assert sqlite_rows(campaign, times) == [
         ("c-1", "0", "1767225600.000000", "started", ""),
