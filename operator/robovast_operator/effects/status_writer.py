@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from robovast.kubeapi.resources import API_VERSION
-from robovast.kubeapi.status import CampaignStatus, ConfigurationStatus, compact, read_status
+from robovast.kubeapi.status import (
+    CampaignStatus,
+    Condition,
+    ConfigurationStatus,
+    compact,
+    read_status,
+)
 from robovast_operator.effects.notifier import Notifier
 from robovast_operator.kube import paths
 from robovast_operator.kube.announce import announce
 from robovast_operator.kube.api import Api
-from robovast_operator.kube.conditions import is_true
+from robovast_operator.kube.conditions import Found, dated, is_true
 from robovast_operator.kube.events import Message, messages
 from robovast_operator.kube.few_at_once import few_at_once
 from robovast_operator.kube.objects import Identity, Object
@@ -47,38 +53,27 @@ class Statuses:
 
     async def rejected(self, obj: Object, rejected: Rejected) -> None:
         """Of a Campaign that cannot be executed as it is."""
-        generation = obj["metadata"]["generation"]
         old = read_status(CampaignStatus, obj.get("status"))
-        conditions = rejected_conditions(
-            rejected.reason, rejected.message, generation, format_time(now()), old.conditions
-        )
-        status = old.model_copy(
-            update={
-                "observed_generation": generation,
-                "state": "Rejected",
-                "conditions": conditions,
-            }
-        )
-        await self.write(obj, status)
+        found = rejected_conditions(rejected.reason, rejected.message)
+        update = {
+            "observed_generation": obj["metadata"]["generation"],
+            "state": "Rejected",
+            "conditions": _dated(obj, found, old),
+        }
+        await self.write(obj, old.model_copy(update=update))
 
     async def composing(self, obj: Object, accepted: Accepted, trouble: Trouble | None) -> None:
         """While nothing but the compose Job is at work."""
-        generation = obj["metadata"]["generation"]
         old = read_status(CampaignStatus, obj.get("status"))
         status = CampaignStatus(
-            observed_generation=generation,
+            observed_generation=obj["metadata"]["generation"],
             state="Composing",
             campaign=accepted.campaign,
             bucket=accepted.bucket,
             endpoint=accepted.endpoint,
             image=accepted.image,
             notified=old.notified,
-            conditions=composing_conditions(
-                None if trouble is None else (trouble.reason, trouble.message),
-                generation,
-                format_time(now()),
-                old.conditions,
-            ),
+            conditions=_dated(obj, composing_conditions(trouble), old),
         )
         await self.write(obj, status)
 
@@ -88,11 +83,8 @@ class Statuses:
         It is told by an Event, too, since the status itself may be what is refused.
         """
         old = read_status(CampaignStatus, obj["status"])
-        generation, moment = obj["metadata"]["generation"], format_time(now())
-        conditions = failing_conditions(
-            (trouble.reason, trouble.message), generation, moment, old.conditions
-        )
-        await self.tell(Identity.of(obj), trouble, generation)
+        conditions = _dated(obj, failing_conditions(trouble, old.conditions), old)
+        await self.tell(Identity.of(obj), trouble, obj["metadata"]["generation"])
         await self.write(obj, old.model_copy(update={"conditions": conditions}))
 
     async def tell(self, identity: Identity, trouble: Trouble, generation: int) -> None:
@@ -169,6 +161,11 @@ class Statuses:
         )
         if written is not None:
             self._store.put_configuration(written)
+
+
+def _dated(obj: Object, found: Sequence[Found], old: CampaignStatus) -> list[Condition]:
+    """Conditions of a Campaign as they are found now."""
+    return dated(found, obj["metadata"]["generation"], format_time(now()), old.conditions)
 
 
 def _is_known(item: Object) -> bool:

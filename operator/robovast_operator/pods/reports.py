@@ -6,6 +6,7 @@ Anybody may have written it: what makes no sense is as good as not said.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from robovast.base.ranges import count, merge, parse_ranges
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
@@ -35,14 +36,8 @@ def reports_of(pods: Iterable[Object]) -> dict[int, Report]:
         if report is not None:
             found[index] = report
         elif index in found:
-            found[index] = _not_final(found[index])
+            found[index] = replace(found[index], final=False)
     return found
-
-
-def _not_final(report: Report) -> Report:
-    return Report(
-        report.passed, report.failed, report.errored, report.failed_ids, report.errored_ids
-    )
 
 
 def _report(pod: Object) -> Report | None:

@@ -18,26 +18,6 @@ from robovast_operator.planning.shards import ShardPlan
 
 
 @dataclass(frozen=True)
-class Report:
-    """The verdicts that an agent leaves as termination message."""
-
-    passed: int = 0
-    failed: int = 0
-    errored: int = 0
-    failed_ids: tuple[Span, ...] = ()
-    """Some of them, for people."""
-    errored_ids: tuple[Span, ...] = ()
-    """Some of them, for people."""
-    final: bool = False
-    """Whether no pod of the index comes after it: what has no verdict is errored then."""
-
-    @property
-    def decided(self) -> int:
-        """Runs with a verdict."""
-        return self.passed + self.failed + self.errored
-
-
-@dataclass(frozen=True)
 class Tally:
     """Runs with a verdict, and some ids of those that are bad."""
 
@@ -51,6 +31,14 @@ class Tally:
     def decided(self) -> int:
         """Runs with a verdict."""
         return self.passed + self.failed + self.errored
+
+
+@dataclass(frozen=True)
+class Report(Tally):
+    """The verdicts that an agent leaves as termination message."""
+
+    final: bool = False
+    """Whether no pod of the index comes after it: what has no verdict is errored then."""
 
 
 def total(parts: Iterable[Tally]) -> Tally:

@@ -9,10 +9,8 @@ from robovast_operator.kube.conditions import Found, dated, is_true
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time
+from robovast_operator.pods.findings import Trouble
 from robovast_operator.snapshot import Snapshot
-
-Why = tuple[str, str]
-"""Reason and message."""
 
 
 def campaign_conditions(snapshot: Snapshot, runs: Runs) -> list[Condition]:
@@ -35,50 +33,47 @@ def campaign_conditions(snapshot: Snapshot, runs: Runs) -> list[Condition]:
     return dated(found, snapshot.generation, moment, snapshot.status.conditions)
 
 
-def rejected_conditions(
-    reason: str, message: str, generation: int, now: str, old: Iterable[Condition]
-) -> list[Condition]:
+def rejected_conditions(reason: str, message: str) -> list[Found]:
     """All conditions of a campaign that cannot be executed as it is."""
     rest: list[Found] = [
         (name, "Unknown", "NotAccepted", "") for name in ("QuotaReserved", "Succeeded", "Passed")
     ]
-    found: list[Found] = [
+    return [
         ("Accepted", "False", reason, message),
         ("Reconciling", "False", "NotAccepted", ""),
         ("Stalled", "True", reason, message),
         ("ResultsAvailable", "False", "NotAccepted", ""),
         *rest,
     ]
-    return dated(found, generation, now, old)
 
 
-def composing_conditions(
-    trouble: Why | None, generation: int, now: str, old: Iterable[Condition]
-) -> list[Condition]:
+def composing_conditions(trouble: Trouble | None) -> list[Found]:
     """All conditions of a campaign whose document is just being expanded."""
-    reason, message = trouble or ("Composing", "the document is being expanded by a Job")
+    told = trouble or Trouble("Composing", "the document is being expanded by a Job")
     names = ("Accepted", "QuotaReserved", "Succeeded", "Passed")
     unknown: list[Found] = [(name, "Unknown", "Composing", "") for name in names]
-    found: list[Found] = [
+    return [
         *unknown,
-        ("Reconciling", "True", reason, message),
-        ("Stalled", "True" if trouble else "False", reason, message if trouble else ""),
+        ("Reconciling", "True", told.reason, told.message),
+        (
+            "Stalled",
+            "True" if trouble else "False",
+            told.reason,
+            trouble.message if trouble else "",
+        ),
         ("ResultsAvailable", "False", "Composing", ""),
     ]
-    return dated(found, generation, now, old)
 
 
-def failing_conditions(
-    why: Why, generation: int, now: str, old: Iterable[Condition]
-) -> list[Condition]:
+def failing_conditions(trouble: Trouble, before: Iterable[Condition]) -> list[Found]:
     """The conditions of a campaign with which nothing can be done: those before, and why."""
-    before = list(old)
+    why = (trouble.reason, trouble.message)
     kept: list[Found] = [
         (c.type, c.status, c.reason, c.message) for c in before if c.type != "Stalled"
     ]
     if not kept:
-        kept = [("Accepted", "Unknown", *why), ("ResultsAvailable", "False", why[0], "")]
-    return dated([*kept, ("Stalled", "True", *why)], generation, now, before)
+        kept = [("Accepted", "Unknown", *why), ("ResultsAvailable", "False", trouble.reason, "")]
+    return [*kept, ("Stalled", "True", *why)]
 
 
 def campaign_state(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from robovast.kubeapi.status import CampaignStatus, Runs
+from robovast_operator.kube.conditions import dated
 from robovast_operator.status.conditions import is_news, rejected_conditions
 
 
@@ -23,7 +24,6 @@ def test_the_last_verdict_is_told_at_once_whatever_it_is() -> None:
 
 
 def test_no_condition_says_who_a_url_names() -> None:
-    told = rejected_conditions(
-        "Invalid", "https://bot:ghp_1@git.org/a@b: none", 1, "2026-01-01T00:00:00Z", ()
-    )
+    found = rejected_conditions("Invalid", "https://bot:ghp_1@git.org/a@b: none")
+    told = dated(found, 1, "2026-01-01T00:00:00Z", ())
     assert told[0].message == "https://git.org/a@b: none"
