@@ -1,4 +1,4 @@
-"""Where the command `vast` begins: before anything is imported that takes a while."""
+"""Entry point of the command `vast`; it runs before any slow import."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ class LazyCommand(TyperCommand):
     def make_context(
         self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any
     ) -> Any:
-        """The real command's context: from here on it is that command which runs."""
+        """The context of the real command, which replaces this one."""
         return self.load().make_context(info_name, args, parent=parent, **extra)
 
 

@@ -26,7 +26,7 @@ COMMANDS: Mapping[str, Lazy] = {
     "exec": Lazy("robovast_cli.commands.exec.app:app", "Run campaigns.", aliases=("execution",)),
     "results": Lazy(
         "robovast_cli.commands.results.app:app",
-        "Bring results home, work them up, ask and publish them.",
+        "Download, postprocess, query and publish results.",
     ),
     "evaluation": Lazy(
         "robovast_cli.commands.evaluation.app:app", "Look at results.", aliases=("eval",)
@@ -104,7 +104,7 @@ def vast(
             "-l",
             "--log-level",
             case_sensitive=False,
-            help="How much to tell on stderr; the project's level, else `warning`.",
+            help="Verbosity on stderr; by default the project's level, or `warning`.",
             show_default=False,
         ),
     ] = None,

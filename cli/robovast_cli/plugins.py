@@ -40,7 +40,7 @@ class PluginCommand(TyperCommand):
         return command.main(args=ctx.args, prog_name=ctx.command_path, standalone_mode=True)
 
     def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
-        """What the plugin offers, when it is a Click command."""
+        """The plugin's object, if it is a Click command."""
         try:
             from click.shell_completion import ShellComplete  # there when the plugin is Click's
 

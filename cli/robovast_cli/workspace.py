@@ -1,4 +1,4 @@
-"""What a command works on: the project, its .vast file and its results."""
+"""The workspace of a command: the project, its .vast file and its results."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Workspace:
         )
 
     def document(self) -> Document:
-        """The .vast file, read and checked; what has no effect in it is told on stderr."""
+        """The checked .vast file; keys without effect are reported on stderr."""
         from robovast.model.document import load_document
 
         project = self.project  # its log level holds for what follows
@@ -71,7 +71,7 @@ class Workspace:
 
     @property
     def results(self) -> Path:
-        """Where campaigns go: the project's results folder, else `results` in this folder."""
+        """Folder of campaigns: the project's results folder, or `results` in this folder."""
         return shown(self.project.results_dir) if self.project is not None else DEFAULT_RESULTS
 
 
@@ -82,5 +82,5 @@ def shown(path: Path) -> Path:
 
 
 def set_log_level(name: str) -> None:
-    """Set how much is told on stderr."""
+    """Set the verbosity on stderr."""
     logging.getLogger().setLevel(name.upper())

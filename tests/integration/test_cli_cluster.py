@@ -227,7 +227,7 @@ def test_a_campaign_runs_although_nobody_may_be_told_of_its_end(
     monkeypatch.setenv("ROBOVAST_NTFY_TOPIC", "alice-9f4e1c")
     outcome = vast("run", "--detach")
     assert outcome.code == 0
-    assert "Nobody will be told of its end" in outcome.out
+    assert "No notifications will be sent" in outcome.out
     assert 'cannot create resource "secrets"' in outcome.out
     assert len(operator.names()) == 1
 

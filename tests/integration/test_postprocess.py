@@ -467,7 +467,7 @@ def test_an_interruption_ends_at_once_and_claims_nothing_unfinished(tmp_path: Pa
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=20)
     assert process.returncode == 130
-    assert "interrupted; what was finished is kept" in errors
+    assert "interrupted; finished work is kept" in errors
     plugin = campaign / "_config/tools/plugins.py"
     stamp = plugin.stat()
     summary = work(campaign, time_limit=0.5)

@@ -31,7 +31,7 @@ def init(
         ),
     ] = None,
     force: Annotated[
-        bool, typer.Option("-f", "--force", help="Replace the project file that is here.")
+        bool, typer.Option("-f", "--force", help="Replace an existing project file.")
     ] = False,
 ) -> None:
     """Make the working directory a project: commands in it and below know their .vast file."""

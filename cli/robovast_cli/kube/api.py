@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from anyio.from_thread import BlockingPortal
 
 TIME_LIMIT = 20.0
-"""How long an API server may take to answer [s]."""
+"""Timeout of requests to an API server [s]."""
 
 Json = dict[str, Any]
 
 BATCH = "batch/v1"
 
 SERVICE_ACCOUNT = Path("/var/run/secrets/kubernetes.io/serviceaccount")
-"""What a pod is given to log in with."""
+"""Folder of a pod's credentials."""
 
 KUEUE = "kueue.x-k8s.io"
 """API group of Kueue, which admits Jobs when there is room for them."""
@@ -76,7 +76,7 @@ class Kubernetes:
         return self._call("PATCH", url, API_VERSION, body={"spec": spec})
 
     def delete_campaign(self, name: str) -> None:
-        """Delete a Campaign; what was made for it disappears after it."""
+        """Delete a Campaign; the objects that it owns are removed afterwards."""
         options = {"propagationPolicy": "Background"}
         self._call("DELETE", f"campaigns/{quote(name)}", API_VERSION, body=options)
 
@@ -248,7 +248,7 @@ def connect(context: str | None = None, namespace: str | None = None) -> Iterato
         namespace: the context's when None.
 
     Raises:
-        CannotRunError: there is no such context, or nobody can log in to it.
+        CannotRunError: the context is missing, or its login fails.
         InputError: the kubeconfig cannot be read.
     """
     with cluster_extra():

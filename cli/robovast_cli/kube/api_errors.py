@@ -1,4 +1,4 @@
-"""What an API server refuses, in the words of RoboVAST."""
+"""Converts refusals of an API server to errors for users."""
 
 from __future__ import annotations
 

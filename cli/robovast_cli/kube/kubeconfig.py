@@ -13,7 +13,7 @@ from robovast.model.document.source import Source
 def choose(context: str | None, namespace: str | None) -> tuple[str | None, str | None]:
     """Context and namespace: as given, else those of the kubeconfig; None where it has none.
 
-    The files of `$KUBECONFIG` count together, the first that says something wins.
+    The files of `$KUBECONFIG` are merged; the first value wins.
 
     Raises:
         InputError: a file cannot be read.
@@ -45,7 +45,7 @@ def files() -> str:
 
 
 def _entry(kind: str, name: str | None) -> dict[str, Any] | None:
-    """What the kubeconfig says of a context or user; None when it does not know it."""
+    """The kubeconfig's entry for a context or user; None if it is missing."""
     known = (item for file in _all() for item in file.get(f"{kind}s") or ())
     return next((item.get(kind) or {} for item in known if item.get("name") == name), None)
 

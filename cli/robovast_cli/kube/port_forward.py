@@ -14,7 +14,7 @@ from typing import Any
 from robovast.base.errors import CannotRunError
 
 LARGEST_READ = 64 * 1024
-"""How much is passed on at once [byte]."""
+"""Block size [byte]."""
 
 Pod = Mapping[str, Any]
 
@@ -73,7 +73,7 @@ class PortForward:
             async with await self._open(pod["metadata"], port) as socket:
                 ways = [_send(reader, socket), _receive(socket, writer)]
                 await _until_one_ends([asyncio.create_task(way) for way in ways])
-        except Exception as error:  # the user of the port notices, and tells
+        except Exception as error:  # the user of the port notices and reports it
             _log.debug("a forwarded connection has ended: %r", error)
         finally:
             writer.close()
@@ -127,7 +127,7 @@ async def _send(reader: asyncio.StreamReader, socket: Any) -> None:
 
 
 async def _receive(socket: Any, writer: asyncio.StreamWriter) -> None:
-    """Pass on what comes on channel 0; channel 1 tells of faults. Both begin with the port."""
+    """Forward data on channel 0; channel 1 reports errors. Both begin with the port."""
     begun = set()
     while True:
         message = await socket.receive_bytes()

@@ -1,4 +1,4 @@
-"""What a Campaign's status means to whoever waits for it."""
+"""Interprets a Campaign's status for commands that wait for it."""
 
 from __future__ import annotations
 
@@ -40,17 +40,17 @@ class CampaignState:
 
     @cached_property
     def storage(self) -> Storage:
-        """Where its results go."""
+        """Location of its results."""
         return Storage.model_validate(self.resource["spec"].get("storage") or {})
 
     @cached_property
     def scheduling(self) -> Scheduling:
-        """Where and how its pods are scheduled."""
+        """Scheduling of its pods."""
         return Scheduling.model_validate(self.resource["spec"].get("scheduling") or {})
 
     @property
     def attempt(self) -> int:
-        """How often bad runs are executed, at most."""
+        """Most executions of bad runs."""
         return int(self.resource["spec"].get("attempt") or 1)
 
     @property
@@ -82,7 +82,7 @@ class CampaignState:
 
     @property
     def messages(self) -> list[str]:
-        """What hinders it, each once."""
+        """Its problems, without duplicates."""
         found = (c for c in self.status.conditions if _TROUBLE.get(c.type) == c.status)
         waiting = (c for c in self.status.conditions if _waits(c))
         shown = [*found, *(() if self.finished else waiting)]
@@ -90,7 +90,7 @@ class CampaignState:
 
     @property
     def exit_code(self) -> ExitCode:
-        """What a command that waited for the end says of it, as of a local campaign."""
+        """Exit code of a command that waited for its end, as for a local campaign."""
         runs = self.status.runs
         if self.rejected:
             return ExitCode.BAD_INPUT
@@ -133,14 +133,14 @@ class CampaignState:
         return max(0.0, ((end or now) - start).total_seconds())
 
     def left(self, now: datetime) -> float | None:
-        """Time until its end at the pace so far [s]; None when that cannot be told."""
+        """Estimated time until its end [s]; None if unknown."""
         elapsed = self.elapsed(now)
         if elapsed is None or self.finished or self.suspended or not self.done:
             return None
         return elapsed / self.done * (self.status.runs.total - self.done)
 
     def summary(self) -> Iterator[str]:
-        """How it ended: what hindered it, bad runs, counts."""
+        """Its result: problems, bad runs, counts."""
         yield from self.messages
         runs = self.status.runs
         for path in self.status.failing:

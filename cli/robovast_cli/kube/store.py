@@ -37,7 +37,7 @@ class StorePlace:
 
 
 def place_of(campaign: CampaignState) -> StorePlace:
-    """Where a campaign's results are."""
+    """Location of a campaign's results."""
     storage = campaign.storage
     endpoint = campaign.status.endpoint or storage.endpoint or ""
     return StorePlace(endpoint, storage.region, storage.secret_name)
@@ -46,7 +46,7 @@ def place_of(campaign: CampaignState) -> StorePlace:
 def installed_place(kube: Kubernetes, known: Sequence[CampaignState]) -> StorePlace:
     """The store of campaigns that name none: as the Secret notes it, else as a campaign has it.
 
-    Its endpoint is empty when nobody tells.
+    Its endpoint is empty if it is unknown.
     """
     try:
         data = (kube.secret(CREDENTIALS_SECRET) or {}).get("data") or {}

@@ -1,1 +1,1 @@
-"""What people see, shared by all commands."""
+"""The user interface that all commands share."""

@@ -19,7 +19,7 @@ class Bars:
     """A bar on stderr for each thing that is shown, until they are closed.
 
     Args:
-        of_bytes: what is counted are bytes, with their speed.
+        of_bytes: the amounts are bytes, shown with their speed.
         transient: take the bars away at the end.
     """
 

@@ -47,7 +47,7 @@ def meant(document: Document, out: Path, options: LocalOptions) -> LocalOptions:
     """The options, with the configuration that OUT names where the user says that it is one.
 
     Raises:
-        InputError: nobody is there to be asked.
+        InputError: there is no terminal to ask the user.
     """
     names = [entry.name for entry in document.vast.configuration or ()]
     if out.exists() or not any(re.fullmatch(rf"{re.escape(n)}(-\d+)*", str(out)) for n in names):
@@ -62,7 +62,7 @@ def meant(document: Document, out: Path, options: LocalOptions) -> LocalOptions:
 
 
 def resume(campaign: Path, options: LocalOptions) -> ExitCode:
-    """Run what is left of a campaign."""
+    """Execute the remaining runs of a campaign."""
     return _watch(lambda view: resume_campaign(campaign, options, view))
 
 
@@ -80,7 +80,7 @@ def _view() -> LocalView:
 
 
 def exit_code(summary: Summary) -> ExitCode:
-    """What the command's exit code says of a campaign."""
+    """The command's exit code for a campaign."""
     verdicts = {record.verdict for record in summary.records}
     if summary.interrupted:
         return ExitCode.INTERRUPTED
@@ -92,7 +92,7 @@ def exit_code(summary: Summary) -> ExitCode:
 
 
 def summary_lines(summary: Summary) -> Iterator[str]:
-    """How a campaign ended: counts, every run that did not pass, the folder of the results."""
+    """The result of a campaign: counts, runs that did not pass, and the results folder."""
     yield ""
     bad = [record for record in summary.records if record.verdict is not Verdict.PASSED]
     for record in bad[:MOST_LISTED]:

@@ -41,7 +41,7 @@ class CampaignLines:
         """Nothing to end."""
 
     def update(self, campaigns: Sequence[CampaignState]) -> None:
-        """Print what is new."""
+        """Print changes."""
         for campaign in campaigns:
             runs = campaign.status.runs
             step = campaign.done * STEPS // max(runs.total, 1)

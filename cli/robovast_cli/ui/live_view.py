@@ -1,4 +1,4 @@
-"""How far campaigns are, renewed in place on a terminal."""
+"""Shows the progress of campaigns, updated in place on a terminal."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ WIDEST_BAR = 30
 
 @dataclass(frozen=True)
 class Standing:
-    """How far a campaign is."""
+    """The progress of a campaign."""
 
     done: int
     total: int
@@ -96,7 +96,7 @@ class LiveView:
         self._console.print(text)
 
     def render(self) -> RenderableType:
-        """What is shown now."""
+        """The current display."""
         from rich.console import Group
         from rich.text import Text
 
@@ -111,7 +111,7 @@ class LiveView:
 
 
 def _parts(campaign: Standing, widest: int) -> Iterator[RenderableType]:
-    """What it is called, if at all, and below that its bar, if it has runs."""
+    """Its name, if any, and its progress bar, if it has runs."""
     from rich.progress_bar import ProgressBar
     from rich.table import Table
     from rich.text import Text
@@ -143,7 +143,7 @@ def _line(*parts: tuple[str, str]) -> Text:
 
 
 def is_live(stream: TextIO) -> bool:
-    """Whether what is written can be renewed in place."""
+    """Whether output can be updated in place."""
     return stream.isatty() and os.environ.get("TERM") != "dumb"
 
 

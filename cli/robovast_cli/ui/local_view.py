@@ -71,7 +71,7 @@ class LocalView:
         return self.elapsed / ended * (self.total - self.done) if ended else None
 
     def look(self) -> list[Standing]:
-        """How far the campaign is."""
+        """The progress of the campaign."""
         counts = {str(verdict): self.verdicts[verdict] for verdict in Verdict}
         state = "" if self.total else "preparing …"
         names = list(self.running.values())

@@ -25,10 +25,10 @@ def say_data(text: str) -> None:
 
 
 def asked(question: str, *, default: bool) -> bool:
-    """What the user answers.
+    """Ask the user.
 
     Raises:
-        KeyboardInterrupt: nobody answers.
+        KeyboardInterrupt: there is no answer.
     """
     try:
         return typer.confirm(question, default=default)

@@ -1,4 +1,4 @@
-"""What a user sees when something goes wrong, and the exit code."""
+"""Reports errors to the user, and determines the exit code."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def errors_reported() -> Iterator[None]:
             tell(f"error: {sentence(error)}")
             raise typer.Exit(ExitCode.STORAGE) from None
         cause = f"{type(error).__name__}: {error}".rstrip(": ").replace("\n", " ")
-        tell(f"error: a fault of RoboVAST: {cause} (`vast -l debug …` shows where)")
+        tell(f"error: a bug in RoboVAST: {cause} (`vast -l debug …` shows where)")
         raise typer.Exit(ExitCode.INTERNAL) from None
 
 
@@ -73,6 +73,6 @@ def _show_traceback() -> None:
 
 
 def tell(text: str) -> None:
-    """Print a line on stderr, as it can be shown; nothing when nobody can read it there."""
+    """Print a line safely on stderr; errors of a closed stderr are ignored."""
     with contextlib.suppress(OSError):
         print(printable(text), file=sys.stderr, flush=True)  # noqa: T201

@@ -1,4 +1,4 @@
-"""What Typer and pydantic say of the command line, in the words of RoboVAST."""
+"""Rewords errors of Typer and pydantic about the command line."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any
 import typer
 
 _KINDS = {"int": "N", "float": "NUMBER", "str": "TEXT"}
-"""How a value is called in the help."""
+"""Names of types in the help."""
 
 
 @contextmanager
 def usage_explained() -> Iterator[None]:
-    """Say what is wrong with a value of the command line as RoboVAST says it elsewhere."""
+    """Reword errors about a value of the command line."""
     try:
         yield
     except typer.BadParameter as error:

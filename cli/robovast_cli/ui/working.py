@@ -11,7 +11,7 @@ from shutil import get_terminal_size
 from threading import Event, Thread
 
 AFTER = 1.0
-"""What takes no longer needs no line [s]."""
+"""Shorter work is not shown [s]."""
 EVERY = 0.2
 """[s]"""
 _CLEAR = "\r\x1b[K"
@@ -23,7 +23,7 @@ Tell = Callable[[str], None]
 
 @contextmanager
 def working(what: str) -> Iterator[Tell]:
-    """Show on a terminal what is being done, and for how long; the line is gone at the end.
+    """Show the current work and its duration on a terminal; the line disappears at the end.
 
     Args:
         what: is being done.

@@ -87,7 +87,7 @@ def _refuse_known(document: Document, entries: Sequence[Any]) -> None:
 
 
 def _is_usable(document: Document, entry: Any, source: Path) -> bool:
-    """Whether a document can be expanded with nothing but this entry; says why not."""
+    """Whether a document can be expanded with this entry only; shows the reason if not."""
     data = {**document.source.data, "configuration": [entry]}
     try:
         alone = check_source(Source(document.path, dump_yaml(data)))
@@ -103,7 +103,7 @@ def _is_usable(document: Document, entry: Any, source: Path) -> bool:
 
 
 def append_entries(text: str, entries: Sequence[Any], file: Path) -> str:
-    """The text of a .vast file with further entries; what is there stays as it is.
+    """The text of a .vast file with added entries; existing text is not changed.
 
     Raises:
         InputError: the file, or its `configuration`, is written in brackets.
@@ -136,7 +136,7 @@ def _with_section(text: str, entries: Sequence[Any], empty: yaml.Node | None) ->
 
 
 def _last_mark(node: yaml.Node) -> yaml.Mark:
-    """Where the last value in a node ends; a collection's own mark is behind the comments."""
+    """The end of a node's last value; a collection's own end mark is behind comments."""
     if isinstance(node, yaml.ScalarNode) or not node.value:
         return node.end_mark
     children = node.value if isinstance(node, yaml.SequenceNode) else sum(node.value, ())

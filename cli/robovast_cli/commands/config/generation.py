@@ -1,4 +1,4 @@
-"""What `vast config generate` writes: a campaign as it is before its first run."""
+"""`vast config generate`: writes a campaign as it is before its first run."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _work_folder(out: Path, keep: bool) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _cache(use: bool) -> Iterator[None]:
-    """Without the cache, an empty one that is gone afterwards stands in its place."""
+    """Without the cache, a temporary one is used."""
     if use:
         yield
         return

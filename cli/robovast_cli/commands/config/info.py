@@ -1,4 +1,4 @@
-"""What `vast config info`, `variation-types` and `variation-points` print."""
+"""Output of `vast config info`, `variation-types` and `variation-points`."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def print_check(document: Document) -> None:
     """Expand a document that was read, and say that it is sound.
 
     Raises:
-        InputError: it cannot be expanded, or asks for what is no amount.
+        InputError: it cannot be expanded, or an amount is invalid.
     """
     _check_resources(document)
     check_syntax(document.scenario)
@@ -69,7 +69,7 @@ def print_variation_points(document: Document) -> None:
 
 
 def print_variation_types() -> None:
-    """Print every installed variation type; one that cannot be loaded says why."""
+    """Print all installed variation types; errors are shown for those that cannot be loaded."""
     blocks = (_variation_type(point) for point in sorted(_variation_points(), key=_name))
     typer.echo("\n\n".join("\n".join(lines) for lines in blocks))
 

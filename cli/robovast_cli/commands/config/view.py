@@ -1,4 +1,4 @@
-"""What `vast config view` writes: a picture of each configuration that moves on a map."""
+"""`vast config view`: draws each configuration that has a map."""
 
 from __future__ import annotations
 

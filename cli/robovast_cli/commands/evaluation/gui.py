@@ -127,7 +127,7 @@ def gui(
 def _starting(
     workspace: Workspace, override: Path | None, no_start: bool, postprocess: bool
 ) -> "Starting":
-    """What campaigns can be started from the page: those of the override, else the project's."""
+    """The document for campaigns started from the page: the override's or the project's."""
     from robovast.evaluation.server.launches import Starting
 
     program = [sys.executable, "-P", "-m", "robovast_cli"]  # no module of this folder in its place
@@ -138,7 +138,7 @@ def _starting(
         try:
             document = workspace.path
         except InputError as error:
-            refusal = f"No campaign can be started here: {error}"
+            refusal = f"No campaign can be started from the page: {error}"
     absolute = None if document is None else document.absolute()
     return Starting(program, absolute, refusal, postprocess, say)
 
@@ -146,7 +146,7 @@ def _starting(
 def _postprocess(folder: Path, force: bool, override: Path | None) -> bool:
     """Bring tables up to date; False when the user stops that.
 
-    What fails is said, and the page shows what there is.
+    Failures are reported, and the page shows the available results.
     """
     from robovast.analysis.postprocessing.events import Options
     from robovast.evaluation.campaigns import find_campaigns

@@ -78,7 +78,7 @@ def run(
         Literal["docker", "podman", "process", "auto"],
         typer.Option(
             "--runtime",
-            help="What executes a run; `auto` takes the first that is here, and says so.",
+            help="What executes a run; `auto` chooses the first one available and reports it.",
         ),
     ] = "auto",
     image: Annotated[

@@ -18,11 +18,11 @@ COMMANDS: Mapping[str, Lazy] = {
     ),
     "download": Lazy(
         "robovast_cli.commands.results.download:app",
-        "Bring results home from the cluster's storage, or from the share.",
+        "Download results from the cluster's storage, or from the share.",
     ),
     "publish": Lazy(
         "robovast_cli.commands.results.publish:app",
-        "Pack results and bring them to others, as the .vast file says.",
+        "Pack and publish results as configured in the .vast file.",
     ),
     "publish-commands": Lazy(
         "robovast_cli.commands.results.publish:commands_app",
@@ -53,4 +53,4 @@ COMMANDS: Mapping[str, Lazy] = {
     ),
 }
 
-app = new_group("Bring results home, work them up, ask them, publish them.", COMMANDS)
+app = new_group("Download, postprocess, query and publish results.", COMMANDS)

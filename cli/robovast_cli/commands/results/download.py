@@ -12,7 +12,7 @@ import typer
 from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.lazy import new_app
 
-app = new_app("Bring results home from the cluster's storage, or from the share.")
+app = new_app("Download results from the cluster's storage, or from the share.")
 
 
 @app.command()
@@ -40,7 +40,7 @@ def download(
         ),
     ] = None,
     force: Annotated[
-        bool, typer.Option("-f", "--force", help="Fetch everything, also what is here.")
+        bool, typer.Option("-f", "--force", help="Download everything, including existing files.")
     ] = False,
     source: Annotated[
         Literal["cluster", "share"] | None,
@@ -61,7 +61,7 @@ def download(
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
-    """Bring results home: verified, each run, or each archive, complete or not at all.
+    """Download results: verified, each run or archive completely or not at all.
 
     What is here already is not fetched again, so that it can be repeated at any time: while the
     campaign runs, after an interruption, after more runs were added. From the share, a campaign
@@ -102,5 +102,5 @@ def has_share() -> bool:
 
     try:
         return bool(environment().get(SHARE_TYPE))
-    except CannotRunError:  # there is a file that cannot be read here: it may be about other things
+    except CannotRunError:  # the file cannot be read, but may concern other things
         return bool(os.environ.get(SHARE_TYPE))

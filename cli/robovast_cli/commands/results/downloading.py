@@ -20,7 +20,7 @@ from robovast_cli.ui.report import tell
 from robovast_cli.workspace import shown
 
 MOST_TOLD = 20
-"""Objects of a bucket that have no place here, or another one."""
+"""Warnings about objects that are left out or stored under other paths."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def download_campaigns(
         namespace: the context's when None.
         names: of Campaigns or results folders; none means all Campaigns.
         output: folder for the campaigns' folders.
-        force: fetch also what is here.
+        force: also download existing campaigns.
     """
     with connect(context, namespace) as kube:
         known = [CampaignState(item) for item in kube.campaigns()]
@@ -135,7 +135,7 @@ def _download(kube: Kubernetes, results: Results, output: Path, *, force: bool) 
 
 
 def _has_not_begun(campaign: CampaignState) -> bool:
-    """Whether its bucket may not be there yet: the first pod makes it."""
+    """Whether its bucket may not exist yet; the first pod creates it."""
     return not campaign.finished and not campaign.done
 
 

@@ -22,7 +22,7 @@ def merge_campaigns(
     results_dir: ResultsDir = None,
     campaign: Campaigns = None,
 ) -> None:
-    """Merge campaigns: runs of equal configurations come together, numbered anew.
+    """Merge campaigns: runs of equal configurations are collected and renumbered.
 
     The campaigns stay as they are. Tables, metadata and provenance are not taken over:
     `vast results postprocess -r DIR` makes them of all runs together.

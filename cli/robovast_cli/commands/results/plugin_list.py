@@ -1,4 +1,4 @@
-"""What plugins of a group are installed, and how a .vast file calls them."""
+"""Lists the installed plugins of a group and their parameters."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _ARGUMENT = re.compile(r"^ {4}(\w+)(?: \([^)]*\))?: (.*(?:\n {5,}.*)*)", re.MULT
 
 
 def described_plugins(group: str, given: Collection[str]) -> str:
-    """Every installed plugin of a group; one that cannot be loaded says why.
+    """All installed plugins of a group, with errors for those that cannot be loaded.
 
     Args:
         group: entry-point group.
@@ -47,7 +47,7 @@ def _described(point: EntryPoint, given: Collection[str]) -> Iterator[str]:
 
 
 def _default(value: Any) -> str:
-    """As it would stand in a .vast file."""
+    """A value as written in a .vast file."""
     if value is inspect.Parameter.empty:
         return "required"
     if value is None:
@@ -57,7 +57,7 @@ def _default(value: Any) -> str:
 
 
 def _told(docstring: str) -> dict[str, str]:
-    """What a docstring says of each argument."""
+    """Descriptions of arguments in a docstring."""
     arguments = _ARGUMENTS.search(docstring)
     items = _ARGUMENT.findall(arguments["items"]) if arguments else []
     return {name: _one_line(text) for name, text in items}

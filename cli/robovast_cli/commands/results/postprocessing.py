@@ -77,7 +77,7 @@ def run(results: Path, options: Options) -> ExitCode:
     if len(told) > MOST_LISTED:
         typer.echo(f"… and {len(told) - MOST_LISTED} more failures.", err=True)
     if any(summary.interrupted for summary in summaries):
-        typer.echo("interrupted; what was finished is kept, the rest is done next time", err=True)
+        typer.echo("interrupted; finished work is kept, the rest is done next time", err=True)
         return ExitCode.INTERRUPTED
     return min((failure.code for failure in failures), default=ExitCode.OK)
 
@@ -104,6 +104,6 @@ def _outcome(summary: CampaignSummary) -> str:
 
 
 def print_commands() -> None:
-    """Print every installed command; one that cannot be loaded says why."""
+    """Print all installed commands; errors are shown for those that cannot be loaded."""
     typer.echo(described_plugins(GROUP, _GIVEN))
     typer.echo("\nA command in a file is written `<path>.py:<name>`; docs/postprocessing.md.")

@@ -10,7 +10,7 @@ import typer
 from robovast_cli.commands.results.options import Campaigns, ResultsDir
 from robovast_cli.lazy import new_app
 
-app = new_app("Pack results and bring them to others, as the .vast file says.")
+app = new_app("Pack and publish results as configured in the .vast file.")
 commands_app = new_app("List the installed publication plugins and their parameters.")
 
 
@@ -25,7 +25,7 @@ def publish(
             "-o",
             "--override",
             metavar="VAST_FILE",
-            help="Publish every campaign as this file says, not as each says itself.",
+            help="Use this .vast file in place of each campaign's own.",
             show_default=False,
         ),
     ] = None,
@@ -40,7 +40,7 @@ def publish(
         bool, typer.Option("--skip-upload", help="Pack only: leave out plugins that upload.")
     ] = False,
 ) -> int:
-    """Pack results and bring them to others, as `results_processing.publication` says.
+    """Pack and publish results as configured in `results_processing.publication`.
 
     The campaigns are postprocessed before. Plugins that pack come before those that upload, and
     the first that fails ends it. Exit code 2: the file or a plugin's name is wrong, and nothing

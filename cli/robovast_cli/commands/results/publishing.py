@@ -54,7 +54,7 @@ def publish_campaigns(results: Path, choice: Choice) -> ExitCode:
 
 
 def print_plugins() -> None:
-    """Print every installed plugin; one that cannot be loaded says why."""
+    """Print all installed plugins; errors are shown for those that cannot be loaded."""
     typer.echo(described_plugins(GROUP, _GIVEN))
     typer.echo("\nA plugin in a file is written `<path>.py:<name>`; docs/publication.md.")
 

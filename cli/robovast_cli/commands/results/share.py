@@ -30,7 +30,7 @@ def list_share(
     ] = None,
     results_dir: ResultsDir = None,
 ) -> None:
-    """List the campaigns on the share, and which of them are here.
+    """List the campaigns on the share, and which of them exist here.
 
     The share is described by ROBOVAST_SHARE_TYPE and the variables of its kind, in the
     environment or a `.env` file in this folder or above; docs/publication.md has them all.
@@ -60,7 +60,7 @@ def remove_from_share(
     ],
     yes: Annotated[bool, typer.Option("-y", "--yes", help="Do not ask.")] = False,
 ) -> None:
-    """Remove campaigns from the share; what is here stays."""
+    """Remove campaigns from the share; local results are kept."""
     from robovast.storage.shares.campaigns import open_share
     from robovast_cli.ui.output import say
 

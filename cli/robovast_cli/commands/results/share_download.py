@@ -19,7 +19,7 @@ def download_shared(names: Sequence[str], output: Path, *, force: bool, keep_arc
     Args:
         names: of results folders; none means all that are on the share.
         output: folder for the campaigns' folders.
-        force: fetch also what is here, in its place.
+        force: also download existing campaigns and replace them.
         keep_archive: leave the archives beside the folders.
     """
     with open_share() as share, Bars() as progress:

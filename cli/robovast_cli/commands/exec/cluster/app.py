@@ -210,7 +210,7 @@ def prepare_run(
 def stop(
     campaign: CampaignName = None, context: Context = None, namespace: Namespace = None
 ) -> None:
-    """Stop a campaign: its pods end, what is stored stays, and it can be resumed.
+    """Stop a campaign: its pods end, stored runs are kept, and it can be resumed.
 
     Runs in progress are not stored; they are executed again after `resume`.
     """
@@ -283,7 +283,7 @@ def upload_to_share(
         ),
     ] = None,
     force: Annotated[
-        bool, typer.Option("-f", "--force", help="Replace what is on the share.")
+        bool, typer.Option("-f", "--force", help="Replace existing archives on the share.")
     ] = False,
     detach: Annotated[
         bool, typer.Option("--detach", help="Return as soon as the cluster has begun.")

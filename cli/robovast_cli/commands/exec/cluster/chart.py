@@ -16,7 +16,7 @@ from robovast.base.serialization import dump_yaml
 RELEASE = "robovast"
 """Name of the Helm release."""
 TIMEOUT = "10m"
-"""How long the chart's pods may take to be ready."""
+"""Time limit for the chart's pods to become ready."""
 
 _PACKAGE = Path(robovast.__file__).parent
 
@@ -49,7 +49,7 @@ class Helm:
         return str(json.loads(result.stdout).get("info", {}).get("description", ""))
 
     def install(self, values: Mapping[str, Any], description: str) -> None:
-        """Install the chart, or renew what is installed, and wait until its pods are ready.
+        """Install or upgrade the chart, and wait until its pods are ready.
 
         Args:
             values: of the chart; they may hold credentials, so no command line shows them.

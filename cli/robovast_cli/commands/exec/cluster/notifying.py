@@ -1,4 +1,4 @@
-"""Who is told of a campaign that nobody watches: as the environment, or a `.env` file, says.
+"""Receivers of a campaign's notifications, from the environment or a `.env` file.
 
 The variables go into a Secret that belongs to the campaign: who knows a topic can read it.
 """
@@ -28,10 +28,10 @@ _NTFY_URL, _NTFY_TOKEN, _WEBHOOK_URL = "ntfy-url", "ntfy-token", "webhook-url"
 
 
 def receivers(environment: Mapping[str, str]) -> dict[str, str]:
-    """What the variables say, as the keys of a Secret; nothing when nobody is to be told.
+    """The variables as keys of a Secret; empty without receivers.
 
     Raises:
-        InputError: a variable has a value that nobody can be told by.
+        InputError: the value of a variable is not a valid receiver.
     """
     found = {}
     topic, token = environment.get(TOPIC, ""), environment.get(TOKEN, "")
@@ -51,7 +51,7 @@ def receivers(environment: Mapping[str, str]) -> dict[str, str]:
 
 
 def with_notifications(campaign: Json, values: Mapping[str, str]) -> Json:
-    """A Campaign that tells them, by a Secret that is made after it."""
+    """Add the receivers to a Campaign, with a Secret that is created after it."""
     secret = _secret_name(campaign)
 
     def key(name: str) -> SecretKey | None:
@@ -70,13 +70,13 @@ def with_notifications(campaign: Json, values: Mapping[str, str]) -> Json:
 
 
 def create_secret(kube: Kubernetes, campaign: Mapping[str, Any], values: Mapping[str, str]) -> None:
-    """Make the Secret of a Campaign; a fault is told, and keeps nothing from running."""
+    """Create the Secret of a Campaign; errors are reported and do not stop the campaign."""
     if not values:
         return
     try:
         kube.create_secret(_secret(campaign, values))
     except RobovastError as error:
-        say(f"Nobody will be told of its end: {error}")
+        say(f"No notifications will be sent: {error}")
         return
     kinds = ("ntfy",) * (_NTFY_URL in values) + ("webhook",) * (_WEBHOOK_URL in values)
     say(f"Told by {' and '.join(kinds)}: its end, and what needs help.")

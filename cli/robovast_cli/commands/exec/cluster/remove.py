@@ -14,7 +14,7 @@ from robovast_cli.kube.store import open_store, place_of
 from robovast_cli.ui.output import say
 
 PATIENCE = 120.0
-"""How long the pods of a campaign may take to end [s]."""
+"""Time limit for the end of a campaign's pods [s]."""
 PAUSE = 0.5
 """[s]"""
 

@@ -35,7 +35,7 @@ INTERVAL = 1.0
 QUEUE = "robovast"
 """Kueue LocalQueue that `setup` makes where Kueue is installed."""
 ATTEMPTS = 3
-"""How many names are tried."""
+"""Most names that are tried."""
 
 
 def print_campaign(
@@ -95,7 +95,7 @@ def submit(
         kube: the cluster.
         document: the checked document.
         options: what counts beside it.
-        told: who is told of its end (`robovast_cli.commands.exec.cluster.notifying.receivers`).
+        told: receivers of notifications (`robovast_cli.commands.exec.cluster.notifying.receivers`).
     """
     for attempt in range(ATTEMPTS):
         name = campaign_name(document, unique=True)
@@ -158,7 +158,7 @@ def _upload(kube: Kubernetes, submission: Submission) -> None:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Writes files as the lines that they are, for whoever reads changes in Git."""
+    """Writes multi-line texts as blocks, for readable differences in Git."""
 
 
 def _text(dumper: yaml.SafeDumper, value: str) -> yaml.ScalarNode:

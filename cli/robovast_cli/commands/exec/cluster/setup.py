@@ -149,8 +149,9 @@ def _refuse_other(description: str | None, name: str, *, force: bool) -> None:
     before = (description or "").removeprefix(_BY)
     if description and description.startswith(_BY) and before != name and not force:
         raise CannotRunError(
-            f"RoboVAST is set up here with the cluster configuration `{before}`. `--force` sets it "
-            f"up with `{name}`; results that are in its storage are then out of reach."
+            f"RoboVAST is installed in this cluster with the cluster configuration `{before}`. "
+            f"`--force` sets it up with `{name}`; results that are in its storage are then out of "
+            "reach."
         )
 
 

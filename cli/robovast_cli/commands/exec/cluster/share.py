@@ -22,14 +22,14 @@ from robovast_cli.ui.output import say
 
 @dataclass(frozen=True)
 class How:
-    """What counts for every campaign that is uploaded."""
+    """Options for all uploaded campaigns."""
 
     force: bool
-    """Replace what is on the share."""
+    """Replace existing archives on the share."""
     detach: bool
     """Do not wait for the end."""
     image: str | None
-    """Of our agent; that of the campaign's Jobs when None."""
+    """Image of the agent; None means that of the campaign's Jobs."""
 
 
 def upload_to_share(

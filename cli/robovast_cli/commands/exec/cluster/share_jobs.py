@@ -17,7 +17,7 @@ from robovast_cli.kube.api_errors import ConflictError, UnreachableError
 INTERVAL = 1.0
 """Time between two looks at a Job [s]."""
 PATIENCE = 60.0
-"""How long a Job that is over may take to go [s]."""
+"""Time limit for the removal of a finished Job [s]."""
 JOB_LABEL = "batch.kubernetes.io/job-name"
 
 
@@ -63,7 +63,7 @@ def follow(kube: Kubernetes, job: str, campaign: str, show: Callable[[str], None
         show: is given each line.
 
     Raises:
-        RobovastError: the Job has failed, with what its pod says, or was deleted.
+        RobovastError: the Job was deleted or has failed; the message quotes its pod.
     """
     shown = ""
     while True:
@@ -84,12 +84,12 @@ def follow(kube: Kubernetes, job: str, campaign: str, show: Callable[[str], None
 
 
 def log_command(kube: Kubernetes, job: str) -> str:
-    """What prints the log of a Job's pod."""
+    """The command that prints the log of a Job's pod."""
     return f"kubectl --namespace {kube.namespace} logs job/{job}"
 
 
 def _failure(kube: Kubernetes, job: Json, pods: list[Json], campaign: str) -> RobovastError:
-    """What the last pod has said, else why Kubernetes has given the Job up."""
+    """The last pod's message, or else Kubernetes' reason for the Job's failure."""
     name = job["metadata"]["name"]
     ends = [end for pod in reversed(pods) for end in _ends(pod)]
     told = next((end for end in ends if end.get("message")), None)
@@ -115,7 +115,7 @@ def _news(kube: Kubernetes, pod: Json) -> str:
 
 
 def _waits(pod: Json) -> Iterator[str]:
-    """Why a pod does not begin, if that is worth telling."""
+    """Why a pod does not start, if it should be reported."""
     status = pod.get("status", {})
     for condition in status.get("conditions") or ():
         if condition["type"] == "PodScheduled" and condition["status"] == "False":
@@ -127,7 +127,7 @@ def _waits(pod: Json) -> Iterator[str]:
 
 
 def _ends(pod: Json) -> Iterator[Json]:
-    """How the containers of a pod have ended; else how the pod has."""
+    """How a pod's containers have ended, or else the pod itself."""
     status = pod.get("status", {})
     for container in status.get("containerStatuses") or ():
         if "terminated" in container["state"]:
