@@ -1,8 +1,8 @@
-"""Atomic writes: a file that has its name is whole, and stays whole when the power goes.
+"""Atomic writes: a file with its final name is complete, even after a power cut.
 
-Content is on the disk before it gets its name, and the name is on the disk before anybody is told.
-What is being written has a hidden name beside its target, which ends in `.part`. Who writes a
-folder holds a lock on it, so that what a killed program left can be told, and removed.
+Content is synced to the disk before the rename, and the rename before success is reported.
+Unfinished files and folders have hidden names beside their targets that end in `.part`. A folder
+is locked while it is written, so that leftovers of killed programs are recognized and removed.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from robovast.base.safe_paths import create_file
 _PART = re.compile(r"\..+\.[0-9]+(-[0-9a-f]{8})?\.part", re.DOTALL)
 _REPLACED = re.compile(r"\..+\.replaced", re.DOTALL)
 _FEW = 500
-"""So many files are brought to the disk one by one; of more, all that the machine has written."""
+"""Up to this number, files are synced one by one; for more, the whole file system is synced."""
 _LONGEST = 200
-"""How much of a name stands in its part's [byte]; a file system takes 255."""
+"""Longest part of a name that is kept in its part's name [byte]; file systems allow 255."""
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
 _CANNOT_EXCHANGE = {errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP, errno.EPERM}
 
 
 def write_atomically(path: Path, text: str, *, lasting: bool = True) -> None:
-    """Write a file so that a reader, or a crash, sees the old content or the new, never half.
+    """Write a file so that readers, and crashes, see either the old or the new content.
 
     Args:
         path: the file.
         text: its content.
-        lasting: wait until it is on the disk; without, a power cut can leave it empty, which is
-            for what can be made again, many thousand files at a time.
+        lasting: sync it to the disk. Otherwise a power cut can leave it empty, which is acceptable
+            for many files that can be made again.
     """
     with _part_of(path) as part:
         with create_file(part) as file:
@@ -51,12 +51,12 @@ def write_atomically(path: Path, text: str, *, lasting: bool = True) -> None:
 
 @contextmanager
 def appearing_file(target: Path) -> Iterator[Path]:
-    """Path of a new file to write; it takes the target's place when the context ends well.
+    """Path of a new file to write; it replaces the target when the context ends without error.
 
-    Who removes it leaves the target as it was.
+    If the new file is removed, the target is not changed.
 
     Raises:
-        StorageError: it cannot be written.
+        StorageError: the file cannot be written.
     """
     with explained(target):
         make_folder(target.parent)
@@ -68,17 +68,17 @@ def appearing_file(target: Path) -> Iterator[Path]:
 
 @contextmanager
 def appearing_folder(target: Path, *, replace: bool = False) -> Iterator[Path]:
-    """A new folder to fill; it gets its name when the context ends without an error.
+    """A new folder to fill; it gets its name when the context ends without error.
 
-    Whatever ends the context early, Ctrl-C and a full disk included, leaves nothing behind; what a
-    killed program leaves is removed by the next one that writes there.
+    Errors, including Ctrl-C and a full disk, leave nothing behind; leftovers of a killed program
+    are removed by the next program that writes to the same parent.
 
     Args:
-        target: the folder's place.
-        replace: take the place of a folder that is there, at the very end.
+        target: final path of the folder.
+        replace: replace an existing folder, at the very end.
 
     Raises:
-        StorageError: the place is taken, or the folder cannot be written.
+        StorageError: the target exists, or the folder cannot be written.
     """
     with explained(target):
         _refuse_taken(target, replace=replace)
@@ -89,7 +89,7 @@ def appearing_folder(target: Path, *, replace: bool = False) -> Iterator[Path]:
 
 @contextmanager
 def scratch_folder(target: Path) -> Iterator[Path]:
-    """A new folder beside a target, for what is to be put in its place; gone at the end."""
+    """A temporary folder beside a target; removed at the end."""
     make_folder(target.parent)
     sweep(target.parent)
     part, lock = _claimed_part(target)
@@ -101,7 +101,7 @@ def scratch_folder(target: Path) -> Iterator[Path]:
 
 
 def part_name(target: Path) -> Path:
-    """Where a file or folder can be written before it takes its target's place."""
+    """Temporary path of a file or folder that will replace its target."""
     name = os.fsdecode(os.fsencode(target.name)[:_LONGEST])
     return target.with_name(f".{name}.{os.getpid()}-{secrets.token_hex(4)}.part")
 
@@ -109,20 +109,20 @@ def part_name(target: Path) -> Path:
 def put_in_place(
     source: Path, target: Path, *, replace: bool = False, lasting: bool = True
 ) -> None:
-    """Give a complete file or folder its name, for good; what it replaces goes last.
+    """Rename a complete file or folder to its final name, durably.
 
-    At every instant the target is the old or the new. On file systems that cannot exchange two
-    folders (NFS) a replaced folder is for an instant `.NAME.replaced`: a killed program can leave
-    it so, and whoever writes the same target next puts it back.
+    At every moment the target is either the old or the new one. On file systems that cannot
+    exchange two folders (NFS), a replaced folder is briefly called `.NAME.replaced`: after a crash,
+    the next program that writes the same target restores it.
 
     Args:
-        source: on the same file system; no longer there afterwards.
-        target: its place.
-        replace: take the place of a folder that is there; a file always does.
-        lasting: as for `write_atomically`; a folder always is.
+        source: path on the same file system; it no longer exists afterwards.
+        target: the final path.
+        replace: replace an existing folder; files are always replaced.
+        lasting: see `write_atomically`; folders are always synced.
 
     Raises:
-        StorageError: a folder is there and shall not be replaced.
+        StorageError: a folder exists and must not be replaced.
     """
     is_folder = source.is_dir() and not source.is_symlink()
     if is_folder:
@@ -140,48 +140,48 @@ def put_in_place(
 
 
 def discard(folder: Path) -> None:
-    """Remove a folder; by its name it is gone at once."""
+    """Remove a folder; its name disappears immediately."""
     part = part_name(folder)
     folder.rename(part)
     _remove(part)
 
 
 def is_unfinished(name: str) -> bool:
-    """True for the name of what is being written, removed or replaced."""
+    """Whether a name belongs to something that is being written, removed or replaced."""
     return _PART.fullmatch(name) is not None or _REPLACED.fullmatch(name) is not None
 
 
 def sweep(folder: Path) -> None:
-    """Remove folders that programs were writing here, or removing, when they were killed."""
+    """Remove folders that killed programs were writing or removing here."""
     for path in folder.iterdir():
         if _PART.fullmatch(path.name) and path.is_dir() and not path.is_symlink():
-            with suppress(OSError), _opened(path) as lock:  # whoever holds it still writes
+            with suppress(OSError), _opened(path) as lock:  # locked: still being written
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 shutil.rmtree(path, ignore_errors=True)
 
 
 def refuse_file(folder: Path) -> None:
-    """Raise a StorageError when a file stands where a folder is to be, or one above it."""
+    """Raise a StorageError if a file is in the place of a folder or one of its parents."""
     file = next((path for path in (folder, *folder.parents) if path.is_file()), None)
     if file is not None:
         raise StorageError(f"{file} is a file, and results go into a folder. Choose another place.")
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder and those above it, for good."""
+    """Create a folder and its parents, durably."""
     if folder.is_dir():
         return
     make_folder(folder.parent)
     try:
         folder.mkdir()
-    except FileExistsError:  # another program made it meanwhile, unless it is a file
+    except FileExistsError:  # another program created it meanwhile, unless it is a file
         if not folder.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), folder) from None
     sync_folder(folder.parent)
 
 
 def sync_tree(folder: Path) -> None:
-    """Bring everything in a folder to the disk; no link is followed."""
+    """Sync everything in a folder to the disk; links are not followed."""
     left = _FEW
     try:
         for _, _, names, descriptor in os.fwalk(folder, onerror=_raise):
@@ -192,24 +192,24 @@ def sync_tree(folder: Path) -> None:
                 if stat.S_ISREG(os.lstat(name, dir_fd=descriptor).st_mode):
                     _sync(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, descriptor)
             os.fsync(descriptor)
-    except (PermissionError, RecursionError):  # another user's, or too deep to walk through
+    except (PermissionError, RecursionError):  # another user's, or too deep
         left = -1
     if left < 0:
         os.sync()
 
 
 def sync_folder(folder: Path) -> None:
-    """Bring the names in a folder to the disk."""
+    """Sync the names in a folder to the disk."""
     try:
         _sync(folder, os.O_RDONLY | os.O_DIRECTORY)
     except OSError as error:
-        if error.errno != errno.EINVAL:  # what some network file systems say, which keep names
+        if error.errno != errno.EINVAL:  # some network file systems do not support it
             raise
 
 
 @contextmanager
 def explained(target: Path) -> Iterator[None]:
-    """Turn a fault of the file system into a `StorageError`."""
+    """Convert an error of the file system to a `StorageError`."""
     try:
         yield
     except OSError as error:
@@ -234,15 +234,15 @@ def _part_of(target: Path) -> Iterator[Path]:
 
 
 def _claimed_part(target: Path) -> tuple[Path, int]:
-    """A new part's folder, and the lock on it."""
+    """Create a part's folder and lock it."""
     while True:
         part = part_name(target)
         part.mkdir()
         try:
             lock = os.open(part, os.O_RDONLY | os.O_DIRECTORY)
-        except FileNotFoundError:  # swept between the two
+        except FileNotFoundError:  # swept before it was locked
             continue
-        with suppress(OSError):  # NFS locks no folder, and so lets nobody sweep it either
+        with suppress(OSError):  # NFS cannot lock folders, so they are never swept
             fcntl.flock(lock, fcntl.LOCK_EX)
         if part.is_dir():
             return part, lock
@@ -262,7 +262,7 @@ def _replace_folder(source: Path, target: Path) -> None:
 
 
 def _exchange(one: Path, other: Path) -> None:
-    """Let two paths change places, at one instant."""
+    """Exchange two paths atomically."""
     rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
     if rename is None:
         raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))
@@ -288,7 +288,7 @@ def _replaced_name(target: Path) -> Path:
 
 
 def _restore(target: Path) -> None:
-    """Put back what was about to be replaced when the program was killed."""
+    """Restore a folder that a killed program was about to replace."""
     old = _replaced_name(target)
     if not os.path.lexists(old):
         return
@@ -299,7 +299,7 @@ def _restore(target: Path) -> None:
 
 
 def _remove(path: Path) -> None:
-    """Remove what has lost its name; what cannot be removed harms nobody."""
+    """Remove an unnamed folder; if that fails, it does no harm."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
     else:
