@@ -144,7 +144,7 @@ def test_tables_are_queried_and_no_other_file(results: Path, assistant: Assistan
     assert "more than 1000 rows" in many["cut"]
     assert len(many["rows"]) == 1000
     stolen = f"SELECT * FROM read_text('{results.parent}/secret')"  # noqa: S608
-    assert "disabled" in assistant.call("query_run_data", sql=stolen).message
+    assert "open no other file" in assistant.call("query_run_data", sql=stolen).message
 
 
 def test_a_query_without_end_is_ended(results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
