@@ -157,6 +157,23 @@ class HttpClient:
             answer.close()
             answer.release_conn()
 
+    def data(self, answer: urllib3.BaseHTTPResponse) -> dict[str, Any]:
+        """The JSON object in an answer.
+
+        Raises:
+            StorageError: it is something else.
+        """
+        try:
+            data = json.loads(answer.data)
+        except ValueError:
+            data = None
+        if not isinstance(data, dict):
+            raise StorageError(
+                f"{self.name}: the answer is no JSON object, so this is another kind of server. "
+                "Is the address right?"
+            )
+        return data
+
     def _pauses(self) -> Pauses:
         if self._has_answered:
             return Pauses(self._patience, ATTEMPTS)

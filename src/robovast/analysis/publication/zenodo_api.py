@@ -89,7 +89,7 @@ class ZenodoApi:
         answer = self._client.request(
             "GET", self._url(number), attempt=f"look at deposit {number}", accept={404, 410}
         )
-        return Deposit.of(_data(answer.data)) if answer.status < 300 else None
+        return Deposit.of(self._client.data(answer)) if answer.status < 300 else None
 
     def make_draft(self) -> Deposit:
         """Create an empty draft."""
@@ -101,7 +101,7 @@ class ZenodoApi:
             headers=_JSON,
             repeatable=False,  # it would leave a second draft
         )
-        return Deposit.of(_data(answer.data))
+        return Deposit.of(self._client.data(answer))
 
     def describe(self, draft: Deposit, metadata: Mapping[str, Any]) -> None:
         """Set a draft's metadata."""
@@ -143,7 +143,7 @@ class ZenodoApi:
                     "Content-Length": str(size),
                 },
             )
-        found = _md5(str(_data(answer.data).get("checksum", "")))
+        found = _md5(str(self._client.data(answer).get("checksum", "")))
         if found != md5_of(path):
             raise StorageError(
                 f"{self._client.name}: {path.name} arrived damaged, or changed during the upload "
@@ -166,7 +166,7 @@ class ZenodoApi:
             if found is None or not found.published:
                 raise
             return found
-        return Deposit.of(_data(answer.data))
+        return Deposit.of(self._client.data(answer))
 
     def _url(self, number: int) -> str:
         return f"{self._address}/api/deposit/depositions/{number}"
@@ -180,13 +180,3 @@ def md5_of(path: Path) -> str:
 
 def _md5(checksum: str) -> str:
     return checksum.removeprefix("md5:")
-
-
-def _data(content: bytes) -> dict[str, Any]:
-    try:
-        data = json.loads(content)
-    except ValueError:
-        data = None
-    if not isinstance(data, dict):
-        raise StorageError("the server does not answer as Zenodo does. Is the address right?")
-    return data

@@ -69,7 +69,7 @@ class GcsShareProvider(BaseShareProvider):
             attempt="ask what the account may do",
             headers=self._authorization(needed=True),
         )
-        if right not in _data(answer.data).get("permissions", []):
+        if right not in self._client.data(answer).get("permissions", []):
             raise StorageError(
                 f"{self._client.name}: the account may not upload to the bucket; it needs the role "
                 "Storage Object Creator."
@@ -109,7 +109,7 @@ class GcsShareProvider(BaseShareProvider):
                 attempt="list the bucket",
                 headers=self._authorization(),
             )
-            data = _data(answer.data)
+            data = self._client.data(answer)
             for item in data.get("items", []):
                 name = str(item["name"]).removeprefix(self._prefix)
                 if name.endswith(".tar.gz"):
@@ -203,7 +203,7 @@ class GcsShareProvider(BaseShareProvider):
             if progress:
                 progress(size if is_complete else offset, size)
             if is_complete:
-                return _data(answer.data)
+                return self._client.data(answer)
 
     def _authorization(self, *, needed: bool = False) -> dict[str, str]:
         """Header with an access token; empty without a key, which public buckets do not need."""
@@ -239,7 +239,7 @@ class GcsShareProvider(BaseShareProvider):
             body=lambda: urlencode(form).encode(),
             headers={"Content-Type": "application/x-www-form-urlencoded"},
         )
-        data = _data(answer.data)
+        data = client.data(answer)
         return str(data.get("access_token")), float(data.get("expires_in") or _TOKEN_LIFE)
 
     @cached_property
@@ -336,13 +336,3 @@ def _md5(path: Path) -> str:
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, lambda: hashlib.md5(usedforsecurity=False)).digest()
     return base64.b64encode(digest).decode()
-
-
-def _data(content: bytes) -> dict[str, Any]:
-    try:
-        data = json.loads(content)
-    except ValueError:
-        data = None
-    if not isinstance(data, dict):
-        raise StorageError("the server does not answer as Google Cloud Storage does.")
-    return data

@@ -8,6 +8,7 @@ import tarfile
 from pathlib import Path
 
 import pytest
+from urllib3 import HTTPResponse
 
 from robovast.base.environment import dotenv_loaded, environment
 from robovast.base.errors import CannotRunError, InputError, RobovastError, StorageError
@@ -15,6 +16,7 @@ from robovast.execution.cluster_execution.share_providers.base import (
     BaseShareProvider,
     UploadProgressReader,
 )
+from robovast.storage.http_client import HttpClient
 from robovast.storage.shares.campaigns import Share, download_from_share, open_share
 from robovast.storage.shares.nextcloud import NextcloudShareProvider
 from robovast.storage.shares.webdav import WebDavShareProvider, _files
@@ -254,3 +256,9 @@ def test_a_body_can_be_begun_again(project: Path) -> None:
         assert body.read() == b"0123456789"
         body.seek(0)
         assert (body.read(3), body.tell()) == (b"012", 3)
+
+
+@pytest.mark.parametrize("content", [b"<html>", b"[1]"])
+def test_an_answer_that_is_no_json_object_is_of_another_server(content: bytes) -> None:
+    with pytest.raises(StorageError, match="share: the answer is no JSON object"):
+        HttpClient("share", {}).data(HTTPResponse(content))
