@@ -31,7 +31,7 @@ ARCHIVE = f"{NAME}.tar.gz"
 @pytest.fixture(autouse=True)
 def own_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     for name in os.environ:
-        if name.startswith("ROBOVAST_"):
+        if name.startswith(("ROBOVAST_", gcs_module.EMULATOR)):
             monkeypatch.delenv(name)
     (tmp_path / "project").mkdir()
     monkeypatch.chdir(tmp_path / "project")
