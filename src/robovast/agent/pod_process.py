@@ -1,4 +1,4 @@
-"""A job in the main container of a pod, followed to its end."""
+"""Watches a job in the main container of a pod."""
 
 from __future__ import annotations
 
@@ -23,51 +23,51 @@ from robovast.execution.watch import POLL, JobWatch
 from robovast.model.plan import Run
 
 START_PATIENCE = 300.0
-"""How long the container of a run may take to start: its image is there already [s]."""
+"""Time limit for the start of a run's container; its image is on the node already [s]."""
 STOP_PATIENCE = 30.0
-"""How long a job may take to end when that was ordered, and its secondary containers [s]."""
+"""Time limit for the end of a job after a request, and of its secondary containers [s]."""
 KILL_DELAY = 2.0
-"""Who kills a whole pod kills the agent in this time; then it judges nothing [s]."""
+"""Time to wait whether the whole pod is being killed, before the run is judged [s]."""
 KILLED = 137
-"""Exit code of a container that was killed, as by the kernel when memory runs out."""
+"""Exit code of a killed container, e.g. by the kernel when memory runs out."""
 
 _NOT_OUTPUT = frozenset({".job", RUNNING, JOBS})
 
 
 class Receiver(Protocol):
-    """Takes what a job leaves."""
+    """Receives the output of a job."""
 
     def run_over(self, ended: EndedRun) -> None:
-        """A run is over, its job goes on."""
+        """A run is finished, its job continues."""
 
     def job_over(self, job: PodJob, folder: Path, last: EndedRun | None) -> None:
-        """A job is over: what it left beside its runs, and the run that was its last."""
+        """A job is finished: its output outside of runs, and its last run."""
 
     def check(self) -> None:
-        """Raise what went wrong with what was received."""
+        """Raise an error that occurred with what was received."""
 
 
 @dataclass
 class PodProcess:
-    """A job that was ordered of the main container; it is known by files alone."""
+    """A job that the main container executes; communication is by files only."""
 
     container: RunContainer
     job: int
     """Its number."""
     is_stopping: Callable[[], bool]
-    """Whether the agent was told to end."""
+    """Whether the agent was asked to end."""
     check: Callable[[], None]
-    """Is called now and then while the job goes on, which ends when this raises."""
+    """Is called repeatedly while the job runs; an exception ends the watch."""
     _give_up: float = field(default_factory=lambda: time.monotonic() + START_PATIENCE)
     _stopwatch: Stopwatch | None = None
 
     def started(self) -> Stopwatch | None:
-        """How long it has executed the job."""
+        """Stopwatch since the start of the job; None before that."""
         self._stopwatch = self._stopwatch or self.container.started(self.job)
         return self._stopwatch
 
     def ending(self) -> Ending | None:
-        """How it has ended by itself."""
+        """How it ended by itself; None while it runs."""
         code = self.container.exit_code(self.job)
         if code is not None:
             return Ending(code, lacked_memory=self.container.lacked_memory(self.job))
@@ -77,7 +77,7 @@ class PodProcess:
         return None
 
     def is_interrupted(self) -> bool:
-        """True when the pod is told to end, or the job never starts."""
+        """Whether the pod was asked to end, or the job does not start."""
         return self.is_stopping() or self.container.is_terminated() or self._never_starts()
 
     def _never_starts(self) -> bool:
@@ -86,18 +86,18 @@ class PodProcess:
         return time.monotonic() > self._give_up or self.container.is_gone(self.job)
 
     def stop(self) -> int | None:
-        """Order its end."""
+        """Ask it to end; return its exit code, if there is one."""
         self.container.stop(self.job)
         self._wait_for(lambda: self.container.exit_code(self.job) is not None)
         return self.container.exit_code(self.job)
 
     def wait(self, seconds: float) -> None:
-        """Wait so long."""
+        """Wait for this time."""
         self.check()
         time.sleep(seconds)
 
     def wait_for_all(self, secondaries: Iterable[str]) -> None:
-        """Wait until it has ended in all secondary containers."""
+        """Wait until the job has ended in all secondary containers."""
         self._wait_for(lambda: self.container.all_over(self.job, secondaries))
 
     def _wait_for(self, condition: Callable[[], bool]) -> None:
@@ -113,9 +113,9 @@ def follow_job(
     is_stopping: Callable[[], bool],
     silence: Silence,
 ) -> tuple[Run, ...] | None:
-    """Follow a job from its order to its end; returns the runs that it never came to.
+    """Watch a job from its order to its end; return the runs that were not started.
 
-    None when this pod cannot go on.
+    Returns None if this pod cannot continue.
     """
     output = JobOutput(folders.out, Layout(folders.out).job(job.name), folders.out)
 
@@ -137,7 +137,7 @@ def follow_job(
 
 
 def _keep(folders: Folders, output: JobOutput, kept: Path) -> Path:
-    """Move what a job that is over left beside its runs to where no other job reaches it."""
+    """Move the output of a finished job outside of runs out of the next job's reach."""
     safe_paths.make_folder(output.own, folders.out)  # the job may have removed it
     safe_paths.move(output.own, folders.out, kept, folders.work)
     keep_the_rest(folders.out, kept, but=_NOT_OUTPUT)

@@ -1,4 +1,4 @@
-"""Watching a job, here or in a pod: each of its runs is handed over as soon as it is over."""
+"""Watches a job, locally or in a pod, and passes on each of its runs when it has ended."""
 
 from __future__ import annotations
 
@@ -15,38 +15,38 @@ from robovast.execution.progress import JobOutput
 from robovast.model.plan import Job, Run
 
 POLL = 0.1
-"""How often a job is looked at [s]."""
+"""Interval of checking a running job [s]."""
 
 
 class Process(Protocol):
-    """What executes a job."""
+    """A process that executes a job."""
 
     def started(self) -> Stopwatch | None:
-        """How long it has executed the job; None when it has not begun."""
+        """Stopwatch since the start of the job; None before that."""
 
     def ending(self) -> Ending | None:
-        """How it has ended by itself; None when it did not."""
+        """How it ended by itself; None while it runs."""
 
     def is_interrupted(self) -> bool:
-        """True when somebody else ends it, or it cannot be executed."""
+        """Whether others end it, or the job cannot be started."""
 
     def stop(self) -> int | None:
-        """End it; returns its exit code, if there is one."""
+        """End it; return its exit code, if there is one."""
 
     def wait(self, seconds: float) -> None:
-        """Wait so long, or less when it ends in between."""
+        """Wait until it ends, at most for this time."""
 
 
 def final_ending(
     ended: Ending | None, interrupted: bool, seconds: float, timeout: int | None
 ) -> Ending | None:
-    """How a job has ended, or, when that is from outside, is to be ended; None while it goes on.
+    """How a job ended, or why it must be ended now; None while it runs.
 
     Args:
-        ended: how it has ended by itself, if it did.
-        interrupted: whether somebody else ends it.
-        seconds: how long its current run takes already [s].
-        timeout: the document's limit of that [s].
+        ended: how it ended by itself; None while it runs.
+        interrupted: whether others end it.
+        seconds: duration of its current run so far [s].
+        timeout: the document's limit for one run [s].
     """
     if interrupted:
         return Ending(None, interrupted=True)
@@ -57,42 +57,41 @@ def final_ending(
 
 @dataclass
 class JobWatch:
-    """Follows one job from its start to its end."""
+    """Watches one job from its start to its end."""
 
     process: Process
-    """Executes the job."""
     job: Job
     output: JobOutput
     stored: Path
-    """Folder for runs that are over, out of the job's reach."""
+    """Folder for finished runs that the job cannot access."""
     timeout: int | None
-    """Of one run [s]."""
+    """Time limit of one run [s]."""
     run_over: Callable[[EndedRun], None]
-    """Takes each run that is over while the job goes on."""
+    """Receives each finished run while the job continues."""
     _current: int = 0
-    """Index of the run that is being executed."""
+    """Index of the current run."""
     _stopwatch: Stopwatch | None = None
-    """Of that run, once it has begun."""
+    """Stopwatch of the current run; None before its start."""
 
     @property
     def left(self) -> tuple[Run, ...]:
-        """The runs that were not handed over, the current one first."""
+        """The runs that were not passed on, the current one first."""
         return self.job.runs[self._current :]
 
     def follow(self) -> Ending:
-        """Follow the job until it has ended; its last run is left to `finish`."""
+        """Watch the job until it has ended; `finish` returns its last run."""
         while (ending := self._look()) is None:
             self.process.wait(POLL)
         return replace(ending, exit_code=self.process.stop()) if ending.from_outside else ending
 
     def finish(self, ending: Ending) -> EndedRun | None:
-        """The current run of a job that has ended; None when that had not begun."""
+        """The current run of a job that has ended; None if it was not started."""
         if self._current and not self.output.has_begun(self.job.runs[self._current]):
             return None
         return self._take(ending)
 
     def _look(self) -> Ending | None:
-        """Hand over what is over, in an order in which nothing that comes meanwhile is missed."""
+        """Pass on finished runs. The end is checked first, so that no earlier run is missed."""
         ended = self.process.ending()
         interrupted = self.process.is_interrupted()
         while self._is_over():
@@ -103,11 +102,11 @@ class JobWatch:
         return final_ending(ended, interrupted, seconds, self.timeout)
 
     def _is_over(self) -> bool:
-        """True when the current run is over; the last one is left to the job's end."""
+        """Whether the current run, unless it is the last one, is finished."""
         runs = self.job.runs
         if self._current == len(runs) - 1 or not self.output.is_over(runs, self._current):
             return False
-        # Who interrupts a job says so before its run can write what comes of that.
+        # An interruption is announced before the run can write its consequences.
         return not self.process.is_interrupted() or self._has_passed()
 
     def _has_passed(self) -> bool:
@@ -115,7 +114,7 @@ class JobWatch:
         return read_test_result(out / self.left[0].path, out).verdict is Verdict.PASSED
 
     def _take(self, ending: Ending) -> EndedRun:
-        """Move the current run to where no other run reaches it, and judge what is there."""
+        """Move the current run out of the job's reach, and determine its verdict there."""
         run = self.left[0]
         folder = self.output.take(run, self.stored)
         self._current += 1
