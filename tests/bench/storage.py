@@ -114,7 +114,7 @@ def memory(bucket: str, folder: Path) -> None:
 
 def store_as_agent(store: ObjectStore, bucket: str, folder: Path) -> None:
     import robovast.agent.__main__  # noqa: F401 - what the agent has in memory anyway
-    from robovast.agent.upload import store_files
+    from robovast.agent.untrusted_files import store_files
 
     def put(path: str, _: int, file: BinaryIO) -> None:
         store.put_new(bucket, f"many/{path}", file)

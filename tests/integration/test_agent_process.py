@@ -20,7 +20,7 @@ from support.kube.pod_processes import Campaign, Pod, keys_by_path
 from robovast.agent.__main__ import main
 from robovast.agent.bucket import Bucket
 from robovast.agent.process import CACHE, add_to_run, describe
-from robovast.agent.upload import store_own_tree
+from robovast.agent.untrusted_files import store_own_tree
 from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Options
 from robovast.analysis.postprocessing.session import postprocess
 from robovast.model.packs import CampaignPlan

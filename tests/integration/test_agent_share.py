@@ -19,7 +19,7 @@ from support.faults.small_disk import small_disk
 from support.servers.share_places import Place, sftp, webdav
 
 from robovast.agent.bucket import Bucket
-from robovast.agent.upload import store_own_tree
+from robovast.agent.untrusted_files import store_own_tree
 from robovast.base.errors import StorageError
 from robovast.campaign.importing import import_archive
 from robovast.storage.compressing import pack_bucket

@@ -16,10 +16,10 @@ from support.kube.pod_processes import Campaign, Pod
 from robovast.base.errors import InputError
 from robovast.evaluation.mirror import mirror
 from robovast.model.packs import Owner
-from robovast.storage.belonging import folder_for
 from robovast.storage.bucket_names import bucket_name
+from robovast.storage.bucket_ownership import OtherOwnerError, find_bucket, owner_of
 from robovast.storage.download import Silent, download_campaign
-from robovast.storage.ownership import OtherOwnerError, find_bucket, owner_of
+from robovast.storage.folder_ownership import folder_for
 
 NAME = "nav-2026-03-01-100000"
 PLACES = [("team-a", "nav"), ("team-a", "nav-again"), ("team-b", "nav")]

@@ -19,7 +19,7 @@ from robovast.agent.check import check_runs
 from robovast.base.errors import StorageError
 from robovast.campaign.run_files import Writer
 from robovast.campaign.verdict import Verdict
-from robovast.storage import upload
+from robovast.storage import multipart
 from robovast.storage.bucket_runs import listed_files
 from robovast.storage.download import Silent, download_campaign
 from robovast.storage.s3 import ObjectStore
@@ -63,7 +63,7 @@ def test_a_writer_may_be_killed_after_any_request(
     attempt: int,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(upload, "PART", 5 * MIB)
+    monkeypatch.setattr(multipart, "PART", 5 * MIB)
     large = {"bag/large": os.urandom(MIB) * 6, "a/b/c": b"deep"}
     for number in itertools.count():
         run = f"one-1/{number}"

@@ -21,12 +21,12 @@ from robovast_testbed.s3 import Server
 from support.servers.cutting_proxy import cutting_proxy
 
 from robovast.base.errors import StorageError
+from robovast.storage import multipart
 from robovast.storage import s3 as storage
-from robovast.storage import upload
 from robovast.storage.endpoint import Credentials, Endpoint
-from robovast.storage.faults import ObjectError
+from robovast.storage.multipart import PART, Content
 from robovast.storage.s3 import ObjectStore, StoredObject
-from robovast.storage.upload import PART, Content
+from robovast.storage.s3_errors import ObjectError
 
 MIB = 2**20
 
@@ -114,7 +114,7 @@ def changes_after_measuring(
     left = [times]
 
     def measure(file: BinaryIO) -> Content:
-        content = upload.measured(file)
+        content = multipart.measured(file)
         if left[0]:
             left[0] -= 1
             change()
@@ -156,9 +156,9 @@ def test_a_file_that_changes_again_and_again_is_the_files_fault(
 def test_parts_grow_with_the_file_and_memory_does_not(
     store: ObjectStore, bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(upload, "MOST_PARTS", 2)
+    monkeypatch.setattr(multipart, "MOST_PARTS", 2)
     size = 6 * PART
-    assert [end - begin for begin, end in upload.stretches(size)] == [3 * PART, 3 * PART]
+    assert [end - begin for begin, end in multipart.stretches(size)] == [3 * PART, 3 * PART]
     source = some_file(tmp_path / "source", size)
     tracemalloc.start()
     try:

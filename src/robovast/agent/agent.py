@@ -17,7 +17,7 @@ from robovast.agent.pack import Pack, PodJob, read_pack
 from robovast.agent.pod_process import follow_job
 from robovast.agent.results import Results
 from robovast.agent.silence import SILENT, Silence
-from robovast.agent.upload import SIDE_BY_SIDE
+from robovast.agent.untrusted_files import SIDE_BY_SIDE
 from robovast.base.safe_paths import pinned
 from robovast.base.signals import call_on_signals
 from robovast.campaign.layout import JOBS

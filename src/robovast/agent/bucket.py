@@ -20,7 +20,7 @@ from robovast.campaign.run_record import RunRecord, parse_run_record
 from robovast.campaign.verdict import Verdict
 from robovast.model.packs import Owner
 from robovast.model.plan import Run
-from robovast.storage.ownership import claim, is_owned
+from robovast.storage.bucket_ownership import claim, is_owned
 from robovast.storage.s3 import ObjectStore
 
 

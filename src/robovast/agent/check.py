@@ -15,13 +15,13 @@ from functools import partial
 from itertools import groupby
 
 from robovast.agent.bucket import Bucket
-from robovast.agent.upload import SIDE_BY_SIDE
+from robovast.agent.untrusted_files import SIDE_BY_SIDE
 from robovast.campaign.layout import RUN_RECORD
 from robovast.campaign.places import run_of
 from robovast.campaign.run_files import FileList, StoredFile
 from robovast.campaign.run_record import RunRecord
 from robovast.storage.bucket_runs import listed_files
-from robovast.storage.faults import ObjectError
+from robovast.storage.s3_errors import ObjectError
 
 Sizes = Mapping[str, int]
 """Objects by key, below their run's."""

@@ -9,7 +9,7 @@ from robovast.agent.campaign import Campaign, expand, load_inputs, open_campaign
 from robovast.agent.composed import store_composed
 from robovast.agent.digests import file_digest
 from robovast.agent.mounts import Folders
-from robovast.agent.upload import SIDE_BY_SIDE, store_own_tree
+from robovast.agent.untrusted_files import SIDE_BY_SIDE, store_own_tree
 from robovast.base.errors import InputError
 from robovast.campaign.layout import CONFIGURATIONS, Layout
 from robovast.execution.generate import write_configurations

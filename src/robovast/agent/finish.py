@@ -16,7 +16,7 @@ from robovast.agent.compose import store_inputs
 from robovast.agent.composed import Composed
 from robovast.agent.mounts import Folders
 from robovast.agent.sightings import completed, read_sightings
-from robovast.agent.upload import SIDE_BY_SIDE, store_own_tree
+from robovast.agent.untrusted_files import SIDE_BY_SIDE, store_own_tree
 from robovast.base.printable import printable
 from robovast.base.ranges import spans
 from robovast.base.serialization import dump_yaml

@@ -10,7 +10,7 @@ from pathlib import Path
 from robovast.agent.bucket import Bucket
 from robovast.agent.campaign import read_plan
 from robovast.agent.mounts import Folders
-from robovast.agent.upload import SIDE_BY_SIDE
+from robovast.agent.untrusted_files import SIDE_BY_SIDE
 from robovast.analysis.postprocessing import state
 from robovast.analysis.postprocessing.content import changed, scan
 from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Options
@@ -22,10 +22,10 @@ from robovast.campaign.run_files import StoredFile, Writer, escaped, is_writers
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
 from robovast.kubeapi.pod_contract.messages import Processed
+from robovast.storage.bucket_ownership import is_owned
 from robovast.storage.bucket_runs import listed_files
 from robovast.storage.download import Silent, download_campaign
 from robovast.storage.endpoint import Credentials, Endpoint
-from robovast.storage.ownership import is_owned
 from robovast.storage.s3 import ObjectStore
 
 CACHE = f"{state.FOLDER}/{state.FILE}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from robovast.agent.campaign import open_campaign
 from robovast.agent.mounts import Folders
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
-from robovast.storage.ownership import OtherOwnerError
+from robovast.storage.bucket_ownership import OtherOwnerError
 
 
 def purge(folders: Folders) -> AgentExit:

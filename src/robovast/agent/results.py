@@ -14,7 +14,7 @@ from typing import BinaryIO
 from robovast.agent.bucket import Bucket
 from robovast.agent.claims import claim_job
 from robovast.agent.pack import Pack
-from robovast.agent.upload import open_files, store_files
+from robovast.agent.untrusted_files import open_files, store_files
 from robovast.base import safe_paths
 from robovast.base.containers import named_digest
 from robovast.campaign.layout import JOBS

@@ -15,10 +15,10 @@ from robovast.base.errors import InputError
 from robovast.base.sizes import fmt_size
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
 from robovast.kubeapi.pod_contract.messages import Shared
+from robovast.storage.bucket_ownership import is_owned
 from robovast.storage.compressing import pack_bucket
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.http_client import HttpError
-from robovast.storage.ownership import is_owned
 from robovast.storage.s3 import ObjectStore
 from robovast.storage.shares.campaigns import SHARE_TYPE, SUFFIX, Share, load_provider
 

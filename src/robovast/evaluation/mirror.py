@@ -15,10 +15,10 @@ from robovast.base.atomic import discard, sweep, write_atomically
 from robovast.base.errors import StorageError
 from robovast.campaign.places import ORIGIN
 from robovast.model.naming import is_campaign_dir
-from robovast.storage.belonging import folder_for
+from robovast.storage.bucket_ownership import owner_of
 from robovast.storage.download import Silent, download_campaign
 from robovast.storage.endpoint import Credentials, Endpoint
-from robovast.storage.ownership import owner_of
+from robovast.storage.folder_ownership import folder_for
 from robovast.storage.s3 import ObjectStore
 
 LOGGER = logging.getLogger(__name__)

@@ -18,8 +18,8 @@ from robovast.campaign.run_files import (
     read_list,
 )
 from robovast.campaign.run_record import parse_run_record
-from robovast.storage.faults import ObjectError
 from robovast.storage.s3 import ObjectStore, StoredObject
+from robovast.storage.s3_errors import ObjectError
 
 AT_ONCE = 50_000
 """Most files of runs that are held in memory at once; a single run may have more."""

@@ -30,11 +30,11 @@ from robovast.base.locks import exclusive_folder
 from robovast.campaign.layout import JOB_LINK, RUN_RECORD, STAGE, job_link_target
 from robovast.campaign.places import run_of, set_apart, why_no_place
 from robovast.campaign.run_files import is_writers, shown
-from robovast.storage.belonging import occupy
+from robovast.storage.bucket_ownership import owner_of
 from robovast.storage.bucket_runs import BucketFile, OpenedRun, RunObjects, in_batches, open_run
-from robovast.storage.faults import ObjectError
-from robovast.storage.ownership import owner_of
+from robovast.storage.folder_ownership import occupy
 from robovast.storage.s3 import ObjectStore, StoredObject
+from robovast.storage.s3_errors import ObjectError
 
 T = TypeVar("T")
 

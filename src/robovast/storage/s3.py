@@ -24,9 +24,9 @@ from robovast.base.atomic import put_in_place
 from robovast.base.backoff import HOLDING_RESULTS, Pauses
 from robovast.base.errors import StorageError
 from robovast.storage.endpoint import Credentials, Endpoint
-from robovast.storage.faults import ObjectError, explained, passes, persist
+from robovast.storage.multipart import ChangedError, Content, measured, of_bytes, send
 from robovast.storage.s3_client import connect
-from robovast.storage.upload import ChangedError, Content, measured, of_bytes, send
+from robovast.storage.s3_errors import ObjectError, explained, passes, persist
 
 T = TypeVar("T")
 

@@ -1,6 +1,6 @@
 """The compose file of a job."""
 
-from robovast.execution.local.compose import compose_model, run_options
+from robovast.execution.local.docker_compose import compose_model, run_options
 from robovast.execution.local.runtime import Limits
 
 

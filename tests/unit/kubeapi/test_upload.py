@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from robovast.storage.upload import LARGEST, MOST_PARTS, PART, stretches
+from robovast.storage.multipart import LARGEST, MOST_PARTS, PART, stretches
 
 GIB = 2**30
 

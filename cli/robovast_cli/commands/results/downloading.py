@@ -8,9 +8,9 @@ from pathlib import Path
 
 from robovast.base.errors import CannotRunError, InputError, StorageError
 from robovast.base.sizes import fmt_size
-from robovast.storage.belonging import folder_for
+from robovast.storage.bucket_ownership import find_bucket, is_owned, owner_of
 from robovast.storage.download import DownloadResult, download_campaign
-from robovast.storage.ownership import find_bucket, is_owned, owner_of
+from robovast.storage.folder_ownership import folder_for
 from robovast_cli.kube.api import Kubernetes, connect
 from robovast_cli.kube.status import CampaignState, find_campaign, lookup
 from robovast_cli.kube.store import StorePlace, installed_place, open_store, place_of

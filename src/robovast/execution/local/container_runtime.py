@@ -17,7 +17,7 @@ from robovast.campaign.layout import JOBS
 from robovast.execution.compat import VERSION_PATH, check_compat
 from robovast.execution.contract import CONFIG, OUT
 from robovast.execution.local import process_tree
-from robovast.execution.local.compose import MAIN, compose_model, run_options
+from robovast.execution.local.docker_compose import MAIN, compose_model, run_options
 from robovast.execution.local.events import LocalOptions
 from robovast.execution.local.runtime import Identity, JobSpec
 

@@ -20,8 +20,8 @@ from robovast.execution.contract import contract_files
 from robovast.execution.generate import copy_file, write_configurations
 from robovast.execution.job_config import build_config_folder
 from robovast.execution.local.choose import resolve_image
-from robovast.execution.local.compose import MAIN, compose_model
 from robovast.execution.local.container_runtime import X11_SOCKETS, ContainerRuntime
+from robovast.execution.local.docker_compose import MAIN, compose_model
 from robovast.execution.local.events import LocalOptions
 from robovast.execution.local.runtime import Identity
 from robovast.execution.local.session import Session

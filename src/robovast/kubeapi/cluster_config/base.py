@@ -156,9 +156,9 @@ class BaseConfig:
             InputError: there is no such campaign, or there are several.
             StorageError: it refuses, or the archive cannot be written.
         """
+        from robovast.storage.bucket_ownership import find_bucket
         from robovast.storage.download import Silent, download_campaign
         from robovast.storage.endpoint import Credentials, Endpoint
-        from robovast.storage.ownership import find_bucket
         from robovast.storage.s3 import ObjectStore
 
         address = self.get_host_s3_endpoint()

@@ -7,7 +7,7 @@ from enum import IntEnum
 
 from robovast.base.errors import CannotRunError, InputError, RefusedError, RobovastError
 from robovast.campaign.verdict import Verdict
-from robovast.storage.ownership import OtherOwnerError
+from robovast.storage.bucket_ownership import OtherOwnerError
 
 
 class AgentExit(IntEnum):

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from robovast.base.backoff import wait_until
 from robovast.base.errors import CannotRunError
 from robovast.kubeapi.resources import UID_LABEL
-from robovast.storage.ownership import is_owned
+from robovast.storage.bucket_ownership import is_owned
 from robovast_cli.kube.api import Kubernetes
 from robovast_cli.kube.status import CampaignState
 from robovast_cli.kube.store import open_store, place_of

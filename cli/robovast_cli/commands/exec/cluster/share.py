@@ -11,7 +11,7 @@ from pathlib import Path
 from robovast.base.errors import CannotRunError, ExitCode, InputError, RobovastError
 from robovast.kubeapi.resources import MANAGED_BY, MANAGED_LABEL, Scheduling
 from robovast.kubeapi.share_job import Upload, agent_image, share_variables
-from robovast.storage.belonging import distinct_name
+from robovast.storage.folder_ownership import distinct_name
 from robovast.storage.shares.campaigns import SHARE_TYPE, Share, open_share
 from robovast_cli.commands.exec.cluster.share_jobs import follow, log_command, start
 from robovast_cli.commands.results.downloading import Results, named_results, results_of

@@ -14,7 +14,7 @@ from robovast.campaign.layout import STAGE
 from robovast.model.naming import get_campaign_timestamp
 from robovast.model.packs import Owner
 from robovast.storage.bucket_names import uid_digits
-from robovast.storage.ownership import OWNER, OtherOwnerError, parse_owner
+from robovast.storage.bucket_ownership import OWNER, OtherOwnerError, parse_owner
 
 
 def folder_for(results: Path, campaign: str, owner: Owner | None) -> Path:

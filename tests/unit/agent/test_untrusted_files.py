@@ -15,8 +15,8 @@ from typing import BinaryIO
 
 import pytest
 
-from robovast.agent import upload
-from robovast.agent.upload import open_files, store_files
+from robovast.agent import untrusted_files
+from robovast.agent.untrusted_files import open_files, store_files
 from robovast.base import safe_paths
 from robovast.campaign.own_names import set_own_names_aside
 from robovast.campaign.run_files import MissingFile, room_of
@@ -190,7 +190,7 @@ def test_a_run_may_call_its_files_as_we_do(tmp_path: Path) -> None:
 def test_what_has_no_room_in_the_list_is_counted_and_files_come_before_folders(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(upload, "ROOM", 20 * room_of("data/00000"))
+    monkeypatch.setattr(untrusted_files, "ROOM", 20 * room_of("data/00000"))
     (tmp_path / "data").mkdir()
     for number in range(100):
         (tmp_path / "data" / f"{number:05}").write_text("x")
