@@ -268,7 +268,7 @@ class CampaignPlan(_Data):
     document: str
     """Name of the .vast file among the inputs; its text is stored beside it as `document.vast`."""
     expansion: Literal["pure", "composed"]
-    """True: each pod expands the document. False: pods read the result of the compose Job."""
+    """`pure`: each pod expands the document. `composed`: pods read what the compose Job made."""
     bundle: Bundle | None = None
     """Where the inputs are, unless they are in the mounted folder of files."""
     git: GitSource | None = None
