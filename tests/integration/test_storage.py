@@ -21,7 +21,7 @@ from robovast_testbed.s3 import Server
 from support.servers.cutting_proxy import cutting_proxy
 
 from robovast.base.errors import StorageError
-from robovast.storage import multipart
+from robovast.storage import multipart, s3_errors
 from robovast.storage import s3 as storage
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.multipart import PART, Content
@@ -346,8 +346,13 @@ def test_a_wrong_key_is_said_at_once(s3_server: Server, bucket: str) -> None:
 
 @pytest.mark.parametrize("seconds", [3600, -3600])
 def test_a_wrong_clock_is_named_and_waited_for(
-    s3_server: Server, bucket: str, seconds: int
+    s3_server: Server,
+    bucket: str,
+    seconds: int,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
+    monkeypatch.setattr(s3_errors, "REPORTED_AFTER", 0.0)
     (process,) = outages.processes(s3_server.bed, lambda words: s3_server.make in words[0])
     patient, hasty = open_store(s3_server), open_store(s3_server, patience=1)
     with ThreadPoolExecutor() as pool:
@@ -360,6 +365,9 @@ def test_a_wrong_clock_is_named_and_waited_for(
             assert not stored.done()
         stored.result()
     assert hasty.read(bucket, "key") == b"content"
+    reports = [text for text in caplog.messages if text.startswith("S3 is tried again")]
+    assert len(reports) == 2, "each store reports once"
+    assert all("clock" in text for text in reports)
 
 
 def test_a_server_that_stays_away_is_named_when_patience_ends(s3_server: Server) -> None:

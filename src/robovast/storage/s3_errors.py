@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from calendar import timegm
 from collections.abc import Callable, Iterator
@@ -16,6 +17,11 @@ from robovast.base.backoff import BUSY, Pauses
 from robovast.base.errors import RefusedError, StorageError
 
 T = TypeVar("T")
+
+REPORTED_AFTER = 20.0
+"""Duration of errors from which they are logged, once [s]."""
+
+_log = logging.getLogger(__name__)
 
 
 class ObjectError(StorageError):
@@ -57,12 +63,16 @@ def persist(action: Callable[[], T], patience: float) -> T:
         MinioException: the last error; also urllib3's `HTTPError` and `OSError`.
     """
     pauses = Pauses(patience)
+    since, reported = time.monotonic(), False
     while True:
         try:
             return action()
         except (MinioException, HTTPError) as error:
             if not passes(error) or not pauses.wait():
                 raise
+            if not reported and time.monotonic() - since > REPORTED_AFTER:
+                reported = True
+                _log.warning("S3 is tried again for up to %.0f s: %s", patience, _text(error))
 
 
 def passes(error: Exception) -> bool:
@@ -120,18 +130,20 @@ def explained(attempt: str) -> Iterator[None]:
     """
     try:
         yield
-    except S3Error as error:
-        cause = f"{(error.message or 'no reason given').rstrip('.')} ({error.code})"
-        code = _SKEWED if _is_of_clocks(error) else error.code or ""
-        remedy = _REMEDIES.get(code, "The server's own log may tell more.")
-        kind = _kind(error)
-        raise kind(f"{attempt}: {cause}. {remedy}") from error
     except (MinioException, HTTPError) as error:
+        kind = _kind(error) if isinstance(error, S3Error) else StorageError
+        raise kind(f"{attempt}: {_text(error)}") from error
+
+
+def _text(error: Exception) -> str:
+    """The cause of an error, and its remedy."""
+    if not isinstance(error, S3Error):
         reason = getattr(error, "reason", None) or error
-        raise StorageError(
-            f"{attempt}: {reason}. Is an S3 server at this address, and can it be reached from "
-            "here?"
-        ) from error
+        return f"{reason}. Is an S3 server at this address, and can it be reached from here?"
+    cause = f"{(error.message or 'no reason given').rstrip('.')} ({error.code})"
+    code = _SKEWED if _is_of_clocks(error) else error.code or ""
+    remedy = _REMEDIES.get(code, "The server's own log may tell more.")
+    return f"{cause}. {remedy}"
 
 
 _OF_ONE_OBJECT = frozenset({"InvalidRange", "NoSuchKey", "PreconditionFailed"})
