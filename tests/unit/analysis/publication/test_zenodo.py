@@ -182,7 +182,7 @@ ERRORS = {
     401: "cannot make a draft (401, as it was told). Check the access token",
     403: "(403, as it was told). Check the access token",
     413: "It is larger than the server accepts",
-    500: "(500, as it was told). The server has a fault",
+    500: "(500, as it was told). The server has an internal error",
 }
 
 
