@@ -43,8 +43,9 @@ def finds(campaign: str, shards: int, total: int, failed: str = "") -> str:
         "errored": 0,
         "failedRuns": failed,
         "failing": [f"one-1/{run}" for run in bad],
-        "repeat": {"list": "0123456789abcdef", "sizes": f"1x{len(bad)}"} if bad else {},
     }
+    if bad:
+        found["repeat"] = {"list": "0123456789abcdef", "sizes": f"1x{len(bad)}"}
     stage = yaml.safe_load(FINISH_STAGE.format(campaign=campaign, message=json.dumps(found)))
     stage["metadata"]["name"] += f"-{shards}"
     number = '.metadata.labels["batch.kubernetes.io/job-name"] | split("-") | last'
