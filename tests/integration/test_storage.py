@@ -10,10 +10,12 @@ import time
 import tracemalloc
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from datetime import timedelta
 from pathlib import Path
 from typing import BinaryIO
 from uuid import uuid4
 
+import minio
 import pytest
 from minio import Minio
 from robovast_testbed import clocks, outages
@@ -368,6 +370,19 @@ def test_a_wrong_clock_is_named_and_waited_for(
     reports = [text for text in caplog.messages if text.startswith("S3 is tried again")]
     assert len(reports) == 2, "each store reports once"
     assert all("clock" in text for text in reports)
+
+
+def test_a_clock_that_was_corrected_meanwhile_denies_nothing(
+    s3_server: Server, bucket: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A request is signed an hour late; when its answer comes, the clock is right again."""
+    store = open_store(s3_server)
+    store.put_bytes(bucket, "key", b"content")
+    utcnow = minio.time.utcnow
+    wrong = iter([timedelta(hours=1)])
+    monkeypatch.setattr(minio.time, "utcnow", lambda: utcnow() + next(wrong, timedelta()))
+    assert store.digest(bucket, "key") is not None
+    assert next(wrong, None) is None, "a request was signed with the wrong time"
 
 
 def test_a_server_that_stays_away_is_named_when_patience_ends(s3_server: Server) -> None:

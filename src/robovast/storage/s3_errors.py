@@ -31,6 +31,7 @@ class ObjectError(StorageError):
 CLOCKS_APART = 600
 """Difference of clocks from which servers may refuse requests; most allow 15 minutes [s]."""
 _SKEWED = "RequestTimeTooSkewed"
+_DENIED = "AccessDenied"
 _PASSING = frozenset(
     {
         "BadDigest",  # damaged during transfer
@@ -63,11 +64,14 @@ def persist(action: Callable[[], T], patience: float) -> T:
         MinioException: the last error; also urllib3's `HTTPError` and `OSError`.
     """
     pauses = Pauses(patience)
-    since, reported = time.monotonic(), False
+    since, reported, denied = time.monotonic(), False, False
     while True:
         try:
             return action()
         except (MinioException, HTTPError) as error:
+            if not denied and getattr(error, "code", None) == _DENIED:
+                denied = True  # the clock may have been corrected since the request was signed
+                continue
             if not passes(error) or not pauses.wait():
                 raise
             if not reported and time.monotonic() - since > REPORTED_AFTER:
@@ -95,7 +99,7 @@ def _is_of_clocks(error: S3Error) -> bool:
     """
     told = parsedate(error.response.headers.get("date"))
     apart = abs(timegm(told) - time.time()) if told else 0
-    return error.code == _SKEWED or (error.code == "AccessDenied" and apart > CLOCKS_APART)
+    return error.code == _SKEWED or (error.code == _DENIED and apart > CLOCKS_APART)
 
 
 def is_refusal(error: S3Error) -> bool:
@@ -148,7 +152,7 @@ def _text(error: Exception) -> str:
 
 _OF_ONE_OBJECT = frozenset({"InvalidRange", "NoSuchKey", "PreconditionFailed"})
 _REMEDIES = {
-    "AccessDenied": "The account's policy must allow it.",
+    _DENIED: "The account's policy must allow it.",
     "InvalidAccessKeyId": "Check the access key.",
     "KeyTooLongError": "S3 takes names of 1,024 bytes, folders included.",
     "SignatureDoesNotMatch": "Check the secret key.",
