@@ -51,8 +51,13 @@ def ask(campaigns: Sequence[Path], sql: str, most: int | None = None) -> Answer:
         StorageError: tables cannot be read.
     """
     duckdb = import_duckdb()
+    if any("\udc80" <= sign <= "\udcff" for sign in sql):
+        raise InputError("the query is not text in UTF-8.")
     with _attached(campaigns) as connection:
         try:
+            number = len(connection.extract_statements(sql))
+            if number > 1:
+                raise InputError(f"a query is one statement; there are {number}. Ask one by one.")
             found = connection.execute(sql)
             if found is None:  # blanks and comments alone
                 raise InputError("the query is empty.")

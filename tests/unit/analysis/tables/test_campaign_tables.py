@@ -179,6 +179,8 @@ def test_all_campaigns_are_asked_at_once(tmp_path: Path) -> None:
         ("SELECT 1, 2 UNION SELECT 1", "need equally many columns"),
         ("SELECT (SELECT unnest([1, 2]))", "add LIMIT 1"),
         ("SELECT ?", "write the values"),
+        ("SELECT 1; SELECT 2", "a query is one statement; there are 2"),
+        ("SELECT '\udcff'", "not text in UTF-8"),
         ("DELETE FROM runs", "it can change nothing"),
         ("DROP TABLE runs", "it can change nothing"),
         ("INSERT INTO campaign_0.out VALUES ('a', 1, 1)", "it can change nothing"),
