@@ -162,7 +162,10 @@ def sweep(folder: Path) -> None:
 
 def refuse_file(folder: Path) -> None:
     """Raise a StorageError if a file is in the place of a folder or one of its parents."""
-    file = next((path for path in (folder, *folder.parents) if path.is_file()), None)
+    try:
+        file = next((path for path in (folder, *folder.parents) if path.is_file()), None)
+    except OSError as error:  # a name that no file system takes
+        raise StorageError(f"{folder}: {error.strerror}. Choose another place.") from None
     if file is not None:
         raise StorageError(f"{file} is a file, and results go into a folder. Choose another place.")
 

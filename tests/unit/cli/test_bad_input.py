@@ -184,6 +184,7 @@ def test_without_a_file_the_remedy_is_told(vast, folder, files: list[str], messa
 FOREIGN = ("Value error", "Input should", "Errno", "Traceback", "codec", "<list[", "{OUT}")
 BAD = [
     (["config", "generate", "file"], 5, "file is a file, and results go into a folder"),
+    (["config", "generate", "a" * 300], 5, "File name too long. Choose another place."),
     (["config", "generate", "file/x"], 5, "file is a file, and results go into a folder"),
     (["exec", "local", "prepare-run", "file"], 5, "/file is a file, and results go into"),
     (["exec", "local", "run", "x.vast"], 2, "`x.vast` is a document, and OUT is the folder for"),
