@@ -22,11 +22,11 @@ LOGGER = logging.getLogger(__name__)
 
 
 DEEPEST = 12_000
-"""An API server takes objects that are nested 10,000 deep; one of them must not end a watch."""
+"""Recursion limit: an API server accepts 10,000 levels, and no object must end a watch."""
 
 
 class Handlers:
-    """What kopf calls: it only passes on what it is told, and never raises.
+    """The functions that kopf calls: they only pass events on, and never raise.
 
     All are coroutines, since kopf calls plain functions in threads, and what is known here belongs
     to the event loop.
@@ -37,27 +37,27 @@ class Handlers:
         self._operator: Operator | None = None
 
     async def startup(self, settings: kopf.OperatorSettings, **_: Any) -> None:
-        """Begin to work, before the first event."""
+        """Start the operator, before the first event."""
         configure(settings, self._own)
         self._operator = Operator(self._own)
         await self._operator.start()
         settings.watching.initial_streaming = await self._operator.can_stream_lists()
 
     async def cleanup(self, **_: Any) -> None:
-        """End work, after the last event."""
+        """Stop the operator, after the last event."""
         if self._operator is not None:
             await self._operator.stop()
 
     async def campaign(self, event: Any, **_: Any) -> None:
-        """A Campaign has changed."""
+        """Handle a change of a Campaign."""
         self._pass_on("campaign_event", event)
 
     async def configuration(self, event: Any, **_: Any) -> None:
-        """A Configuration has changed."""
+        """Handle a change of a Configuration."""
         self._pass_on("configuration_event", event)
 
     async def job(self, event: Any, **_: Any) -> None:
-        """A Job has changed."""
+        """Handle a change of a Job."""
         self._pass_on("job_event", event)
 
     def _pass_on(self, name: str, event: Any) -> None:
@@ -68,14 +68,14 @@ class Handlers:
 
 
 class Patience:
-    """How long the shell waits between tries of a request [s]: never long, and for ever."""
+    """Pauses between kopf's attempts at a request [s]: short ones, without end."""
 
     def __iter__(self) -> Iterator[float]:
         return chain((0.5, 1.0, 2.0), repeat(4.0))
 
 
 def configure(settings: kopf.OperatorSettings, own: Settings) -> None:
-    """Kopf as a shell only: no finalizers, no annotations, no events, no peering by it."""
+    """Configure kopf to watch only: no finalizers, annotations, events or peering of its own."""
     settings.posting.enabled = False
     settings.scanning.disabled = True
     settings.peering.standalone = True
@@ -89,7 +89,7 @@ def configure(settings: kopf.OperatorSettings, own: Settings) -> None:
 
 
 def login(**_: Any) -> kopf.ConnectionInfo:
-    """What kopf needs to reach the API server as all else does."""
+    """Give kopf the same access to the API server that the operator has."""
     to = server()
     scheme, _, token = to.api_key.get("BearerToken", "").partition(" ")
     return kopf.ConnectionInfo(
@@ -104,7 +104,7 @@ def login(**_: Any) -> kopf.ConnectionInfo:
 
 
 def main() -> None:
-    """Run until told to end."""
+    """Run until a signal ends the process."""
     heap.adjust()
     sys.setrecursionlimit(DEEPEST)
     logging.basicConfig(

@@ -1,7 +1,7 @@
-"""The heart of the operator: what is to be done for a campaign, from what is there.
+"""The heart of the operator: decides what to do for a campaign, given a snapshot of it.
 
-`decide` is pure: it looks at one moment and knows no history but the status. Whatever happened
-in between, whatever was lost, the same snapshot leads to the same actions.
+`decide` is pure: it looks at one moment and knows no history but the status.
+The same snapshot always leads to the same actions.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class CreateShard:
 
 @dataclass(frozen=True)
 class CreateTask:
-    """Make the Job of our own work on the whole campaign."""
+    """Make the Job of a task on the whole campaign, such as the index."""
 
     command: str
     name: str
@@ -65,15 +65,15 @@ Action = CreateShard | CreateTask | SuspendJob | ResizeJob | DeleteJob
 
 @dataclass(frozen=True)
 class Decision:
-    """What is to be done, and what is to be told."""
+    """The actions to take, and the status to write."""
 
     status: CampaignStatus
     actions: tuple[Action, ...] = ()
     """Carried out before the status is written."""
     later: tuple[Action, ...] = ()
-    """Carried out once the status is written: what they remove is remembered there."""
+    """Actions to take after the status is written, since the status keeps what they remove."""
     again: float | None = None
-    """When to look again although nothing happens [s]."""
+    """When to reconcile again even if nothing changes [s]."""
 
 
 def decide(snapshot: Snapshot) -> Decision:
@@ -86,7 +86,7 @@ def decide(snapshot: Snapshot) -> Decision:
 
 
 def _open_jobs(snapshot: Snapshot) -> list[Action]:
-    """Changes of Jobs that are at work."""
+    """Changes to Jobs that are running."""
     spec = snapshot.accepted.spec
     if snapshot.quiet:
         return []
@@ -97,7 +97,7 @@ def _open_jobs(snapshot: Snapshot) -> list[Action]:
 
 
 def _is_wrong(snapshot: Snapshot, job: JobState) -> bool:
-    """Whether a Job is to be stopped or resumed; Kueue owns the field of those in its queues."""
+    """Whether a Job must be suspended or resumed; Kueue owns that field of Jobs in its queues."""
     suspend = snapshot.accepted.spec.suspend
     if not job.queue:
         return job.suspended != suspend
@@ -105,7 +105,7 @@ def _is_wrong(snapshot: Snapshot, job: JobState) -> bool:
 
 
 def _is_to_be_made_anew(snapshot: Snapshot, job: JobState) -> bool:
-    """Whether a Job holds pods that are to go, or waits in a queue that is not its own any more."""
+    """Whether a Job must be replaced: it holds deleted pods, or waits in a former queue."""
     if job.deleting:
         return False
     queue = snapshot.accepted.spec.queue_name
@@ -114,7 +114,7 @@ def _is_to_be_made_anew(snapshot: Snapshot, job: JobState) -> bool:
 
 
 def _resize(snapshot: Snapshot) -> list[Action]:
-    """The last open Jobs share `parallelism`; Kueue has counted on what it admitted."""
+    """Let the last open Jobs share `parallelism`; a Job that Kueue admitted keeps its size."""
     spec = snapshot.accepted.spec
     if any(job.queue for job in snapshot.open):
         return _shrink(snapshot)
@@ -125,7 +125,7 @@ def _resize(snapshot: Snapshot) -> list[Action]:
 
 
 def _grow(jobs: Sequence[JobState], free: int) -> list[Action]:
-    """Jobs with more packs left than pods take what others that have ended do not need."""
+    """Give the pods that ended Jobs no longer need to Jobs with more packs left than pods."""
     actions: list[Action] = []
     for job in jobs:
         more = min(free, job.left - job.parallelism)
@@ -136,13 +136,13 @@ def _grow(jobs: Sequence[JobState], free: int) -> list[Action]:
 
 
 def _cut(jobs: Sequence[JobState], parallelism: int) -> list[Action]:
-    """The only open Job has no more pods than it may."""
+    """Reduce the only open Job to the pods that it may have."""
     too_many = len(jobs) == 1 and jobs[0].parallelism > parallelism
     return [ResizeJob(jobs[0].name, parallelism)] if too_many else []
 
 
 def _shrink(snapshot: Snapshot) -> list[Action]:
-    """A Job that waits asks for no more pods than its queue can ever give, nor than it may have."""
+    """Reduce a waiting Job to the pods that its queue can ever give, and that it may have."""
     waiting, spec = snapshot.queue.waiting, snapshot.accepted.spec
     job = next((job for job in snapshot.open if waiting and job.name == waiting.job), None)
     if waiting is None or job is None:
@@ -161,7 +161,7 @@ def _new_jobs(snapshot: Snapshot) -> list[Action]:
         pods = [job.parallelism for job in snapshot.open]
         chosen = next_shards(snapshot.not_begun, pods, spec.parallelism)
         if spec.queue_name is not None or any(job.queue for job in snapshot.open):
-            # one waits at most: others have their turn, too
+            # at most one waits, so that other campaigns have their turn
             chosen = [] if any(job.suspended for job in snapshot.open) else chosen[:1]
         return [CreateShard(shard) for shard in chosen]
     if snapshot.repetition_due and snapshot.all_known:
@@ -170,7 +170,7 @@ def _new_jobs(snapshot: Snapshot) -> list[Action]:
 
 
 def _last_jobs(snapshot: Snapshot) -> list[Action]:
-    """When nothing more is to be executed: the index, then what the results are worked up to."""
+    """When all runs have ended: make the index, then process the results."""
     plan, jobs = snapshot.revisions[-1].config_map, snapshot.jobs
     if snapshot.final is None:
         finish = snapshot.finish
@@ -181,25 +181,25 @@ def _last_jobs(snapshot: Snapshot) -> list[Action]:
 
 
 def _pause(snapshot: Snapshot) -> float | None:
-    """How long to wait before the results are indexed again [s]; None when that is not asked."""
+    """Pause before the results are indexed again [s]; None if no new index is needed."""
     return snapshot.finish.wait(snapshot.now) if snapshot.lost_words else None
 
 
 def _cancel(snapshot: Snapshot) -> list[Action]:
-    """Of a campaign that was given up, what is still at work goes."""
+    """Delete the running Jobs of an aborted campaign."""
     if snapshot.aborted is None or snapshot.repeats:
         return []
     return [DeleteJob(job.name) for job in _at_work(snapshot) if not job.deleting]
 
 
 def _at_work(snapshot: Snapshot) -> list[JobState]:
-    """Jobs of shards that may still store something; one that goes is there as long as its pods."""
+    """Jobs of shards that may still store something; a deleted Job exists as long as its pods."""
     jobs = (snapshot.job(shard) for shard in snapshot.shards)
     return [job for job in jobs if job is not None and job.open]
 
 
 def _tidy(snapshot: Snapshot) -> list[Action]:
-    """Jobs that the status has the verdicts of go with their pods, but for the last few."""
+    """Delete Jobs whose verdicts are in the status, except for the last few."""
     told = (snapshot.job(shard) for shard in snapshot.shards if snapshot.is_remembered(shard))
     known = [job for job in told if job is not None and not job.open]
     old = [*known[:-WINDOW], *snapshot.finish.old]
@@ -219,7 +219,7 @@ def _withdraw(snapshot: Snapshot) -> list[Action]:
 
 
 def _expiry(snapshot: Snapshot) -> datetime | None:
-    """When the Jobs of a finished campaign go."""
+    """When to delete the Jobs of a finished campaign."""
     ttl = snapshot.accepted.spec.ttl_seconds_after_finished
     ended = snapshot.status.completion_time
     if ttl is None or ended is None or not snapshot.indexed:

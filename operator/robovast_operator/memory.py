@@ -1,6 +1,6 @@
-"""What need not be found out twice of a campaign; all of it can be found out anew.
+"""Caches of what was found out about a campaign; all of it can be found out again.
 
-Each part belongs to one module of `effects`, which alone changes it.
+Each part is changed by one module of `effects` alone.
 """
 
 from __future__ import annotations
@@ -22,45 +22,45 @@ from robovast_operator.pods.waiting import Waiting
 
 @dataclass
 class InputsCache:
-    """Of `effects.inputs`."""
+    """Cache of `effects.inputs`."""
 
     accepted: Accepted | Rejected | None = None
     accepted_for: str = ""
-    """What `accepted` was made from."""
+    """The input that `accepted` was made from."""
     revisions: list[Revision] | None = None
     planned: CampaignPlan | None = None
-    """A plan that was fixed; all of them agree on where results are."""
+    """An existing plan; all plans name the same place for the results."""
     generation_as_planned: int = 0
-    """Of the Campaign, whose document was found to be the one that was planned."""
+    """The Campaign's generation whose document was found to be the planned one."""
     source: Object | None = None
-    """The ConfigMap with the input files, until they are copied."""
+    """The user's ConfigMap with the input files, until it is copied."""
     files_made: bool = False
     additions: Additions | None = None
-    """What Configurations that were applied by hand add."""
+    """What the Configurations applied by hand add."""
     additions_for: tuple[object, ...] = ()
-    """What `additions` was made from."""
+    """The input that `additions` was made from."""
     expanded: dict[str, Entry | str] = field(default_factory=dict)
-    """By content of an entry that was added, what it expands to, or what is wrong."""
+    """By content of an added entry: its expansion, or the error."""
     withdrawn: set[str] = field(default_factory=set)
-    """Configurations that asked for runs and are gone, by uid."""
+    """Deleted Configurations that had asked for runs, by uid."""
 
     def forget(self) -> None:
-        """Somebody else has fixed a plan: read and check everything anew."""
+        """Another replica has created a plan: forget everything, to read and check it again."""
         self.accepted = self.revisions = self.planned = None
 
 
 @dataclass
 class Motion:
-    """When something of a campaign's Jobs last moved."""
+    """When a campaign's Jobs last changed."""
 
     jobs: tuple[object, object] | None = None
-    """The Jobs as they were then; None before the first look."""
+    """The Jobs as of then; None before the first reconcile."""
     moved: float = field(default_factory=time.monotonic)
     progressed: float = field(default_factory=time.monotonic)
-    """When something last came to its end, or was begun."""
+    """When an index last ended, or a Job was last created or resumed."""
 
     def notice(self, jobs: Mapping[str, JobState]) -> tuple[bool, bool]:
-        """Whether something has moved, and whether something has come to its end, or was begun."""
+        """Compare the Jobs with those of the last time, and note the time of changes."""
         ends = tuple((j.name, j.completed, j.failed, j.suspended) for j in jobs.values())
         pods = tuple((job.active, job.ready) for job in jobs.values())
         before, self.jobs = self.jobs, (ends, pods)
@@ -72,11 +72,11 @@ class Motion:
         return True, before[0] != ends
 
     def still_for(self) -> float:
-        """How long nothing has moved [s]."""
+        """For how long no Job has changed [s]."""
         return time.monotonic() - self.moved
 
     def fruitless_for(self) -> float:
-        """How long nothing has come to its end [s]."""
+        """For how long no index has ended [s]."""
         return time.monotonic() - self.progressed
 
     def expect_stall(self, seconds: float) -> None:
@@ -87,32 +87,32 @@ class Motion:
 
 @dataclass
 class PodsCache:
-    """Of `effects.diagnose`."""
+    """Cache of `effects.diagnose`."""
 
     motion: Motion = field(default_factory=Motion)
     reports: dict[str, tuple[str, Mapping[int, Report]]] = field(default_factory=dict)
-    """By Job: its failed indexes and what their pods said."""
+    """By Job: its failed indexes, and the reports of their pods."""
     finals: dict[str, Final] = field(default_factory=dict)
     given_up: dict[str, Trouble] = field(default_factory=dict)
-    """By uid of a Job that failed as a whole, why."""
+    """By uid of a Job that failed as a whole: the cause."""
     stuck: set[str] = field(default_factory=set)
-    """Jobs that hold pods which are to go."""
+    """Jobs that hold back the deletion of their pods."""
     trouble: Trouble | None = None
     diagnosed: float = -math.inf
-    """When it was last looked why nothing moves."""
+    """When a stall was last diagnosed."""
     looked: float = 0.0
-    """When pods were last looked at."""
+    """When pods were last read."""
 
 
 @dataclass
 class QueueCache:
-    """Of `effects.queues`."""
+    """Cache of `effects.queues`."""
 
     waiting: Waiting | None = None
     parked: set[str] = field(default_factory=set)
-    """Jobs that are known to be out of their queue because the campaign is suspended."""
+    """Jobs known to be out of their queue because the campaign is suspended."""
     job: tuple[object, ...] = ()
-    """The Job that waits, as it was when Kueue was first asked about it."""
+    """The waiting Job, as it was when Kueue was first asked about it."""
     since: float = 0.0
     """When that was."""
     looked: float = 0.0
@@ -121,15 +121,15 @@ class QueueCache:
 
 @dataclass
 class Memory:
-    """Of one Campaign, by its uid."""
+    """The caches of one Campaign."""
 
     uid: str
     inputs: InputsCache = field(default_factory=InputsCache)
     pods: PodsCache = field(default_factory=PodsCache)
     queue: QueueCache = field(default_factory=QueueCache)
     witnessed: set[str] = field(default_factory=set)
-    """Of `effects.witness`: uids of Jobs that have ended, and whose pods were looked at."""
+    """Of `effects.witness`: uids of ended Jobs whose pods were read."""
     undelivered: set[str] = field(default_factory=set)
-    """Of `effects.notifier`: uids of Jobs whose notices reached nobody, and were told to have."""
+    """Of `effects.notifier`: uids of failed notice Jobs that were reported."""
     failing: float | None = None
-    """Of the reconcile loop: since when looks at it fail; None when the last one did not."""
+    """Of the reconcile loop: since when reconciles fail; None if the last one succeeded."""

@@ -33,7 +33,7 @@ _TERM: ContextVar[int] = ContextVar("term")
 
 
 class Operator:
-    """Store, queue, workers and the tasks around them."""
+    """The store, the queue, the workers and their background tasks."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -45,12 +45,12 @@ class Operator:
         self.api = Api(connect(), self.metrics, may_write=self._may_write)
         self._reconcile = Reconciler(self.api, self.store, self.queue, settings, self.metrics)
         self._term = 0
-        """In which the reconciler found out what it remembers."""
+        """Term of leadership in which the reconciler filled its caches."""
         self._tasks: list[asyncio.Task[None]] = []
         self._resync = Resync(self.api, settings, self._kinds())
 
     async def start(self) -> None:
-        """Begin to work."""
+        """Start all tasks."""
         self._spawn(serve(self._settings.port, self.healthy, self.ready, self._metrics_page))
         self._spawn(self.leadership.keep())
         self._spawn(self._resync.keep())
@@ -58,12 +58,12 @@ class Operator:
             self._spawn(work(self.queue, self._look))
 
     async def can_stream_lists(self) -> bool:
-        """Whether watches may begin with what is there, on this server."""
+        """Whether this server lets watches begin with the existing objects."""
         space = next(iter(self._settings.namespaces), None)
         return await self.api.can_stream_lists(paths.configurations(space))
 
     async def stop(self) -> None:
-        """End work; another replica may go on at once."""
+        """Stop all tasks; another replica may continue at once."""
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -76,17 +76,17 @@ class Operator:
         return self.metrics.page(self.store, self.queue, leading=self.leadership.leading)
 
     def healthy(self) -> str:
-        """What is wrong with this process so that it must be started anew; empty when nothing."""
+        """Why this process must be restarted; empty if it is healthy."""
         dead = next((task for task in self._tasks if task.done()), None)
         return f"the task {dead.get_name()} has ended" if dead else self._resync.dead_watch
 
     def ready(self) -> str:
-        """Why nothing is done for campaigns, whoever leads; empty when it is."""
+        """Why campaigns cannot be reconciled, by any replica; empty if they can."""
         unknown = "" if self._resync.complete.is_set() else "what is there could not be listed yet"
         return self.healthy() or unknown
 
     def campaign_event(self, kind: str | None, obj: Object) -> None:
-        """A Campaign has changed."""
+        """Store a changed Campaign, and schedule its reconcile."""
         self._heard(kind)
         if kind == "DELETED":
             self._forget_campaign(id_of(obj))
@@ -94,7 +94,7 @@ class Operator:
             self.queue.add(id_of(obj)[:2])
 
     def configuration_event(self, kind: str | None, obj: Object) -> None:
-        """A Configuration has changed."""
+        """Store a changed Configuration, and schedule its Campaign."""
         self._heard(kind)
         if kind == "DELETED":
             self._forget_configuration(id_of(obj))
@@ -102,7 +102,7 @@ class Operator:
             self.queue.add(_campaign_of(obj))
 
     def job_event(self, kind: str | None, obj: Object) -> None:
-        """A Job has changed."""
+        """Store a changed Job, and schedule its Campaign."""
         self._heard(kind)
         if kind == "DELETED":
             self._forget_job(id_of(obj))
@@ -137,7 +137,7 @@ class Operator:
         self._tasks.append(task)
 
     def _may_write(self) -> bool:
-        """Whether whoever asks leads, and has done so since it began what it does."""
+        """Whether this replica leads, in the term in which the current reconcile began."""
         return self.leadership.leading and _TERM.get(self.leadership.term) == self.leadership.term
 
     async def _look(self, key: Key) -> None:
@@ -151,7 +151,7 @@ class Operator:
             await self._reconcile(key)
 
     def _kinds(self) -> tuple[Kind, ...]:
-        """What is watched, and compared now and then."""
+        """The watched kinds, for the periodic comparison."""
         return (
             Kind(
                 "Campaigns",

@@ -1,1 +1,1 @@
-"""What the operator does and looks at: every module here speaks to the API server."""
+"""The operator's effects: every module here sends requests to the API server."""

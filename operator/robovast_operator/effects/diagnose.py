@@ -1,4 +1,4 @@
-"""Looking at pods: only at those of failed indexes, and where nothing moves."""
+"""Reads pods: only those of failed indexes, and those of campaigns that make no progress."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from robovast_operator.pods.stalls import cause_of, may_store
 from robovast_operator.settings import Settings
 
 REPORT_SECONDS = 10.0
-"""Least time between two looks at the failed pods of an open Job."""
+"""Shortest time between two readings of an open Job's failed pods [s]."""
 
 MOST = 1000
-"""Pods of a Job that are looked at where nothing moves."""
+"""Most pods of a Job that are read when it makes no progress."""
 
 PATIENCE = 4
-"""So many times as long nothing may come of pods that are at work, before others are looked at."""
+"""Factor on the stall time while some pods are running: their runs may just be long."""
 
 STORING = "Storing"
 STORING_PATIENCE = 900.0
-"""Agents bridge ten minutes without the S3 server [s]."""
+"""How long an agent's pod may still be storing [s]: agents bridge ten minutes without S3."""
 
 GIVEN_UP = frozenset({"PodFailurePolicy", "BackoffLimitExceeded", "DeadlineExceeded"})
 """Reasons of a Job that failed as a whole."""
 
 
 class Diagnosis:
-    """Finds out what the pods of campaigns tell."""
+    """Reads the pods of campaigns, as rarely as possible."""
 
     def __init__(self, api: Api, settings: Settings) -> None:
         self._api = api
@@ -46,7 +46,7 @@ class Diagnosis:
     async def findings(
         self, accepted: Accepted, known: PodsCache, jobs: Mapping[str, JobState]
     ) -> PodFindings:
-        """What a campaign's pods tell; they are looked at where a look is due."""
+        """What the campaign's pods report; they are read only when that is due."""
         _forget(known, jobs)
         waits = [await self._reports(known, job) for job in jobs.values()]
         for job in jobs.values():
@@ -68,7 +68,7 @@ class Diagnosis:
         return self._api.list(paths.pods(job.namespace), labelSelector=selector, **parameters)
 
     async def storing(self, identity: Identity) -> str:
-        """A pod of runs that may still store something, though its Job may be gone; or nothing."""
+        """The name of a pod that may still store runs, even if its Job is gone; else empty."""
         pods = self._api.list(
             paths.pods(identity.namespace),
             labelSelector=identity.selector(**{ROLE_LABEL: "shard"}),
@@ -78,7 +78,7 @@ class Diagnosis:
         return min(found, default="")
 
     async def hold_back(self, identity: Identity, known: PodsCache) -> bool:
-        """Whether the index has to wait for a pod, which is told when that lasts."""
+        """Whether the index must wait for a pod; a long wait is reported."""
         pod = await self.storing(identity)
         if pod and known.motion.still_for() > STORING_PATIENCE:
             logs = f"kubectl logs -n {identity.namespace} {pod} -c agent"
@@ -105,7 +105,7 @@ class Diagnosis:
         return None
 
     async def _final(self, known: PodsCache, job: JobState) -> None:
-        """The last words of Jobs that are over: the finish Job's numbers, or why one failed."""
+        """Termination messages of ended Jobs: the finish Job's numbers, or why a Job failed."""
         if job.role == "finish" and job.finished == "Complete" and job.name not in known.finals:
             final = final_of([pod async for pod in self.pods_of(job)])
             if final is not None:
@@ -125,13 +125,13 @@ class Diagnosis:
     async def _stalled(
         self, accepted: Accepted, known: PodsCache, jobs: Mapping[str, JobState]
     ) -> float | None:
-        """Why nothing moves."""
+        """Why the campaign makes no progress."""
         waiting = [job for job in jobs.values() if job.open and not job.suspended]
         if not waiting or accepted.spec.suspend or (known.trouble and known.trouble.final):
             return None
         at_work = any(job.ready for job in waiting)
         limit = self._settings.stall_seconds
-        # Where pods are at work runs may be long; or they die one after the other.
+        # Running pods may have long runs, or die one after the other.
         quiet, least = known.motion.still_for(), limit
         if at_work:
             quiet, least = known.motion.fruitless_for(), PATIENCE * limit
@@ -151,7 +151,7 @@ class Diagnosis:
     async def _look_at_pods(
         self, known: PodsCache, job: JobState, *, at_work: bool
     ) -> Trouble | None:
-        """Why nothing comes of the pods of a Job, by them and by events."""
+        """Why the pods of a Job make no progress, from their status and from Events."""
         phase = "status.phase=Failed" if at_work else "status.phase!=Succeeded"
         seen = [pod async for pod in _first(self.pods_of(job, fieldSelector=phase))]
         if any(is_stuck(pod, now()) for pod in seen):
@@ -172,7 +172,7 @@ class Diagnosis:
 
 
 def _forget(known: PodsCache, jobs: Mapping[str, JobState]) -> None:
-    """Forget what was in the way of a campaign that moves again."""
+    """Clear the trouble of a campaign that makes progress again."""
     moved, ended = known.motion.notice(jobs)
     if not moved:
         return

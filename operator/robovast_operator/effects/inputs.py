@@ -1,4 +1,4 @@
-"""What a campaign is made from: its spec, its files, its plans. Read, checked, and fixed."""
+"""Reads, checks and freezes a campaign's inputs: its spec, its files, its plans."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from robovast_operator.pods.jobs import campaign_plan, files_config_map, plan_co
 from robovast_operator.settings import Settings
 
 Begun = tuple[Accepted, CampaignPlan]
-"""A campaign that may have results, and what its pods know of it."""
+"""A campaign that may have results, and the plan that its pods use."""
 
 
 class Inputs:
@@ -54,7 +54,7 @@ class Inputs:
         self._apart = Apart()
 
     async def accepted(self, obj: Object, known: InputsCache) -> Accepted | Rejected:
-        """The Campaign as far as it can be checked here; once for each change of its spec."""
+        """Check the Campaign as far as possible here, once for each change of its spec."""
         mark = str(obj["metadata"]["generation"])
         if known.accepted is None or known.accepted_for != mark:
             source = await self._source(obj)
@@ -95,7 +95,7 @@ class Inputs:
         return accepted, plan.model_copy(update=where)
 
     async def _source(self, obj: Object) -> Object | Rejected | None:
-        """The ConfigMap with the input files: our copy, or the one that is to be copied."""
+        """The ConfigMap with the input files: our copy, or the original if not copied yet."""
         try:
             source = CampaignSpec.model_validate(obj["spec"]).source.config_map
         except ValueError:
@@ -120,7 +120,7 @@ class Inputs:
             raise
 
     async def planned(self, accepted: Accepted, known: InputsCache) -> Accepted | None:
-        """A campaign with what its compose Job once found out; None when it has not yet."""
+        """The campaign with the result of its compose Job; None if there is none yet."""
         revisions = await self._load_revisions(accepted.identity, known)
         if not revisions:
             return None
@@ -130,7 +130,7 @@ class Inputs:
 
     @staticmethod
     def is_as_planned(obj: Object, accepted: Accepted, first: Revision, known: InputsCache) -> bool:
-        """Whether the document is still the one that was planned; parsed once for each change."""
+        """Whether the document is still the planned one; it is parsed once for each change."""
         generation = obj["metadata"]["generation"]
         if known.generation_as_planned != generation:
             if not same_document(first.document, accepted.spec.vast):
@@ -139,11 +139,11 @@ class Inputs:
         return True
 
     async def prepare_composing(self, accepted: Accepted, plan: str) -> None:
-        """What the compose Job mounts."""
+        """Create the ConfigMaps that the compose Job mounts."""
         await self._create_plan(accepted, Revision(-1, plan, NO_PLAN), ())
 
     async def make_files(self, accepted: Accepted, known: InputsCache) -> bool:
-        """The input files, where pods can mount them and nobody changes them.
+        """Copy the input files into an immutable ConfigMap that pods mount.
 
         Returns:
             False when another replica was faster: its copy of a ConfigMap may be of another moment.
@@ -164,7 +164,7 @@ class Inputs:
         return False
 
     async def make_configurations(self, accepted: Accepted) -> None:
-        """The Configurations of the document's own entries; nothing waits for them."""
+        """Create the Configurations of the document's own entries; nothing waits for them."""
         identity = accepted.identity
         there = self._store.configurations_of(identity.key)
         names = {item["metadata"]["name"] for item in there}
@@ -182,7 +182,7 @@ class Inputs:
             self._store.put_configuration(made)
 
     async def additions(self, obj: Object, accepted: Accepted, known: InputsCache) -> Additions:
-        """What Configurations that were applied by hand add; found out once for each change."""
+        """What the Configurations applied by hand add; computed once for each change."""
         identity = accepted.identity
         added = [
             item
@@ -208,7 +208,7 @@ class Inputs:
     async def revisions(
         self, accepted: Accepted, additions: Additions, known: InputsCache
     ) -> Sequence[Revision]:
-        """The campaign's plans, with one more when more is asked for."""
+        """The campaign's plans; a new one is created when more runs are asked for."""
         revisions = await self._load_revisions(accepted.identity, known)
         name = accepted.identity.child(f"plan-{len(revisions)}")
         new = next_revision(accepted, revisions, additions.found, name)
@@ -222,10 +222,10 @@ class Inputs:
     async def _read_theirs(
         self, identity: Identity, number: int, name: str, known: InputsCache
     ) -> None:
-        """Read what another replica, which was faster, has planned.
+        """Read the plan that another, faster replica created.
 
         Raises:
-            InputError: nobody has: something else has the plan's name.
+            InputError: there is none: another object has the plan's name.
         """
         known.forget()
         if len(await self._load_revisions(identity, known)) <= number:
@@ -237,7 +237,7 @@ class Inputs:
     async def withdrawn(
         self, accepted: Accepted, revisions: Sequence[Revision], known: InputsCache
     ) -> frozenset[str]:
-        """The Configurations that asked for runs and are gone, by uid."""
+        """The deleted Configurations that had asked for runs, by uid."""
         identity = accepted.identity
         there = self._store.configurations_of(identity.key)
         counted = {item["metadata"]["uid"] for item in there} | known.withdrawn
@@ -247,7 +247,7 @@ class Inputs:
         return frozenset(known.withdrawn)
 
     async def _is_gone(self, namespace: str, owner: Object) -> bool:
-        """Whether the server does not know an object either: a watch may be late."""
+        """Ask the server whether an object is really gone: a watch may be late."""
         name = f"metadata.name={owner['name']}"
         found = self._api.list(paths.configurations(namespace), fieldSelector=name)
         return owner["uid"] not in [item["metadata"]["uid"] async for item in found]
@@ -260,7 +260,7 @@ class Inputs:
         return known.revisions
 
     async def _where(self, identity: Identity, known: InputsCache) -> CampaignPlan | None:
-        """A plan that was fixed: all agree on where the results are."""
+        """Any existing plan: all of them name the same place for the results."""
         if known.planned is None:
             known.planned = any_plan(await self._plans(identity), identity.child("plan-"))
         return known.planned
@@ -283,7 +283,7 @@ class Inputs:
 
 
 def _files(obj: Object, source: Object | None) -> Files | None:
-    """The input files, as far as the operator can read them.
+    """Return the input files, as far as the operator can read them.
 
     Args:
         obj: the Campaign.

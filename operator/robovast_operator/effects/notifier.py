@@ -1,4 +1,4 @@
-"""Notices to people: the Jobs that send them, and what is told when one cannot be sent.
+"""Creates the Jobs that send notices to people, and reports notices that could not be sent.
 
 The operator itself speaks to the API server alone; the addresses are those of its users.
 """
@@ -29,7 +29,7 @@ from robovast_operator.status.notices import due, interested, job_suffix, marked
 
 
 class Notifier:
-    """Says when a notice is due, and which were sent in vain."""
+    """Creates the Jobs of due notices, and reports those that failed."""
 
     def __init__(
         self, api: Api, queue: WorkQueue, settings: Settings, diagnosis: Diagnosis
@@ -40,7 +40,7 @@ class Notifier:
         self._diagnosis = diagnosis
 
     def next(self, obj: Object, status: CampaignStatus) -> tuple[CampaignStatus, Object | None]:
-        """The status that remembers what is told now, and the Job that tells it."""
+        """The status with the mark of a due notice, and the Job that sends it."""
         if not (obj.get("spec") or {}).get("notifications"):
             return status, None
         wanted = _wanted(obj)
@@ -60,7 +60,7 @@ class Notifier:
         return marked(status, transition), job
 
     async def report(self, identity: Identity, jobs: Iterable[JobState], told: set[str]) -> None:
-        """Tell by an Event of each notice that did not reach everybody."""
+        """Report each notice that did not reach all receivers by an Event."""
         for job in jobs:
             if job.finished != "Failed" or job.uid in told:
                 continue
@@ -72,7 +72,7 @@ class Notifier:
 
 
 class _Wanted(BaseModel):
-    """What matters here of a spec, which may be wrong in other places."""
+    """The part of a spec that matters here; other parts may be invalid."""
 
     model_config = ConfigDict(extra="ignore", alias_generator=to_camel, populate_by_name=True)
 
@@ -81,7 +81,7 @@ class _Wanted(BaseModel):
 
 
 def _wanted(obj: Object) -> _Wanted:
-    """Who is to be told, and where pods may be; nobody when that cannot be read."""
+    """The receivers, and where their pods may run; no receivers if the spec cannot be read."""
     try:
         return _Wanted.model_validate(obj.get("spec") or {})
     except ValidationError:

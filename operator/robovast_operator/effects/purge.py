@@ -1,4 +1,4 @@
-"""Deleting a campaign's bucket with it, where its spec asks for that."""
+"""Deletes a campaign's bucket together with the Campaign, if its spec says so."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class Purge:
 
     @staticmethod
     def holds(obj: Object) -> bool:
-        """Whether a Campaign waits for its bucket to be removed."""
+        """Whether a Campaign has the finalizer, and thus waits for its bucket to be removed."""
         return FINALIZER in (obj["metadata"].get("finalizers") or ())
 
     async def protect(self, obj: Object) -> None:
-        """Hold a Campaign back until its bucket is gone, or let go of it, as its spec says.
+        """Add or remove the finalizer, as the spec says.
 
         This comes before the first pod that could make a bucket, and not earlier: a Campaign that
         was never accepted goes at once.
@@ -52,7 +52,7 @@ class Purge:
     async def carry_out(
         self, obj: Object, begun: Begun | Rejected, jobs: Mapping[str, JobState]
     ) -> float | None:
-        """The next step of removing a bucket; returns when to look again [s].
+        """Take the next step of removing a bucket; return when to reconcile again [s].
 
         Nothing that the Campaign was made from is needed: all of it may go before it does.
         """
@@ -83,7 +83,7 @@ class Purge:
         return 15.0
 
     async def _end_others(self, jobs: Mapping[str, JobState], own: str) -> bool:
-        """Remove all Jobs but our own; returns whether any is still there."""
+        """Delete all Jobs but the purge Job; return whether any still exists."""
         others = [job for job in jobs.values() if job.name != own]
         for job in others:
             if not job.deleting:
@@ -91,7 +91,7 @@ class Purge:
         return bool(others)
 
     async def give_up(self, obj: Object) -> None:
-        """Let a Campaign go whose namespace is being deleted: no Job can be made there."""
+        """Release a Campaign whose namespace is being deleted: no Job can be created there."""
         if "deletionTimestamp" in obj["metadata"] and self.holds(obj):
             finalizers = obj["metadata"]["finalizers"]
             await self._set(obj, [name for name in finalizers if name != FINALIZER])
@@ -105,7 +105,7 @@ class Purge:
         return f"{why.rstrip('. ')}. To try again: `kubectl delete job {job.name}`."
 
     async def _tell_that_it_waits(self, obj: Object, why: str) -> None:
-        """Say by an Event why no Job can remove the bucket."""
+        """Report by an Event why no Job can remove the bucket."""
         text = f"its bucket stays, and so does the Campaign: {why}"
         message = Message("Warning", "NotPurged", text, why)
         await announce(self._api, Identity.of(obj), message)

@@ -1,4 +1,4 @@
-"""Jobs in queues of Kueue: looked at only while they wait, and never started or stopped past it."""
+"""Jobs in Kueue's queues: read only while they wait, and started or stopped by Kueue alone."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from robovast_operator.pods.waiting import PARKED, QueueFindings, Waiting, place
 from robovast_operator.settings import Settings
 
 LOOK_SECONDS = 30.0
-"""Between two looks at a Job that waits: each may cost a write of the status."""
+"""Time between two readings of a waiting Job [s]: each may cost a write of the status."""
 FIRST_SECONDS = 2.0
-"""The same while Kueue has not said much yet."""
+"""The same while Kueue has not answered yet [s]."""
 ANSWER_SECONDS = 10.0
-"""How long an answer about a queue serves all campaigns that wait in it."""
+"""How long one answer about a queue serves all campaigns that wait in it [s]."""
 QUEUE_SECONDS = 600.0
-"""How long it is remembered which ClusterQueue a LocalQueue belongs to, and what is served."""
+"""How long the ClusterQueue of a LocalQueue and the served API versions are cached [s]."""
 VERSIONS = ("v1beta2", "v1beta1")
-"""Of Kueue's APIs, the newest first; what is read here is the same in all."""
+"""Versions of Kueue's API, newest first; the fields that are read here are the same in all."""
 
 
 class Queues:
-    """Finds out what Kueue says of campaigns."""
+    """Asks Kueue about the Jobs of campaigns."""
 
     def __init__(self, api: Api, store: Store, settings: Settings) -> None:
         self._api = api
@@ -42,7 +42,7 @@ class Queues:
     async def findings(
         self, known: QueueCache, motion: Motion, jobs: Mapping[str, JobState], *, suspended: bool
     ) -> QueueFindings:
-        """Why a campaign waits; Kueue is asked where that is due.
+        """Why a campaign waits in a queue; Kueue is asked when that is due.
 
         Args:
             known: of the campaign.
@@ -68,7 +68,7 @@ class Queues:
         return LOOK_SECONDS if stalled else FIRST_SECONDS  # Kueue has not seen it yet
 
     async def _learn(self, known: QueueCache, job: JobState, *, stalled: bool) -> float:
-        """Ask about a Job that waits, unless that was just done; returns when to look again [s]."""
+        """Ask about a waiting Job, unless that was just done; return when to ask again [s]."""
         moment = time.monotonic()
         if known.job != (job.uid, job.parallelism):
             known.job, known.since = (job.uid, job.parallelism), moment
@@ -107,7 +107,7 @@ class Queues:
         return place_of(list(mappings(answer.get("items"))), job, await self._running(job), now())
 
     async def _running(self, waiting: JobState) -> list[JobState]:
-        """Jobs that we know to have quota of the same ClusterQueue."""
+        """The known Jobs that have quota of the same ClusterQueue."""
         known = [job for jobs in self._store.jobs.values() for job in jobs.values()]
         busy = [job for job in known if job.queue and job.open and not job.suspended]
         queue = await self._cluster_queue(waiting)
@@ -120,13 +120,13 @@ class Queues:
         return text(mapping(mapping(answer).get("spec")).get("clusterQueue"))
 
     async def _version(self, group: str) -> str:
-        """The version of Kueue's API to speak: the newest that both know."""
+        """The version of Kueue's API to use: the newest that both sides know."""
         answer = await self._answer(paths.group(group), QUEUE_SECONDS)
         served = {text(item.get("version")) for item in mappings(mapping(answer).get("versions"))}
         return next((version for version in VERSIONS if version in served), VERSIONS[-1])
 
     async def _answer(self, path: str, seconds: float) -> Object | None:
-        """What is at a path, or was there a moment ago; None when it cannot be had."""
+        """The object at a path, possibly cached for a moment; None if it cannot be read."""
         moment = time.monotonic()
         asked, answer = self._answers.get(path, (-math.inf, None))
         if moment - asked < (seconds if answer else min(seconds, ANSWER_SECONDS)):
@@ -172,7 +172,7 @@ class Queues:
 
 
 def _is_held(job: JobState, *, stalled: bool) -> bool:
-    """Whether a Job waits; one without a queue may just be about to be resumed."""
+    """Whether a Job waits for quota; one without a queue may be about to be resumed."""
     if job.role != "shard" or not job.open or not job.suspended or job.deleting:
         return False
     return bool(job.queue) or stalled
@@ -186,7 +186,7 @@ def _pause(known: QueueCache) -> float:
 
 
 def _nothing(job: JobState, *, stalled: bool) -> Waiting | None:
-    """Kueue has made no Workload."""
+    """The finding that Kueue has made no Workload."""
     if not job.queue:
         return None
     if not stalled:

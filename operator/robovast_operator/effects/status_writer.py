@@ -1,4 +1,4 @@
-"""Writing statuses, and making Events of what changed in them."""
+"""Writes statuses, and creates Events of what changed in them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from robovast_operator.status.conditions import (
 
 
 class Statuses:
-    """Writes what has changed, and not too often."""
+    """Writes changed statuses, at a limited rate."""
 
     def __init__(
         self, api: Api, store: Store, queue: WorkQueue, settings: Settings, notifier: Notifier
@@ -52,7 +52,7 @@ class Statuses:
         """By uid of a Campaign, when its status was last written; forgotten after a pause."""
 
     async def rejected(self, obj: Object, rejected: Rejected) -> None:
-        """Of a Campaign that cannot be executed as it is."""
+        """Write the status of a Campaign that cannot be executed as it is."""
         old = read_status(CampaignStatus, obj.get("status"))
         found = rejected_conditions(rejected.reason, rejected.message)
         update = {
@@ -63,7 +63,7 @@ class Statuses:
         await self.write(obj, old.model_copy(update=update))
 
     async def composing(self, obj: Object, accepted: Accepted, trouble: Trouble | None) -> None:
-        """While nothing but the compose Job is at work."""
+        """Write the status while only the compose Job runs."""
         old = read_status(CampaignStatus, obj.get("status"))
         status = CampaignStatus(
             observed_generation=obj["metadata"]["generation"],
@@ -78,9 +78,9 @@ class Statuses:
         await self.write(obj, status)
 
     async def failing(self, obj: Object, trouble: Trouble) -> None:
-        """Of a Campaign with which nothing can be done: what is known stays, and why is told.
+        """Report why a Campaign cannot be reconciled; the rest of its status stays.
 
-        It is told by an Event, too, since the status itself may be what is refused.
+        An Event says the same, since the status itself may be what is refused.
         """
         old = read_status(CampaignStatus, obj["status"])
         conditions = _dated(obj, failing_conditions(trouble, old.conditions), old)
@@ -88,12 +88,12 @@ class Statuses:
         await self.write(obj, old.model_copy(update={"conditions": conditions}))
 
     async def tell(self, identity: Identity, trouble: Trouble, generation: int) -> None:
-        """Say what is wrong by an Event; once for each cause and generation."""
+        """Report what is wrong by an Event, once for each cause and generation."""
         message = Message("Warning", trouble.reason, trouble.message, str(generation))
         await announce(self._api, identity, message)
 
     async def write(self, obj: Object, status: CampaignStatus) -> bool:
-        """Write a status that has changed; False when it is put off."""
+        """Write a status if it has changed; return False if the write is put off."""
         old = read_status(CampaignStatus, obj.get("status"))
         status, notice = self._notifier.next(obj, status)
         if status == old:
@@ -164,11 +164,11 @@ class Statuses:
 
 
 def _dated(obj: Object, found: Sequence[Found], old: CampaignStatus) -> list[Condition]:
-    """Conditions of a Campaign as they are found now."""
+    """Conditions with the times since when they hold."""
     return dated(found, obj["metadata"]["generation"], format_time(now()), old.conditions)
 
 
 def _is_known(item: Object) -> bool:
-    """Whether a Configuration's status is about what it is now."""
+    """Whether a Configuration's status is about its current generation."""
     seen = (item.get("status") or {}).get("observedGeneration")
     return bool(seen == item["metadata"].get("generation"))

@@ -1,4 +1,4 @@
-"""Keeping what only Kubernetes knows of the pods of runs, before their Jobs go."""
+"""Saves what only Kubernetes knows about the pods of runs, before their Jobs are deleted."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LOGGER = logging.getLogger(__name__)
 
 
 class Witness:
-    """Looks once at the pods of each Job of runs that has ended."""
+    """Reads the pods of each ended Job of runs once."""
 
     def __init__(self, api: Api, diagnosis: Diagnosis) -> None:
         self._api = api
@@ -32,7 +32,7 @@ class Witness:
     async def update(
         self, accepted: Accepted, witnessed: set[str], jobs: Mapping[str, JobState]
     ) -> None:
-        """Keep what is to be seen of Jobs that have ended since the last look."""
+        """Save the sightings of Jobs that have ended since the last reconcile."""
         for job in jobs.values():
             ended = job.role == "shard" and job.finished
             if ended and job.uid not in witnessed:
@@ -40,7 +40,7 @@ class Witness:
                 witnessed.add(job.uid)
 
     async def _keep(self, accepted: Accepted, job: JobState) -> None:
-        """Keep it in a ConfigMap; without one its runs' records say less, and nothing wrong."""
+        """Save the sightings in a ConfigMap; without it the runs' records are less complete."""
         seen = Sightings.together([sighted(pod) async for pod in self._pods(accepted, job)])
         if not seen:
             return
@@ -53,12 +53,12 @@ class Witness:
             LOGGER.warning("%s/%s: what its pods were is not kept: %s", *job.key, error)
 
     def _pods(self, accepted: Accepted, job: JobState) -> AsyncIterator[Object]:
-        """All pods of a Job; of an image that is named by its digest those that failed suffice."""
+        """All pods of a Job; the failed ones suffice if the image is named by its digest."""
         named: dict[str, Any] = {"fieldSelector": "status.phase=Failed"}
         return self._diagnosis.pods_of(job, **(named if named_digest(accepted.image) else {}))
 
     async def kept(self, accepted: Accepted) -> list[str]:
-        """Names of the ConfigMaps in which it is kept."""
+        """Names of the ConfigMaps with sightings."""
         identity = accepted.identity
         selector = identity.selector(**{ROLE_LABEL: SIGHTINGS_ROLE})
         found = self._api.list(paths.config_maps(identity.namespace), labelSelector=selector)

@@ -1,4 +1,4 @@
-"""Making Events; one that the API server refuses keeps nothing from being done."""
+"""Creates Events; one that the API server refuses stops nothing else."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ LOGGER = logging.getLogger(__name__)
 
 
 def is_refusal(error: ApiError) -> bool:
-    """Whether the server will not do it, though it would do other things in the namespace."""
+    """Whether the server refuses this request, but would accept others in the namespace."""
     return 400 <= error.code < 500 and not error.terminating
 
 
 async def announce(api: Api, identity: Identity, message: Message) -> None:
-    """Tell something of a Campaign by an Event; of two about the same, the first stays.
+    """Create an Event about a Campaign; of two about the same thing, the first stays.
 
     Raises:
-        ApiError: nobody knows whether it was made, or the namespace is being deleted.
+        ApiError: it is unknown whether the Event exists, or the namespace is being deleted.
     """
     try:
         told = event(identity, message, format_time(now()))

@@ -27,9 +27,9 @@ APPLY_PATCH = "application/apply-patch+yaml"
 
 TRIES = 5
 PAUSE = 2.0
-"""Between two tries of what is tried for ever [s]."""
+"""Pause between attempts that are repeated without end [s]."""
 PAGE = 200
-"""Objects of a list in one answer: an answer is held in memory whole."""
+"""Objects in one page of a list: a page is held in memory whole."""
 
 
 class ApiError(Exception):
@@ -69,7 +69,7 @@ class Api:
         await self._client.close()
 
     async def get(self, path: str, *, tries: int = TRIES) -> Object:
-        """Read an object; a server that is busy or away is asked `tries` times."""
+        """Read an object; a busy or unreachable server is asked `tries` times."""
         return await self._request("GET", path, tries=tries)
 
     async def list(self, path: str, **parameters: str) -> AsyncIterator[Object]:
@@ -90,7 +90,7 @@ class Api:
             query = {**query, "continue": token}
 
     async def can_stream_lists(self, path: str) -> bool:
-        """Whether a watch may begin with what is there; Kubernetes 1.33 refuses that by default.
+        """Whether a watch may begin with a list; Kubernetes 1.33 refuses that by default.
 
         Waits for a server that is busy or away.
 
@@ -109,7 +109,7 @@ class Api:
             await asyncio.sleep(PAUSE)
 
     async def create(self, path: str, obj: Object) -> Object | None:
-        """Make an object; None when there is one of its name, which is as good."""
+        """Create an object; return None if one of its name exists already."""
         try:
             return await self._request("POST", path, body=obj, query=_MANAGED)
         except ApiError as error:
@@ -118,18 +118,18 @@ class Api:
             raise
 
     async def patch(self, path: str, patch: Object) -> Object | None:
-        """Change fields of an object; None when it is gone."""
+        """Change fields of an object; return None if it is gone."""
         return await self._gone_is_none("PATCH", path, body=patch, kind=MERGE_PATCH)
 
     async def apply_status(self, path: str, obj: Object) -> Object | None:
-        """Write the whole status of an object; None when it is gone."""
+        """Write the whole status of an object; return None if it is gone."""
         query = {"force": "true", **_MANAGED}
         return await self._gone_is_none(
             "PATCH", f"{path}/status", body=obj, kind=APPLY_PATCH, query=query
         )
 
     async def delete(self, path: str, *, after_children: bool = True) -> None:
-        """Remove an object and what it owns; that it is gone already is as good.
+        """Delete an object and what it owns; an object that is gone already counts as deleted.
 
         Args:
             path: of the object.
@@ -181,7 +181,7 @@ class Api:
         kind: str,
         query: Mapping[str, str],
     ) -> tuple[Object, float | None]:
-        """The answer, or how long the server asks to wait."""
+        """Send a request once: return the answer, or how long the server asks to wait."""
         if method != "GET" and not self._may_write():
             raise ApiError(0, "NotLeading", f"{method} {path}: another replica may lead by now")
         async with self._send(method, path, body, kind, query) as response:

@@ -1,4 +1,4 @@
-"""Conditions, as all kinds of objects have them. Pure."""
+"""Conditions of Kubernetes objects. Pure functions."""
 
 from __future__ import annotations
 

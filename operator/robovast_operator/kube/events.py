@@ -1,4 +1,4 @@
-"""Kubernetes Events: what a person wants to know, once for each change of a condition. Pure.
+"""Kubernetes Events: one for each change of a condition that matters to people. Pure functions.
 
 An Event is made before what it tells is written, under a name that follows from the change: when
 an answer is lost, or the operator dies in between, it is made again, and is there already.
@@ -24,23 +24,23 @@ _TOLD = {
     ("Passed", "False"): "Warning",
     ("ResultsAvailable", "True"): "Normal",
 }
-"""Conditions that are told when they come about, and how."""
+"""Conditions that get an Event when they change, and its type."""
 
 
 @dataclass(frozen=True)
 class Message:
-    """One thing to tell."""
+    """The content of an Event."""
 
     kind: str
     """`Normal` or `Warning`."""
     reason: str
     text: str
     about: str
-    """What it is about: of one reason each such thing is told once."""
+    """The subject: there is one Event for each reason and subject."""
 
 
 def messages(old: Iterable[Condition], new: Iterable[Condition]) -> Iterator[Message]:
-    """What changed from one state to the next."""
+    """The messages about what changed from one status to the next."""
     before = {c.type: (c.status, c.reason, c.last_transition_time) for c in old}
     conditions = list(new)
     told: set[tuple[str, str]] = set()

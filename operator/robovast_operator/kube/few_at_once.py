@@ -10,13 +10,13 @@ AT_ONCE = 8
 
 
 async def few_at_once(acts: Iterable[Coroutine[Any, Any, None]]) -> None:
-    """Carry out acts, a few at once.
+    """Run acts concurrently, a few at a time.
 
     After a failure the worker that met it takes no more, the others go on. The first failure is
     raised when all have ended.
 
     Args:
-        acts: made one by one, so that none is begun in vain after a failure.
+        acts: created one by one, so that none is begun in vain after a failure.
     """
     left = iter(acts)
 

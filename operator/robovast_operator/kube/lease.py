@@ -1,4 +1,4 @@
-"""Which of several replicas works: the one that holds the Lease.
+"""Leader election: of several replicas, the one that holds the Lease works.
 
 Not `kubernetes.aio.leaderelection`: whoever leads there cannot tell before a write whether it does.
 """
@@ -25,10 +25,10 @@ RENEWALS = 3
 """How often the Lease is renewed within its duration; each is a write to the API server."""
 
 LONGEST = 300.0
-"""How long a holder is waited for at most, whatever somebody has written into the Lease [s]."""
+"""Longest time to wait for a holder, whatever duration the Lease states [s]."""
 
 ATTEMPTS = 15
-"""How often that is tried within its duration while it does not succeed."""
+"""How many attempts are made within the duration while renewing fails."""
 
 
 class Leadership:
@@ -39,9 +39,9 @@ class Leadership:
         self._settings = settings
         self._until = -inf
         self.term = 0
-        """Counts how often this replica took the Lease; what it remembers is of one term."""
+        """Counts how often this replica took the Lease; its memory is valid for one term."""
         self._read_first: tuple[object, float] = (None, 0.0)
-        """Holder and time as the Lease last told them, and when that was read first."""
+        """Holder and renewal time in the Lease, and when they were first read (by our clock)."""
         self._leader = ""
         self._acquired = asyncio.Event()
 
@@ -57,7 +57,7 @@ class Leadership:
             await self._acquired.wait()
 
     async def keep(self) -> None:
-        """Try to get the Lease and to keep it, for ever."""
+        """Acquire the Lease and renew it, without end."""
         while True:
             asked, attempts = time.monotonic(), ATTEMPTS
             try:
@@ -122,7 +122,7 @@ class Leadership:
         return True
 
     def _expired(self, spec: Object) -> bool:
-        """Whether the holder has not renewed it for its duration: by our clock, never by theirs."""
+        """Whether the Lease was not renewed for its duration, measured by our own clock."""
         told = (spec.get("holderIdentity"), spec.get("renewTime"))
         if told != self._read_first[0]:
             self._read_first = (told, time.monotonic())

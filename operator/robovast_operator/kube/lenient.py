@@ -1,4 +1,4 @@
-"""Reading what anybody may have written into an object: any shape, and never an exception.
+"""Reads fields that anybody may have written, whatever their shape, without exceptions.
 
 What does not make sense is as good as missing. Behind this edge everything has its type.
 """
@@ -12,31 +12,31 @@ from robovast.base.ranges import Span, clip, merge, parse_ranges
 from robovast.kubeapi.status import check_time
 
 LARGEST = 2**31 - 1
-"""Numbers in Kubernetes objects are not larger."""
+"""Largest number in a Kubernetes object."""
 
 
 def mapping(value: object) -> dict[str, Any]:
-    """A mapping as it is; anything else as an empty one."""
+    """Return a mapping as it is, anything else as an empty mapping."""
     return value if isinstance(value, dict) else {}
 
 
 def listed(value: object) -> list[Any]:
-    """A list as it is; anything else as an empty one."""
+    """Return a list as it is, anything else as an empty list."""
     return value if isinstance(value, list) else []
 
 
 def mappings(value: object) -> Iterator[dict[str, Any]]:
-    """The mappings in a list; none of anything else."""
+    """Return the mappings in a list; of anything else, none."""
     return (item for item in listed(value) if isinstance(item, dict))
 
 
 def text(value: object, default: str = "") -> str:
-    """A text as it is; anything else as the default."""
+    """Return a string as it is, anything else as the default."""
     return value if isinstance(value, str) else default
 
 
 def number(value: object, default: int = 0) -> int:
-    """A whole number, written as text or not, that Kubernetes could have; else the default."""
+    """Return an integer that Kubernetes could hold, also from a string; else the default."""
     if isinstance(value, str) and value.isdecimal() and value.isascii() and len(value) < 20:
         value = int(value)
     is_whole = isinstance(value, int) and not isinstance(value, bool)
@@ -44,7 +44,7 @@ def number(value: object, default: int = 0) -> int:
 
 
 def ranges(value: object, size: int) -> list[Span]:
-    """Spans of numbers below a size, ascending; nothing of a text that is no ranges."""
+    """Return the ranges below a size in ascending order; none if the text is invalid."""
     try:
         return merge(clip(parse_ranges(text(value)), 0, size - 1))
     except ValueError:
@@ -52,7 +52,7 @@ def ranges(value: object, size: int) -> list[Span]:
 
 
 def shaped(obj: object) -> dict[str, Any]:
-    """An object whose metadata, labels, conditions and containers are what they ought to be."""
+    """Return an object whose metadata, labels, conditions and containers have the right types."""
     found = mapping(obj)
     return {
         **found,
@@ -89,7 +89,7 @@ BEGINNING = "1970-01-01T00:00:00Z"
 
 
 def time(value: object) -> str:
-    """A time as it is; of anything else the beginning of all."""
+    """Return a time as it is, anything else as the earliest time."""
     try:
         return check_time(text(value))
     except ValueError:

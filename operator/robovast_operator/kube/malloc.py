@@ -1,4 +1,4 @@
-"""Returning freed memory to the system, which many large documents would otherwise keep."""
+"""Returns freed memory to the system, which large documents would otherwise keep occupied."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8
 
 
 def adjust() -> None:
-    """Let large pieces of memory come from the kernel alone, and go there once they are freed."""
+    """Make large allocations go straight to the kernel, and return there when freed."""
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:
         mallopt(M_MMAP_THRESHOLD, 65536)
@@ -17,7 +17,7 @@ def adjust() -> None:
 
 
 def trim() -> None:
-    """Return what is free between what is in use."""
+    """Return free memory that lies between used memory."""
     malloc_trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if malloc_trim is not None:
         malloc_trim(0)

@@ -1,4 +1,4 @@
-"""Figures for Prometheus. Never labelled by campaign or run: series would grow without end."""
+"""Metrics for Prometheus, not labelled by campaign or run: series would grow without end."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from robovast_operator.kube.store import Store
 from robovast_operator.kube.work_queue import WorkQueue
 
 MANY_FAILURES = 3
-"""Looks at one campaign that failed one after another: it is no chance any more."""
+"""Consecutive failed reconciles of one campaign that count as a permanent failure."""
 
 
 class Metrics:
-    """What an admin watches."""
+    """The operator's metrics."""
 
     def __init__(self) -> None:
         self._registry = CollectorRegistry()
@@ -79,15 +79,15 @@ class Metrics:
         self._requests.labels(verb, resource, str(code)).inc()
 
     def failed(self, reason: str) -> None:
-        """Count a look that came to nothing."""
+        """Count a failed reconcile."""
         self._failures.labels(reason).inc()
 
     def seen(self) -> None:
-        """Remember that an event came."""
+        """Record that a watch event arrived."""
         self._last_event = time.monotonic()
 
     def page(self, store: Store, queue: WorkQueue, *, leading: bool) -> bytes:
-        """The figures as Prometheus reads them."""
+        """The metrics in Prometheus' text format."""
         self._queue.set(len(queue))
         self._failing.set(queue.failing(MANY_FAILURES))
         self._leader.set(int(leading))

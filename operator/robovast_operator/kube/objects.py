@@ -1,4 +1,4 @@
-"""Kubernetes objects, and which Campaign one is."""
+"""Kubernetes objects, and the identity of a Campaign."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Key = tuple[str, str]
 
 @dataclass(frozen=True)
 class Identity:
-    """Which Campaign it is."""
+    """The identity of a Campaign."""
 
     namespace: str
     name: str
@@ -44,7 +44,7 @@ class Identity:
         return self.namespace, self.name
 
     def child(self, suffix: str | int) -> str:
-        """Name of an object that is made for the Campaign."""
+        """Name of an object created for the Campaign."""
         return child_name(self.name, self.uid, suffix)
 
     @property
@@ -54,16 +54,16 @@ class Identity:
 
     @property
     def labels(self) -> dict[str, str]:
-        """Labels of every object that is made for the Campaign."""
+        """Labels of every object created for the Campaign."""
         return {CAMPAIGN_LABEL: self.name, UID_LABEL: self.uid, MANAGED_LABEL: MANAGED_BY}
 
     def selector(self, **more: str) -> str:
-        """What finds the objects that are made for the Campaign, with some more labels."""
+        """Label selector of the objects created for the Campaign, with optional further labels."""
         return ",".join(f"{name}={value}" for name, value in {**self.labels, **more}.items())
 
     @property
     def owner(self) -> Object:
-        """The reference that removes an object together with the Campaign."""
+        """Owner reference by which an object is deleted together with the Campaign."""
         return {
             "apiVersion": API_VERSION,
             "kind": "Campaign",

@@ -40,7 +40,7 @@ KUEUE_VISIBILITY = "visibility.kueue.x-k8s.io"
 
 
 def group(name: str) -> str:
-    """An API group: in which versions it is served."""
+    """An API group, whose answer lists the served versions."""
     return f"/apis/{name}"
 
 
@@ -55,7 +55,7 @@ def local_queue(version: str, namespace: str, name: str) -> str:
 
 
 def pending_workloads(version: str, namespace: str, queue: str) -> str:
-    """What waits in a LocalQueue, in order, as Kueue's visibility server answers."""
+    """The pending workloads of a LocalQueue, in order, from Kueue's visibility server."""
     queues = f"/apis/{KUEUE_VISIBILITY}/{version}{_in(namespace)}/localqueues"
     return f"{queues}/{queue}/pendingworkloads"
 

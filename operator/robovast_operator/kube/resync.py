@@ -1,4 +1,4 @@
-"""Comparing what is known with what is there: what a watch has missed shows."""
+"""Compares the store with the cluster, to find what a watch has missed."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from robovast_operator.settings import Settings
 LOGGER = logging.getLogger(__name__)
 
 SETTLING_SECONDS = 2.0
-"""A list has come to its end when nothing of it came for so long."""
+"""A list counts as complete when nothing of it arrived for so long [s]."""
 
 RETRY_SECONDS = 2.0
-"""Between two tries to learn at the start what is there."""
+"""Pause between attempts at the first comparison [s]."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of objects that is watched."""
+    """A watched kind of objects."""
 
     name: str
     path: Callable[[str | None], str]
     """Of the collection in a namespace, or in all."""
     known: Callable[[], Iterator[tuple[Id, str]]]
-    """What is known now, each with its resource version."""
+    """Returns the known objects with their resource versions."""
     knows: Callable[[Id], bool]
     """Whether one is known now."""
     learn: Callable[[Object], None]
@@ -43,7 +43,7 @@ class Kind:
 
 
 class Resync:
-    """Compares all kinds now and then, and soon after a watch had to begin with a list."""
+    """Compares all kinds periodically, and soon after a watch had to start with a list."""
 
     def __init__(self, api: Api, settings: Settings, kinds: tuple[Kind, ...]) -> None:
         self._api = api
@@ -52,16 +52,16 @@ class Resync:
         self._listed = asyncio.Event()
         self._misses = 0
         self.complete = asyncio.Event()
-        """Set once all that was there at the start is known."""
+        """Set once everything that existed at the start is known."""
         self.dead_watch = ""
-        """Which watch has told nothing twice in a row, if any."""
+        """The watch that missed changes twice in a row, if any."""
 
     def listed(self) -> None:
-        """A list tells of an object: what was deleted before it, it cannot tell."""
+        """Note that a watch sent a list: it cannot contain what was deleted before."""
         self._listed.set()
 
     async def keep(self) -> None:
-        """Learn what is there, then compare, for ever."""
+        """Load everything, then compare periodically, without end."""
         while not await self._compared():
             await asyncio.sleep(RETRY_SECONDS)
         self._misses = 0  # no watch has told anything yet
@@ -87,18 +87,18 @@ class Resync:
         return True
 
     async def compare(self) -> None:
-        """Forget what is gone, learn what was missed."""
+        """Remove what is gone from the store, add what was missed."""
         missed = [kind.name for kind in self._kinds if await self._compare(kind)]
         self._misses = self._misses + 1 if missed else 0
         if self._misses > 1:  # once may be chance: the list was newer than the stream
             self.dead_watch = f"the watch of {missed[0]} is dead"
 
     async def _compare(self, kind: Kind) -> bool:
-        """Whether the watch of a kind has missed anything."""
+        """Compare one kind; return whether its watch has missed anything."""
         before = dict(kind.known())
         there: set[Id] = set()
         new = False
-        # Not from the server's cache: what is missing in the answer is taken for gone.
+        # Not from the server's cache: what is missing in the answer counts as deleted.
         for space in self._settings.namespaces or (None,):
             async for obj in self._api.list(kind.path(space), **kind.selection):
                 id_ = id_of(obj)
@@ -114,7 +114,7 @@ class Resync:
         return new
 
     def _learn(self, kind: Kind, obj: Object) -> bool:
-        """Whether an object could be taken: one that cannot be is nobody else's trouble."""
+        """Load an object; return whether that worked: one bad object must not affect others."""
         try:
             kind.learn(obj)
         except Exception:

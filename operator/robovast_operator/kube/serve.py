@@ -1,4 +1,4 @@
-"""The pages that Kubernetes and Prometheus read: /healthz, /readyz, /metrics."""
+"""HTTP endpoints for Kubernetes and Prometheus: /healthz, /readyz, /metrics."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from aiohttp import web
 async def serve(
     port: int, healthy: Callable[[], str], ready: Callable[[], str], metrics: Callable[[], bytes]
 ) -> None:
-    """Serve the pages, for ever.
+    """Serve the endpoints, without end.
 
     Args:
-        port: on all addresses of the pod.
-        healthy: why the process should be started anew; empty when it works.
-        ready: why it cannot work yet; empty when it can.
-        metrics: the page that Prometheus reads.
+        port: the port, on all addresses of the pod.
+        healthy: returns why the process must be restarted; empty if it is healthy.
+        ready: returns why the operator cannot work yet; empty if it can.
+        metrics: returns the metrics in Prometheus' format.
     """
 
     async def page(request: web.Request) -> web.Response:

@@ -1,4 +1,4 @@
-"""What the operator knows of the cluster: small facts, kept up to date by watch events."""
+"""The store of watched objects, reduced to the fields that matter, updated by watch events."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from robovast_operator.kube.lenient import BEGINNING, metadata, number, ranges, 
 from robovast_operator.kube.objects import Key, Object
 
 NOTIFY_ROLE = "notify"
-"""Of Jobs that send a notice: nothing in a campaign depends on them."""
+"""Role of Jobs that send a notice: nothing in a campaign depends on them."""
 
 QUEUE_LABEL = "kueue.x-k8s.io/queue-name"
-"""Of a Job: the LocalQueue that it stands in."""
+"""Label of a Job: its LocalQueue."""
 
 CONFIGURATION_LABEL = "robovast.io/configuration-uid"
-"""Of a Job: the Configuration applied by hand that asked for its runs, and that it goes with."""
+"""Label of a Job: the Configuration applied by hand that asked for its runs."""
 
 Id = tuple[str, str, str]
 """Namespace, name and uid of an object."""
@@ -26,7 +26,7 @@ Id = tuple[str, str, str]
 
 @dataclass(frozen=True, slots=True)
 class JobState:
-    """What matters of a Job."""
+    """The fields of a Job that matter."""
 
     namespace: str
     name: str
@@ -51,9 +51,9 @@ class JobState:
     size: int = 1
     """Number of completion indexes."""
     queue: str = ""
-    """Kueue's LocalQueue that it stands in; Kueue may have chosen one itself."""
+    """Kueue's LocalQueue of the Job; Kueue may have chosen it itself."""
     started: str = ""
-    """When its pods were last allowed to start; empty while they are not."""
+    """When the Job was last resumed; empty while it is suspended."""
     configuration: str = ""
     """Uid of the Configuration applied by hand that asked for its runs, if one did."""
     ended: str = BEGINNING
@@ -66,22 +66,22 @@ class JobState:
 
     @property
     def open(self) -> bool:
-        """Whether it may still change."""
+        """Whether the Job has not finished."""
         return not self.finished
 
     @property
     def at_work(self) -> int:
-        """Pods whose containers have all begun."""
+        """Number of pods whose containers have all started."""
         return min(self.ready, self.active)
 
     @property
     def left(self) -> int:
-        """Completion indexes that have not come to their end."""
+        """Number of completion indexes that have not ended."""
         return self.size - sum(count(ranges(t, self.size)) for t in (self.completed, self.failed))
 
     @classmethod
     def of(cls, obj: Object) -> JobState:
-        """The facts of a Job object, whatever anybody wrote into it."""
+        """Extract the fields of a Job object, whatever anybody wrote into it."""
         obj = shaped(obj)
         meta, spec, status = obj["metadata"], obj["spec"], obj["status"]
         labels = meta.get("labels", {})
@@ -113,7 +113,7 @@ class JobState:
 
 
 def _end(conditions: Iterable[Object]) -> Object:
-    """The condition that ended a Job, or nothing."""
+    """The condition that ended a Job, or an empty one."""
     ends = (c for c in conditions if c["type"] in {"Complete", "Failed"} and c["status"] == "True")
     return next(ends, {})
 
@@ -128,19 +128,19 @@ class Store:
     """By namespace and name of their Campaign, then by their own name."""
 
     def put_campaign(self, obj: Object) -> bool:
-        """Know a Campaign as it is now; False when something newer is known."""
+        """Store a Campaign; return False if a newer version is known."""
         return _put(self.campaigns, obj)
 
     def drop_campaign(self, id_: Id) -> Object | None:
-        """Forget a Campaign, and return it; its successor of the same name stays."""
+        """Remove a Campaign and return it; a successor of the same name stays."""
         return _drop(self.campaigns, id_)
 
     def put_configuration(self, obj: Object) -> bool:
-        """Know a Configuration as it is now; False when something newer is known."""
+        """Store a Configuration; return False if a newer version is known."""
         return _put(self.configurations, obj)
 
     def drop_configuration(self, id_: Id) -> Object | None:
-        """Forget a Configuration, and return it; its successor of the same name stays."""
+        """Remove a Configuration and return it; a successor of the same name stays."""
         return _drop(self.configurations, id_)
 
     def campaign_versions(self) -> Iterator[tuple[Id, str]]:
@@ -158,7 +158,7 @@ class Store:
                 yield (job.namespace, job.name, job.uid), job.resource_version
 
     def put_job(self, job: JobState) -> None:
-        """Know a Job as it is now; what is older than what is known is ignored."""
+        """Store a Job; a version older than the known one is ignored."""
         jobs = self.jobs.setdefault(job.key, {})
         known = jobs.get(job.name)
         same = known is not None and known.uid == job.uid
@@ -166,7 +166,7 @@ class Store:
             jobs[job.name] = job
 
     def drop_job(self, id_: Id) -> Key | None:
-        """Forget a Job, and return whose it was; its successor of the same name stays."""
+        """Remove a Job and return its Campaign; a successor of the same name stays."""
         key = self._campaign_of(id_)
         if key is not None:
             del self.jobs[key][id_[1]]
@@ -175,7 +175,7 @@ class Store:
         return key
 
     def _campaign_of(self, job: Id) -> Key | None:
-        """Whose a Job is; None when it is not known."""
+        """The Campaign of a Job; None if it is unknown."""
         namespace, name, uid = job
         return next(
             (
@@ -199,11 +199,11 @@ class Store:
         return self._campaign_of(id_) is not None
 
     def jobs_of(self, key: Key, uid: str) -> dict[str, JobState]:
-        """The Jobs of a Campaign by name, those of a predecessor of its name left out."""
+        """The Jobs of a Campaign by name, without those of an earlier Campaign of the same name."""
         return {j.name: j for j in self._own_jobs(key, uid) if j.role != NOTIFY_ROLE}
 
     def notices_of(self, key: Key, uid: str) -> list[JobState]:
-        """The Jobs that send notices of a Campaign."""
+        """The Jobs that send a Campaign's notices."""
         return [job for job in self._own_jobs(key, uid) if job.role == NOTIFY_ROLE]
 
     def _own_jobs(self, key: Key, uid: str) -> list[JobState]:
@@ -229,7 +229,7 @@ class Store:
 
 
 def id_of(obj: Object) -> Id:
-    """What tells an object from all others."""
+    """Namespace, name and uid, which identify an object."""
     meta = metadata(obj)
     return text(meta.get("namespace")), text(meta.get("name")), text(meta.get("uid"))
 
@@ -260,5 +260,5 @@ def _version(obj: Object) -> str:
 
 
 def _newer(one: str, other: str) -> bool:
-    """Whether a resource version is not older; they are numbers on every server we know."""
+    """Whether a resource version is not older; they are numbers on every known server."""
     return not (one.isdecimal() and other.isdecimal()) or (len(one), one) >= (len(other), other)

@@ -1,4 +1,4 @@
-"""Times as Kubernetes writes them, and by its clock."""
+"""Timestamps in Kubernetes' format, and the API server's clock."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NEARLY = 2.0
 
 
 def parse_time(text: str) -> datetime:
-    """A time of `2026-11-21T07:00:00Z`."""
+    """Parse a timestamp such as `2026-11-21T07:00:00Z`."""
     return datetime.fromisoformat(text.replace("Z", "+00:00"))
 
 
@@ -22,7 +22,7 @@ def format_time(moment: datetime) -> str:
 
 
 def hear(date: str) -> None:
-    """Set the clock by the API server's, by which its objects are; our machine's may be wrong.
+    """Set our clock by the API server's, which dates its objects; this machine's may be wrong.
 
     Args:
         date: the header `Date` of its answer.
@@ -36,9 +36,9 @@ def hear(date: str) -> None:
 
 
 _boot: float | None = None
-"""The time when the steady clock said zero; None as long as no server has told [s]."""
+"""The server's time when the monotonic clock was zero [s]; None until a server has answered."""
 
 
 def now() -> datetime:
-    """The time now, UTC."""
+    """The current time by the server's clock, UTC."""
     return datetime.fromtimestamp(time.time() if _boot is None else _boot + time.monotonic(), UTC)

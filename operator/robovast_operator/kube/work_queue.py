@@ -1,4 +1,4 @@
-"""Keys that need a look: each once, each by one worker at a time, failing ones later and later."""
+"""The queue of keys to reconcile: each once, by one worker, with delays after failures."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robovast_operator.kube.objects import Key
 FIRST_DELAY = 1.0
 LONGEST_DELAY = 300.0
 REFUSED_DELAY = 30.0
-"""Longest delay after the API server has refused [s]: no event says when it will accept again."""
+"""Longest delay after a refusal by the API server [s]: no event says when it will accept again."""
 
 
 @dataclass
@@ -31,7 +31,7 @@ class WorkQueue:
         return len(self._when)
 
     def add(self, key: Key, delay: float = 0.0) -> None:
-        """Look at a key after a delay [s], or earlier if it was to be looked at earlier."""
+        """Schedule a key after a delay [s]; an earlier schedule stays."""
         due = time.monotonic() + delay
         if due < self._when.get(key, float("inf")):
             self._when[key] = due
@@ -39,7 +39,7 @@ class WorkQueue:
             self._changed.set()
 
     def add_failed(self, key: Key, longest: float = LONGEST_DELAY) -> float:
-        """Look at a key again after a failure; returns the delay [s], which doubles each time."""
+        """Schedule a key again after a failure; return the delay [s], which doubles each time."""
         failures = self._failures.get(key, 0)
         self._failures[key] = failures + 1
         delay = min(longest, FIRST_DELAY * 2.0**failures) * random.uniform(0.8, 1.2)  # noqa: S311
@@ -47,7 +47,7 @@ class WorkQueue:
         return delay
 
     def failing(self, times: int) -> int:
-        """How many keys have failed so often, one time after another."""
+        """How many keys have failed so many times in a row."""
         return sum(failures >= times for failures in self._failures.values())
 
     def succeeded(self, key: Key) -> None:
@@ -75,12 +75,12 @@ class WorkQueue:
                 continue
 
     def add_later(self, key: Key) -> None:
-        """Put off a key that a worker is busy with."""
+        """Schedule a key that a worker is busy with."""
         self._when.pop(key, None)
         self.add(key, 0.05)
 
     def done(self, key: Key) -> None:
-        """The worker has finished with a key."""
+        """Mark a key as finished by its worker."""
         self._busy.discard(key)
         self._changed.set()
 
@@ -89,7 +89,7 @@ class WorkQueue:
 
 
 async def work(queue: WorkQueue, reconcile: Callable[[Key], Awaitable[None]]) -> None:
-    """Reconcile keys as they fall due, for ever; `reconcile` never raises."""
+    """Reconcile keys as they fall due, without end; `reconcile` never raises."""
     while True:
         key = await queue.take()
         try:

@@ -1,4 +1,4 @@
-"""From a Campaign object to a campaign that can be executed, or to what is wrong with it."""
+"""Checks a Campaign object: the result is an executable campaign, or the cause of its rejection."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from robovast_operator.planning.campaign import Accepted, Rejected
 from robovast_operator.settings import Settings
 
 Files = Mapping[str, bytes]
-"""Input files by path, relative to the document; None when only pods can read them."""
+"""Input files by path relative to the document; None if only pods can read them."""
 
 
 def accept(obj: Object, files: Files | None, settings: Settings) -> Accepted | Rejected:
-    """Check a Campaign as far as it can be done without executing anything of its user's.
+    """Check a Campaign as far as possible without executing its user's code.
 
     Args:
         obj: the Campaign.
@@ -80,7 +80,7 @@ def _digests(files: Files, document: str) -> dict[str, str]:
 
 
 def inline_files(spec: Mapping[str, object]) -> Files:
-    """The files that stand in a Campaign.
+    """The inline files of a Campaign.
 
     Raises:
         ValueError: a path leaves the folder, or content is no base64.
@@ -99,11 +99,11 @@ def inline_files(spec: Mapping[str, object]) -> Files:
 
 
 NAME_BYTES = 255
-"""Longest name of a file or folder where pods and people keep them."""
+"""Longest name of a file or folder on common file systems [byte]."""
 
 
 def check_paths(files: Iterable[str]) -> None:
-    """Make sure that files can be laid out in one folder.
+    """Check that files can be written into one folder.
 
     Raises:
         ValueError: a path leaves the folder, is too long, or a file is a folder, too.
@@ -131,9 +131,9 @@ def _spec_message(error: ValidationError) -> str:
 
 
 def _document_text(spec: CampaignSpec, identity: Identity, files: Files | None) -> str:
-    """The document as its user wrote it, when that is among the files, else made from the spec.
+    """The document as its user wrote it if it is among the files, else made from the spec.
 
-    Numbers and comments survive in the file alone: the API keeps `1.0` as `1`.
+    Only the file keeps comments and numbers: the API turns `1.0` into `1`.
     """
     name = spec.document or f"{identity.name}.vast"
     written = (files or {}).get(name)
@@ -158,7 +158,7 @@ def _checked(
     files: Files,
     settings: Settings,
 ) -> Accepted | Rejected:
-    """With the files at hand, a document is checked as the command line checks it."""
+    """Check a document whose files are available as the command line checks it."""
     check_paths(files)
     for path, content in files.items():
         target = folder / path
@@ -177,7 +177,7 @@ def _checked(
 
 
 def _is_pure(spec: CampaignSpec) -> bool:
-    """Whether all variation types of a document only compute, so that no code of users is run."""
+    """Whether all variation types of a document are pure, so that no user's code is executed."""
     entries = (e for e in _items(spec.vast.get("configuration")) if isinstance(e, dict))
     calls = (call for entry in entries for call in _items(entry.get("variations")))
     pairs = ([*call.items()] if isinstance(call, dict) else [(call, {})] for call in calls)
@@ -205,7 +205,7 @@ def _expanded(document: Document, accepted: Accepted) -> Accepted | Rejected:
 
 
 def _planned(accepted: Accepted) -> Accepted | Rejected:
-    """A campaign of which is known what it expands to, unless it has too many runs."""
+    """A campaign with its expansion; rejected if it has too many runs."""
     total = sum(entry.variants for entry in accepted.entries) * accepted.runs
     if total <= RUNS_LIMIT:
         return accepted
@@ -219,7 +219,7 @@ def _planned(accepted: Accepted) -> Accepted | Rejected:
 def _accepted(
     identity: Identity, spec: CampaignSpec, vast: Vast, text: str, settings: Settings
 ) -> Accepted | Rejected:
-    """What needs no files: limits, image, resources."""
+    """Check what needs no files: limits, image, resources."""
     image = spec.image or vast.execution.image
     if not image:
         return Rejected("NoImage", "no image is named: set `execution.image` in the document")
@@ -254,7 +254,7 @@ DOCUMENT_CHANGED = Rejected(
 
 
 def source_changed(planned: CampaignPlan | None, accepted: Accepted) -> Rejected | None:
-    """Why a campaign cannot go on whose input files are others than those it was planned with."""
+    """The rejection of a campaign whose input files differ from the planned ones."""
     before, now = planned.inputs if planned is not None else {}, accepted.inputs
     names = [name for name in before if now.get(name) != before[name]]
     if not names:
@@ -268,7 +268,7 @@ def source_changed(planned: CampaignPlan | None, accepted: Accepted) -> Rejected
 
 
 def same_document(planned: str, vast: Mapping[str, object]) -> bool:
-    """Whether a document is the one that was planned, but for its number of runs."""
+    """Whether a document is the planned one, except for its number of runs."""
     try:
         before = parse_yaml(planned)
     except ValueError:
@@ -299,11 +299,11 @@ def config_map_files(config_map: Object, paths: Mapping[str, str]) -> Files:
 def with_composition(
     accepted: Accepted, composed: Composed | str | None, limit: int, reason: str
 ) -> Accepted | Rejected:
-    """A campaign with what its compose Job found out, or what that says is wrong.
+    """A campaign with the result of its compose Job, or the rejection that the result says.
 
     Args:
         accepted: the campaign.
-        composed: what the Job's pod said, in which plugins of users may have had a hand.
+        composed: message of the Job's pod, which users' plugins may have influenced.
         limit: most variants of a document.
         reason: why the Job failed, in one word.
     """

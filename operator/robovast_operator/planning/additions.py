@@ -1,4 +1,4 @@
-"""Configurations that were applied by hand: runs that are added to a campaign. Pure."""
+"""Configurations applied by hand, which add runs to a campaign. Pure functions."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def _here(function: Callable[..., Entry | str], *arguments: object) -> Entry | s
 
 @dataclass(frozen=True)
 class Additions:
-    """What Configurations add."""
+    """What the Configurations applied by hand add to a campaign."""
 
     found: tuple[Addition, ...] = ()
     problems: Mapping[str, str] = field(default_factory=dict)
-    """By Configuration, why it adds nothing."""
+    """By Configuration that adds nothing: the cause."""
 
 
 def with_additions(
@@ -44,7 +44,7 @@ def with_additions(
     planned: Planned,
     call: Call = _here,
 ) -> Additions:
-    """What Configurations add to a campaign; one that is wrong does not harm the others.
+    """Compute what Configurations add to a campaign; an invalid one does not affect the others.
 
     Args:
         obj: the Campaign.
@@ -52,8 +52,8 @@ def with_additions(
         added: the Configurations, oldest first.
         files: the campaign's input files, or why they cannot be read.
         settings: of the installation.
-        known: what each entry expands to by its content, from the last time, or what is wrong.
-        planned: what was planned before: it stays as it is, whatever becomes of Configurations.
+        known: expansion or error of each entry from the last time, by its content.
+        planned: what was planned before, which stays as it is even if Configurations change.
         call: what calls the function that expands an entry.
     """
     if not accepted.pure:
@@ -93,7 +93,7 @@ def _expand_new(
     planned: Planned,
     call: Call,
 ) -> list[Entry | str]:
-    """What each Configuration expands to, or what is wrong; what is known is not expanded again."""
+    """The expansion or error of each Configuration; known entries are not expanded again."""
     generation = obj["metadata"]["generation"]
     marks = [json.dumps([generation, entry_name(item), item["spec"]]) for item in added]
     for mark in known.keys() - set(marks):
@@ -124,9 +124,9 @@ def _expand(
 
 
 def _entry(obj: Object, item: Object, files: Files | None, settings: Settings) -> Entry | str:
-    """What an entry expands to as the only one of the document; or what is wrong.
+    """The expansion or error of an entry as the only one of the document.
 
-    So each is expanded once, however many others come and go.
+    So each is expanded once, even if others come and go.
     """
     try:
         (entry,) = added_entries([item])
@@ -141,5 +141,5 @@ def _entry(obj: Object, item: Object, files: Files | None, settings: Settings) -
 
 
 def _written(obj: Object) -> list[Object]:
-    """The entries of a campaign's own document."""
+    """The entries of the campaign's own document."""
     return obj["spec"]["vast"].get("configuration") or [{"name": "config1"}]

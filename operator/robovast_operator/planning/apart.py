@@ -1,6 +1,6 @@
-"""Work on what users wrote, in a process of its own: it may need any time and any memory.
+"""Runs work on users' input in a separate process, with bounds on time and memory.
 
-One at a time. What happens to such a process is the trouble of the Campaign that it worked for.
+One at a time. If such a process dies, only the Campaign that it worked for is affected.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 MEMORY = 256 * 2**20
-"""Memory that it may take beside what it begins with [byte]."""
+"""Memory that a call may take beyond what the process starts with [byte]."""
 SECONDS = 120.0
-"""Time that it may take."""
+"""Time that a call may take."""
 
 _CONTEXT = get_context("forkserver")
 _CONTEXT.set_forkserver_preload(["__main__", "robovast_operator.planning.additions"])
 
 
 class Apart:
-    """Calls functions in processes of their own, one after another."""
+    """Calls functions in separate processes, one after another."""
 
     def __init__(self, memory: int = MEMORY, seconds: float = SECONDS) -> None:
         """Set the bounds.
@@ -45,7 +45,7 @@ class Apart:
         self._turn = Lock()
 
     async def __call__(self, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
-        """What a function returns, or raises.
+        """Return what the function returns, or raise what it raises.
 
         Raises:
             InputError: it took too much memory or time, or its process died.
@@ -53,7 +53,7 @@ class Apart:
         return await asyncio.to_thread(partial(self.call, function, *args, **kwargs))
 
     def call(self, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
-        """The same, for threads.
+        """The same, called from a thread.
 
         Raises:
             InputError: it took too much memory or time, or its process died.

@@ -1,4 +1,4 @@
-"""A Campaign that was accepted: everything that its objects are made from."""
+"""An accepted Campaign: everything that its objects are made from."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robovast_operator.kube.times import parse_time
 
 @dataclass(frozen=True)
 class Accepted:
-    """A Campaign whose spec and document are in order."""
+    """A Campaign whose spec and document are valid."""
 
     identity: Identity
     spec: CampaignSpec
@@ -28,7 +28,7 @@ class Accepted:
     pure: bool
     """Whether the operator may expand the document itself."""
     entries: tuple[Entry, ...] = ()
-    """What the document expands to; empty when the compose Job finds it out."""
+    """The expansion of the document; empty if the compose Job expands it."""
     breaks: str = ""
     """`PlanSpec.breaks` of it."""
     composed: str | None = None
@@ -36,7 +36,7 @@ class Accepted:
     inputs: Mapping[str, str] = field(default_factory=dict)
     """`CampaignPlan.inputs`."""
     planned: CampaignPlan | None = None
-    """What pods know of it already; where its results are does not change any more."""
+    """The existing plan of its pods, if any; the place of the results is fixed from then on."""
     default_endpoint: str = ""
     default_region: str | None = None
 
@@ -61,7 +61,7 @@ class Accepted:
 
     @property
     def owner(self) -> Owner | None:
-        """Whose the bucket says it is; None when the campaign was begun by an older version."""
+        """The owner that the bucket names; None if an older version started the campaign."""
         if self.planned is not None:
             return self.planned.owner
         identity = self.identity
@@ -93,20 +93,20 @@ class Rejected:
     """A Campaign that cannot be executed as it is."""
 
     reason: str
-    """One word."""
+    """CamelCase reason of the condition."""
     message: str
 
 
 @dataclass(frozen=True)
 class Revision:
-    """A plan that was fixed in a ConfigMap; later ones only append to it."""
+    """A plan in a ConfigMap; later revisions only append to it."""
 
     number: int
     config_map: str
     plan: PlanSpec
     entries: tuple[Entry, ...] = ()
     owners: dict[int, Object] = field(default_factory=dict)
-    """Owner reference by block, of blocks that belong to a Configuration object."""
+    """Owner references of the blocks that belong to a Configuration object."""
     document: str = ""
     """Text of the document."""
     composed: str | None = None

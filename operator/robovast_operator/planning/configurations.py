@@ -1,4 +1,4 @@
-"""Configuration objects: one for each entry of a document, and those that add runs. Pure."""
+"""Configuration objects: one for each entry, and those that add runs. Pure functions."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def added_entries(added: Iterable[Object]) -> list[dict[str, Any]]:
     """Entries of a document for Configurations that were applied by hand.
 
     Raises:
-        ValidationError: (of pydantic) a spec is not in order.
+        ValidationError: (of pydantic) a spec is invalid.
     """
     made = []
     for obj in added:
@@ -81,7 +81,7 @@ def added_entries(added: Iterable[Object]) -> list[dict[str, Any]]:
 
 
 def reference(obj: Object) -> Object:
-    """Which Configuration runs belong to, as the plan keeps it."""
+    """Reference to a Configuration, as a plan stores it."""
     return {
         "apiVersion": API_VERSION,
         "kind": "Configuration",
@@ -129,7 +129,7 @@ class ConfigurationStatuses:
         )
 
     def _runs(self, spans: Sequence[Span]) -> Runs:
-        """The numbers of some runs; undecided when not all ids of bad runs are told."""
+        """The counts of some runs; undecided if the status does not list all bad runs."""
         total = count(spans)
         if not is_true(self._status, "ResultsAvailable"):
             return Runs(total=total)

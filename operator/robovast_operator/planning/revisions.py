@@ -1,4 +1,4 @@
-"""Plans of a campaign: the first one, and what is appended to it. Pure functions."""
+"""Revisions of a campaign's plan: the first one, and those that append to it. Pure functions."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from robovast_operator.planning.campaign import Accepted, Revision
 from robovast_operator.planning.configurations import added_entries, entry_name
 
 OWNERS_ANNOTATION = "robovast.io/owners"
-"""References to the Configurations that blocks belong to, by number of the block, as JSON."""
+"""Annotation with references to the Configurations of blocks, by number of the block, as JSON."""
 
 
 NO_PLAN = PlanSpec(blocks=())
-"""Of the compose Job, which finds out what there is to plan."""
+"""Revision of the compose Job, before the expansion is known."""
 
 
 @dataclass(frozen=True)
 class Addition:
-    """A Configuration that was applied by hand, and what it expands to."""
+    """A Configuration applied by hand, and its expansion."""
 
     expanded: Entry
-    """What it expands to."""
+    """Its expansion."""
     runs: int
     owner: Object
     """Reference to the object."""
     content: Object
-    """The entry, as a document has it."""
+    """The entry as it would stand in a document."""
 
     @property
     def name(self) -> str:
@@ -59,10 +59,10 @@ CHANGED = (
 
 @dataclass(frozen=True)
 class Planned:
-    """The entries that the newest plan has, which stay as they are."""
+    """The entries of the newest plan, which do not change."""
 
     contents: Mapping[str, Object] = field(default_factory=dict)
-    """As its document has them, by name."""
+    """The entries as they stand in its document, by name."""
     expanded: Mapping[str, Entry] = field(default_factory=dict)
     runs: Mapping[str, int] = field(default_factory=dict)
     """Of each variant, by entry."""
@@ -73,7 +73,7 @@ class Planned:
 
     @classmethod
     def of_revisions(cls, revisions: Sequence[Revision]) -> Planned:
-        """Those of the newest plan, if there is one."""
+        """The entries of the newest plan, if there is one."""
         if not revisions:
             return cls()
         newest = revisions[-1]
@@ -91,7 +91,7 @@ class Planned:
         )
 
     def of(self, item: Object) -> Entry | str | None:
-        """What a Configuration was planned as, or that it is another now; None when it was not."""
+        """How a Configuration was planned, or that it has changed since; None if not planned."""
         name = entry_name(item)
         if name not in self.contents or name not in self.expanded:
             return None
@@ -132,9 +132,9 @@ def _document(revision: Revision) -> Object:
 
 
 def any_plan(config_maps: Iterable[Object], prefix: str) -> CampaignPlan | None:
-    """A plan in a campaign's ConfigMaps, also the compose Job's; None when there is none yet.
+    """Any plan in a campaign's ConfigMaps, also the compose Job's; None if there is none yet.
 
-    One that is none is told where it is needed: `read_revisions`.
+    An unreadable plan is reported where it is needed, by `read_revisions`.
     """
     for obj in config_maps:
         if obj["metadata"]["name"].startswith(prefix):
@@ -206,7 +206,7 @@ def next_revision(
     additions: Sequence[Addition],
     name: str,
 ) -> Revision | None:
-    """The plan that must be added, or None when the newest one covers all that is asked for.
+    """The plan to add; None if the newest one covers everything that is asked for.
 
     Args:
         accepted: the campaign, with its entries.
@@ -242,7 +242,7 @@ def next_revision(
 
 
 def as_planned(accepted: Accepted, revision: Revision) -> Accepted:
-    """A campaign whose document is that of a plan, of which no added entry is left out."""
+    """A campaign whose document is that of a plan, with all added entries."""
     added = [entry.name for entry in revision.entries[len(accepted.entries) :]]
     select = accepted.spec.select and [*accepted.spec.select, *added]
     spec = accepted.spec.model_copy(update={"select": select})
@@ -250,9 +250,9 @@ def as_planned(accepted: Accepted, revision: Revision) -> Accepted:
 
 
 def _with_entries(newest: Revision, additions: Sequence[Addition]) -> str:
-    """The document of the newest plan with what is added: what was planned stays in its place.
+    """The document of the newest plan plus the additions; planned entries keep their places.
 
-    Configurations may have gone since, or be others: run ids follow from the order of all entries.
+    Run ids follow from the order of all entries, even of Configurations that were deleted since.
     """
     if not additions:
         return newest.document
@@ -273,7 +273,7 @@ def _raise_runs(blocks: list[Block], variants: int, runs: int) -> None:
 
 
 def _planned_runs(blocks: Iterable[Block]) -> int:
-    """Runs of each variant that the blocks of one entry have."""
+    """Runs of each variant in the blocks of one entry."""
     return max((block.first_run + block.runs for block in blocks), default=0)
 
 
@@ -287,7 +287,7 @@ def _blocks_of(name: str, revision: Revision) -> dict[int, Block]:
 def _add(
     addition: Addition, blocks: list[Block], entries: list[Entry], owners: dict[int, Object]
 ) -> None:
-    """Runs of a Configuration: its variants come after all others."""
+    """Add the runs of a Configuration: its variants come after all others."""
     if all(entry.name != addition.name for entry in entries):
         entries.append(addition.expanded)
     before = takewhile(lambda entry: entry.name != addition.name, entries)
@@ -306,7 +306,7 @@ def _add(
 
 
 def owners_note(revision: Revision) -> dict[str, str]:
-    """The annotation that keeps the owners of blocks."""
+    """The annotation with the owners of blocks."""
     if not revision.owners:
         return {}
     return {OWNERS_ANNOTATION: json.dumps(revision.owners)}

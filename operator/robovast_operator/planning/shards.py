@@ -1,4 +1,4 @@
-"""Shards: which Jobs a campaign's packs of runs are spread over. Pure functions.
+"""Distributes a campaign's packs over shards, each of which is one Job. Pure functions.
 
 Shards depend on the plan alone, so they are the same after a restart of the operator.
 """
@@ -17,18 +17,18 @@ from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.planning.campaign import Revision
 
 SHARD_PACKS = 500
-"""Most packs of a shard, while that gives no more than SHARDS shards."""
+"""Most packs of a shard, unless that gives more than SHARDS shards."""
 
 SHARDS = 400
-"""Most shards of a block of runs: the status names them all."""
+"""Most shards of a block of runs: the status lists them all."""
 
 WINDOW = 4
-"""A campaign that needs several shards keeps this many open."""
+"""How many shards a campaign keeps open at a time, if it needs several."""
 
 
 @dataclass(frozen=True)
 class ShardPlan:
-    """A Job that is to be made."""
+    """A Job to create."""
 
     index: int
     job: str
@@ -40,7 +40,7 @@ class ShardPlan:
     """Number of completion indexes."""
     attempt: int = 1
     repeat: str = ""
-    """Name of the list of bad runs of which it executes groups; empty for a first attempt."""
+    """Name of the list of bad runs whose groups it repeats; empty for a first attempt."""
     configuration: str = ""
     """The Configuration object that it belongs to, if any."""
     owner: Object | None = None
@@ -87,7 +87,7 @@ def _stretches(plan: PlanSpec, block: int) -> Iterator[Span]:
 
 
 def evenly(packs: int) -> list[Span]:
-    """Packs cut into shards of nearly one size: begin and size of each.
+    """Divide packs into shards of nearly equal size: start and size of each.
 
     The number of shards is a multiple of the window, so that none is left over at the end.
     """
@@ -100,7 +100,7 @@ def evenly(packs: int) -> list[Span]:
 
 
 def repetitions(identity: Identity, bad: BadRuns, attempt: int) -> list[ShardPlan]:
-    """The shards that execute bad runs once more; none when none is bad."""
+    """The shards that repeat bad runs; none if no run is bad."""
     groups = GroupSizes.parse(bad.sizes).groups
     return [
         ShardPlan(

@@ -1,1 +1,1 @@
-"""Pods and their Jobs: made from a plan, and read for what they report."""
+"""Pods and their Jobs: built from a plan, and read for their reports."""

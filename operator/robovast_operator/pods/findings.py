@@ -1,4 +1,4 @@
-"""What was found in pods and in their last words."""
+"""What pods and their termination messages report."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from robovast_operator.pods.verdicts import Report
 
 @dataclass(frozen=True)
 class Trouble:
-    """Why nothing moves, or why a campaign cannot go on."""
+    """Why a campaign makes no progress, or cannot continue."""
 
     reason: str
-    """One word."""
+    """CamelCase reason of the condition."""
     message: str
     final: bool = False
-    """Whether the campaign is given up."""
+    """Whether it aborts the campaign."""
     repeated: bool = False
-    """Whether pods that start die of it, too, one after the other."""
+    """Whether pods start and then die of it, one after the other."""
 
 
 @dataclass(frozen=True)
@@ -31,26 +31,26 @@ class Final:
     failed: Sequence[Span]
     errored: Sequence[Span]
     truncated: bool
-    """Whether ids are missing in these two."""
+    """Whether ids are missing in `failed` or `errored`."""
     failing: tuple[str, ...]
     list: str = ""
-    """Name of the list of all bad runs in the bucket; empty when none is bad, or none is stored."""
+    """Name of the list of all bad runs in the bucket; empty if there is none."""
     sizes: str = ""
-    """Sizes of the groups in which they are executed once more."""
+    """Sizes of the groups in which they are repeated."""
 
 
 @dataclass(frozen=True)
 class PodFindings:
-    """What the pods of a campaign tell at one moment."""
+    """What the pods of a campaign report at one moment."""
 
     reports: Mapping[str, Mapping[int, Report]] = field(default_factory=dict)
-    """By Job, what pods of its failed indexes said."""
+    """By Job: the reports of the pods of its failed indexes."""
     finals: Mapping[str, Final] = field(default_factory=dict)
-    """By finish Job, what it found."""
+    """By finish Job: what it found."""
     failures: Mapping[str, Trouble] = field(default_factory=dict)
-    """By Job that failed as a whole, why."""
+    """By Job that failed as a whole: the cause."""
     stuck: frozenset[str] = frozenset()
-    """Jobs that hold pods which are to go; made anew they go on."""
+    """Jobs that hold back the deletion of their pods, and must be replaced."""
     trouble: Trouble | None = None
     again: float | None = None
-    """When to look again [s]; None when events will tell."""
+    """When to reconcile again [s]; None if watch events suffice."""

@@ -28,11 +28,11 @@ RETRIES_PER_INDEX = 6
 TASK_RETRIES = 20
 
 NOTIFY_RETRIES = 6
-"""Of one receiver; the Job waits for 10 s, 20 s, … in between."""
+"""Retries of one receiver; the Job waits for 10 s, 20 s, … in between."""
 NOTIFY_DEADLINE = 1800
-"""When sending is given up, whatever keeps it [s]."""
+"""Deadline of sending [s]."""
 NOTIFY_KEEP = 3600
-"""For how long a notification's Job and its pods stay to be looked at [s]."""
+"""How long a notification's Job and its pods are kept for people to read [s]."""
 
 _QUIET = {"argocd.argoproj.io/ignore-resource-updates": "true"}
 """A GitOps tool need not look at an application again for each change of a Job or pod."""
@@ -78,7 +78,7 @@ def task_job(
     plan: str,
     sightings: Sequence[str] = (),
 ) -> Object:
-    """The Job of our own work on a whole campaign: compose, finish, process or purge."""
+    """The Job of a task on the whole campaign: compose, finish, process or purge."""
     job = _job(accepted.identity, name, command, {})
     job["spec"] |= {
         "backoffLimit": TASK_RETRIES,
@@ -129,7 +129,7 @@ def _job(identity: Identity, name: str, role: str, labels: dict[str, str]) -> Ob
 
 
 def plan_config_map(accepted: Accepted, name: str, plan: CampaignPlan) -> Object:
-    """The ConfigMap that tells a campaign's pods about it; it never changes."""
+    """The immutable ConfigMap with the plan, for the campaign's pods."""
     data = {
         PLAN_FILE: plan.model_dump_json(exclude_none=True),
         DOCUMENT_FILE: accepted.document_text,
@@ -138,7 +138,7 @@ def plan_config_map(accepted: Accepted, name: str, plan: CampaignPlan) -> Object
 
 
 def _config_map(identity: Identity, name: str, content: Object, role: str = "") -> Object:
-    """A ConfigMap of a campaign; it never changes."""
+    """An immutable ConfigMap of a campaign."""
     return {
         "apiVersion": "v1",
         "kind": "ConfigMap",
@@ -154,11 +154,11 @@ def _config_map(identity: Identity, name: str, content: Object, role: str = "") 
 
 
 SIGHTINGS_ROLE = "pods"
-"""Of ConfigMaps that say what was seen of a Job's pods."""
+"""Role of ConfigMaps with the sightings of a Job's pods."""
 
 
 def sightings_config_map(identity: Identity, job: str, seen: Sightings) -> Object:
-    """The ConfigMap that says what was seen of a Job's pods; it never changes.
+    """The immutable ConfigMap with the sightings of a Job's pods.
 
     Args:
         identity: of the Campaign.
@@ -170,7 +170,7 @@ def sightings_config_map(identity: Identity, job: str, seen: Sightings) -> Objec
 
 
 def files_config_map(accepted: Accepted, source: Object | None) -> Object | None:
-    """The ConfigMap with a Campaign's input files, which never change; None when it has none.
+    """The immutable ConfigMap with a Campaign's input files; None if it has none.
 
     Args:
         accepted: the campaign.
@@ -210,7 +210,7 @@ def _copied(source: Object, accepted: Accepted) -> Object:
 def campaign_plan(
     accepted: Accepted, plan: PlanSpec | None, entries: tuple[Entry, ...]
 ) -> CampaignPlan:
-    """What pods know about the campaign."""
+    """The plan that pods read."""
     execution, spec = accepted.vast.execution, accepted.spec
     context = spec.cluster or ""
     bundle, git = spec.source.bundle, spec.source.git

@@ -1,4 +1,4 @@
-"""What pods tell: verdicts of those that ended, and why others do not start. Pure functions."""
+"""Reads the status of pods: how containers ended, and why others do not start. Pure functions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _WAITING = {
     "CreateContainerError": "Container",
     "RunContainerError": "Container",
 }
-"""What a kubelet says of a container that does not start, and the cause for people."""
+"""Reasons that the kubelet gives for a waiting container, and the cause in plain words."""
 
 _EXITS = {
     AgentExit.BAD_PLAN: "InvalidPlan",
@@ -37,7 +37,7 @@ _EXITS = {
     AgentExit.REFUSED: "StorageRefuses",
     INCOMPATIBLE: "Incompatible",
 }
-"""Exit codes of our containers that are no verdict."""
+"""Exit codes of our containers that are no verdicts."""
 
 
 _EVENTS = {
@@ -45,11 +45,11 @@ _EVENTS = {
     "FailedCreatePodSandBox": "Container",
     "FailedCreate": "Refused",
 }
-"""What is told of pods and Jobs by events alone, and the cause for people."""
+"""Reasons that only Events give, and the cause in plain words."""
 
 
 def trouble_of_events(events: Iterable[Object]) -> Trouble | None:
-    """Why a pod is not made or does not begin, as events tell; the last counts."""
+    """Why a pod is not created or does not start, from Events; the latest counts."""
     found = None
     for item in events:
         reason = _EVENTS.get(text(item.get("reason")))
@@ -65,7 +65,7 @@ TRACKING = "batch.kubernetes.io/job-tracking"
 
 
 def is_stuck(pod: Object, moment: datetime) -> bool:
-    """Whether a deleted pod is held by its Job for long.
+    """Whether a Job has held back the deletion of a pod for long.
 
     The Job controller lets go of a failed index's pod when it has made the next one. In a namespace
     that is being deleted it cannot, and the namespace waits for its pods before it removes Jobs.
@@ -79,12 +79,12 @@ def is_stuck(pod: Object, moment: datetime) -> bool:
 
 
 def trouble_of(pods: Iterable[Object]) -> Trouble | None:
-    """Why pods do not start or do not end well; the most telling cause of all."""
+    """Why pods do not start or do not end well: the cause that explains most."""
     return most_telling(trouble for pod in pods for trouble in troubles_of(pod))
 
 
 def most_telling(troubles: Iterable[Trouble]) -> Trouble | None:
-    """Of several causes the one that explains the others."""
+    """The cause that explains the others."""
     ranked = (
         *("Incompatible", "InvalidDocument", "InvalidPlan", "OtherOwner", "StorageRefuses"),
         *("ImagePull", "Configuration"),
@@ -95,7 +95,7 @@ def most_telling(troubles: Iterable[Trouble]) -> Trouble | None:
 
 
 def troubles_of(pod: Object) -> Iterator[Trouble]:
-    """What is in the way of a pod, or was when it ended."""
+    """The causes that hinder a pod, or ended it."""
     status: Object = pod.get("status") or {}
     if status.get("phase") == "Failed" and text(status.get("reason")):
         reason = "Evicted" if status["reason"] == "Evicted" else "Rejected"
@@ -116,7 +116,7 @@ def troubles_of(pod: Object) -> Iterator[Trouble]:
 
 
 _OWN = frozenset({"compat-version", "fetch", "agent", "compose", "finish", "process", "purge"})
-"""How these end is our business; how others do is a result."""
+"""Our own containers: how they end is no result of a run."""
 
 _ORDINARY = frozenset(
     {
@@ -124,11 +124,11 @@ _ORDINARY = frozenset(
         *(128 + SIGKILL, 128 + SIGTERM),
     }
 )
-"""Exit codes of ours that are a verdict, or what comes of being told to end."""
+"""Exit codes of our containers that report a verdict, or that they were asked to stop."""
 
 
 def _ending(container: Object, ended: Object) -> Trouble | None:
-    """What a container's end says of what is in the way; None when that is a result."""
+    """The cause that a container's end shows; None if its end is a result."""
     name, code = container["name"], ended.get("exitCode")
     told = error_in(ended.get("message") or "")
     if ended.get("reason") in ("StartError", "ContainerCannotRun"):
@@ -169,14 +169,14 @@ def _waiting_message(container: Object, waiting: Object) -> str:
 
 
 def containers_of(pod: Object) -> Iterator[Object]:
-    """What is told of a pod's containers, in their order."""
+    """The statuses of a pod's containers, in their order."""
     status = pod.get("status") or {}
     yield from status.get("initContainerStatuses") or ()
     yield from status.get("containerStatuses") or ()
 
 
 def message_of(pod: Object, container: str) -> str:
-    """The last words of a container."""
+    """The termination message of a container."""
     return str(ending_of(pod, container).get("message", ""))
 
 
@@ -193,7 +193,7 @@ RUN = "robovast"
 
 
 def sighted(pod: Object) -> Sightings:
-    """What a pod's status says of its run's image, and of its end."""
+    """What a pod's status says about its run's image and end."""
     name = text(pod["metadata"].get("name"))
     for container in containers_of(pod):
         if container["name"] == RUN:
@@ -208,12 +208,12 @@ _IMAGE = re.compile(r"([\w.:/-]{1,400}@)?sha256:[0-9a-f]{64}", re.ASCII)
 
 
 def index_of(pod: Object) -> int:
-    """The completion index of a pod; -1 of one without."""
+    """The completion index of a pod; -1 if it has none."""
     return number(pod["metadata"].get("annotations", {}).get(INDEX_ANNOTATION), -1)
 
 
 def last_words(pods: Iterable[Object], container: str, indexes: str) -> list[str]:
-    """What the last pods of some completion indexes said, by index, each text once.
+    """Termination messages of the last pods of some completion indexes, by index, each text once.
 
     Args:
         pods: of one Job.

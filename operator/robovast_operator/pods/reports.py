@@ -1,6 +1,6 @@
-"""What our own containers say when they end. Pure functions.
+"""Parses the termination messages of our own containers. Pure functions.
 
-Anybody may have written it: what makes no sense is as good as not said.
+Anybody may have written them: an invalid message counts as none.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from robovast_operator.pods.pod_status import ending_of, index_of, message_of
 from robovast_operator.pods.verdicts import Report
 
 _ALL_STORED = {AgentExit.FAILED: Report(failed=1), AgentExit.ERRORED: Report(errored=1)}
-"""What an agent's exit code alone says of a single run."""
+"""What an agent's exit code alone says about a single run."""
 
 
 def reports_of(pods: Iterable[Object]) -> dict[int, Report]:
-    """What failed pods of a Job said of their runs, by completion index; of several the last.
+    """Reports of a Job's failed pods about their runs, by completion index; the last pod counts.
 
-    Of runs that the last pod of a failed index leaves without a verdict, there will be none.
+    Runs that the last pod of a failed index leaves without a verdict never get one.
     """
     found: dict[int, Report] = {}
     for pod in sorted(pods, key=lambda pod: str(pod["metadata"]["creationTimestamp"])):
@@ -41,7 +41,7 @@ def reports_of(pods: Iterable[Object]) -> dict[int, Report]:
 
 
 def _report(pod: Object) -> Report | None:
-    """The verdicts in an agent's last words; None when they say nothing for sure."""
+    """The verdicts in an agent's termination message; None if it says nothing certain."""
     said = Verdicts.read(message_of(pod, "agent"))
     if said is None:
         return _ALL_STORED.get(ending_of(pod, "agent").get("exitCode", -1))
@@ -86,7 +86,7 @@ def _final(said: Summary) -> Final:
 
 
 def _list(repeat: Repeat | None, bad: int) -> tuple[str, str]:
-    """Name of the list of bad runs, and the sizes of its groups, when they are of so many runs."""
+    """Name of the list of bad runs and sizes of its groups, if their sum is right."""
     if repeat is None:
         return "", ""
     try:
@@ -98,7 +98,7 @@ def _list(repeat: Repeat | None, bad: int) -> tuple[str, str]:
 
 
 def composed_of(pods: Iterable[Object]) -> Composed | str | None:
-    """What the compose Job found out; its message when it failed."""
+    """The result of the compose Job; its message if it failed."""
     said = [message_of(pod, "compose") for pod in pods]
     made = (Composed.read(words) for words in said)
     errors = filter(None, map(error_in, said))

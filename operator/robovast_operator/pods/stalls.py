@@ -14,22 +14,22 @@ from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.pod_status import containers_of, index_of, most_telling, troubles_of
 
 REPEATED = 3
-"""So many pods of one pack die before it is told that they do so again and again."""
+"""How many pods of one pack die before that is reported."""
 
 RECOVERY = timedelta(minutes=15)
-"""When a pod lives for so long, and longer than those before, they do not die any more."""
+"""A pod that lives for so long [s], and longer than those before, ends a series of deaths."""
 
 LOST_SECONDS = 60.0
-"""How long the node of a pod that should be gone may be silent."""
+"""How long the node of a deleted pod may be silent [s]."""
 
 
 def cause_of(
     pods: Iterable[Object], job: JobState, moment: datetime, silence: float, *, at_work: bool
 ) -> Trouble | None:
-    """Why nothing comes of a Job's pods; None when they do not tell.
+    """Why a Job's pods make no progress; None if they do not show it.
 
-    Of each open index the newest pod tells, or the one before: what was in the way of older ones,
-    or of indexes that have come to their end, is over.
+    Of each open index only the newest pod counts, or the one before it: causes of older pods,
+    and of ended indexes, are over.
 
     Args:
         pods: of the Job, those that succeeded need not be among them.
@@ -63,7 +63,7 @@ def cause_of(
 
 
 def _goes_on(deaths: Sequence[datetime], moment: datetime) -> bool:
-    """Whether pods of an index die one after the other: the next one has not lived for longer.
+    """Whether pods of an index die one after the other, none living longer than those before.
 
     Args:
         deaths: when those that died were made, the newest first.
@@ -76,7 +76,7 @@ def _goes_on(deaths: Sequence[datetime], moment: datetime) -> bool:
 
 
 def _open_tries(pods: Iterable[Object], job: JobState) -> list[list[Object]]:
-    """The pods of each index that has not come to its end, the newest first."""
+    """The pods of each index that has not ended, newest first."""
     ended = [*ranges(job.completed, job.size), *ranges(job.failed, job.size)]
     by_index: dict[int, list[Object]] = {}
     for pod in pods:
@@ -115,7 +115,7 @@ def _causes(pod: Object, moment: datetime, silence: float) -> Iterator[Trouble]:
 
 
 def may_store(pod: Object, moment: datetime) -> bool:
-    """Whether the agent of a pod may still store something; a pod without one is none of ours."""
+    """Whether the agent of a pod may still store something; a pod without an agent is not ours."""
     agents = (c for c in containers_of(pod) if c["name"] == "agent")
     at_work = any("terminated" not in mapping(agent.get("state")) for agent in agents)
     running = bool(pod["status"].get("phase") == "Running")
@@ -123,19 +123,19 @@ def may_store(pod: Object, moment: datetime) -> bool:
 
 
 def _is_lost(pod: Object, moment: datetime) -> bool:
-    """Whether the node of a pod says nothing: others call it not ready, or it should be gone."""
+    """Whether the node of a pod is lost: it is not ready, or a deleted pod does not go."""
     meta, status = pod["metadata"], pod["status"]
     if status.get("phase") != "Running":
         return False
     ready = _readiness(pod)
     if "deletionTimestamp" in meta:
         return parse_time(meta["deletionTimestamp"]) + timedelta(seconds=LOST_SECONDS) < moment
-    # A kubelet gives a reason; who looks after nodes that do not answer changes the status alone.
+    # A kubelet gives a reason; the node controller, for lost nodes, changes only the status.
     return ready.get("status") == "False" and not ready.get("reason")
 
 
 def _is_silent(pod: Object, moment: datetime) -> bool:
-    """Whether the agent is at work and says by its probe that the run writes nothing."""
+    """Whether the agent is running and its probe says that the run writes nothing."""
     if pod["status"].get("phase") != "Running" or "deletionTimestamp" in pod["metadata"]:
         return False
     agent: Object = next((c for c in containers_of(pod) if c["name"] == "agent"), {})

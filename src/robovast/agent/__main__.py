@@ -1,4 +1,4 @@
-"""`python -m robovast.agent COMMAND`: what our containers in a campaign's pods do."""
+"""`python -m robovast.agent COMMAND`: the commands of our containers in a campaign's pods."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ _COMMANDS = {
     "notify": "tell somebody outside of the cluster about a campaign",
     "share": "pack a campaign's results and upload them to a share",
 }
-"""Each is a function of the module of its name."""
+"""Each command is a function in the module of the same name."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Do what the command line says; returns the exit code."""
+    """Run the command of the command line; return the exit code."""
     options = _parser().parse_args(arguments)
     given = {name: getattr(options, name) for name in Folders.__dataclass_fields__}
     folders = Folders(**{name: value for name, value in given.items() if value is not None})
@@ -71,7 +71,7 @@ def _carry_out(options: argparse.Namespace, folders: Folders) -> AgentExit:
 def _spare_administration() -> None:
     """Importing `minio` imports its client for administrators, with a cryptography library.
 
-    That would be a third of what it takes to start in every pod, for nothing.
+    That would be a third of each pod's start-up time, for nothing.
     """
     nothing = ModuleType("minio.minioadmin")
     nothing.MinioAdmin = None  # type: ignore[attr-defined]

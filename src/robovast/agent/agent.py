@@ -1,4 +1,4 @@
-"""`agent`: beside the runs of a pod, store each run that is over, and report all at the end."""
+"""`agent`: runs beside the runs of a pod, stores each finished one, and reports at the end."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def agent(folders: Folders, silence: float = 0.0) -> AgentExit:
 
     Args:
         folders: of the pod.
-        silence: how long a run may write nothing to its log before that is told [s]; 0 is for ever.
+        silence: how long a run may write nothing to its log until that is reported [s]; 0: never.
 
     Raises:
         StorageError: results cannot be stored.
@@ -93,7 +93,7 @@ def _ending(pack: Pack, verdicts: Mapping[int, Verdict]) -> AgentExit:
 
 
 class _Keeper:
-    """Stores what a job leaves, while the job goes on."""
+    """Stores the output of a job while the job runs."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""A thread that does tasks in order while a job is watched."""
+"""A thread that executes tasks in order while a job is watched."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from types import TracebackType
 
 
 class Background:
-    """A thread that does what it is given; as a context it ends when everything is done."""
+    """A thread that executes tasks; as a context manager it ends when all are done."""
 
     def __init__(self) -> None:
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="store")
@@ -25,15 +25,15 @@ class Background:
             self.check()
 
     def do(self, action: Callable[[], None]) -> None:
-        """Do it after everything that was given before."""
+        """Execute a task after all earlier ones."""
         self._futures.append(self._pool.submit(action))
 
     def check(self) -> None:
-        """Raise what something that was done has raised."""
+        """Raise the exception of a task that failed."""
         while self._futures and self._futures[0].done():
             self._futures.pop(0).result()
 
     def wait(self) -> None:
-        """Wait until everything is done; raises what it raised."""
+        """Wait until all tasks are done; raise the exception of one that failed."""
         while self._futures:
             self._futures.pop(0).result()

@@ -1,4 +1,4 @@
-"""A campaign's bucket as pods see it: which runs are stored, which jobs there were.
+"""A campaign's bucket as pods see it: which runs are stored, which jobs were claimed.
 
 Keys are the paths of the local results layout, but for a run's files: each of its writers has a
 place of its own (robovast.campaign.run_files). A run is stored when its `run.json` is, which is
@@ -33,16 +33,16 @@ class Bucket:
     def __init__(self, store: ObjectStore, name: str, owner: Owner | None) -> None:
         """
         Args:
-            store: where it is.
-            name: its name.
-            owner: whose it is; None when the campaign was begun by an older version.
+            store: the S3 server.
+            name: name of the bucket.
+            owner: the campaign that it belongs to; None if an older version started the campaign.
         """
         self.store = store
         self.name = name
         self._owner = owner
 
     def claim(self) -> None:
-        """Make it, as the campaign's own, unless that was done before.
+        """Create the bucket with its owner, unless that was done before.
 
         Raises:
             OtherOwnerError: it is another campaign's.
@@ -53,7 +53,7 @@ class Bucket:
             self.store.make_bucket(self.name)
 
     def remove(self) -> None:
-        """Remove it with all that is in it; nothing happens when there is none.
+        """Remove the bucket with its content, if it exists.
 
         Raises:
             OtherOwnerError: it is another campaign's.
@@ -66,17 +66,17 @@ class Bucket:
         return self.seen(run)[0]
 
     def seen(self, run: str) -> tuple[RunRecord | None, str | None]:
-        """The record of a run, None when there is none that is understood, and its ETag."""
+        """The record of a run (None if there is none that can be read), and its ETag."""
         found = self.store.look(self.name, f"{run}/{RUN_RECORD}")
         return (parse_run_record(found.content), found.etag) if found else (None, None)
 
     def settle(self, run: str, record: RunRecord, etag: str | None) -> bool:
-        """Store a run's record; False when something else came in place of what was seen.
+        """Store a run's record; return False if the record was replaced since it was read.
 
         Args:
             run: by `<variant>/<number>`.
-            record: what it names is stored already.
-            etag: of the record that was seen, None when there was none.
+            record: the record; the files that it names are stored already.
+            etag: ETag of the record that was read; None if there was none.
         """
         key, text = f"{run}/{RUN_RECORD}", record.to_json().encode()
         if etag is None:
@@ -95,10 +95,10 @@ class Bucket:
         )
 
     def put(self, key: str, file: BinaryIO, there: Keys) -> bool:
-        """Store the content of an open file; False when it was there.
+        """Store the content of an open file; return False if the key exists already.
 
         Args:
-            key: of the object; another one beside it when a part of it is taken by something else.
+            key: of the object; a neighbouring one is used if another object blocks its path.
             file: its content.
             there: keys that exist already.
         """
@@ -111,7 +111,7 @@ class Bucket:
         return True
 
     def verdicts(self, runs: Iterable[Run], attempt: int) -> dict[int, Verdict]:
-        """Verdicts of the runs that are stored with this attempt or a later one, by run id."""
+        """Verdicts of the runs stored by this attempt or a later one, by run id."""
         records = ((run.id, self.record(run.path)) for run in runs)
         return {id_: r.verdict for id_, r in records if r is not None and r.attempt >= attempt}
 
@@ -121,7 +121,7 @@ class Bucket:
         return next(n for n, key in names if self.store.digest(self.name, key) is None)
 
     def claim_job(self, pack: int, first: int, content: bytes) -> int:
-        """Number of a job that from now on is the caller's alone.
+        """Claim a job for the caller alone, and return its number.
 
         Args:
             pack: of the job.
@@ -132,5 +132,5 @@ class Bucket:
         return next(n for n, key in keys if self.store.create(self.name, key, content))
 
     def claim_of(self, pack: int, number: int) -> bytes:
-        """What was claimed as a job; empty when nothing was."""
+        """The content of a job's claim; empty if there is none."""
         return self.store.read(self.name, parameters_key(job_name(pack, number))) or b""

@@ -39,10 +39,10 @@ class Campaign:
 
     @property
     def packs(self) -> PlanSpec:
-        """Which run is which.
+        """The packs of the campaign's runs.
 
         Raises:
-            PlanError: nobody knows yet.
+            PlanError: the document is not expanded yet.
         """
         if self.plan.plan is None:
             raise PlanError(f"{self.folders.plan / 'campaign.json'}: `plan` is missing.")
@@ -50,7 +50,7 @@ class Campaign:
 
     @property
     def bucket(self) -> Bucket:
-        """Where its results are."""
+        """The bucket of the results."""
         return Bucket(self.store, self.plan.bucket, self.plan.owner)
 
 
@@ -88,7 +88,7 @@ def read_plan(path: Path) -> CampaignPlan:
 
 
 def load_inputs(campaign: Campaign) -> Document:
-    """The document with its files, brought to the pod.
+    """Load the document with its files into the pod.
 
     Raises:
         InputError: the document or its files are wrong.
@@ -105,7 +105,7 @@ def load_inputs(campaign: Campaign) -> Document:
 
 
 def expand(campaign: Campaign, document: Document, message: Callable[[str], None]) -> Composition:
-    """The variants of a document, those that the campaign selects.
+    """Expand a document, and return the variants that the campaign selects.
 
     Raises:
         InputError: it cannot be expanded, or nothing is selected.
@@ -133,7 +133,7 @@ def _check_expansion(campaign: Campaign, variants: Sequence[Variant]) -> None:
 
 
 def open_composed(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
-    """Document and variants as the compose Job left them in the bucket.
+    """Read document and variants as the compose Job stored them in the bucket.
 
     Files of the variants are not there yet: `fetch_variant_files` brings those of one.
 
@@ -154,7 +154,7 @@ def open_composed(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
 
 
 def fetch_variant_files(campaign: Campaign, variants: Sequence[Variant], variant: Variant) -> None:
-    """Bring the files of a composed variant to where they are expected.
+    """Download the files of a composed variant.
 
     Raises:
         InputError: one of them is not what was composed.
@@ -167,7 +167,7 @@ def fetch_variant_files(campaign: Campaign, variants: Sequence[Variant], variant
 
 
 def download(campaign: Campaign, prefix: str, folder: Path) -> None:
-    """Bring all objects of the campaign whose key begins so."""
+    """Download all objects of the campaign below a prefix."""
     for item in campaign.store.objects(campaign.plan.bucket, prefix):
         target = Path(os.path.normpath(folder / item.key))
         if target.is_relative_to(folder):

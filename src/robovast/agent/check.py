@@ -1,9 +1,9 @@
-"""Whether all is there that records name, and the removal of what none does.
+"""Checks that all files named by records exist, and removes files that no record names.
 
-A writer that was killed, or came second, leaves objects that no record names; so does the attempt
-that a later one replaced. They are removed when all pods have ended, but only after the run's
-record was written anew: a pod that was believed dead, and still works, then finds that its record
-is not in place of the one that it has seen, and stores everything again.
+A writer that was killed, or came second, leaves objects that no record names; so does a replaced
+attempt. They are removed when all pods have ended, but only after the run's record was rewritten: a
+pod that was believed dead and still works then finds that its record is not in place of the one
+that it has read, and stores everything again.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Sizes = Mapping[str, int]
 def check_runs(
     bucket: Bucket, seen: Mapping[str, tuple[RunRecord | None, str | None]]
 ) -> dict[str, str]:
-    """Compare the runs' lists of files with what is there, and remove the rest.
+    """Compare the runs' lists of files with the bucket, and remove unlisted files.
 
     Args:
         bucket: the campaign's; nobody should write to it any more.
@@ -55,7 +55,7 @@ def check_runs(
 
 
 def _runs(bucket: Bucket) -> Iterator[tuple[str, Sizes]]:
-    """What is there of each run."""
+    """The objects of each run."""
     objects = bucket.store.objects(bucket.name)
     for run, items in groupby(objects, key=lambda item: run_of(item.key)):
         if run:
@@ -63,7 +63,7 @@ def _runs(bucket: Bucket) -> Iterator[tuple[str, Sizes]]:
 
 
 def _is_plain(files: FileList, sizes: Sizes) -> bool:
-    """Whether nothing but record, list and listed files is there, as far as numbers say."""
+    """Whether the number of objects allows only the record, the list and the listed files."""
     others = [size for key, size in sizes.items() if key not in {RUN_RECORD, files.key}]
     is_whole = files.key in sizes and len(others) == len(sizes) - 2
     return is_whole and (len(others), sum(others)) == (files.count, files.size)
@@ -90,7 +90,7 @@ def _check(
 
 
 def damage_of(listed: list[StoredFile], sizes: Sizes) -> str:
-    """What is not as a run's list says; empty when all is."""
+    """The differences from a run's list; empty if there are none."""
     gone = [file.path for file in listed if file.key not in sizes]
     changed = [f.path for f in listed if f.key in sizes and sizes[f.key] != f.size]
     told = {"missing": gone, "of another size": changed}

@@ -1,4 +1,4 @@
-"""Jobs as the bucket has them: who executes what; and runs that were begun in vain too often.
+"""Claims of jobs in the bucket, and runs that were started in vain too often.
 
 A job is claimed before it is executed, so that the bucket counts the pods that began with the same
 runs, whatever became of them, of the operator and of the cluster's own records.
@@ -21,11 +21,11 @@ from robovast.execution.job_config import parameter_documents
 from robovast.model.plan import Job
 
 MOST_STARTS = 20
-"""Pods that may begin with a run, and end without having stored it."""
+"""How many pods may start a run without storing it."""
 
 
 def claim_job(bucket: Bucket, pack: Pack, job: Job) -> int:
-    """Number of a job that from now on is this pod's alone.
+    """Claim a job for this pod alone, and return its number.
 
     Raises:
         StorageError: the bucket cannot be written.
@@ -37,7 +37,7 @@ def claim_job(bucket: Bucket, pack: Pack, job: Job) -> int:
 
 
 def hopeless(bucket: Bucket, pack: Pack) -> EndedRun | None:
-    """The run that a pack does not get beyond; None while its pods may go on.
+    """The run that ends every pod of a pack; None while its pods may continue.
 
     Runs that are stored are left to no later job, so that all jobs between two that were for the
     same runs were for them, too.

@@ -1,4 +1,4 @@
-"""`compose`: expand a document that the operator may not expand, and store what pods need of it."""
+"""`compose`: expands a document that the operator must not expand, and stores the result."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from robovast.model.packs import format_breaks
 from robovast.model.plan import breaks
 
 DIGEST_LIMIT = 100
-"""Of the message, for the digest that is known last [byte]."""
+"""Space reserved in the message for the digest, which is known last [byte]."""
 
 
 def compose(folders: Folders) -> AgentExit:
-    """Expand the document; its inputs and variants are in the bucket then.
+    """Expand the document, and store its inputs and variants in the bucket.
 
     Raises:
         InputError: the document or its files are wrong, or a variation type fails.

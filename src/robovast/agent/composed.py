@@ -1,4 +1,4 @@
-"""What the compose Job leaves in the bucket, and what a pod reads of it: its own share alone.
+"""The result of the compose Job in the bucket, of which a pod reads only its own part.
 
 ```
 _transient/variants/list.json    the document, digests of its files, digests of the parts
@@ -52,7 +52,7 @@ def store_composed(
 
 
 def _item(variant: Variant) -> dict[str, Any]:
-    """A variant; what it is made of stands as YAML, which knows dates and infinity."""
+    """A variant; its values are YAML, which has dates and infinity."""
     return {
         "name": variant.name,
         "entry": variant.entry,
@@ -65,7 +65,7 @@ def _item(variant: Variant) -> dict[str, Any]:
 
 
 class Composed(Sequence[Variant]):
-    """The variants of a composed campaign, each read when it is asked for.
+    """The variants of a composed campaign, each read when it is needed.
 
     Args:
         bucket: the campaign's.
@@ -86,7 +86,7 @@ class Composed(Sequence[Variant]):
         self.document: str = listed["document"]
         self.inputs: Mapping[str, str] = listed["inputs"]
         self.files: dict[str, Mapping[str, str]] = {}
-        """SHA-256 of the files of variants that were asked for, by variant and key."""
+        """SHA-256 of the files of the variants read so far, by variant and key."""
 
     def __len__(self) -> int:
         return self._count

@@ -15,14 +15,14 @@ from robovast.base import safe_paths
 from robovast.base.stopwatch import Stopwatch
 
 HEARTBEAT = 5.0
-"""How often the agent says that it lives [s]."""
+"""How often the agent renews its sign of life [s]."""
 
 _SIZE = 32
 """Files of orders are rewritten in place, whole, so that a full disk hinders nobody [byte]."""
 
 
 class RunContainer:
-    """The main container of a pod, which is known by files alone.
+    """The main container of a pod, which communicates by files alone.
 
     Its answers are in a folder that the runs' own code can write: anything may be there.
     """
@@ -33,14 +33,14 @@ class RunContainer:
         self._out = folders.out
 
     def prepare(self) -> None:
-        """Make the files, before any container is started."""
+        """Create the files, before any container starts."""
         self._answers.mkdir(parents=True)
         (self._answers / "lock").touch()
         for name in ("order", "heartbeat"):
             (self._config / name).write_bytes(_padded(""))
 
     def run(self, job: int) -> None:
-        """Order a job: 1, 2, …; what it needs is there."""
+        """Order job 1, 2, …; its inputs must be in place."""
         _rewrite(self._config / "order", f"run {job}")
 
     def stop(self, job: int) -> None:
@@ -52,7 +52,7 @@ class RunContainer:
         _rewrite(self._config / "order", "end")
 
     def beat_for_ever(self) -> None:
-        """Say from time to time that the agent lives, until it does not."""
+        """Renew the sign of life periodically, until the agent ends."""
         Thread(target=self._beat, name="heartbeat", daemon=True).start()
 
     def _beat(self) -> None:
@@ -61,7 +61,7 @@ class RunContainer:
             time.sleep(HEARTBEAT)
 
     def started(self, job: int) -> Stopwatch | None:
-        """How long ago a job began, however late that is seen; None when it did not."""
+        """How long ago a job started, even if that is noticed late; None if it did not."""
         found = self._answer(rf"{job}\.started\.(\d{{1,12}}\.\d{{1,9}})")
         status = safe_paths.status(self._answers / found[0], self._out) if found else None
         if found is None or status is None:
@@ -70,7 +70,7 @@ class RunContainer:
         return Stopwatch(status.st_mtime, max(late, 0.0))
 
     def exit_code(self, job: int) -> int | None:
-        """How a job ended; None when it did not."""
+        """The exit code of a job; None if it has not ended."""
         found = self._answer(rf"{job}\.code\.(\d{{1,3}})")
         return int(found[1]) if found else None
 
@@ -88,7 +88,7 @@ class RunContainer:
         return all(self._says(f"{job}.over.{name}") for name in secondaries)
 
     def is_terminated(self) -> bool:
-        """True when the container was told to end, by somebody else."""
+        """True if somebody else asked the container to end."""
         return self._says("terminated")
 
     def _says(self, answer: str) -> bool:
@@ -102,7 +102,7 @@ class RunContainer:
         return self.started(1) is not None and self._is_free() and self.exit_code(job) is None
 
     def _is_free(self) -> bool:
-        """True when nobody holds the lock; a run that has removed it is on its own."""
+        """True if nobody holds the lock; a run that removed it is not protected."""
         try:
             with safe_paths.open_file(self._answers / "lock", self._out) as file:
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)

@@ -1,4 +1,4 @@
-"""Checking that a pod reads the same inputs with which its runs were planned."""
+"""Checks that a pod reads the same inputs with which its runs were planned."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def file_digest(path: Path) -> str:
 
 
 def check_files(wanted: Mapping[str, str], folder: Path) -> None:
-    """See that files are those that were there when the runs were planned.
+    """Check that files are the same as when the runs were planned.
 
     Args:
         wanted: SHA-256 by path in the folder.
@@ -36,7 +36,7 @@ def check_files(wanted: Mapping[str, str], folder: Path) -> None:
 
 
 def check(name: str, found: str | None, planned: str) -> None:
-    """See that one input of the runs is what was planned.
+    """Check that one input of the runs is as planned.
 
     Args:
         name: what it is.

@@ -1,4 +1,4 @@
-"""`fetch`: prepare the runs of a pod, before any of its containers starts."""
+"""`fetch`: prepares the runs of a pod, before any of its containers starts."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Request:
 
 
 def fetch(folders: Folders, request: Request) -> AgentExit:
-    """Prepare the first job of a pod, or its end when nothing is left to run.
+    """Prepare the first job of a pod, or end the pod if nothing is left to run.
 
     Raises:
         PlanError: there is no such pack.
@@ -156,7 +156,7 @@ def _pack(
 
 
 def _claimed(campaign: Campaign, pack: Pack) -> Pack:
-    """A pack whose first job is this pod's alone, without a run that it does not get beyond.
+    """Claim the pack's first job for this pod, without a run that ends every pod.
 
     This writes into the bucket: a server that refuses is noticed before anything is executed.
     """

@@ -1,4 +1,4 @@
-"""`finish`: complete a campaign's bucket when its last pod has ended, and sum it up."""
+"""`finish`: completes and summarizes a campaign's bucket after its last pod has ended."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NO_RESULT = "no pod of it has stored a result"
 
 
 def finish(folders: Folders) -> AgentExit:
-    """Store what a campaign has beside its runs, `_execution/index.json` among it.
+    """Store a campaign's files beside its runs, such as `_execution/index.json`.
 
     Raises:
         InputError: the document, or a file that it needs, is wrong.
@@ -77,7 +77,7 @@ def _runs(campaign: Campaign, variants: Sequence[Variant]) -> list[Run]:
 
 
 def _entry(run: Run, record: RunRecord | None, damaged: Mapping[str, str]) -> dict[str, Any]:
-    """A run as `index.json` has it; one without a record is errored."""
+    """A run's entry in `index.json`; a run without a record is errored."""
     place = {"id": run.id, "variant": run.variant.name, "run": run.number}
     if record is None:
         return {**place, "verdict": Verdict.ERRORED, "reason": NO_RESULT, "attempt": 0}

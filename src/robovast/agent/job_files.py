@@ -1,4 +1,4 @@
-"""What a job of a pod needs in the folders that its containers see."""
+"""Prepares the folders of a pod's containers for a job."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ENVIRONMENT_FILE = "environment.sh"
 
 
 def prepare_output(folders: Folders, job: PodJob) -> None:
-    """Make the folders that a job writes to, in place of what jobs before it made there."""
+    """Create the folders that a job writes to, in place of those of earlier jobs."""
     out = folders.out
     out.mkdir(parents=True, exist_ok=True)
     safe_paths.remove(out / JOBS, out)
@@ -36,7 +36,7 @@ def write_environment(folders: Folders, environment: Mapping[str, str]) -> None:
 
 
 def prepare_later_job(folders: Folders, pack: Pack, job: PodJob) -> None:
-    """Replace what the job before had by what this one needs."""
+    """Replace the inputs of the job before by those of this one."""
     parameters = parameter_documents(job, pack.scenario)
     (folders.config / PARAMETER_FILE).write_text(parameters, encoding="utf-8")
     write_environment(folders, {**pack.environment, **output_places(job, folders.out_seen)})

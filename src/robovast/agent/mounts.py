@@ -11,7 +11,7 @@ from robovast.kubeapi.pod_contract.mounts import DOCUMENT_FILE, PLAN_FILE, Mount
 
 @dataclass(frozen=True)
 class Folders:
-    """Where everything is; the defaults are those of the containers."""
+    """Paths of the folders; the defaults are those in the containers."""
 
     plan: Path = Path(Mount.PLAN.path)
     """`campaign_plan` and `document`."""
@@ -22,11 +22,11 @@ class Folders:
     git: Path = Path(Mount.GIT.path)
     """`username` and `password` of an account on a Git server; need not exist."""
     share: Path = Path(Mount.SHARE.path)
-    """What a share's provider needs: each variable is a file."""
+    """Variables of a share's provider, one file each."""
     receivers: Path = Path(Mount.RECEIVERS.path)
-    """`0/url`, `0/token`, `1/url`, …: what a notice's receivers keep in Secrets."""
+    """`0/url`, `0/token`, `1/url`, …: Secrets of a notice's receivers."""
     pods: Path = Path(Mount.PODS.path)
-    """What Kubernetes says of the pods of runs, a file for each Job; need not exist."""
+    """Sightings of the pods of runs, a file for each Job; need not exist."""
     work: Path = Path(Mount.WORK.path)
     """The pod's own volume."""
     message: Path = Path("/dev/termination-log")
@@ -38,7 +38,7 @@ class Folders:
 
     @property
     def campaign_plan(self) -> Path:
-        """What pods know about the campaign."""
+        """The file with the `CampaignPlan`."""
         return self.plan / PLAN_FILE
 
     @property
@@ -63,20 +63,20 @@ class Folders:
 
     @property
     def answers(self) -> Path:
-        """What the scripts in the run's containers tell the agent."""
+        """Answers of the scripts in the run's containers."""
         return self.out / ".job"
 
     @property
     def stored(self) -> Path:
-        """Runs that are over, out of sight of those that follow."""
+        """Finished runs, out of the sight of those that follow."""
         return self.work / "stored"
 
     @property
     def scratch(self) -> Path:
-        """For what only one command needs."""
+        """Temporary files of one command."""
         return self.work / "scratch"
 
     @property
     def pack(self) -> Path:
-        """What `fetch` tells `agent`."""
+        """The file that `fetch` writes for `agent`."""
         return self.work / "pack.json"

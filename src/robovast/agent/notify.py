@@ -1,4 +1,4 @@
-"""`notify`: tell somebody outside of the cluster about a campaign.
+"""`notify`: sends a notice about a campaign to a receiver outside of the cluster.
 
 A notice is one POST request, to ntfy as well, so this needs no library but the HTTP client.
 """
@@ -25,24 +25,24 @@ from robovast.kubeapi.secret_names import SECRET_PREFIX
 from robovast.storage.http_client import HttpClient, HttpError
 
 TIMEOUT = 20.0
-"""For how long a server may say nothing [s]."""
+"""How long a server may send nothing [s]."""
 
 _PRIORITIES: Mapping[Event, str] = {"GivenUp": "5", "Stalled": "4", "Finished": "3"}
-"""Of ntfy: 5 rings, 3 is usual, 2 makes no sound."""
+"""Priorities of ntfy: 5 rings, 3 is usual, 2 makes no sound."""
 _TAGS: Mapping[Event, str] = {"GivenUp": "rotating_light", "Stalled": "warning"}
-"""Of ntfy, which shows them as pictures."""
+"""Tags of ntfy, which shows them as pictures."""
 
 
 @dataclass(frozen=True)
 class Address:
-    """Where a notice goes."""
+    """The address of a receiver."""
 
     url: str
-    """Without a login."""
+    """The URL, without user name and password."""
     headers: Mapping[str, str]
-    """That log in."""
+    """Headers with the credentials."""
     secrets: tuple[str, ...]
-    """What nobody may read in a message."""
+    """Texts that must not appear in any message."""
 
     @property
     def server(self) -> str:
@@ -101,7 +101,7 @@ def _order() -> Order:
 
 
 def _address(receiver: Notification, folder: Path) -> Address:
-    """Where a receiver is, with what of that is in Secrets."""
+    """The address of a receiver, with its Secrets."""
     given = receiver.url or _secret(folder / "url", receiver.url_from)
     token = _secret(folder / "token", receiver.token_from)
     try:

@@ -49,15 +49,15 @@ class Pack:
     scenario: str
     """Name of the scenario."""
     timeout: int | None
-    """Of one run [s]."""
+    """Time limit of one run [s]."""
     secondaries: tuple[str, ...]
     """Names of secondary containers."""
     environment: Mapping[str, str]
-    """Of the first job."""
+    """Environment of the first job."""
 
     @property
     def left(self) -> tuple[Run, ...]:
-        """Runs that are to be executed."""
+        """Runs that are left to execute."""
         return tuple(run for run in self.runs if run.id not in self.done)
 
     @property
@@ -90,7 +90,7 @@ def job_name(pack: int, number: int) -> str:
 
 
 def read_pack(path: Path) -> Pack:
-    """What `fetch` wrote."""
+    """The pack as `fetch` wrote it."""
     data = json.loads(path.read_text(encoding="utf-8"))
     done = {int(id_): Verdict(verdict) for id_, verdict in data["done"].items()}
     changed = {

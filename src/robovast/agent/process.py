@@ -1,4 +1,4 @@
-"""`process`: postprocess a campaign in the cluster, as `vast results postprocess` does here."""
+"""`process`: postprocesses a campaign in the cluster, like `vast results postprocess`."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
 
 CACHE = f"{state.FOLDER}/{state.FILE}"
-"""What postprocessing has finished."""
+"""File with the finished steps of postprocessing."""
 MOST_TOLD = 5
-"""Different failures that the termination message tells."""
+"""Most failures that the termination message lists."""
 
 
 def process(folders: Folders) -> AgentExit:
@@ -69,9 +69,9 @@ def process(folders: Folders) -> AgentExit:
 
 
 def _store_changes(bucket: Bucket, campaign: Path, new: Iterable[str], there: Iterable[str]) -> int:
-    """Store files that are new or have changed; returns how many.
+    """Store new and changed files; return how many.
 
-    The cache comes last: what it claims is in the bucket then.
+    The cache comes last, so that what it claims is in the bucket.
     """
     grouped: dict[str, list[str]] = {}
     for path in new:
@@ -95,9 +95,9 @@ def _store_changes(bucket: Bucket, campaign: Path, new: Iterable[str], there: It
 
 
 def add_to_run(bucket: Bucket, campaign: Path, run: str, paths: Iterable[str]) -> int:
-    """Store new files of a run beside the others; none when the run was repeated meanwhile.
+    """Store new files of a run beside the others; none if the run was repeated meanwhile.
 
-    Who has the run fetches it again, since its record is a new one.
+    Its record is replaced, so that a later download fetches it again.
     """
     record, etag = bucket.seen(run)
     if record is None or record != read_run_record(campaign / run):
@@ -116,7 +116,7 @@ def add_to_run(bucket: Bucket, campaign: Path, run: str, paths: Iterable[str]) -
 
 
 def _files_of(bucket: Bucket, run: str, record: RunRecord) -> Iterator[StoredFile]:
-    """What belongs to a run; one that an older version stored has its files beside its record."""
+    """The files of a run; if an older version stored it, they are beside its record."""
     if record.files is not None:
         yield from listed_files(bucket.store, bucket.name, run, record.files)
         return
@@ -131,8 +131,8 @@ def _refuse_failures(failures: Iterable[Failure]) -> None:
     """Raise one error for all failures.
 
     Raises:
-        StorageError: the pod's disk is at fault.
-        InputError: the document is, or a command.
+        StorageError: the cause is the pod's disk.
+        InputError: the cause is the document, or a command.
     """
     listed = list(failures)
     if any(failure.code is ExitCode.STORAGE for failure in listed):
@@ -142,7 +142,7 @@ def _refuse_failures(failures: Iterable[Failure]) -> None:
 
 
 def describe(failures: Iterable[Failure]) -> str:
-    """What failed where and why; what failed for one reason is told once."""
+    """Describe what failed, where and why; each reason is named once."""
     reasons: dict[str, list[Failure]] = {}
     for failure in failures:
         reasons.setdefault(failure.message, []).append(failure)
@@ -163,7 +163,7 @@ def _sentence(reason: str, alike: Iterable[Failure]) -> str:
 
 
 class _Log:
-    """Tells the pod's log what happens; what goes wrong for one reason, once."""
+    """Writes the progress to the pod's log; failures of one reason are written once."""
 
     def __init__(self) -> None:
         self._reasons: set[str] = set()

@@ -1,4 +1,4 @@
-"""Storing runs that are over, and the jobs that executed them, in the bucket."""
+"""Stores finished runs, and the jobs that executed them, in the bucket."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from robovast.campaign.verdict import Verdict
 from robovast.model.plan import Job
 
 RUNTIME = "kubernetes"
-"""As run.json names it."""
+"""Name of this runtime in run.json."""
 
 SNAPSHOT_INTERVAL = 30.0
-"""How often, at most, the logs of a job that goes on are stored, lest a lost pod takes them [s]."""
+"""Shortest time between two snapshots of a running job's logs, for the case of a lost pod [s]."""
 
 SMALL = 16 * 2**20
-"""Files of a job that goes on are stored up to this size [byte]."""
+"""Largest file of a running job that is stored in a snapshot [byte]."""
 
 MISSING = "missing.json"
-"""File of a job's folder that says what of it is not stored."""
+"""File in a job's folder that lists what could not be stored."""
 
 
 class Results:
-    """Stores what one pod leaves; every method may be called again after a failure.
+    """Stores the results of one pod; every method may be called again after a failure.
 
     Every method raises `StorageError` when the server refuses, or is gone for too long.
     """
@@ -60,10 +60,10 @@ class Results:
         self._next_snapshot = 0.0
 
     def store_run(self, ended: EndedRun) -> Verdict:
-        """Store a run that is over, and remove its folder.
+        """Store a finished run, and remove its folder.
 
         Returns:
-            The verdict that is stored: that of another pod, when it was there before.
+            The stored verdict: that of another pod, if it stored the run before.
         """
         set_own_names_aside(ended.folder)
         verdict = self._settled(ended)
@@ -73,7 +73,7 @@ class Results:
         return verdict
 
     def _settled(self, ended: EndedRun) -> Verdict | None:
-        """The verdict that is stored; None when another writer has come in between."""
+        """The stored verdict; None if another writer came in between."""
         run = ended.run.path
         earlier, etag = self._bucket.seen(run)
         if earlier is not None and earlier.attempt >= self._pack.attempt:
@@ -104,7 +104,7 @@ class Results:
         return make_record(ended, circumstances)
 
     def store_job(self, job: Job, folder: Path) -> None:
-        """Store what a job that is over left beside its runs, and remove its folder."""
+        """Store what a finished job left beside its runs, and remove its folder."""
         prefix = f"{JOBS}/{self._name(job)}/"
         there = Keys(item.key for item in self._bucket.store.objects(self._bucket.name, prefix))
 
@@ -118,7 +118,7 @@ class Results:
         _remove(folder)
 
     def store_snapshot(self, job: Job, folder: Path) -> None:
-        """Store the small files of a job that goes on, now and then."""
+        """Store the small files of a running job periodically."""
         if time.monotonic() < self._next_snapshot:
             return
         prefix = f"{JOBS}/{self._name(job)}/"
@@ -141,6 +141,6 @@ class Results:
 
 
 def _remove(folder: Path) -> None:
-    """Make room; what cannot be removed goes with the pod."""
+    """Remove a folder to free space; what cannot be removed goes with the pod."""
     with suppress(OSError):
         safe_paths.remove(folder, folder.parent)

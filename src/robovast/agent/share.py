@@ -1,4 +1,4 @@
-"""`share`: pack a campaign's results, straight from the bucket, and upload them to a share."""
+"""`share`: packs a campaign's results straight from the bucket, and uploads them to a share."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from robovast.storage.s3 import ObjectStore
 from robovast.storage.shares.campaigns import SHARE_TYPE, SUFFIX, Share, load_provider
 
 PAUSE = 5.0
-"""Least time between two lines on progress [s]."""
+"""Shortest time between two progress lines [s]."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ class Request:
 
 
 def share(folders: Folders, request: Request) -> AgentExit:
-    """Upload a campaign as `<campaign>.tar.gz`, in place of one that is on the share.
+    """Upload a campaign as `<campaign>.tar.gz`, replacing one on the share.
 
-    Whether the share can be used is asked before anything is packed.
+    Access to the share is checked before anything is packed.
 
     Raises:
         InputError: the share refuses, or is not described as it must be.
@@ -86,7 +86,7 @@ def _pack(folders: Folders, request: Request, archive: Path) -> None:
 
 @contextmanager
 def _final_refusals() -> Iterator[None]:
-    """What a server refuses for good is a mistake in the share's description, or in the share."""
+    """Turn a permanent refusal into an InputError: the share or its description is wrong."""
     try:
         yield
     except HttpError as error:
@@ -96,7 +96,7 @@ def _final_refusals() -> Iterator[None]:
 
 
 class Progress:
-    """Tells the pod's log how far something is; a progress callback.
+    """A progress callback that writes to the pod's log.
 
     Args:
         word: what has happened to the bytes that are done.
@@ -110,7 +110,7 @@ class Progress:
         self._line = ""
 
     def __call__(self, done: int, total: int) -> None:
-        """So many bytes are done, of how many."""
+        """Report the bytes that are done, and the total."""
         now = self._clock()
         if done < total and now - self._told < PAUSE:
             return

@@ -1,4 +1,4 @@
-"""What Kubernetes says of pods, in the records of the runs that they executed."""
+"""Adds what Kubernetes says about pods to the records of their runs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robovast.kubeapi.pod_contract.sightings import Sightings
 
 
 def read_sightings(folder: Path) -> Sightings:
-    """What was seen of pods, as it is mounted; nothing where nothing is."""
+    """Read the mounted sightings of pods; empty if there are none."""
     files = (path for path in sorted(folder.glob("*")) if path.is_file())
     return Sightings.together(Sightings.load(path.read_bytes()) for path in files)
 
@@ -20,7 +20,7 @@ def read_sightings(folder: Path) -> Sightings:
 def completed(
     bucket: Bucket, run: str, sightings: Sightings
 ) -> tuple[RunRecord | None, str | None]:
-    """The record of a run and its ETag, with what its pod could not know.
+    """The record of a run, completed by its pod's sighting, and its ETag.
 
     Raises:
         StorageError: the bucket cannot be read or written.
@@ -35,7 +35,7 @@ def completed(
 
 
 def with_sightings(record: RunRecord, sightings: Sightings) -> RunRecord:
-    """A record with what was seen of the very pod that executed the run."""
+    """Complete a record by the sighting of the very pod that executed the run."""
     image = record.image_digest or sightings.images.get(record.pod, "")
     reason = record.reason
     if record.pod in sightings.out_of_memory:

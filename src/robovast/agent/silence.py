@@ -1,4 +1,4 @@
-"""Noticing that a run writes nothing: it may hang, and without a timeout nobody ends it."""
+"""Notices runs that write nothing: they may hang, and without a timeout nothing ends them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 SILENT = "silent"
-"""A file in the pod's own volume, for the pod's probe; it is there while a run is silent."""
+"""A file in the pod's own volume, for the pod's probe; it exists while a run is silent."""
 
 
 LOOK_SECONDS = 5.0
@@ -20,8 +20,8 @@ class Silence:
         """Begin.
 
         Args:
-            marker: the file that tells.
-            seconds: how long a job may write nothing; 0 is for ever.
+            marker: the file that exists while the job is silent.
+            seconds: how long a job may write nothing; 0: for ever.
         """
         self._marker = marker
         self._seconds = seconds
@@ -30,7 +30,7 @@ class Silence:
         self._told = False
 
     def look(self, log: Callable[[], Path]) -> None:
-        """Look, now and then, at the log of the job that goes on."""
+        """Check the log of the running job periodically."""
         now = time.monotonic()
         if not self._seconds or now < self._next:
             return
@@ -41,7 +41,7 @@ class Silence:
         self._tell(now - self._since > self._seconds)
 
     def end(self) -> None:
-        """The job is over."""
+        """Stop watching: the job has ended."""
         self._size = -1
         self._tell(False)
 

@@ -1,4 +1,4 @@
-"""Getting the files that belong to a document, from any kind of source."""
+"""Fetches the files that belong to a document, from any kind of source."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def copy_inputs(plan: CampaignPlan, folders: Folders, store: ObjectStore, target
 def _copy_mounted(source: Path, target: Path) -> None:
     """Copy a mounted ConfigMap without the links that it is made of.
 
-    It knows no modes: what begins with `#!` can be executed.
+    A ConfigMap has no file modes: files that begin with `#!` become executable.
     """
     for folder, subfolders, names in os.walk(source, followlinks=True):
         subfolders[:] = [name for name in subfolders if not name.startswith("..")]
@@ -128,7 +128,7 @@ def _resolve_links(folder: Path, checkout: Path) -> None:
 
 
 def _refuse_links_out(folder: Path) -> None:
-    """See that no link leads to what is not the document's, as to our credentials."""
+    """Refuse links that lead out of the document's folder, such as to our credentials."""
     for link in _links(folder):
         if _leads_out(link, folder):
             raise _refused(link.relative_to(folder))

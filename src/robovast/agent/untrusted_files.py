@@ -1,6 +1,6 @@
-"""Storing folders that somebody else wrote: no link is followed, nothing but files is read.
+"""Stores folders that somebody else wrote: follows no link, and reads only regular files.
 
-What cannot be read is told, file by file, and keeps nothing else from being stored.
+Files that cannot be read are reported one by one, and do not hinder the others.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ T = TypeVar("T")
 SIDE_BY_SIDE = 8
 """How many files are stored at once, and how many connections that takes."""
 DEEPEST = 200
-"""Levels of folders that are looked into; each takes an open file."""
+"""Most levels of folders that are read; each takes an open file."""
 MOST_HOLES = 2**30
-"""Of a file, what was never written to it [byte]."""
+"""Largest size of a file's holes, which were never written [byte]."""
 LINK = "it is a link, which is not followed"
 """Why a link is not stored."""
 
@@ -40,7 +40,7 @@ def open_files(root: Path) -> Iterator[tuple[str, BinaryIO | OSError]]:
     """Path relative to `root` of everything below it that is no folder, and its content.
 
     In place of content that cannot be had, and of links, sockets and the like, there is an error.
-    What its owner alone may read, or nobody, is read nonetheless when it is ours.
+    Files of our own user are read whatever their mode.
     """
     parent = os.open(root.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
@@ -89,7 +89,7 @@ def _found(
 
 
 def _opened(folder: int, name: str, levels: int) -> BinaryIO | int:
-    """A file, or the descriptor of a folder."""
+    """Open a file, or a folder as a descriptor."""
     kind = os.stat(name, dir_fd=folder, follow_symlinks=False).st_mode
     if stat.S_ISDIR(kind):
         if not levels:
@@ -114,7 +114,7 @@ def _refuse_others(kind: int) -> None:
 
 
 def _refuse_holes(file: BinaryIO) -> None:
-    """Refuse what would fill the storage, and take hours, though the disk has little of it."""
+    """Refuse sparse files, which take little of the disk but would fill the storage."""
     if has_holes(file):
         size = os.fstat(file.fileno()).st_size
         holes = size - sum(end - begin for begin, end in extents(file))
@@ -131,7 +131,7 @@ def _open(folder: int, name: str, flags: int) -> int:
 
 
 def _make_readable(folder: int, name: str) -> None:
-    """Let the owner read; its mode may be all that keeps us out."""
+    """Make a file readable for its owner, since only its mode may prevent reading."""
     handle = os.open(name, os.O_PATH | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
     try:
         os.chmod(f"/proc/self/fd/{handle}", os.fstat(handle).st_mode & 0o777 | 0o500)
@@ -140,7 +140,7 @@ def _make_readable(folder: int, name: str) -> None:
 
 
 def store_files(root: Path, store: Callable[[str, int, BinaryIO], T]) -> tuple[list[T], Missing]:
-    """Do something with every file below a folder, some at a time.
+    """Apply a function to every file below a folder, some at a time.
 
     Args:
         root: the folder; nothing happens when it does not exist.
@@ -182,7 +182,7 @@ def store_own_tree(
 ) -> set[str]:
     """Store every file below a folder that RoboVAST wrote under its path; returns the keys.
 
-    Every file of it is needed, but no link.
+    Every file must be readable; links are refused.
 
     Args:
         bucket: the campaign's.
@@ -212,7 +212,7 @@ def store_own_tree(
 
 
 class _Crowd:
-    """Threads that never have more to do than they can do at once."""
+    """A pool of threads with a bounded queue."""
 
     def __init__(self) -> None:
         self._pool = ThreadPoolExecutor(SIDE_BY_SIDE)
@@ -228,7 +228,7 @@ class _Crowd:
             raise self._failures[0]
 
     def do(self, action: Callable[[], None], file: BinaryIO) -> None:
-        """Do something with a file soon; raises what an earlier action raised."""
+        """Schedule an action on a file; raise the exception of an earlier one."""
         self._free.acquire()
         if self._failures:
             file.close()

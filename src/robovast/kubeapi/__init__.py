@@ -1,1 +1,1 @@
-"""What operator, agent and command line agree on: custom resources, status, names, pods."""
+"""The interface of operator, agent and command line: custom resources, status, names, pods."""

@@ -35,7 +35,7 @@ class _Model(BaseModel):
 
 
 class Named(_Model):
-    """Which campaign it is."""
+    """The campaign that a notice is about."""
 
     namespace: str
     name: str
@@ -51,9 +51,9 @@ class Notice(_Model):
     """One thing that happened to a campaign."""
 
     version: Literal[1] = 1
-    """Of this form; another one when a key changes its meaning or goes."""
+    """Version of this format; it changes when a key changes its meaning or is removed."""
     id: str
-    """The same however often it is sent: who has seen it has seen this."""
+    """Identifies the notice; it stays the same when the notice is sent again."""
     event: Event
     time: str
     """When it was noticed (ISO 8601, UTC)."""
@@ -66,9 +66,9 @@ class Notice(_Model):
     seconds: float | None = None
     """How long the campaign has taken so far [s]."""
     reason: str = ""
-    """Why, in one word."""
+    """CamelCase reason."""
     message: str = ""
-    """Why, and what helps."""
+    """The cause, and the remedy."""
 
     @property
     def title(self) -> str:
@@ -86,7 +86,7 @@ class Notice(_Model):
 
     @property
     def text(self) -> str:
-        """What happened, and what can be done, in at most 3500 bytes."""
+        """What happened, and the remedy, in at most 3500 bytes."""
         campaign = f"-n {self.campaign.namespace} -i {self.campaign.name}"
         over = self.event in {"Finished", "GivenUp"}
         then = f"vast results download {campaign}" if over else "vast exec cluster monitor"
@@ -113,7 +113,7 @@ class Notice(_Model):
 
 
 class Order(_Model):
-    """What a notification Job is to send, and to whom: its pod N tells the N-th receiver."""
+    """The notice and receivers of a Job; its pod N sends to the N-th receiver."""
 
     notice: Notice
     receivers: list[Notification]
@@ -129,7 +129,7 @@ def _duration(seconds: float) -> str:
 
 
 def _cut(text: str, limit: int) -> str:
-    """A text of so many bytes in UTF-8 at most."""
+    """Cut a text to a number of bytes in UTF-8."""
     if len(text.encode()) <= limit:
         return text
     return text.encode()[: limit - 3].decode(errors="ignore") + "…"

@@ -53,7 +53,7 @@ def may_be_named(name: str, allowed: Container[str]) -> bool:
 
 
 def refusal(spec: BaseModel, allowed: Container[str]) -> str:
-    """What is said of a spec that names Secrets which it may not name; nothing of another.
+    """The refusal of a spec that names forbidden Secrets; empty if it names none.
 
     Args:
         spec: of a Campaign, or a part of one.
@@ -64,7 +64,7 @@ def refusal(spec: BaseModel, allowed: Container[str]) -> str:
 
 
 def _foreign(spec: BaseModel, allowed: Container[str]) -> Iterator[tuple[str, str]]:
-    """Where a spec names a Secret that it may not name, and which."""
+    """The places and names of forbidden Secrets in a spec."""
     for name, field in type(spec).model_fields.items():
         value, place = getattr(spec, name), field.alias or name
         named = value is not None and MADE_FOR_CAMPAIGNS in _marks(field)
@@ -75,14 +75,14 @@ def _foreign(spec: BaseModel, allowed: Container[str]) -> Iterator[tuple[str, st
 
 
 def _marks(field: FieldInfo) -> Iterator[object]:
-    """What the annotation of a field says beside its type; `… | None` keeps it inside."""
+    """The metadata of a field's annotation; `… | None` keeps it inside."""
     yield from field.metadata
     for alternative in get_args(field.annotation):
         yield from getattr(alternative, "__metadata__", ())
 
 
 def _parts(value: object) -> Iterator[tuple[str, BaseModel]]:
-    """The models in a field's value, with what names their place in it."""
+    """The models in a field's value, with their places."""
     if isinstance(value, BaseModel):
         yield "", value
     elif isinstance(value, Sequence):

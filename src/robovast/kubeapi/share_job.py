@@ -1,4 +1,4 @@
-"""The Job that brings a campaign to a share, and the Secret that describes the share to it."""
+"""The Job that uploads a campaign to a share, and the Secret that describes the share."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ Object = dict[str, Any]
 
 ROLE = "share"
 PROVIDER_FILE = "provider.py"
-"""Where a provider that is a file stands among the variables."""
+"""Name of the variable with a provider's file."""
 RETRIES = 3
 KEEP = 3600
-"""For how long the Job stays after its end, with its pods, their logs and the Secret [s]."""
+"""How long the Job stays after its end, with its pods, their logs and the Secret [s]."""
 GRACE_SECONDS = 5
-"""Nothing is kept of an upload that is told to end."""
+"""No grace period: nothing of an interrupted upload is kept."""
 
 _VARIABLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 @dataclass(frozen=True)
 class Upload:
-    """Results that shall be uploaded, and by what."""
+    """The results to upload, and the means."""
 
     campaign: str
     """Name of the results folder."""
@@ -72,7 +72,7 @@ class Upload:
 
 
 def share_variables(kind: str, provider: BaseShareProvider, folder: Path) -> dict[str, str]:
-    """What a provider needs in a pod: variables, and its own file when it is one.
+    """Variables of a provider in a pod, and its own file if it is one.
 
     Args:
         kind: value of `ROBOVAST_SHARE_TYPE`.
@@ -124,7 +124,7 @@ def share_job(upload: Upload, secret: str) -> Object:
 
 
 def share_secret(job: Mapping[str, Any], name: str, variables: Mapping[str, str]) -> Object:
-    """The Secret that describes a share to a Job; it goes when the Job does."""
+    """The Secret that describes a share to a Job, and is deleted with the Job."""
     return {
         "apiVersion": "v1",
         "kind": "Secret",
@@ -135,7 +135,7 @@ def share_secret(job: Mapping[str, Any], name: str, variables: Mapping[str, str]
 
 
 def agent_image(jobs: Iterable[Mapping[str, Any]]) -> str | None:
-    """Our own image, as the operator's Jobs name it; None when none does."""
+    """Our own image, as the operator's Deployment names it; None if none does."""
     pods = (job["spec"]["template"]["spec"] for job in jobs)
     for pod in pods:
         for container in [*pod["containers"], *(pod.get("initContainers") or ())]:

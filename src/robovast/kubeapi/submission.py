@@ -1,4 +1,4 @@
-"""From a .vast document and the files beside it to a Campaign, as `kubectl apply` takes it."""
+"""Builds a Campaign from a .vast document and the files beside it, as `kubectl apply` takes it."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ LONGEST_STEM = 90
 """Most characters of the document's file name, without its ending."""
 
 _MARK = "bcdfghjklmnpqrstvwxz2456789"
-"""Characters of a mark: none that makes a word, none that looks like another."""
+"""Characters of a random mark: none that forms words, none that looks like another."""
 
 
 @dataclass(frozen=True)
 class SubmitOptions:
-    """What a user says about a campaign beside its document."""
+    """The user's options for a campaign, beside its document."""
 
     select: str | None = None
     """Name or glob of the configurations to run; all when None."""
@@ -65,7 +65,7 @@ class SubmitOptions:
 
 @dataclass(frozen=True)
 class InputFile:
-    """A file that goes to the cluster."""
+    """A file that is sent to the cluster."""
 
     content: bytes
     executable: bool = False
@@ -80,12 +80,12 @@ class InputFile:
 
     @property
     def inline_size(self) -> int:
-        """How much of a Campaign it takes, at least [byte]."""
+        """Its least size in a Campaign [byte]."""
         return len(self.content) if self.text is not None else len(self.content) * 4 // 3
 
     @property
     def loses_its_mode(self) -> bool:
-        """True when nobody can tell in a Campaign that it is a program: it begins with no `#!`."""
+        """True if it is executable without a `#!`, so that a Campaign loses its mode."""
         return self.executable and not self.content.startswith(b"#!")
 
 
@@ -108,7 +108,7 @@ class Archive:
 
 @dataclass(frozen=True)
 class Submission:
-    """A Campaign, and what must be in S3 before it is created."""
+    """A Campaign, and the archive that must be in S3 before it is created."""
 
     campaign: dict[str, Any]
     archive: Archive | None = None
@@ -123,7 +123,7 @@ def prepare_submission(
 
     Args:
         document: the checked document.
-        options: what counts beside it.
+        options: the user's options.
         name: of the Campaign.
         namespace: of the Campaign; left open when None.
 
@@ -148,11 +148,11 @@ def prepare_submission(
 
 
 def campaign_name(document: Document, *, unique: bool) -> str:
-    """A name for the Campaign of a document, as Kubernetes wants names.
+    """A valid Kubernetes name for the Campaign of a document.
 
     Args:
         document: the document.
-        unique: end it with a random mark, so that the document can be executed again and again.
+        unique: append a random mark, so that the document can be executed repeatedly.
     """
     words = "".join(c if c.isascii() and c.isalnum() else "-" for c in document.vast.campaign_name)
     name = "-".join(filter(None, words.lower().split("-"))) or "campaign"
@@ -203,7 +203,7 @@ def _check_context(document: Document, context: str | None) -> None:
 
 
 def _amounts(document: Document) -> Iterator[tuple[str, Any]]:
-    """What containers ask for, each with its key."""
+    """The resource amounts of containers, each with its key."""
     execution = document.vast.execution
     asked = {"execution.resources": execution.resources}
     asked |= {f"resources of {c.name}": c.resources for c in execution.secondary_containers}
@@ -212,7 +212,7 @@ def _amounts(document: Document) -> Iterator[tuple[str, Any]]:
 
 
 def _input_files(document: Document, select: str | None) -> dict[str, InputFile]:
-    """The document, and what it needs beside it; which files variations read shows in their use."""
+    """The document and its files; those that variations read are found by expanding."""
     with TemporaryDirectory(prefix="robovast-") as scratch:
         composition = compose(document, Path(scratch), containers=refuse_containers)
     select_any(composition.variants, [select] if select else [])

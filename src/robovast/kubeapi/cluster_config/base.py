@@ -1,4 +1,4 @@
-"""`BaseConfig`: what a kind of cluster can say about itself."""
+"""`BaseConfig`: the properties of a kind of cluster."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class BaseConfig:
     OPTIONS: ClassVar[Mapping[str, Option] | None] = None
     """Options by name; None takes any."""
     NOTES: ClassVar[str] = ""
-    """What whoever sets it up must know, in Markdown."""
+    """Notes for whoever sets it up, in Markdown."""
 
     @cached_property
     def options(self) -> dict[str, str]:
@@ -93,7 +93,7 @@ class BaseConfig:
     def verify_cluster_ready(
         self, k8s_client: Any = None, namespace: str = "default", kube_context: str | None = None
     ) -> None:
-        """Raise what is not as it must be after the setup; Helm has waited for the chart's pods."""
+        """Raise an error if the setup is not ready; Helm has waited for the chart's pods."""
 
     def uses_embedded_s3(self) -> bool:
         """Whether the chart brings the S3 server."""

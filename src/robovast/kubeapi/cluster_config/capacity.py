@@ -1,4 +1,4 @@
-"""What a cluster has left for campaigns."""
+"""Determines the resources that a cluster has left for campaigns."""
 
 from __future__ import annotations
 

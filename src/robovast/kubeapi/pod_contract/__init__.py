@@ -1,1 +1,1 @@
-"""The protocol of a campaign's pods: folders, exit codes, last words, and how a pod is made."""
+"""The protocol of a campaign's pods: folders, exit codes, termination messages, pod specs."""

@@ -14,11 +14,11 @@ class AgentExit(IntEnum):
     """Exit codes (docs/agent.md)."""
 
     PASSED = 0
-    """All is done; every run of the pod passed."""
+    """Everything is done, and every run of the pod passed."""
     FAILED = 10
-    """All is stored; some runs failed, none errored."""
+    """Everything is stored; some runs failed, none errored."""
     ERRORED = 11
-    """All is stored; some runs errored."""
+    """Everything is stored; some runs errored."""
     BAD_PLAN = 64
     """The plan is none of this version: trying again is useless."""
     BAD_DOCUMENT = 65
@@ -34,15 +34,15 @@ class AgentExit(IntEnum):
 
 
 USELESS = (AgentExit.BAD_PLAN, AgentExit.BAD_DOCUMENT, AgentExit.OTHER_OWNER, AgentExit.REFUSED)
-"""What another pod would end with, too."""
+"""Codes with which another pod would end, too."""
 
 
 class PlanError(RobovastError):
-    """The plan is not what this version understands, or does not hold what is asked for."""
+    """The plan has another version, or lacks what is asked for."""
 
 
 def exit_code_of_error(error: Exception) -> AgentExit:
-    """The exit code for what a command raised."""
+    """The exit code for a command's exception."""
     if isinstance(error, PlanError):
         return AgentExit.BAD_PLAN
     if isinstance(error, InputError | CannotRunError):

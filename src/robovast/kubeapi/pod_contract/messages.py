@@ -1,7 +1,7 @@
-"""Termination messages: what the operator reads of a container that has ended.
+"""Termination messages, which the operator reads when a container has ended.
 
-Each is written and read by its class here. Anybody may have written what is read: what makes no
-sense is as good as not said.
+Each is written and read by its class here. Anybody may have written one: an invalid
+message counts as none.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Count = Annotated[int, Field(ge=0, lt=2**31)]
 
 
 class Message(BaseModel):
-    """What a container says when it ends."""
+    """The termination message of a container."""
 
     model_config = ConfigDict(
         alias_generator=to_camel,
@@ -42,7 +42,7 @@ class Message(BaseModel):
 
     @classmethod
     def read(cls, said: str) -> Self | None:
-        """The message that a text is; None when it is none."""
+        """Parse a message; return None if the text is none."""
         try:
             return cls.model_validate_json(said)
         except ValidationError:
@@ -50,23 +50,23 @@ class Message(BaseModel):
 
     @property
     def text(self) -> str:
-        """The text that Kubernetes keeps."""
+        """The text, within Kubernetes' limit."""
         return json.dumps(self.model_dump(by_alias=True, exclude_none=True))
 
     def write(self, path: Path) -> None:
-        """Leave it, when the container has a termination message: Kubernetes makes the file."""
+        """Write the message if Kubernetes has created the container's file for it."""
         if path.exists():
             _rewrite(path, self.text)
 
 
 class Verdicts(Message):
-    """Of `agent`: ids of the pod's runs that are stored; the counts are always exact."""
+    """Message of `agent`: ids of the pod's stored runs; the counts are always exact."""
 
     passed: str
     failed: str
     errored: str
     counts: tuple[Count, Count, Count] | None = None
-    """Older agents do not count."""
+    """Counts of runs; older agents do not write them."""
     truncated: bool | None = None
     """Whether there was no room for some ids."""
 
@@ -87,7 +87,7 @@ class Verdicts(Message):
 
 
 class Composed(Message):
-    """Of `compose`."""
+    """Message of `compose`."""
 
     counts: tuple[Count, ...] = Field(min_length=1)
     """Variants of each entry, in the document's order."""
@@ -96,20 +96,20 @@ class Composed(Message):
     digest: str | None = None
     """`CampaignPlan.composed`; older Jobs have none."""
     error: str | None = None
-    """Why nothing of that counts."""
+    """The cause of a failure; the other fields are invalid then."""
 
 
 class Repeat(BaseModel):
-    """Where the ids of all bad runs are, to execute them once more."""
+    """The list of all bad runs, for repeating them."""
 
     list: str
-    """Name in the bucket."""
+    """Name of the list in the bucket."""
     sizes: str
-    """Of the groups in which pods execute them."""
+    """Sizes of the groups in which pods repeat them."""
 
 
 class Summary(Message):
-    """Of `finish`: the numbers of a campaign, and some ids of its bad runs."""
+    """Message of `finish`: the counts of a campaign, and some ids of its bad runs."""
 
     total: Count
     passed: Count
@@ -125,7 +125,7 @@ class Summary(Message):
     repeat: Repeat | None = None
 
     def fitting(self) -> Self:
-        """The same as Kubernetes keeps it whole: what is for people alone makes room."""
+        """The same within Kubernetes' limit: texts that are only for people are cut."""
         fits = self
         for name, nothing in (("failing", ()), ("errored_runs", ""), ("failed_runs", "")):
             if len(fits.text) <= LIMIT:
@@ -135,17 +135,17 @@ class Summary(Message):
 
 
 class Processed(Message):
-    """Of `process`."""
+    """Message of `process`."""
 
     runs: int
     worked: int
-    """Runs that something was done for."""
+    """Runs that were processed."""
     stored: int
     """Files that are new in the bucket."""
 
 
 class Shared(Message):
-    """Of `share`."""
+    """Message of `share`."""
 
     archive: str
     size: int
@@ -158,7 +158,7 @@ def id_ranges(ids: Collection[int], limit: int) -> tuple[str, bool]:
 
 
 def write_error(path: Path, error: str, *, as_json: bool) -> None:
-    """Leave what went wrong as termination message.
+    """Write an error into the termination message.
 
     Args:
         path: of the message.
@@ -173,14 +173,14 @@ def write_error(path: Path, error: str, *, as_json: bool) -> None:
 
 
 def _rewrite(path: Path, text: str) -> None:
-    """Replace what a file says without giving its room away first: the disk may be full."""
+    """Overwrite a file in place, without freeing its space first: the disk may be full."""
     with path.open("r+b") as file:
         file.write(text.encode())
         file.truncate()
 
 
 def error_in(said: str) -> str:
-    """What a container says is wrong: the key of its message, or all of a text that is no JSON."""
+    """The error in a termination message: the key `error`, or the whole text if it is no JSON."""
     try:
         return str(json.loads(said)["error"])
     except (ValueError, KeyError, TypeError, RecursionError):
@@ -188,7 +188,7 @@ def error_in(said: str) -> str:
 
 
 def _shortened(text: str, limit: int) -> str:
-    """A text that takes no more than so many bytes in JSON."""
+    """Shorten a text to a number of bytes in JSON."""
     while len(json.dumps(text)) > limit:
         text = text[: len(text) * 3 // 4] + "…"
     return text

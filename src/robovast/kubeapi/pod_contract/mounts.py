@@ -27,17 +27,17 @@ class Mount(StrEnum):
 
     @property
     def path(self) -> str:
-        """Where our containers see it."""
+        """Its path in our containers."""
         return f"/robovast/{self}"
 
     @property
     def mount(self) -> Object:
-        """How our containers mount it: they write to the pod's own volume alone."""
+        """The mount in our containers, read-only except for the pod's own volume."""
         read_only = {} if self is Mount.WORK else {"readOnly": True}
         return {"name": str(self), "mountPath": self.path, **read_only}
 
     def secret(self, name: str) -> Object:
-        """The volume with a Secret, which our user may read and others may not."""
+        """The volume with a Secret, readable for our user only."""
         return {"name": str(self), "secret": {"secretName": name, "defaultMode": SECRET_MODE}}
 
 

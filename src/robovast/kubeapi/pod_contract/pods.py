@@ -1,4 +1,4 @@
-"""How every pod of ours is made: what it may do, what it may use, and what its end means."""
+"""Builds the common part of all our pods: permissions, resources, and the meaning of exit codes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robovast.kubeapi.resources import Scheduling
 AGENT = ("python", "-m", "robovast.agent")
 
 OWN_USER = 1000
-"""Of our own containers where no run's files are at hand."""
+"""User id of our own containers in pods without a run's files."""
 
 BESIDE_RUNS: Object = {
     "requests": {"cpu": "10m", "memory": "64Mi"},
@@ -26,19 +26,19 @@ WHOLE_CAMPAIGN: Object = {
     "requests": {"cpu": "100m", "memory": "256Mi"},
     "limits": {"memory": "2Gi"},
 }
-"""Of our own containers that work on a whole campaign."""
+"""Resources of our own containers that work on a whole campaign."""
 
 
 def confined_pod(
     user: int, grace: int, scheduling: Scheduling, node_labels: Mapping[str, str] | None = None
 ) -> Object:
-    """A pod without a token, on the nodes that it may be on.
+    """A pod spec without a service account token, restricted to allowed nodes.
 
     Args:
         user: number of the user whose files are on its volumes.
-        grace: how long it may take to end when it is told to [s].
-        scheduling: what the author of its campaign asks for.
-        node_labels: of the nodes that it may be on, beside what `scheduling` says.
+        grace: time to end after a request [s].
+        scheduling: scheduling of the campaign's spec.
+        node_labels: labels of the allowed nodes, beside those of `scheduling`.
     """
     spec: Object = {
         "restartPolicy": "Never",
@@ -72,9 +72,9 @@ def own_container(
         image: our own.
         name: of the container.
         arguments: of the agent, its command first.
-        mounts: what it sees beside the pod's own volume.
-        resources: what it asks for, and may use.
-        variables: of its environment.
+        mounts: mounts beside the pod's own volume.
+        resources: requests and limits.
+        variables: environment variables.
     """
     folders = [{"name": folder, "value": Mount.WORK.path} for folder in ("HOME", "TMPDIR")]
     return {
@@ -90,14 +90,14 @@ def own_container(
 
 
 def confined(restricted: bool = True) -> Object:
-    """What a container may not do, unless an administrator leaves it everything."""
+    """The security context of a container, unless an administrator allows everything."""
     if not restricted:
         return {}
     return {"allowPrivilegeEscalation": False, "capabilities": {"drop": ["ALL"]}}
 
 
 def failure_policy(*rules: Object) -> Object:
-    """Of a Job: what ends of its pods mean; one that was disrupted costs no try."""
+    """The pod failure policy of a Job; a disrupted pod costs no retry."""
     disrupted = {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]}
     return {
         "podReplacementPolicy": "Failed",
@@ -106,7 +106,7 @@ def failure_policy(*rules: Object) -> Object:
 
 
 def on_exit(action: str, container: str, codes: Iterable[int]) -> Object:
-    """A rule of such a policy: what follows from a container's exit codes."""
+    """A rule of such a policy for a container's exit codes."""
     return {
         "action": action,
         "onExitCodes": {

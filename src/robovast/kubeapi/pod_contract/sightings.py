@@ -18,7 +18,7 @@ FILE = "pods.json"
 
 
 class _Data(BaseModel):
-    """As they are written: names of pods without what all begin with, which is most of them."""
+    """The serialized form: names of pods without their long common prefix."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -29,10 +29,10 @@ class _Data(BaseModel):
 
 @dataclass(frozen=True)
 class Sightings:
-    """What was seen of pods, by their names; nothing is known of others."""
+    """Facts about pods, by their names; nothing is known about other pods."""
 
     images: Mapping[str, str] = field(default_factory=dict)
-    """What tells the image of a pod's runs from others of its name."""
+    """Digest of the image of a pod's runs."""
     out_of_memory: frozenset[str] = frozenset()
     """Pods whose run's container was killed because it needed more memory than its limit."""
 
@@ -42,7 +42,7 @@ class Sightings:
 
     @classmethod
     def together(cls, parts: Iterable[Sightings]) -> Sightings:
-        """Several as one."""
+        """Merge several into one."""
         images: dict[str, str] = {}
         out_of_memory: set[str] = set()
         for part in parts:
@@ -51,7 +51,7 @@ class Sightings:
         return cls(images, frozenset(out_of_memory))
 
     def dump(self) -> str:
-        """The text that says it."""
+        """Serialize to text."""
         pods = sorted({*self.images, *self.out_of_memory})
         alike = takewhile(lambda pair: pair[0] == pair[1], zip(pods[0], pods[-1], strict=False))
         prefix = "".join(letter for letter, _ in alike)
@@ -64,7 +64,7 @@ class Sightings:
 
     @classmethod
     def load(cls, text: str | bytes) -> Sightings:
-        """What such a text says; nothing when it is none."""
+        """Parse the text; empty if it is invalid."""
         try:
             told = _Data.model_validate_json(text)
         except ValidationError:
