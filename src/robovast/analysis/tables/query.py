@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -16,14 +17,19 @@ from robovast.analysis.tables.columnar import (
     import_duckdb,
     runs_query,
 )
-from robovast.analysis.tables.query_errors import explained
+from robovast.analysis.tables.query_errors import ONLY_READS, explained
 from robovast.analysis.tables.staging import Types, literal, quoted, tables_of
 from robovast.base.errors import InputError, StorageError
 from robovast.campaign.layout import COLUMNAR_TABLES
 
 if TYPE_CHECKING:
-    from duckdb import DuckDBPyConnection
+    from duckdb import DuckDBPyConnection, Statement
 
+_READ = {"SELECT", "MULTI"}
+"""Kinds of statements that read: DESCRIBE, SUMMARIZE and SHOW are SELECT, too; PIVOT is MULTI."""
+_MAKES = re.compile(r"create\b", re.IGNORECASE)
+"""A table from a PIVOT."""
+_EXPLAIN = re.compile(r"explain\b\s*(analyze\b)?\s*(\([^)]*\))?", re.IGNORECASE)
 _OURS = "FROM duckdb_columns() WHERE database_name = 'memory' AND NOT internal"
 
 
@@ -55,24 +61,39 @@ def ask(campaigns: Sequence[Path], sql: str, most: int | None = None) -> Answer:
         raise InputError("the query is not text in UTF-8.")
     with _attached(campaigns) as connection:
         try:
-            number = len(connection.extract_statements(sql))
-            if number > 1:
-                raise InputError(f"a query is one statement; there are {number}. Ask one by one.")
-            found = connection.execute(sql)
-            if found is None:  # blanks and comments alone
-                raise InputError("the query is empty.")
+            found = connection.execute(_reading(connection, sql))
             columns = [column[0] for column in found.description or ()]
             if not columns:
                 return Answer([], [])
             return Answer(columns, found.fetchall() if most is None else found.fetchmany(most))
         except duckdb.Error as error:
             raise InputError(explained(str(error), sql, _columns(connection))) from None
+        except RuntimeError as error:  # how DuckDB reports Ctrl-C
+            if "interrupted" not in str(error):
+                raise
+            raise KeyboardInterrupt from None
 
 
 def tables(campaigns: Sequence[Path]) -> dict[str, Types]:
     """The tables with their columns and types; raises the same errors as `ask`."""
     with _attached(campaigns) as connection:
         return _columns(connection)
+
+
+def _reading(connection: DuckDBPyConnection, sql: str) -> Statement:
+    """The one statement of a query; raises an InputError if it does more than read."""
+    statements = connection.extract_statements(sql)
+    if not statements:
+        raise InputError("the query is empty.")
+    if len(statements) > 1:
+        raise InputError(f"a query is one statement; there are {len(statements)}. Ask one by one.")
+    (statement,) = statements
+    explained_one = _EXPLAIN.match(statement.query)
+    if explained_one:  # ANALYZE executes it
+        _reading(connection, statement.query[explained_one.end() :])
+    elif statement.type.name not in _READ or _MAKES.match(statement.query):
+        raise InputError(f"the query is wrong: {ONLY_READS}")
+    return statement
 
 
 def _columns(connection: DuckDBPyConnection) -> dict[str, Types]:

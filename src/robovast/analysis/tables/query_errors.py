@@ -10,11 +10,21 @@ from difflib import get_close_matches
 Columns = Mapping[str, Iterable[str]]
 """Of each table."""
 
+ONLY_READS = (
+    "a query reads the tables of campaigns (SELECT, DESCRIBE, SUMMARIZE, SHOW TABLES); it can "
+    "change nothing and open no other file."
+)
 MOST_NAMED = 20
 """Columns or tables that a message names."""
 
 _LINE = re.compile(r"^LINE \d+: (?P<text>.*)\n {8}(?P<mark> *\^+)", re.MULTILINE)
 _KIND = re.compile(r"^[A-Z][\w ]*? Error: ")
+_ADVICE = re.compile(
+    r"(?<=[.!,;]) *(Use|Try|Please|Did you|In order to|You (might|may|can)|Consider|SET)\b.*"
+    r"| *\((use|explicitly) .*\)"
+)
+_PATH = re.compile(r"(\b(?:file|database|directory|path) [\"'])/[^\"']*/")
+_OWN_NAMES = re.compile(r"\b(memory\.main|system\.main|campaign_\d+(\.main)?)\.")
 _WORDS = ("SELECT", "FROM", "WHERE", "GROUP", "HAVING", "ORDER", "LIMIT", "JOIN", "DISTINCT")
 
 
@@ -38,15 +48,18 @@ def explained(cause: str, sql: str, columns: Columns) -> str:
     """
     faults = ((re.search(pattern, cause), rule) for pattern, rule in _RULES.items())
     text = next(
-        (rule(_Fault(found, sql, columns)) for found, rule in faults if found), _first_line(cause)
+        (rule(_Fault(found, sql, columns)) for found, rule in faults if found), _other(cause)
     )
     place = _LINE.search(cause)
     where = f"\n    {place['text']}\n    {place['mark']}" if place else ""
     return f"the query is wrong: {text}{where}"
 
 
-def _first_line(cause: str) -> str:
-    return f"{_KIND.sub('', cause.strip()).partition(chr(10))[0].rstrip('.!')}."
+def _other(cause: str) -> str:
+    """What DuckDB says, without the names of its own things, and without advice about them."""
+    first = _KIND.sub("", cause.strip()).partition("\n")[0]
+    plain = _ADVICE.sub("", _PATH.sub(r"\1", _OWN_NAMES.sub("", first))).rstrip(".,:;! ")
+    return f"it cannot be answered. DuckDB says: {plain}."
 
 
 def _no_table(fault: _Fault) -> str:
@@ -147,6 +160,33 @@ _RULES: Mapping[str, Callable[[_Fault], str]] = {
         "`{name}` has many values where one is wanted: write GROUP BY {name}, or take any of them "
         "with any_value({name})."
     ),
+    r"Division by zero": _say(
+        "it divides by zero: `nullif(…, 0)` as divisor gives NULL in place of a result."
+    ),
+    r"^Out of Range Error: (Overflow|Value out of range)": _say(
+        "a whole number becomes too large; `CAST(… AS DOUBLE)` computes with other numbers."
+    ),
+    r"Cannot create a string of size|Lists larger than": _say(
+        "it makes a text or list that is too large for any memory."
+    ),
+    r"SELECT clause without selection list": _say("SELECT is followed by columns, or by `*`."),
+    r"LIMIT/OFFSET cannot be negative": _say("LIMIT and OFFSET are numbers from 0."),
+    r"^(Conversion|Invalid Input) Error: ((?i:date|time|timestamp)\b.* out of range"
+    r"|invalid (date|time|timestamp) field|Could not parse string)": _say(
+        "a text is not a time that exists, or not written as such: '2026-01-31 13:00:00'. "
+        "`try_cast(… AS TIMESTAMP)` and `try_strptime` give NULL for these."
+    ),
+    r"Failed to parse format specifier (?P<name>\S+?):": _say(
+        "`{name}` is not a format of times; a usual one is '%Y-%m-%d %H:%M:%S'."
+    ),
+    r'extract specifier "(?P<name>.*?)" not recognized': _say(
+        "`{name}` is not a part of a time; year, month, day, hour, minute and second are."
+    ),
+    r'duplicate alias "(?:memory\.main\.)?(?P<name>.+?)"': _say(
+        "`{name}` is named twice in FROM: give each a name of its own (`FROM {name} AS a`)."
+    ),
+    r'Column "(?P<name>.+?)" in \w+ list not found': _no_column,
+    r"Max expression depth": _say("it is nested too deeply."),
     r"argument types '(?P<name>.+?)\((?P<types>.*)\)'": _wrong_types,
     r'for the function call "(?P<name>.+?)\((?P<types>.*)\)"': _wrong_types,
     r"Function with name (?P<name>.+) does not exist": _no_function,
@@ -172,9 +212,7 @@ _RULES: Mapping[str, Callable[[_Fault], str]] = {
     r"not provided for the following": _say(
         "`?` and `$name` stand for values that nobody gives: write the values."
     ),
-    r"^Permission Error|base table|is not an? table|is of type View|read-only|been locked": _say(
-        "a query reads the tables of campaigns; it can change nothing and open no other file."
-    ),
+    r"^Permission Error": _say(ONLY_READS),
     r"^Out of Memory Error": _say(
         "it needs more memory than is here: ask for fewer columns or rows."
     ),
