@@ -27,6 +27,7 @@ from robovast.kubeapi.pod_contract.sightings import Sightings
 from robovast.model.document import load_document
 from robovast.model.expansion import compose
 from robovast.model.repetition import list_key, list_name
+from robovast.model.seeds import run_seed
 from robovast.storage.download import Silent, download_campaign
 
 PASS = 'echo "$1,$2" > "$3/out.csv"\n'
@@ -91,6 +92,25 @@ def test_a_pack_is_one_pod(make: Make) -> None:
     assert campaign.verdicts() == {"one-1/0": "passed", "one-2/0": "failed", "one-3/0": "passed"}
     assert campaign.read("one-3/0/out.csv") == "3,a\n"
     assert campaign.read("_transient/job-0.params.yaml").count("_output_dir") == 3
+
+
+@one_server
+@pytest.mark.parametrize("expansion", ["pure", "composed"])
+def test_runs_have_the_seeds_that_they_have_elsewhere(make: Make, expansion: str) -> None:
+    """Also in a later job of the pack; the one with the run that is left knows its seed alone."""
+    script = 'echo "$ROBOVAST_SEED" > "$3/out.csv"\n[ "$1" != 2 ] || kill -9 $PPID\n'
+    campaign = make(script, PACK, seed=7, expansion=expansion)
+    if expansion == "composed":
+        composing = Pod(campaign)
+        assert composing.task("compose") == 0
+        campaign.change(composed=composing.message()["digest"])
+    assert Pod(campaign).run() == 11
+    for variant in ("one-1", "one-2", "one-3"):
+        seed = run_seed(7, variant, 0)
+        assert campaign.record(f"{variant}/0")["seed"] == seed
+        assert campaign.read(f"{variant}/0/out.csv") == f"{seed}\n"
+    assert Pod(campaign).task("finish") == 0
+    assert yaml.safe_load(campaign.read("_execution/execution.yaml"))["seed"] == 7
 
 
 @one_server

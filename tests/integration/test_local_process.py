@@ -6,6 +6,7 @@ import fcntl
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -22,6 +23,7 @@ from support.processes import marked
 from robovast.base.errors import CannotRunError, InputError, StorageError
 from robovast.campaign.merge import merge_campaigns
 from robovast.common.execution import campaign_folder_name, is_campaign_dir
+from robovast.model.seeds import run_seed
 
 PASS = 'echo "$1,$2" > "$3/out.csv"\n'
 FAIL_SECOND = 'echo "$1" > "$3/out.csv"; [ "$1" != 2 ]\n'
@@ -59,6 +61,67 @@ def test_packed_runs_secondary_container_and_commands(tmp_path: Path) -> None:
     assert os.readlink(first / "job") == "../../_jobs/job-0"
     assert (first / "job" / "logs" / "system_sensor.log").is_file()
     assert (first / "job" / "resource_usage_sensor.csv").is_file()
+
+
+SEED = 'echo "$ROBOVAST_SEED" > "$3/out.csv"\n'
+
+
+def seeds_seen(campaign: Path) -> dict[str, int]:
+    """What each run read from its environment, which its record says, too."""
+    seen = {}
+    for run_folder in sorted(campaign.glob("one-*/[0-9]")):
+        record = json.loads((run_folder / "run.json").read_text())
+        assert f"{record['seed']}\n" == (run_folder / "out.csv").read_text()
+        seen[f"{record['variant']}/{record['run']}"] = record["seed"]
+    return seen
+
+
+@pytest.mark.parametrize("size", [1, 4])
+def test_each_run_has_a_seed_which_appended_runs_do_not_change(tmp_path: Path, size: int) -> None:
+    extra = f"  seed: 7\n  runs_per_job: {size}\n"
+    summary = run(make_campaign(tmp_path / "in", SEED, extra), tmp_path / "out", runs=1)
+    resume(summary.campaign, runs=2)
+    runs = [(f"one-{n}", number) for n in (1, 2, 3) for number in (0, 1)]
+    assert seeds_seen(summary.campaign) == {f"{v}/{n}": run_seed(7, v, n) for v, n in runs}
+
+
+def test_a_seed_that_is_drawn_is_kept_when_the_campaign_goes_on(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", SEED)
+    summary = run(path, tmp_path / "out", select="one-1")
+    resume(summary.campaign, runs=2)
+    drawn = yaml.safe_load((summary.campaign / "_execution/execution.yaml").read_text())["seed"]
+    assert seeds_seen(summary.campaign) == {
+        f"one-1/{n}": run_seed(drawn, "one-1", n) for n in (0, 1)
+    }
+    other = run(path, tmp_path / "out", select="one-1")
+    assert seeds_seen(other.campaign)["one-1/0"] != run_seed(drawn, "one-1", 0)
+
+
+def test_a_campaign_of_an_older_version_goes_on_without_seeds(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", 'echo "${ROBOVAST_SEED-none}" > "$3/out.csv"\n')
+    summary = run(path, tmp_path / "out", select="one-1")
+    execution = summary.campaign / "_execution/execution.yaml"
+    lines = execution.read_text().splitlines(keepends=True)
+    execution.write_text("".join(line for line in lines if not line.startswith("seed:")))
+    recorder = Recorder()
+    resume(summary.campaign, recorder, runs=2)
+    assert recorder.started == ["one-1/1"]
+    assert (summary.campaign / "one-1/1/out.csv").read_text() == "none\n"
+    assert "seed" not in json.loads((summary.campaign / "one-1/1/run.json").read_text())
+    execution.write_text(execution.read_text() + "seed: many\n")
+    with pytest.raises(InputError, match=r"execution.yaml: `seed` must be a whole number"):
+        resume(summary.campaign)
+
+
+def test_the_sensor_in_a_container_of_its_own_measures_the_same_with_the_same_seed(
+    tmp_path: Path,
+) -> None:
+    path = EXAMPLES / "sensor_service" / "sensor_service.vast"
+    copy = shutil.copytree(path.parent, tmp_path / "in") / path.name
+    copy.write_text(copy.read_text().replace("  runs: 2\n", "  runs: 2\n  seed: 3\n"))
+    campaigns = [run(copy, tmp_path / "out", select="gain-1-1").campaign for _ in range(2)]
+    once, again = ((c / "gain-1-1/0/samples.csv").read_text() for c in campaigns)
+    assert once == again != (campaigns[0] / "gain-1-1/1/samples.csv").read_text()
 
 
 def test_a_failed_test_is_a_result_and_the_others_go_on(tmp_path: Path) -> None:

@@ -322,6 +322,15 @@ def test_the_post_command_gets_the_folder_of_each_run(job: Job) -> None:
         ).read_bytes()
 
 
+def test_each_run_of_a_pack_and_its_post_command_have_its_own_seed(job: Job) -> None:
+    job.write("scenario.seeds.json", '{"a b/0": 17, "a b/1": 0}')
+    job.write("post.sh", '#!/bin/bash\necho "$ROBOVAST_SEED" >"$1/post"\n')
+    job.pack(*[job.program(f'echo "$ROBOVAST_SEED" >>{job.root}/seen')] * 2)
+    assert job.run(POST_COMMAND="/config/post.sh")[0] == 0
+    assert (job.root / "seen").read_text() == "17\n0\n"
+    assert [(job.out / f"a b/{n}/post").read_text() for n in (0, 1)] == ["17\n", "0\n"]
+
+
 def test_runs_of_a_pack_are_told_when_they_are_over(job: Job) -> None:
     told = job.output / "finished_runs"
     job.write("post.sh", '#!/bin/bash\nsleep 0.3\necho done >"$1/post"\n')

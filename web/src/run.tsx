@@ -87,6 +87,7 @@ function Head({ data, title, target }: { data: RunDetails; title: string; target
     ["Duration", duration(record.duration as number | null)],
     ["Exit code", text("exit_code")],
     ["Attempt", text("attempt")],
+    ["Seed", text("seed")],
     ["Job", text("job")],
     ["Runtime", text("runtime")],
     ["Image", text("image")],

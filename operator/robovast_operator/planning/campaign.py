@@ -10,6 +10,7 @@ from robovast.kubeapi.resources import (
 )
 from robovast.model.document.model import Vast
 from robovast.model.packs import CampaignPlan, Entry, Owner, PlanSpec
+from robovast.model.seeds import hashed_seed
 from robovast.storage.bucket_names import bucket_name, campaign_id
 from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.times import parse_time
@@ -44,6 +45,17 @@ class Accepted:
     def runs(self) -> int:
         """Runs of each variant."""
         return self.spec.runs or self.vast.execution.runs
+
+    @property
+    def seed(self) -> int | None:
+        """Seed of the campaign; None when it was begun by an older version.
+
+        Without one in the document it follows from the object's uid, which is drawn once and lasts.
+        """
+        if self.planned is not None:
+            return self.planned.seed
+        given = self.vast.execution.seed
+        return hashed_seed(self.identity.uid) if given is None else given
 
     @property
     def campaign(self) -> str:

@@ -227,6 +227,7 @@ def campaign_plan(
         git=git and GitSource(url=git.url, ref=git.ref, path=git.path),
         select=tuple(spec.select),
         runs=accepted.runs,
+        seed=accepted.seed,
         image=accepted.image,
         cluster=spec.cluster,
         cpus=cpus(execution.resources.cpu, "execution.resources.cpu", context),

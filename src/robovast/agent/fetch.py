@@ -29,7 +29,7 @@ from robovast.model.document import Document
 from robovast.model.document.model import merge_pairs
 from robovast.model.expansion import Variant
 from robovast.model.inputs import container_files
-from robovast.model.plan import Job, Run
+from robovast.model.plan import Job, Run, planned_run
 from robovast.model.quantities import machine_cpus, machine_memory
 from robovast.model.repetition import list_key, parse_list, retry_groups
 from robovast.model.scenario import read_scenario
@@ -120,13 +120,13 @@ def _variants(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
 
 
 def _run(campaign: Campaign, variants: Sequence[Variant], id_: int) -> Run:
-    index, number = campaign.packs.run(id_)
+    index, _ = campaign.packs.run(id_)
     if index >= len(variants):
         raise PlanError(
             f"run {id_} is of configuration {index}, the document has {len(variants)} only: plan "
             "and document are not of one campaign."
         )
-    return Run(id_, variants[index], number)
+    return planned_run(campaign.packs, variants, id_, campaign.plan.seed)
 
 
 def _pack(
@@ -148,7 +148,7 @@ def _pack(
         runs=tuple(_without_files(run) for run in runs),
         done=bucket.verdicts(runs, request.attempt) if touched else {},
         first_job=first_job,
-        scenario=read_scenario(document.scenario).name,
+        scenario=read_scenario(document.scenario),
         timeout=execution.timeout,
         secondaries=tuple(container.name for container in execution.secondary_containers),
         environment={},

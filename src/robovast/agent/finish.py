@@ -30,7 +30,7 @@ from robovast.kubeapi.status import FAILING_LIMIT
 from robovast.model.document import Document
 from robovast.model.expansion import Variant
 from robovast.model.naming import EXECUTION, TRANSIENT, campaign_time
-from robovast.model.plan import Run
+from robovast.model.plan import Run, plan_runs
 from robovast.model.repetition import GroupSizes, list_key, list_name, list_text, retry_groups
 
 NO_RESULT = "no pod of it has stored a result"
@@ -72,8 +72,7 @@ def _complete_inputs(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
 
 
 def _runs(campaign: Campaign, variants: Sequence[Variant]) -> list[Run]:
-    places = ((id_, *campaign.packs.run(id_)) for id_ in range(campaign.packs.total))
-    return [Run(id_, variants[variant], number) for id_, variant, number in places]
+    return plan_runs(campaign.packs, variants, campaign.plan.seed)
 
 
 def _entry(run: Run, record: RunRecord | None, damaged: Mapping[str, str]) -> dict[str, Any]:
@@ -106,6 +105,7 @@ def _store_execution(
         document,
         started=(campaign_time(campaign.plan.campaign) or datetime.now(UTC)).replace(tzinfo=UTC),
         runs=campaign.plan.runs,
+        seed=campaign.plan.seed,
         kind="cluster",
         image=campaign.plan.image,
         image_revision="",

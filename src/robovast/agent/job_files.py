@@ -11,8 +11,9 @@ from robovast.base import safe_paths
 from robovast.campaign.layout import JOBS, LOGS, Layout
 from robovast.execution.job_config import (
     PARAMETER_FILE,
+    SEED_VARIABLE,
     is_pack,
-    output_places,
+    own_environment,
     parameter_documents,
 )
 
@@ -39,5 +40,6 @@ def prepare_later_job(folders: Folders, pack: Pack, job: PodJob) -> None:
     """Replace the inputs of the job before by those of this one."""
     parameters = parameter_documents(job, pack.scenario)
     (folders.config / PARAMETER_FILE).write_text(parameters, encoding="utf-8")
-    write_environment(folders, {**pack.environment, **output_places(job, folders.out_seen)})
+    common = {k: value for k, value in pack.environment.items() if k != SEED_VARIABLE}
+    write_environment(folders, {**common, **own_environment(job, folders.out_seen)})
     prepare_output(folders, job)

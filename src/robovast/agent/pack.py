@@ -12,6 +12,7 @@ from robovast.campaign.verdict import Verdict
 from robovast.model.expansion.variant import Variant
 from robovast.model.packs import Owner
 from robovast.model.plan import Job, Run
+from robovast.model.scenario import Scenario, ScenarioParameter
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +47,7 @@ class Pack:
     """Verdicts of runs that were stored before, by run id."""
     first_job: int
     """The first number of a job of the pack that is free in the bucket, from 1."""
-    scenario: str
-    """Name of the scenario."""
+    scenario: Scenario
     timeout: int | None
     """Time limit of one run [s]."""
     secondaries: tuple[str, ...]
@@ -97,12 +97,17 @@ def read_pack(path: Path) -> Pack:
         "owner": data["owner"] and Owner(**data["owner"]),
         "runs": tuple(map(_run, data["runs"])),
         "done": done,
+        "scenario": _scenario(data["scenario"]),
         "secondaries": tuple(data["secondaries"]),
     }
     return Pack(**{**data, **changed})
 
 
+def _scenario(data: Mapping[str, Any]) -> Scenario:
+    return Scenario(data["name"], tuple(ScenarioParameter(**p) for p in data["parameters"]))
+
+
 def _run(data: Mapping[str, Any]) -> Run:
     variant = data["variant"]
     known = Variant(variant["name"], variant["entry"], variant["parameters"])
-    return Run(data["id"], known, data["number"])
+    return Run(data["id"], known, data["number"], data["seed"])

@@ -57,6 +57,7 @@ def make_record(ended: EndedRun, circumstances: Circumstances) -> RunRecord:
         finished_at=_iso(started + duration),
         duration=round(duration, 6),
         exit_code=ended.exit_code,
+        seed=run.seed,
         parameters=dict(run.variant.parameters),
         **asdict(circumstances),
     )

@@ -54,6 +54,8 @@ class RunRecord:
     host: str
     pod: str = ""
     """The pod that executed the run on a cluster, else empty."""
+    seed: int | None = None
+    """Seed of the run's random numbers; None if an older version began the campaign."""
     parameters: dict[str, Any] = field(default_factory=dict)
     files: FileList | None = None
     """In a bucket: reference to the list of files; None if the files are beside the record."""
@@ -82,6 +84,8 @@ class RunRecord:
         if data[PLACE]:
             data[PLACE] = with_unknown(data[PLACE])
         left_out = {key for key in (PLACE, "missing", "pod") if not data[key]}
+        if self.seed is None:
+            left_out.add("seed")
         return {key: value for key, value in data.items() if key not in left_out}
 
 

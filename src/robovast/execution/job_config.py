@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 from collections.abc import Mapping
@@ -10,9 +11,13 @@ from typing import Any
 
 from robovast.base.serialization import dump_yaml_documents
 from robovast.campaign.layout import JOBS
-from robovast.model.plan import Job
+from robovast.model.plan import Job, Run
+from robovast.model.scenario import SEED, Scenario
 
 PARAMETER_FILE = "scenario.params.yaml"
+SEEDS_FILE = "scenario.seeds.json"
+"""Seeds of runs by their folder below `/out`."""
+SEED_VARIABLE = "ROBOVAST_SEED"
 
 
 def is_pack(job: Job) -> bool:
@@ -20,24 +25,25 @@ def is_pack(job: Job) -> bool:
     return len(job.runs) > 1
 
 
-def parameter_documents(job: Job, scenario: str) -> str:
+def parameter_documents(job: Job, scenario: Scenario) -> str:
     """One YAML document per run: `{scenario: {parameter: value, _output_dir: …}}`."""
-    return dump_yaml_documents({scenario: _parameters(job, run)} for run in job.runs)
+    return dump_yaml_documents({scenario.name: _parameters(job, run, scenario)} for run in job.runs)
 
 
-def _parameters(job: Job, run: Any) -> dict[str, Any]:
-    parameters = {k: v for k, v in run.variant.parameters.items() if not k.startswith("_")}
-    return {**parameters, "_output_dir": run.path if is_pack(job) else "."}
+def _parameters(job: Job, run: Run, scenario: Scenario) -> dict[str, Any]:
+    given = {k: v for k, v in run.variant.parameters.items() if not k.startswith("_")}
+    seed = {SEED: run.seed} if scenario.takes_seed and run.seed is not None else {}
+    return {**seed, **given, "_output_dir": run.path if is_pack(job) else "."}
 
 
-def build_config_folder(folder: Path, common: Path, job: Job, scenario: str) -> None:
+def build_config_folder(folder: Path, common: Path, job: Job, scenario: Scenario) -> None:
     """Fill a job's config folder with links to shared files and copies of its variants' files.
 
     Args:
         folder: the folder to create.
         common: a private copy of the shared files, on the same file system.
         job: the job; its variants' files of one name have equal content.
-        scenario: name of the scenario.
+        scenario: of the document.
     """
     shutil.copytree(common, folder, copy_function=link_or_copy)
     for run in job.runs:
@@ -46,6 +52,8 @@ def build_config_folder(folder: Path, common: Path, job: Job, scenario: str) -> 
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(file.source, target)
     (folder / PARAMETER_FILE).write_text(parameter_documents(job, scenario), encoding="utf-8")
+    seeds = {run.path: run.seed for run in job.runs if run.seed is not None}
+    (folder / SEEDS_FILE).write_text(json.dumps(seeds), encoding="utf-8")
 
 
 def link_or_copy(source: str, target: str) -> None:
@@ -90,7 +98,7 @@ def job_environment(
         "SCENARIO_FILE": scenario_file,
         "SCENARIO_PARAMETER_FILE": PARAMETER_FILE,
         "OUTPUT_RESULT_PER_SCENARIO": "true",
-        **output_places(job, out_dir),
+        **own_environment(job, out_dir),
         "SCENARIO_EXECUTION_PARAMETERS": scenario_options,
         "AVAILABLE_CPUS": f"{available_cpus:g}",
         "AVAILABLE_MEM": str(available_memory),
@@ -100,9 +108,14 @@ def job_environment(
     return environment | {name: value for name, value in settings.items() if value}
 
 
-def output_places(job: Job, out_dir: str) -> dict[str, str]:
-    """The part of a job's environment that defines its output folders."""
-    return {
-        "OUTPUT_DIR": f"{out_dir}/{JOBS}/{job.name}",
-        "SCENARIO_OUTPUT_DIR": out_dir if is_pack(job) else f"{out_dir}/{job.runs[0].path}",
-    }
+def own_environment(job: Job, out_dir: str) -> dict[str, str]:
+    """The part of a job's environment that is not that of all jobs: output folders and seed.
+
+    What serves several runs, such as a secondary container, has none of their seeds.
+    """
+    own = {"OUTPUT_DIR": f"{out_dir}/{JOBS}/{job.name}", "SCENARIO_OUTPUT_DIR": out_dir}
+    if is_pack(job):
+        return own
+    run = job.runs[0]
+    seed = {SEED_VARIABLE: str(run.seed)} if run.seed is not None else {}
+    return {**own, "SCENARIO_OUTPUT_DIR": f"{out_dir}/{run.path}", **seed}

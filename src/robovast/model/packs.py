@@ -277,6 +277,8 @@ class CampaignPlan(_Data):
     """Patterns of variant names; no pattern selects all."""
     runs: PositiveInt
     """Runs of every variant of the document."""
+    seed: int | None = None
+    """The campaign's seed; None in plans of older versions, whose runs have none."""
     image: str
     """The run image."""
     cluster: str | None = None

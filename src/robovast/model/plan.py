@@ -13,6 +13,7 @@ from pathlib import Path
 from robovast.base.errors import InputError
 from robovast.model.expansion.variant import Variant
 from robovast.model.packs import RUNS_LIMIT, Block, PlanSpec, format_breaks
+from robovast.model.seeds import run_seed
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +25,8 @@ class Run:
     variant: Variant
     number: int
     """Number of the run within its variant, from 0; also the name of its results folder."""
+    seed: int | None = None
+    """Seed of its random numbers; None in campaigns that an older version began."""
 
     @property
     def path(self) -> str:
@@ -61,10 +64,28 @@ def plan_variants(variants: Sequence[Variant], runs: int, runs_per_job: int = 1)
     return PlanSpec(blocks=blocks, runs_per_job=runs_per_job, breaks=apart)
 
 
-def plan_runs(plan: PlanSpec, variants: Sequence[Variant]) -> list[Run]:
-    """All runs of a plan; the runs of a variant stay together."""
-    places = enumerate(map(plan.run, range(plan.total)))
-    return [Run(id_, variants[variant], number) for id_, (variant, number) in places]
+def plan_runs(plan: PlanSpec, variants: Sequence[Variant], seed: int | None = None) -> list[Run]:
+    """All runs of a plan; the runs of a variant stay together.
+
+    Args:
+        plan: the plan.
+        variants: of the campaign, in order.
+        seed: of the campaign.
+    """
+    return [planned_run(plan, variants, id_, seed) for id_ in range(plan.total)]
+
+
+def planned_run(
+    plan: PlanSpec, variants: Sequence[Variant], id_: int, seed: int | None = None
+) -> Run:
+    """The run of an id.
+
+    Raises:
+        IndexError: the plan has no such run, or too few variants are given.
+    """
+    index, number = plan.run(id_)
+    variant = variants[index]
+    return Run(id_, variant, number, run_seed(seed, variant.name, number))
 
 
 def pack_runs(plan: PlanSpec, runs: Iterable[Run], first_job: int = 0) -> list[Job]:

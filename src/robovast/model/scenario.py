@@ -23,6 +23,10 @@ _PARAMETER = re.compile(
 )
 _TOKEN = re.compile(r"\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*'|#.*")
 
+SEED = "seed"
+"""The parameter that gets a run's seed when the document does not set it."""
+_NUMBERS = frozenset({"int", "uint", "float"})
+
 
 @dataclass(frozen=True)
 class ScenarioParameter:
@@ -42,6 +46,11 @@ class Scenario:
 
     name: str
     parameters: tuple[ScenarioParameter, ...]
+
+    @property
+    def takes_seed(self) -> bool:
+        """Whether it declares the number `seed`, to which a run's seed is given."""
+        return any(p.name == SEED and p.type in _NUMBERS for p in self.parameters)
 
 
 def read_scenario(path: str | Path) -> Scenario:

@@ -21,6 +21,7 @@ from robovast.campaign.records import EndedRun
 from robovast.campaign.verdict import TestResult, Verdict
 from robovast.model.expansion.variant import Variant
 from robovast.model.plan import Run
+from robovast.model.scenario import Scenario
 from robovast.storage.download import Silent, download_campaign
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
@@ -107,7 +108,7 @@ class Execution:
             runs=(self._run,),
             done={},
             first_job=1,
-            scenario="test",
+            scenario=Scenario("test", ()),
             timeout=None,
             secondaries=(),
             environment={},

@@ -25,6 +25,7 @@ from robovast.kubeapi.pod_contract.exit_codes import AgentExit, exit_code_of
 from robovast.model.expansion import Variant
 from robovast.model.packs import Owner
 from robovast.model.plan import Run
+from robovast.model.scenario import Scenario, ScenarioParameter
 
 RUNS = tuple(Run(id_, Variant(f"v-{id_}", "v", {"x": id_ / 2}), 0) for id_ in range(3))
 
@@ -33,7 +34,8 @@ def make_pack(**changes: object) -> Pack:
     values = {
         "campaign": "c", "bucket": "b", "owner": None, "endpoint": "http://s3", "region": None,
         "image": "i",
-        "number": 7, "attempt": 1, "runs": RUNS, "done": {}, "first_job": 1, "scenario": "s",
+        "number": 7, "attempt": 1, "runs": RUNS, "done": {}, "first_job": 1,
+        "scenario": Scenario("s", (ScenarioParameter("seed", "int", "0", 3),)),
         "timeout": None, "secondaries": (), "environment": {},
     }  # fmt: skip
     return Pack(**{**values, **changes})

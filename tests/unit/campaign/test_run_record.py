@@ -10,7 +10,7 @@ import pytest
 import yaml
 from support.campaigns.finished import finished_campaign
 
-from robovast.analysis.provenance import write_metadata
+from robovast.analysis.provenance import write_graph, write_metadata
 from robovast.analysis.tables.runs import run_rows
 from robovast.campaign.layout import Layout
 from robovast.campaign.run_files import FileList, read_list, write_list
@@ -51,6 +51,19 @@ def test_a_record_of_a_newer_format_is_no_verdict_for_any_reader(
     change(campaign, schema=2, verdict=verdict)
     reason = "run.json was written by a newer version of RoboVAST"
     assert told(campaign) == {("errored", reason)}
+
+
+def test_the_seed_is_in_tables_metadata_and_graph_when_the_record_has_one(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 3)
+    change(campaign, seed=0)
+    rows = run_rows(Layout(campaign), ["c-1/0", "c-2/0"])
+    assert [row["seed"] for row in rows] == [0, None]
+    described = yaml.safe_load(write_metadata(campaign).read_text())["configurations"]
+    runs = {run["dir"]: run for part in described for run in part["test_results"]}
+    assert runs["c-1/0"]["seed"] == 0
+    assert "seed" not in runs["c-2/0"]
+    graph = json.loads(write_graph(campaign).read_text())["@graph"]
+    assert [node["seed"] for node in graph if "seed" in node] == [0]
 
 
 @pytest.mark.parametrize("content", ["", "{}", "[" * 9999, '{"schema": null}', '{"schema": 1}'])

@@ -44,6 +44,22 @@ bad.vast:8:14: execution.resources.memory[0]: must be a `name: value` pair, not 
 error: 3 problems in bad.vast
 """,
     ),
+    "a seed that is no number": (
+        HEAD + TAIL + "  seed: lucky\n",
+        """\
+bad.vast:4:9: execution.seed: must be a whole number, not 'lucky'
+    Seed of the campaign, from which each run's own follows; drawn at random when omitted.
+error: 1 problem in bad.vast
+""",
+    ),
+    "a seed of more than 31 bits": (
+        HEAD + TAIL + "  seed: 2147483648\n",
+        """\
+bad.vast:4:9: execution.seed: must be at most 2147483647, not 2147483648
+    Seed of the campaign, from which each run's own follows; drawn at random when omitted.
+error: 1 problem in bad.vast
+""",
+    ),
     "unknown keys": (
         HEAD + "configuraton: []\n" + TAIL + "  run_per_job: 3\n",
         """\

@@ -34,7 +34,7 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
     layout = Layout(root)
     started = datetime(2026, 3, 4, 15, 21, 30, tzinfo=UTC)
     write_execution(
-        layout, document, started=started, runs=1, kind="local", image="", image_revision=""
+        layout, document, started=started, runs=1, seed=5, kind="local", image="", image_revision=""
     )
     for index, variant in enumerate(composition.variants):
         run = root / variant.name / "0"

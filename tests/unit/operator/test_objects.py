@@ -173,6 +173,21 @@ def test_a_campaign_of_an_older_version_keeps_its_bucket() -> None:
     assert (later.bucket, later.owner) == ("drive", None)
 
 
+def test_a_campaign_keeps_its_seed_whatever_becomes_of_the_operator() -> None:
+    made = accepted()
+    drawn = campaign_plan(made, None, ()).seed
+    assert drawn == campaign_plan(accepted(), None, ()).seed is not None
+    other = replace(made, identity=replace(made.identity, uid="another"))
+    assert campaign_plan(other, None, ()).seed not in {None, drawn}
+    execution = made.vast.execution.model_copy(update={"seed": 0})
+    given = replace(made, vast=made.vast.model_copy(update={"execution": execution}))
+    planned = campaign_plan(given, None, ())
+    assert planned.seed == 0
+    assert campaign_plan(replace(made, planned=planned), None, ()).seed == 0
+    older = planned.model_copy(update={"seed": None})
+    assert campaign_plan(replace(made, planned=older), None, ()).seed is None
+
+
 def test_inline_files_are_mounted_as_the_tree_that_they_are() -> None:
     files = {"scenario.osc": SCENARIO, "files/deep/a.py": "1"}
     binary = {"map.pgm": "UDUK"}

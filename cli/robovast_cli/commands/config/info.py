@@ -82,6 +82,7 @@ def _facts(document: Document) -> Iterator[tuple[str, str]]:
     yield "image", execution.image or "none: runs as plain processes"
     yield "runs of each", str(execution.runs)
     yield "runs in a job", str(execution.runs_per_job)
+    yield "seed", "drawn at random" if execution.seed is None else str(execution.seed)
     yield "timeout", f"{execution.timeout} s a run" if execution.timeout else "none"
     yield "run files", ", ".join(execution.run_files)
     yield "beside it", ", ".join(c.name for c in execution.secondary_containers)

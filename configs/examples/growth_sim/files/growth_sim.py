@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 
-def simulate(initial: float, rate: float, capacity: float, steps: int) -> np.ndarray:
-    """Population after each step, the start included: an array of `steps + 1` values."""
-    population = np.empty(steps + 1)
+def simulate(initial: float, rates: np.ndarray, capacity: float) -> np.ndarray:
+    """Population after each step, the start included: one value more than there are rates."""
+    population = np.empty(len(rates) + 1)
     population[0] = initial
-    for step in range(steps):
+    for step, rate in enumerate(rates):
         now = population[step]
         population[step + 1] = now + rate * now * (1 - now / capacity)
     return population
@@ -30,11 +30,14 @@ def main() -> int:
     parser.add_argument("--capacity", type=float, default=1000)
     parser.add_argument("--steps", type=int, default=100)
     parser.add_argument("--expected", type=float, default=0.0)
+    parser.add_argument("--noise", type=float, default=0.0)
+    parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--output", type=Path, required=True)
     arguments = parser.parse_args()
 
+    spread = np.random.default_rng(arguments.seed).normal(1.0, arguments.noise, arguments.steps)
     population = simulate(
-        arguments.initial_population, arguments.growth_rate, arguments.capacity, arguments.steps
+        arguments.initial_population, arguments.growth_rate * spread, arguments.capacity
     )
     with (arguments.output / "population.csv").open("w", newline="") as file:
         writer = csv.writer(file)

@@ -38,6 +38,8 @@ def main() -> int:
 
     values = []
     with connect() as connection, connection.makefile("rw") as stream:
+        # The sensor serves all runs of the job; each run tells it the seed of its own noise.
+        stream.write(f"seed {os.environ.get('ROBOVAST_SEED', '')}\n")
         for _ in range(arguments.samples):
             stream.write("?\n")
             stream.flush()

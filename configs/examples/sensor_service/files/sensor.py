@@ -1,5 +1,8 @@
 #!/usr/bin/env python3
-"""A sensor: answers every line that it receives with a measurement of the value 1."""
+"""A sensor: answers every line that it receives with a measurement of the value 1.
+
+A line `seed NUMBER` is not answered: measurements with equal seeds are equal.
+"""
 
 import os
 import random
@@ -11,8 +14,12 @@ class Sensor(socketserver.StreamRequestHandler):
 
     def handle(self) -> None:
         noise = float(os.environ.get("SENSOR_NOISE", "0"))
-        for _ in self.rfile:
-            self.wfile.write(f"{random.gauss(1.0, noise):.6f}\n".encode())
+        numbers = random.Random()  # noqa: S311
+        for line in self.rfile:
+            if line.startswith(b"seed"):
+                numbers.seed(line)
+            else:
+                self.wfile.write(f"{numbers.gauss(1.0, noise):.6f}\n".encode())
 
 
 def main() -> None:

@@ -74,6 +74,7 @@ def _run(result: dict[str, Any], iri: str, used: Iterable[str], agents: Iterable
         "wasInfluencedBy": EXECUTION,
         "verdict": result.get("verdict"),
         "reason": result.get("reason"),
+        "seed": result.get("seed"),
     }
     if result.get("verdict") != Verdict.INTERRUPTED:  # such a run counts as not executed
         node["success"] = str(result.get("success")).lower() == "true"

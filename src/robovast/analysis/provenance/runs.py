@@ -67,13 +67,15 @@ def _outcome(folder: Path, where: str, files: Iterable[str], findings: Findings)
         "start_time": as_utc(record["started_at"]),
         "end_time": as_utc(record["finished_at"]),
     }
-    return {name: value for name, value in outcome.items() if value}
+    if record.get("seed") is not None:
+        outcome["seed"] = record["seed"]
+    return {name: value for name, value in outcome.items() if value not in ("", None)}
 
 
 def _read_record(folder: Path) -> dict[str, Any] | None:
     """The relevant part of a run's record; None if it is missing."""
     record = read_run_record(folder)
-    keys = ("verdict", "reason", "started_at", "finished_at")
+    keys = ("verdict", "reason", "started_at", "finished_at", "seed")
     return {key: getattr(record, key) for key in keys} if record is not None else None
 
 

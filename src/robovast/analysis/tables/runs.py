@@ -25,6 +25,7 @@ COLUMNS = {
     "finished_at": "TIMESTAMP",
     "duration": "DOUBLE",
     "exit_code": "BIGINT",
+    "seed": "BIGINT",
     "attempt": "BIGINT",
     "job": "VARCHAR",
     "runtime": "VARCHAR",

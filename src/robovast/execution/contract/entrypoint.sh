@@ -135,7 +135,8 @@ use_driver() {
     elif [[ $second == "'''exec'"* ]]; then # how installers write a path that is long or has spaces
         interpreter=("${executor%/*}/python3")
     else
-        say "warning: $executor is no Python program; verdicts appear when the whole pack has ended"
+        say "warning: $executor is no Python program; verdicts appear when the whole pack has ended," \
+            "and of several runs none gets its ROBOVAST_SEED"
         return
     fi
     command=("${interpreter[@]}" "$contract/run_scenarios.py" "${command[@]}")

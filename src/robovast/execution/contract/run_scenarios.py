@@ -9,6 +9,7 @@ unchanged but for what a pack needs:
   writes all of them after the last one, so that a crash in run 17 of 20 would lose 16 verdicts.
 - What a scenario started is shut down before the next one begins.
 - The post command (`--post-run`) runs once per run, with that run's folder.
+- ROBOVAST_SEED is that of the run, for all that it starts (scenario.seeds.json has them all).
 - Each run that is over, post command included, gets a line in $OUTPUT_DIR/finished_runs: its
   folder, relative to the output folder of the pack.
 - A parameter document, a setup or a tick that raises fails its own run only.
@@ -34,6 +35,7 @@ sys.path[0] = os.path.dirname(os.path.abspath(sys.argv[1]))
 import gc
 import importlib
 import inspect
+import json
 import runpy
 import signal
 import subprocess
@@ -194,6 +196,7 @@ class Pack:
         """Set a scenario up; the one before is over, and a verdict of an earlier attempt goes."""
         gc.enable()
         finish_runs(self)
+        set_seed(current_output_dir or self.output_dir)
         verdict = os.path.join(current_output_dir or self.output_dir, "test.xml")
         if os.path.exists(verdict):
             os.remove(verdict)
@@ -216,6 +219,22 @@ class Pack:
         """Return whether all passed; every verdict is written already."""
         finish_runs(self)
         return bool(self.results) and all(one.result for one in self.results)
+
+
+def read_seeds() -> dict[str, int]:
+    """Return the seeds of runs by folder; none where nobody has given any."""
+    path = os.path.join(os.path.dirname(os.path.abspath(__file__)), "scenario.seeds.json")
+    if not os.path.exists(path):
+        return {}
+    with open(path, encoding="utf-8") as file:
+        return dict(json.load(file))
+
+
+def set_seed(folder: str) -> None:
+    """Set the seed of the run that writes into a folder, where it has one."""
+    run = os.path.relpath(folder, os.environ["ROBOVAST_OUT_DIR"])
+    if run in state.seeds:
+        os.environ["ROBOVAST_SEED"] = str(state.seeds[run])
 
 
 def tick_until_over(execution: Any) -> None:
@@ -268,8 +287,8 @@ def take_over() -> None:
 original = types.SimpleNamespace()
 """The methods that `Pack` replaced."""
 
-state = types.SimpleNamespace(ended=[], stopped=False)
-"""Folders of runs that ended and are not over yet; whether the pack was asked to stop."""
+state = types.SimpleNamespace(ended=[], stopped=False, seeds={})
+"""Folders of runs that ended and are not over yet; whether the pack was asked to stop; seeds."""
 
 
 def main() -> None:
@@ -281,10 +300,12 @@ def main() -> None:
     except (ImportError, AttributeError, TypeError) as error:
         sys.stdout.write(
             f"[robovast] warning: this image's scenario-execution is not as expected ({error}); "
-            "the verdicts of this pack appear only when all of its runs have ended\n"
+            "the verdicts of this pack appear only when all of its runs have ended, and of several "
+            "runs none gets its ROBOVAST_SEED\n"
         )
         sys.stdout.flush()
         os.execv(executor, command)  # noqa: S606
+    state.seeds.update(read_seeds())
     sys.argv = command
     runpy.run_path(executor, run_name="__main__")
 

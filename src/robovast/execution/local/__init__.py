@@ -23,7 +23,7 @@ from robovast.execution.local.events import LocalOptions, Observer, Summary
 from robovast.execution.local.prepare import open_shell, prepare_run
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained
-from robovast.execution.local.variants import choose_variants
+from robovast.execution.local.variants import campaign_seed, choose_variants
 from robovast.model.document import Document, load_document
 from robovast.model.expansion import Variant, select_variants
 from robovast.model.naming import campaign_folder_name
@@ -56,7 +56,7 @@ def run_campaign(
         plan = plan_variants(composition.variants, runs, document.vast.execution.runs_per_job)
         runtime = choose_runtime(document, options, observer.message)
         identity = runtime.check()
-        started = datetime.now().astimezone()
+        started, seed = datetime.now().astimezone(), campaign_seed(document)
         layout = _make_folder(output, document.vast.campaign_name, started)
         with explained(layout.root):
             write_configurations(document, composition, layout.root, timings=True)
@@ -65,6 +65,7 @@ def run_campaign(
                 document,
                 started=started,
                 runs=runs,
+                seed=seed,
                 kind="local",
                 image=identity.image,
                 image_revision=identity.digest,
@@ -73,7 +74,7 @@ def run_campaign(
             sync_folder(output)
     variants = _stored_files(layout, composition.variants)
     session = Session(document, layout, options, runtime, identity)
-    return execute_campaign(session, plan, plan_runs(plan, variants), observer)
+    return execute_campaign(session, plan, plan_runs(plan, variants, seed), observer)
 
 
 def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -> Summary:
@@ -89,7 +90,7 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
     document = load_document(layout.config / name)
     repeated = options.runs or _planned_runs(layout)
     plan = plan_variants(variants, repeated, document.vast.execution.runs_per_job)
-    runs = plan_runs(plan, variants)
+    runs = plan_runs(plan, variants, _recorded_seed(layout))
     if options.select is not None:
         chosen = {variant.name for variant in select_variants(variants, options.select)}
         runs = [run for run in runs if run.variant.name in chosen]
@@ -139,3 +140,11 @@ def _planned_runs(layout: Layout) -> int:
         raise InputError(
             f"{path}: does not say how many runs were planned; give `--runs`."
         ) from None
+
+
+def _recorded_seed(layout: Layout) -> int | None:
+    """The seed that a campaign began with; None when an older version began it."""
+    found = read_mapping(layout.execution_record).get("seed")
+    if found is None or type(found) is int:
+        return found
+    raise InputError(f"{layout.execution_record}: `seed` must be a whole number, not {found!r}.")

@@ -25,12 +25,11 @@ from robovast.execution.local.docker_compose import MAIN, compose_model
 from robovast.execution.local.events import LocalOptions
 from robovast.execution.local.runtime import Identity
 from robovast.execution.local.session import Session
-from robovast.execution.local.variants import choose_variants
+from robovast.execution.local.variants import campaign_seed, choose_variants
 from robovast.model.document import Document
 from robovast.model.inputs import container_files
 from robovast.model.naming import campaign_prefix
 from robovast.model.plan import Job, pack_runs, plan_runs, plan_variants
-from robovast.model.scenario import read_scenario
 
 _TEMPLATE = Path(__file__).with_name("run.sh.in")
 
@@ -54,7 +53,7 @@ def prepare_run(document: Document, output: Path, options: LocalOptions) -> Path
         execution = document.vast.execution
         runs, variants = options.runs or execution.runs, composition.variants
         plan = plan_variants(variants, runs, execution.runs_per_job)
-        jobs = pack_runs(plan, plan_runs(plan, variants))
+        jobs = pack_runs(plan, plan_runs(plan, variants, campaign_seed(document)))
         _write_jobs(document, options, output, jobs, Path(scratch))
     (output / "gui.yaml").write_text(dump_yaml(_gui(document)), encoding="utf-8")
     return _write_script(document, output, options)
@@ -104,10 +103,9 @@ def _write_jobs(
     image = resolve_image(document, options) or ""
     runtime = ContainerRuntime("docker", image, options, _silent)
     session = Session(document, Layout(output), options, runtime, Identity(image, ""))
-    scenario = read_scenario(document.scenario).name
     for job in jobs:
         folder = output / "jobs" / job.name
-        build_config_folder(folder / "config", common, job, scenario)
+        build_config_folder(folder / "config", common, job, session.scenario)
         (folder / "runs").write_text("".join(f"{run.path}\n" for run in job.runs), "utf-8")
         compose_file = dump_yaml(_compose_model(session, job, folder))
         (folder / "compose.yaml").write_text(compose_file, encoding="utf-8")

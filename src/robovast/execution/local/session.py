@@ -24,7 +24,7 @@ from robovast.model.quantities import (
     memory,
     resolve_per_context,
 )
-from robovast.model.scenario import read_scenario
+from robovast.model.scenario import Scenario, read_scenario
 
 DEFAULT_USER = 1000
 
@@ -50,9 +50,9 @@ class Session:
         return socket.gethostname()
 
     @cached_property
-    def scenario(self) -> str:
-        """Name of the scenario."""
-        return read_scenario(self.document.scenario).name
+    def scenario(self) -> Scenario:
+        """The document's scenario."""
+        return read_scenario(self.document.scenario)
 
     @cached_property
     def limits(self) -> Limits:

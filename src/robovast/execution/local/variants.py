@@ -1,4 +1,4 @@
-"""Selects the variants that a local campaign executes."""
+"""Selects the variants that a local campaign executes, and its seed."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from robovast.execution.local.events import LocalOptions
 from robovast.model.document import Document
 from robovast.model.document.model import merge_pairs
 from robovast.model.expansion import Composition, Variant, compose, select_variants
+from robovast.model.seeds import draw_seed
 
 
 def choose_variants(
@@ -26,3 +27,9 @@ def choose_variants(
         for variant in variants
     )
     return dataclasses.replace(composition, variants=tuple(changed))
+
+
+def campaign_seed(document: Document) -> int:
+    """The seed of a new campaign: the document's, or one drawn at random."""
+    given = document.vast.execution.seed
+    return draw_seed() if given is None else given

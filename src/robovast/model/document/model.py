@@ -21,6 +21,8 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
+from robovast.model.seeds import LARGEST_SEED
+
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$"
 
 RESERVED_ENVIRONMENT = frozenset({"CAMPAIGN_ID", "POST_COMMAND", "PRE_COMMAND", "ROS_LOG_DIR"})
@@ -35,6 +37,7 @@ CONTRACT_ENVIRONMENT = frozenset(
         "OUTPUT_RESULT_PER_SCENARIO",
         "ROBOVAST_CONFIG_DIR",
         "ROBOVAST_OUT_DIR",
+        "ROBOVAST_SEED",
         "SCENARIO_EXECUTION_PARAMETERS",
         "SCENARIO_FILE",
         "SCENARIO_OUTPUT_DIR",
@@ -242,6 +245,8 @@ class Execution(Section):
     """How often each configuration is run."""
     runs_per_job: Annotated[int, Field(ge=1, le=10_000)] = 1
     """How many runs share one job (one simulator set-up)."""
+    seed: Annotated[int, Field(strict=True, ge=0, le=LARGEST_SEED)] | None = None
+    """Seed of the campaign, from which each run's own follows; drawn at random when omitted."""
     timeout: Annotated[int, Field(ge=1)] | None = None
     """Longest wall-clock time of one run [s]; no limit when omitted."""
     scenario_file: str | None = None
