@@ -10,6 +10,7 @@ import signal
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
+from robovast.campaign.reasons import explain_error, explain_failure, lines_of_run
 from robovast.campaign.verdict import TestResult, Verdict
 
 
@@ -39,7 +40,7 @@ def judge(result: TestResult, ending: Ending, timeout: int | None, log: bytes) -
         result: the result in test.xml.
         ending: how the process ended.
         timeout: the document's limit [s].
-        log: the end of the job's log, which is quoted when there is no verdict.
+        log: the end of the job's log, which says why the run did not pass.
     """
     if ending.timed_out:
         reason = f"stopped after {timeout} s, the limit of execution.timeout"
@@ -47,13 +48,16 @@ def judge(result: TestResult, ending: Ending, timeout: int | None, log: bytes) -
     if ending.interrupted and result.verdict is not Verdict.PASSED:
         return TestResult(Verdict.INTERRUPTED, "stopped by the user", result.started_at, None)
     if ending.lacked_memory and result.verdict is not Verdict.PASSED:
-        result = replace(result, reason=f"{result.reason}; {_LACKED_MEMORY}")
+        result = replace(result, reason=f"{result.reason}; {_LACKED_MEMORY}", explained=True)
+    if result.verdict is Verdict.FAILED:
+        lines = lines_of_run(log, result.started_at)
+        why = explain_failure(result.reason, result.action, result.explained, lines)
+        return replace(result, reason=why)
     if result.verdict is not Verdict.ERRORED or ending.exit_code is None:
         return result
     explained = CONTAINER_KILLED if ending.container_killed else _explain(ending.exit_code)
-    cause = f"{result.reason}; {explained}"
-    last = _last_line(log)
-    return TestResult(Verdict.ERRORED, f"{cause}; its log ends: {last}" if last else cause)
+    why = explain_error(f"{result.reason}; {explained}", lines_of_run(log, None))
+    return TestResult(Verdict.ERRORED, why)
 
 
 CONTAINER_KILLED = "its container was ended by SIGKILL (out of memory?)"
@@ -85,14 +89,3 @@ def _explain(code: int) -> str:
         return f"it was ended by {name}" + (" (out of memory?)" if name == "SIGKILL" else "")
     meaning = _MEANINGS.get(code)
     return f"exit code {code}" + (f": {meaning}" if meaning else "")
-
-
-_END = "[robovast] ended with code"
-"""The entrypoint's last message, which is never quoted."""
-
-
-def _last_line(log: bytes, limit: int = 200) -> str:
-    lines = log.decode("utf-8", "replace").split("\n")
-    said = (line.strip() for line in reversed(lines))
-    last = next((line for line in said if line and not line.startswith(_END)), "")
-    return last if len(last) <= limit else last[: limit - 1] + "…"

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET  # entities are refused below
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
 from robovast.base.safe_paths import read_text
 from robovast.campaign.layout import TEST_RESULT
+from robovast.campaign.reasons import is_command, plain
 
 
 class Verdict(StrEnum):
@@ -32,6 +35,8 @@ class TestResult:
         reason: the first failure's message, or why there is no verdict; empty when passed.
         started_at: start of the scenario [s since the epoch]; None if missing or implausible.
         duration: [s]; None if missing or implausible.
+        action: the scenario's action that failed; empty if unknown.
+        explained: False if the reason only says that the action, or its process, failed.
     """
 
     __test__ = False  # not a test class, despite its name
@@ -40,6 +45,8 @@ class TestResult:
     reason: str = ""
     started_at: float | None = None
     duration: float | None = None
+    action: str = ""
+    explained: bool = True
 
 
 MOST = 16 << 20
@@ -197,7 +204,8 @@ class _Report:
             return _no_report(f"its outermost element is `{self._root[:40]}`")
         duration = next((sum(d) for d in self._durations.values() if d), None)
         if self._bad:
-            return TestResult(Verdict.FAILED, self._failure(), self._started_at, duration)
+            failed = self._failure()
+            return replace(failed, started_at=self._started_at, duration=duration)
         why = self._doubt
         if not self._suite_count or not self._whole.cases:
             why = "it has no test case"
@@ -207,10 +215,10 @@ class _Report:
             return TestResult(Verdict.ERRORED, f"{TEST_RESULT} says nothing: {why}")
         return TestResult(Verdict.PASSED, "", self._started_at, duration)
 
-    def _failure(self) -> str:
+    def _failure(self) -> TestResult:
         told = [self._failures[name] for name in ("failure", "error") if name in self._failures]
         message, text = next(iter([*told, *self._failures.values()]), ("", []))
-        return ": ".join(filter(None, (message, _detail("".join(text))))) or "the scenario failed"
+        return _failed("" if message == _NO_MESSAGE else message, "".join(text))
 
 
 def _plain(name: str) -> str:
@@ -245,18 +253,36 @@ def _seconds(text: str | None) -> float | None:
     return number if 0 <= number < _LATEST else None
 
 
-_FAILED_LEAF = "[✕] -- "
-"""Marks the message of the failed behaviour in a printed behaviour tree."""
+_NO_MESSAGE = "execution failed."
+"""Of scenario-execution, for every failure of a scenario."""
+_NODE = re.compile(
+    r"(?:(?P<leaf>-->)|-\^-|\{.\}|\[.\]|/_/) (?P<name>.+?) \[(?P<state>.)\](?: -- (?P<said>.*))?"
+)
+"""A line of a printed behaviour tree."""
 _TREE = ("-^-", "[", "{", "-->", "/_/")
 """Line prefixes of a printed behaviour tree; such lines alone say little."""
 
 
-def _detail(text: str, limit: int = 200) -> str:
-    """Message of the failed behaviour, or the first line; shortened in the middle."""
+def _failed(message: str, text: str) -> TestResult:
+    """A failure, by the action that failed in a printed behaviour tree, or else its first line."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
-    failed = [line.partition(_FAILED_LEAF)[2] for line in lines if _FAILED_LEAF in line]
-    first = "" if not lines or lines[0].startswith(_TREE) else lines[0]
-    detail = failed[-1] if failed else first
-    if len(detail) <= limit:
-        return detail
-    return f"{detail[: limit // 2]} … {detail[-limit // 2 :]}"
+    action, said = _failed_action([node for node in map(_NODE.fullmatch, lines) if node])
+    if not action:
+        said = "" if not lines or lines[0].startswith(_TREE) else lines[0]
+    parts = [plain(part) for part in (message, action, said) if part]
+    explained = bool(said or (message and not action)) and not is_command(said)
+    if action and not said:
+        parts[-1] += " failed"
+    reason = ": ".join(parts) or "the scenario failed"
+    return TestResult(Verdict.FAILED, reason, action=plain(action), explained=explained)
+
+
+def _failed_action(nodes: Sequence[re.Match[str]]) -> tuple[str, str]:
+    """The action that failed and what it said; empty if unknown."""
+    failed = [node for node in nodes if node["state"] == "✕"]
+    told = [node for node in failed if node["said"]] or [node for node in failed if node["leaf"]]
+    if told:
+        return told[-1]["name"], told[-1]["said"] or ""
+    if failed and nodes[-1]["leaf"] and nodes[-1]["state"] == "-":
+        return nodes[-1]["name"], "stopped by the scenario's timeout"
+    return "", ""

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
+from robovast.campaign.log_lines import LEVELS, parse_line, without_escapes
 from robovast.evaluation.inside import open_inside
 
-LEVELS = ("debug", "info", "warn", "error", "fatal")
 PAGE = 2000
 """Lines per page."""
 LONGEST_LINE = 4000
@@ -22,15 +22,8 @@ PART = 16 << 20
 _PROBE = 1 << 16
 """Block that is read at each step when a time is searched in a large log [bytes]."""
 
-_LEVEL = re.compile(
-    r"\[\s*(DEBUG|INFO|WARN(?:ING)?|ERROR|FATAL|CRITICAL)\s*\]"
-    r"|\b(DEBUG|INFO|WARN(?:ING)?|ERROR|FATAL|CRITICAL)\b\s*[:|]",
-    re.IGNORECASE,
-)
-_NAMES = {"warning": "warn", "critical": "fatal"}
 _STAMP = re.compile(r"\[(\d{9,10}\.\d{3,9})\]")
 _STAMP_BYTES = re.compile(_STAMP.pattern.encode())
-_ESCAPES = re.compile(r"\x1b\[[0-9;?]*[ -/]*[@-~]|\x1b\][^\x07]*\x07|[\x00-\x08\x0b-\x1f\x7f]")
 
 
 class LogLine(NamedTuple):
@@ -136,11 +129,10 @@ def parse_lines(lines: Iterable[str]) -> Iterator[LogLine]:
     """Lines with their levels; what follows a line and is indented shares its level."""
     level = ""
     for number, raw in enumerate(lines, start=1):
-        text = raw if raw.isprintable() else _ESCAPES.sub("", raw)
-        found = _LEVEL.search(text[:200])
-        if found:
-            name = (found[1] or found[2]).lower()
-            level = _NAMES.get(name, name)
+        text = without_escapes(raw)
+        said = parse_line(text).level
+        if said:
+            level = said
         elif text.startswith("Traceback "):
             level = "error"
         elif not text.startswith((" ", "\t")):

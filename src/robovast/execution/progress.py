@@ -12,8 +12,8 @@ from robovast.model.plan import Run
 
 FINISHED_RUNS = "finished_runs"
 """File in a job's folder where the contract's scripts list finished runs."""
-_LOG_END = 4096
-"""Part of a log that is searched for its last line [bytes]."""
+_LOG_END = 256 << 10
+"""Part of a log that is searched for the reason why a run did not pass [bytes]."""
 
 
 @dataclass(frozen=True)

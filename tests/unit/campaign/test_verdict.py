@@ -36,14 +36,14 @@ def test_a_failure_or_error_is_failed(tmp_path: Path, errors: int, failures: int
 
 def test_a_drawn_tree_is_no_reason(tmp_path: Path) -> None:
     case = '<testcase><failure message="execution failed.">-^- drive [x]</failure></testcase>'
-    assert result_of(tmp_path, SUITE.format(e=0, f=1, case=case)).reason == "execution failed."
+    assert result_of(tmp_path, SUITE.format(e=0, f=1, case=case)).reason == "the scenario failed"
 
 
 def test_the_behaviour_that_failed_says_why(tmp_path: Path) -> None:
     tree = "-^- test [✕]\n    {-} serial [✕]\n        --&gt; run [✕] -- sim failed with 3"
     case = f'<testcase><failure message="execution failed.">{tree}</failure></testcase>'
     reason = result_of(tmp_path, SUITE.format(e=0, f=1, case=case)).reason
-    assert reason == "execution failed.: sim failed with 3"
+    assert reason == "run: sim failed with 3"
 
 
 @pytest.mark.parametrize(

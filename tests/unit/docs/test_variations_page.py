@@ -11,6 +11,7 @@ from support.campaigns.finished import add_run
 from support.pages import ROOT, write_files
 
 import robovast
+from robovast.base.plugins import load_plugin
 from robovast.execution.generate import write_configurations
 from robovast.model.expansion import compose
 
@@ -29,7 +30,7 @@ def folder(tmp_path: Path) -> Path:
     path.mkdir()
     (path / "scenario.osc").write_text(SCENARIO)
     written = write_files(PAGE, "yaml", path) + write_files(PAGE, "python", path)
-    assert written == ["doors.vast", "widths.py", "clearance.py", "laboratory.py"]
+    assert written == ["doors.vast", "widths.py", "clearance.py", "laboratory.py", "reasons.py"]
     return path
 
 
@@ -72,6 +73,12 @@ def _campaign(folder: Path, tmp_path: Path) -> Path:
     for index, variant in enumerate(composition.variants):
         add_run(campaign, variant.name, 0, index)
     return campaign
+
+
+def test_the_rule_finds_the_error_that_the_page_shows(folder: Path) -> None:
+    rule = load_plugin("reasons.py:last_error", "robovast.failure_reasons", folder)
+    assert rule(["started", '{"severity": 3, "text": "no grip"}', "ended"]) == "no grip"
+    assert rule(["started"]) is None
 
 
 def test_each_example_is_about_twenty_lines(folder: Path) -> None:

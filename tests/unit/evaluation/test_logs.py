@@ -21,6 +21,8 @@ from robovast.evaluation.logs import LONGEST_LINE, PAGE, PART, LogQuestion, pars
         ("CRITICAL | gone", "fatal"),
         ("\x1b[31m[ERROR] [1.2] red\x1b[0m", "error"),
         ("no error here", ""),
+        ("[ERROR] [12.5] [scenario_execution]: [INFO] [12.4] [follower]: a way of 5.3 m", "info"),
+        ("[INFO] [12.5] [scenario_execution]: \x1b[31m[ERROR] [12.4] [a]: no\x1b[0m", "error"),
     ],
 )
 def test_levels(line: str, level: str) -> None:

@@ -46,7 +46,10 @@ def main() -> int:
 
     share = population[-1] / arguments.capacity
     print(f"final population {population[-1]:.1f}, {share:.0%} of the capacity")
-    return 0 if share >= arguments.expected else 1
+    if share >= arguments.expected:
+        return 0
+    print(f"share below {arguments.expected}", file=sys.stderr)
+    return 1
 
 
 if __name__ == "__main__":
