@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,6 +17,8 @@ from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.execution.local import LocalOptions, Summary, resume_campaign, run_campaign
 from robovast.model.document import Document
+from robovast.model.expansion import select_variants
+from robovast_cli.ui.expanding import expanded
 from robovast_cli.ui.live_view import LiveView, is_live
 from robovast_cli.ui.local_view import LocalView
 from robovast_cli.ui.output import asked, say
@@ -34,31 +37,54 @@ def refuse_document(out: Path | None) -> None:
     """Refuse a document where the folder for results is meant.
 
     Raises:
-        InputError: its name ends with `.vast`.
+        InputError: its name ends with `.vast`, and it is no folder.
     """
-    if out is not None and out.suffix == ".vast":
+    if out is None or out.suffix != ".vast" or out.is_dir():
+        return
+    if os.path.exists(out):
         raise InputError(
             f"`{out}` is a document, and OUT is the folder for results. `vast --vast-file {out} "
             "exec local run` runs it."
         )
+    raise InputError(
+        f"`{out}` does not exist. A document is named by `--vast-file`; OUT is the folder for "
+        "results, whose name must not end with `.vast`."
+    )
 
 
 def meant(document: Document, out: Path, options: LocalOptions) -> LocalOptions:
-    """The options, with the configuration that OUT names where the user says that it is one.
+    """The options, with the configurations that OUT names where the user says that they are meant.
 
     Raises:
-        InputError: there is no terminal to ask the user.
+        InputError: there is no terminal to ask the user, or OUT looks like the name of a
+            configuration and is none.
     """
-    names = [entry.name for entry in document.vast.configuration or ()]
-    if out.exists() or not any(re.fullmatch(rf"{re.escape(n)}(-\d+)*", str(out)) for n in names):
+    entries = [entry.name for entry in document.vast.configuration or ()]
+    if os.path.lexists(out) or not _looks_like_configuration(str(out), entries):
         return options
+    folder = f"`--output '{out}'` makes a folder of that name."
+    with expanded(document) as variants:
+        try:
+            number = len(select_variants(variants, str(out)))
+        except InputError as error:
+            raise InputError(f"{error} OUT is the folder for results: {folder}") from None
+    kind = "a configuration" if number == 1 else f"the name of {number} configurations"
     if not sys.stdin.isatty():
         raise InputError(
-            f"`{out}` is a configuration, and OUT is the folder for results. `--config {out}` runs "
-            f"it alone, `--output {out}` makes a folder of that name."
+            f"`{out}` is {kind}, and OUT is the folder for results. `--config '{out}'` runs "
+            f"nothing else, {folder}"
         )
-    question = f"`{out}` is a configuration. Run it alone (no: results go into a folder {out})?"
+    question = f"`{out}` is {kind}. Run nothing else (no: results go into a folder {out})?"
     return replace(options, select=str(out)) if asked(question, default=True) else options
+
+
+def _looks_like_configuration(name: str, entries: Iterable[str]) -> bool:
+    """Whether it is an entry with or without numbers, or a pattern."""
+    if "/" in name:
+        return False
+    return bool(re.search(r"[*?[]", name)) or any(
+        re.fullmatch(rf"{re.escape(entry)}(-\d*)*", name) for entry in entries
+    )
 
 
 def resume(campaign: Path, options: LocalOptions) -> ExitCode:

@@ -160,16 +160,6 @@ def sweep(folder: Path) -> None:
                 shutil.rmtree(path, ignore_errors=True)
 
 
-def refuse_file(folder: Path) -> None:
-    """Raise a StorageError if a file is in the place of a folder or one of its parents."""
-    try:
-        file = next((path for path in (folder, *folder.parents) if path.is_file()), None)
-    except OSError as error:  # a name that no file system takes
-        raise StorageError(f"{folder}: {error.strerror}. Choose another place.") from None
-    if file is not None:
-        raise StorageError(f"{file} is a file, and results go into a folder. Choose another place.")
-
-
 def make_folder(folder: Path) -> None:
     """Create a folder and its parents, durably."""
     if folder.is_dir():

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import os
 import shutil
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +13,15 @@ from pathlib import Path
 from robovast.base.errors import InputError, StorageError
 
 _FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
+_WORDS = {
+    errno.EISDIR: "it is a folder",
+    errno.ENOTDIR: "a part of its path is not a folder",
+    errno.ELOOP: "a link in its path leads back to itself",
+    errno.ENAMETOOLONG: "a name is too long",
+    errno.ENXIO: "it is a device or pipe without anything behind it",
+    **dict.fromkeys(_FULL, "the disk is full"),
+}
+"""Causes that the system names in words of programmers."""
 _REFUSALS = _FULL | {errno.EACCES, errno.EPERM, errno.EROFS, errno.EIO, errno.EMFILE, errno.ENFILE}
 
 
@@ -28,12 +39,33 @@ def sentence(error: OSError) -> str:
 
 def cause(error: OSError) -> str:
     """Why a file cannot be read or written."""
-    if error.errno in _FULL:
-        return "the disk is full"
     if isinstance(error, shutil.Error):  # of copying a tree: one entry for each file
         source, _, first = error.args[0][0]
         return f"{first} ({source})"
-    return error.strerror or str(error)
+    return _WORDS.get(error.errno or 0) or error.strerror or str(error)
+
+
+def refuse_obstacle(folder: Path) -> None:
+    """Raise a StorageError if something else is in the place of a folder, or of its parents."""
+    found = obstacle(folder)
+    if found:
+        raise StorageError(f"{found}, and results go into a folder. Choose another place.")
+
+
+def obstacle(folder: Path) -> str:
+    """What is in the place of a folder, or of one of its parents, and is none; empty if nothing."""
+    for path in (folder, *folder.parents):
+        try:
+            mode = path.stat().st_mode
+        except OSError as error:
+            if os.path.islink(path):
+                return f"{path} is a link to `{os.readlink(path)}`, which leads nowhere"
+            if error.errno not in {errno.ENOENT, errno.ENOTDIR}:
+                return f"{path} cannot be used ({cause(error)})"
+        else:
+            kind = "a file" if stat.S_ISREG(mode) else "a device or a pipe"
+            return "" if stat.S_ISDIR(mode) else f"{path} is {kind}"
+    return ""
 
 
 @contextmanager
@@ -63,6 +95,9 @@ def reading(path: Path | str) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError:
+        if os.path.islink(path):
+            target = os.readlink(path)
+            raise InputError(f"{path}: is a link to `{target}`, which does not exist.") from None
         raise InputError(f"{path}: there is no such file.") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {cause(error)}.") from None

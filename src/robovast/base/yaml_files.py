@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 
 from robovast.base.errors import InputError
+from robovast.base.file_errors import cause
 from robovast.base.safe_paths import MOST, MOST_OF_ALL, read_file
 
 YamlLoader: type[yaml.SafeLoader] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -39,7 +40,9 @@ def read_mapping(path: Path, most: int = MOST_OF_ALL) -> dict[str, Any]:
         data = parse_yaml(read_file(path, most=most))
     except FileNotFoundError:
         return {}
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {cause(error)}") from error
+    except ValueError as error:
         raise InputError(f"{path}: cannot be read: {error}") from error
     return data if isinstance(data, dict) else {}
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from robovast.base.errors import InputError
+from robovast.base.file_errors import obstacle
 from robovast.base.serialization import fingerprint
 from robovast.base.yaml_files import read_mapping
 from robovast.campaign.layout import Layout
@@ -22,6 +23,9 @@ def read_configurations(layout: Layout) -> dict[str, Any]:
         InputError: the folder is not a campaign, or the file is damaged.
     """
     path = layout.configurations
+    found = obstacle(layout.root)
+    if found:
+        raise InputError(f"{layout.root} is not a campaign's folder: {found}.")
     data = read_mapping(path)
     if not path.exists():
         raise InputError(

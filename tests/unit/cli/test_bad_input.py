@@ -198,13 +198,66 @@ def test_without_a_file_the_remedy_is_told(vast, folder, files: list[str], messa
 
 
 FOREIGN = ("Value error", "Input should", "Errno", "Traceback", "codec", "<list[", "{OUT}")
+RUN = ["exec", "local", "run", "--runtime", "process"]
 BAD = [
     (["config", "generate", "file"], 5, "file is a file, and results go into a folder"),
-    (["config", "generate", "a" * 300], 5, "File name too long. Choose another place."),
+    (
+        ["config", "generate", "a" * 300],
+        5,
+        "cannot be used (a name is too long), and results go into",
+    ),
     (["config", "generate", "file/x"], 5, "file is a file, and results go into a folder"),
     (["exec", "local", "prepare-run", "file"], 5, "/file is a file, and results go into"),
-    (["exec", "local", "run", "x.vast"], 2, "`x.vast` is a document, and OUT is the folder for"),
+    (
+        ["exec", "local", "run", "drive.vast"],
+        2,
+        "`drive.vast` is a document, and OUT is the folder",
+    ),
     (["exec", "local", "run", "file", "--runtime", "process"], 5, "file is a file, and results"),
+    (
+        ["exec", "local", "run", "gone.vast"],
+        2,
+        "`gone.vast` does not exist. A document is named by",
+    ),
+    (
+        [*RUN, "dangling/x"],
+        5,
+        "dangling is a link to `nowhere`, which leads nowhere, and results go",
+    ),
+    ([*RUN, "loop"], 5, "loop is a link to `loop`, which leads nowhere, and results go into a"),
+    ([*RUN, "/dev/null/x"], 5, "/dev/null is a device or a pipe, and results go into a folder."),
+    (
+        [*RUN, "/proc/x"],
+        5,
+        "/proc/x: results cannot be written there: no folder can be made in it.",
+    ),
+    ([*RUN, "a" * 300], 5, "cannot be used (a name is too long), and results go into"),
+    ([*RUN, "b\udcff"], 5, "the path is not text in UTF-8."),
+    (
+        [*RUN, "fixed"],
+        2,
+        "`fixed` is a configuration, and OUT is the folder for results. `--config",
+    ),
+    ([*RUN, "sweep"], 2, "`sweep` is the name of 6 configurations, and OUT is the folder for"),
+    ([*RUN, "sweep-*"], 2, "`sweep-*` is the name of 6 configurations, and OUT is the folder for"),
+    (
+        [*RUN, "sweep-9-9"],
+        2,
+        "no configuration matches `sweep-9-9`. There are 7, for example sweep",
+    ),
+    ([*RUN, "x*"], 2, "no configuration matches `x*`. There are 7, for example sweep"),
+    ([*RUN, "--resume", "file"], 2, "/file is not a campaign's folder: "),
+    ([*RUN, "--resume", "loop"], 2, "loop is a link to `loop`, which leads nowhere."),
+    ([*RUN, "--resume", "b\udcff"], 5, "the path is not text in UTF-8."),
+    (["-V", ".", "config", "check"], 2, ".: cannot be read: it is a folder."),
+    (["-V", "dangling", "config", "check"], 2, "dangling: is a link to `nowhere`, which does not"),
+    (
+        ["-V", "loop", "config", "check"],
+        2,
+        "loop: cannot be read: a link in its path leads back to",
+    ),
+    (["-V", "file/x", "config", "check"], 2, "cannot be read: a part of its path is not a folder."),
+    (["-V", "/dev/zero", "config", "check"], 2, "/dev/zero: is a device, and no .vast file."),
     (["exec", "cluster", "prepare-run", "file"], 5, "file is a file, and results go into"),
     (["results", "postprocess", "-r", "file"], 2, "file is a file; name a results folder"),
     (["import-results", "file"], 2, "(it does not begin like a tar or zip file). Fetch it again."),
@@ -225,6 +278,8 @@ def test_no_library_speaks_to_the_user(
     message: str,
 ) -> None:
     (sweep.parent / "file").write_text("x")
+    (sweep.parent / "dangling").symlink_to("nowhere")
+    (sweep.parent / "loop").symlink_to("loop")
     monkeypatch.setenv("KUBECONFIG", str(sweep.parent / "none"))
     outcome = vast(*arguments)
     assert outcome.code == code, outcome

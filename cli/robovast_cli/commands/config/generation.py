@@ -10,9 +10,8 @@ from tempfile import TemporaryDirectory
 
 import typer
 
-from robovast.base.atomic import refuse_file
 from robovast.base.errors import StorageError
-from robovast.base.file_errors import writing
+from robovast.base.file_errors import refuse_obstacle, writing
 from robovast.campaign.layout import Layout
 from robovast.execution.generate import write_configurations
 from robovast.model.document import Document
@@ -33,7 +32,7 @@ def generate(document: Document, out: Path, *, keep_work: bool, use_cache: bool)
     Raises:
         StorageError: the folder holds something, or cannot be written.
     """
-    refuse_file(out)
+    refuse_obstacle(out)
     with writing(out):
         out.mkdir(parents=True, exist_ok=True)
         if any(out.iterdir()):

@@ -7,9 +7,8 @@ from typing import Any, Literal
 
 import typer
 
-from robovast.base.atomic import refuse_file
 from robovast.base.errors import InputError
-from robovast.base.file_errors import writing
+from robovast.base.file_errors import refuse_obstacle, writing
 from robovast.model.document import Document
 from robovast.model.document.files import CONFIG_MOUNT
 from robovast.model.expansion import Variant, select_variants
@@ -44,7 +43,7 @@ def write_pictures(document: Document, pattern: str | None, out: Path, kind: For
                 f"{document.path}: no configuration has a map to draw. Floor plan, path and "
                 "obstacle variations give them one."
             )
-        refuse_file(out)
+        refuse_obstacle(out)
         with writing(out):
             out.mkdir(parents=True, exist_ok=True)
             for variant in mapped:

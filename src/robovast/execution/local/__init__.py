@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import errno
 import os
 from collections.abc import Sequence
 from contextlib import suppress
@@ -11,8 +12,9 @@ from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from robovast.base.atomic import make_folder, refuse_file, sync_folder, sync_tree
+from robovast.base.atomic import make_folder, sync_folder, sync_tree
 from robovast.base.errors import InputError, StorageError
+from robovast.base.file_errors import cause, refuse_obstacle
 from robovast.base.yaml_files import read_mapping
 from robovast.campaign.configurations import read_variants
 from robovast.campaign.layout import Layout
@@ -85,6 +87,7 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
         CannotRunError: the runtime is not usable.
         StorageError: results cannot be written, or another program executes the campaign.
     """
+    _refuse_bytes(campaign)
     layout = Layout(campaign.absolute())
     name, variants = read_variants(layout)
     document = load_document(layout.config / name)
@@ -101,7 +104,8 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
 
 def _make_folder(output: Path, name: str, started: datetime) -> Layout:
     """Create a campaign's folder, named after the first second that is not taken yet."""
-    refuse_file(output)
+    refuse_obstacle(output)
+    _refuse_bytes(output)
     try:
         make_folder(output)
         for seconds in count():
@@ -110,12 +114,23 @@ def _make_folder(output: Path, name: str, started: datetime) -> Layout:
                 root.mkdir()
                 break
     except OSError as error:
+        why = "no folder can be made in it" if error.errno == errno.ENOENT else cause(error)
         raise StorageError(
-            f"{output}: results cannot be written there: {error.strerror}. Choose another folder."
+            f"{output}: results cannot be written there: {why}. Choose another folder."
         ) from None
     if not os.access(root, os.W_OK):
         raise StorageError(f"{root}: cannot be written.")
     return Layout(root)
+
+
+def _refuse_bytes(folder: Path) -> None:
+    """Raise a StorageError for a path that is not text: containers and records must name it."""
+    try:
+        str(folder.absolute()).encode()
+    except UnicodeEncodeError:
+        raise StorageError(
+            f"{folder.absolute()}: the path is not text in UTF-8. Choose or rename a folder."
+        ) from None
 
 
 def _stored_files(layout: Layout, variants: Sequence[Variant]) -> list[Variant]:

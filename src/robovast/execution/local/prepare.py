@@ -10,9 +10,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from robovast.base.atomic import refuse_file
 from robovast.base.errors import CannotRunError, StorageError
-from robovast.base.file_errors import writing
+from robovast.base.file_errors import refuse_obstacle, writing
 from robovast.base.serialization import dump_yaml
 from robovast.campaign.layout import Layout
 from robovast.common.execution import COMPAT_VERSION
@@ -83,7 +82,7 @@ def _silent(message: str) -> None:
 
 def _make_room(output: Path) -> None:
     """Remove the output of an earlier prepare-run, but neither results nor other files."""
-    refuse_file(output)
+    refuse_obstacle(output)
     with writing(output):
         if output.is_dir() and any(output.iterdir()) and not (output / "run.sh").is_file():
             raise StorageError(f"{output} holds other files; choose an empty or a new folder.")

@@ -113,6 +113,8 @@ class Source:
             DocumentError: it is not YAML, repeats a key, or its aliases repeat too many values.
         """
         try:
+            if file.is_char_device() or file.is_block_device():
+                raise InputError(f"{file}: is a device, and no .vast file.")
             with reading(file):
                 return cls(file, file.read_text(encoding="utf-8"))
         except UnicodeDecodeError as error:

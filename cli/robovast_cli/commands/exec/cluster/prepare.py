@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from robovast.base.atomic import refuse_file
 from robovast.base.errors import StorageError
-from robovast.base.file_errors import writing
+from robovast.base.file_errors import refuse_obstacle, writing
 from robovast.kubeapi.submission import SubmitOptions, campaign_name, prepare_submission
 from robovast.model.document import Document
 from robovast.storage.bucket_names import BUNDLES_BUCKET
@@ -47,7 +46,7 @@ def prepare_run(
     submission = prepare_submission(document, options, name, namespace)
     where = f" --namespace {namespace}" if namespace else ""
     text = _README.format(name=name, namespace=where)
-    refuse_file(output)
+    refuse_obstacle(output)
     with writing(output):
         if output.is_dir() and any(output.iterdir()) and not (output / FILE).is_file():
             raise StorageError(f"{output} holds other files; choose an empty or a new folder.")
