@@ -119,6 +119,8 @@ def test_a_failing_run_is_found_and_explained(assistant: Assistant) -> None:
     where = assistant.call("inspect_campaign", campaign=NAME)
     rates = {item["value"]: item["not_passed"] for item in where["by_parameter"]["speed"]}
     assert rates == {"1.0": 0, "2.0": 2}
+    causes = [(one["cause"], one["verdicts"], one["runs"]) for one in where["causes"]]
+    assert causes == [("goal not reached: no goal after 20 s", ["failed"], 2)]
     failed = assistant.call("search_runs", campaign=NAME, verdict="failed", reason="GOAL")
     assert failed["total"] == 2
     place = {"configuration": failed["runs"][0]["configuration"], "run": 0}

@@ -6,12 +6,13 @@ import os
 import re
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from robovast.base.errors import ExitCode, InputError
+from robovast.campaign.failure_groups import FailureGroup, failure_groups
 from robovast.campaign.layout import SYSTEM_LOG, Layout
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
@@ -21,11 +22,11 @@ from robovast.model.expansion import select_variants
 from robovast_cli.ui.expanding import expanded
 from robovast_cli.ui.live_view import LiveView, is_live
 from robovast_cli.ui.local_view import LocalView
-from robovast_cli.ui.output import asked, say
+from robovast_cli.ui.output import asked, say_verdicts
 from robovast_cli.workspace import shown
 
 MOST_LISTED = 20
-"""Runs that the summary names at most."""
+"""Causes that the summary names at most."""
 
 
 def start(document: Document, output: Path, options: LocalOptions) -> ExitCode:
@@ -96,7 +97,7 @@ def _watch(execute: Callable[[LocalView], Summary]) -> ExitCode:
     with _view() as view:
         summary = execute(view)
     for line in summary_lines(summary):
-        say(line)
+        say_verdicts(line)
     return exit_code(summary)
 
 
@@ -118,29 +119,44 @@ def exit_code(summary: Summary) -> ExitCode:
 
 
 def summary_lines(summary: Summary) -> Iterator[str]:
-    """The result of a campaign: counts, runs that did not pass, and the results folder."""
+    """The result of a campaign: a line for each cause of failures, counts, the results folder."""
     yield ""
-    bad = [record for record in summary.records if record.verdict is not Verdict.PASSED]
-    for record in bad[:MOST_LISTED]:
-        yield f"{record.verdict:<11}  {record.variant}/{record.run}: {record.reason}"
-        yield f"{'':11}  {_log(summary, record)}"
-    if len(bad) > MOST_LISTED:
-        yield f"… and {len(bad) - MOST_LISTED} more that did not pass."
-    yield from [""] if bad else []
+    groups = failure_groups((record, record.verdict, record.reason) for record in summary.records)
+    listed = _listed(groups)
+    for group in listed:
+        yield _cause_line(summary, group)
+    if rest := [group for group in groups if group not in listed]:
+        verdicts = _verdicts(record for group in rest for record in group.runs)
+        yield f"… and {len(rest)} more causes: {', '.join(verdicts)}."
+    yield from [""] if groups else []
     yield f"{_counts(summary)}."
     yield f"Results: {shown(summary.campaign)}"
     if len(summary.records) < summary.total or summary.interrupted:
         yield f"Continue: vast exec local run --resume {shown(summary.campaign)}"
 
 
-def _log(summary: Summary, record: RunRecord) -> Path:
-    return shown(Layout(summary.campaign).job(record.job) / SYSTEM_LOG)
+def _listed(groups: Sequence[FailureGroup[RunRecord]]) -> list[FailureGroup[RunRecord]]:
+    """The groups that are shown: crashes and timeouts before failures of the scenario."""
+    chosen = sorted(groups, key=lambda group: group.verdicts == (Verdict.FAILED,))[:MOST_LISTED]
+    return [group for group in groups if group in chosen]
+
+
+def _cause_line(summary: Summary, group: FailureGroup[RunRecord]) -> str:
+    first, count = group.runs[0], len(group.runs)
+    log = shown(Layout(summary.campaign).job(first.job) / SYSTEM_LOG)
+    verdicts = "/".join(group.verdicts)
+    more = " …" if count > 1 else ""
+    return f"{verdicts:<8}{count:>4} × {group.cause}  {first.variant}/{first.run}{more} ({log})"
 
 
 def _counts(summary: Summary) -> str:
-    counts = Counter(record.verdict for record in summary.records)
-    parts = [f"{counts[verdict]} {verdict}" for verdict in Verdict if counts[verdict]]
+    parts = _verdicts(summary.records)
     left = summary.total - len(summary.records)
     parts += [f"{left} not started"] if left else []
     noun = "run" if summary.total == 1 else "runs"
     return f"{summary.total} {noun}: {', '.join(parts) or 'none'}"
+
+
+def _verdicts(records: Iterable[RunRecord]) -> list[str]:
+    counts = Counter(record.verdict for record in records)
+    return [f"{counts[verdict]} {verdict}" for verdict in Verdict if counts[verdict]]

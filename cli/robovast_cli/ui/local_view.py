@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Self
 
+from robovast.campaign.failure_groups import cause_key
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.model.plan import Run
@@ -16,14 +17,14 @@ from robovast_cli.ui.output import say
 from robovast_cli.workspace import shown
 
 MOST_LINES = 100
-"""Up to this many runs every one has a line; of more, each that did not pass, and a count for
-every hundredth part."""
+"""Up to this many runs every one has a line where nothing is renewed in place; otherwise each new
+cause of failure has one, and of more runs every hundredth part a count."""
 MOST_RUNNING = 8
 """Running runs that are named at most."""
 
 
 class LocalView:
-    """Counts a campaign's runs, and shows them; runs that do not pass have a line of their own.
+    """Counts a campaign's runs, and shows them; each new cause of failure has a line of its own.
 
     Args:
         make_live: makes what renews itself in place; without it there are lines alone.
@@ -38,6 +39,7 @@ class LocalView:
         self.total = 0
         self.done_before = 0
         self.verdicts: Counter[Verdict] = Counter()
+        self._causes: set[str] = set()
         self.running: dict[int, str] = {}
         """Names of the runs in progress, by id, the oldest first."""
         self._clock = clock
@@ -99,15 +101,22 @@ class LocalView:
         passed = record.verdict is Verdict.PASSED
         how = f"  {record.duration:.1f} s" if passed else f": {record.reason}"
         line = f"{record.verdict:<7} {run.path}{how}"
+        is_new = not passed and self._is_new(record.reason)
         if self._live:
-            if not passed:
+            if is_new:
                 self._live.say(line, str(record.verdict))
             return
-        if not passed or self.total <= MOST_LINES:
+        if is_new or self.total <= MOST_LINES:
             say(f"[{self.done:>{len(str(self.total))}}/{self.total}] {line}")
         steps = [done * 100 // self.total for done in (self.done - 1, self.done)]
         if self.total > MOST_LINES and steps[0] < steps[1]:
             say(f"{self._counts()}{f', about {clock_time(self.left)} left' if self.left else ''}")
+
+    def _is_new(self, reason: str) -> bool:
+        """Whether no earlier run had this cause; the summary counts the others."""
+        known = len(self._causes)
+        self._causes.add(cause_key(reason))
+        return len(self._causes) > known
 
     def message(self, text: str) -> None:
         """Leave a line."""

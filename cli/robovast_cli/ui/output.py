@@ -2,21 +2,41 @@
 
 from __future__ import annotations
 
+import os
+import re
 import sys
 
 import typer
 
 from robovast.base.printable import printable
+from robovast_cli.ui.live_view import is_live
 from robovast_cli.ui.report import silence_stdout
 
 
-def say(line: str) -> None:
+def say(line: str, *, colour: bool = False) -> None:
     """Print a line at once; nothing when the reader of stdout has gone."""
+    text = printable(line)
     try:
-        sys.stdout.write(printable(line) + "\n")
+        sys.stdout.write((_VERDICT.sub(_coloured, text) if colour else text) + "\n")
         sys.stdout.flush()
     except BrokenPipeError:
         silence_stdout()
+
+
+_COLOURS = {"passed": 32, "failed": 31, "errored": 33, "interrupted": 2}
+"""As `live_view` has them, as codes of ECMA-48."""
+_VERDICT = re.compile(
+    rf"^(?:{'|'.join(_COLOURS)})\b|\b[1-9]\d* (?P<counted>{'|'.join(_COLOURS)})\b"
+)
+
+
+def say_verdicts(line: str) -> None:
+    """Like `say`; on a terminal verdicts at its begin and counted ones have colours."""
+    say(line, colour=is_live(sys.stdout) and "NO_COLOR" not in os.environ)
+
+
+def _coloured(found: re.Match[str]) -> str:
+    return f"\x1b[{_COLOURS[found['counted'] or found[0]]}m{found[0]}\x1b[0m"
 
 
 def say_data(text: str) -> None:

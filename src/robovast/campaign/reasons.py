@@ -200,7 +200,7 @@ def _told(found: re.Match[str]) -> str:
     """A command by its program."""
     words: list[str] = []
     for word in (a or b for a, b in _WORD.findall(found["words"][:_LONGEST_LINE])):
-        if word.startswith("-") or len(words) == _MOST_WORDS:
+        if word.startswith("-") or "…" in word or len(words) == _MOST_WORDS:
             break
         words.append(word.rpartition("/")[2])
     program = " ".join(words)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from robovast.campaign.failure_groups import causes
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.summaries import VariantRuns
 
@@ -19,17 +20,22 @@ def columns(variants: Sequence[VariantRuns]) -> dict[str, Any]:
         `verdicts`: names of the codes. `variants`: `name`, `entry` and, by parameter, `values`,
         each a list with one item per variant. `runs`: lists with one item per run: `variant`
         (place in the list of variants), `number`, `verdict` (code), `reason` (place in
-        `reasons`), `started` [s since the epoch], `duration` [s].
+        `reasons`), `started` [s since the epoch], `duration` [s]. `causes`: what reasons with one
+        cause share; `cause`: the place in it of each reason.
     """
     names = list(dict.fromkeys(name for variant in variants for name in variant.parameters))
     runs = [(place, run) for place, variant in enumerate(variants) for run in variant.runs]
     reasons = {"": 0}
     for _, run in runs:
         reasons.setdefault(run.reason, len(reasons))
+    cause_of = causes(reasons)
+    place_of = {cause: place for place, cause in enumerate(dict.fromkeys(cause_of.values()))}
     codes = {verdict: code for code, verdict in enumerate(VERDICTS)}
     return {
         "verdicts": VERDICTS,
         "reasons": list(reasons),
+        "causes": list(place_of),
+        "cause": [place_of[cause_of[reason]] for reason in reasons],
         "variants": {
             "name": [variant.name for variant in variants],
             "entry": [variant.entry for variant in variants],

@@ -9,6 +9,7 @@ from typing import Any
 
 from fastmcp import FastMCP
 
+from robovast.campaign.failure_groups import FailureGroup, failure_groups
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.compare import compare, sample
 from robovast.evaluation.inside import MissingError
@@ -20,6 +21,11 @@ from robovast.mcp.tools import add_tools
 
 _MOST_VALUES = 20
 """Parameters with more values are not analyzed by value."""
+
+
+_MOST_CAUSES = 20
+_MOST_EXAMPLES = 5
+"""Runs of a cause that are named."""
 
 
 class CampaignTools:
@@ -55,19 +61,20 @@ class CampaignTools:
         return fitted({**asdict(summary), "active_jobs": active or ()})
 
     def inspect_campaign(self, campaign: str) -> Any:
-        """Compute where a campaign fails: by parameter value and by reason.
+        """Compute where a campaign fails: by parameter value and by cause.
 
-        Interrupted runs do not count.
+        A cause is a reason without the numbers in which it differs between runs. Interrupted runs
+        do not count in the rates.
         """
         variants = self._library.campaign(campaign).variants
-        reasons = Counter(
-            run.reason for v in variants for run in v.runs if run.verdict is not Verdict.PASSED
+        groups = failure_groups(
+            (f"{v.name}/{run.number}", run.verdict, run.reason) for v in variants for run in v.runs
         )
         return fitted(
             {
                 "all_runs": _rate(variants),
                 "by_parameter": _by_parameter(variants),
-                "reasons": [{"reason": r, "runs": n} for r, n in reasons.most_common(20)],
+                "causes": [_cause(group) for group in groups[:_MOST_CAUSES]],
             }
         )
 
@@ -153,6 +160,15 @@ def _find_run(variant: VariantRuns, number: int) -> RunSummary:
             return run
     known = ", ".join(str(run.number) for run in variant.runs[:20])
     raise MissingError(f"{variant.name} has no run {number}; it has {known or 'none'}.")
+
+
+def _cause(group: FailureGroup[str]) -> dict[str, Any]:
+    return {
+        "cause": group.cause,
+        "verdicts": group.verdicts,
+        "runs": len(group.runs),
+        "examples": group.runs[:_MOST_EXAMPLES],
+    }
 
 
 def _rate(variants: Sequence[VariantRuns]) -> dict[str, Any]:

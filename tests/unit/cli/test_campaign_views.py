@@ -18,6 +18,7 @@ from robovast.model.plan import Run
 from robovast_cli.ui.campaign import MOST_LISTED, exit_code, summary_lines
 from robovast_cli.ui.live_view import LiveView, clock_time
 from robovast_cli.ui.local_view import LocalView
+from robovast_cli.ui.output import say_verdicts
 
 
 def runs_of(count: int) -> list[Run]:
@@ -56,23 +57,47 @@ def test_the_exit_code_follows_from_the_verdicts(ended: Summary, code: ExitCode)
     assert exit_code(ended) is code
 
 
-def test_the_summary_names_what_did_not_pass_why_and_its_log() -> None:
-    assert list(summary_lines(summary(P, F, E))) == [
+def failed(*reasons: str, verdict: Verdict = F) -> list[RunRecord]:
+    return [record(run, verdict, why) for run, why in zip(runs_of(1000), reasons, strict=False)]
+
+
+def test_the_summary_has_one_line_for_each_cause() -> None:
+    records = failed(*["share below 0.9"] * 30, "KeyError: 'a'")
+    assert list(summary_lines(Summary(Path("out/c"), 31, records, False))) == [
         "",
-        "failed       hall/1: because",
-        "             out/c/_jobs/job-1/logs/system.log",
-        "errored      hall/2: because",
-        "             out/c/_jobs/job-2/logs/system.log",
+        "failed    30 × share below 0.9  hall/0 … (out/c/_jobs/job-0/logs/system.log)",
+        "failed     1 × KeyError: 'a'  hall/30 (out/c/_jobs/job-30/logs/system.log)",
         "",
-        "3 runs: 1 passed, 1 failed, 1 errored.",
+        "31 runs: 31 failed.",
         "Results: out/c",
     ]
 
 
-def test_a_long_summary_is_cut_with_a_count() -> None:
-    lines = list(summary_lines(summary(*[F] * 50)))
-    assert sum(line.startswith("failed") for line in lines) == MOST_LISTED
-    assert "… and 30 more that did not pass." in lines
+def test_crashes_and_timeouts_are_never_among_the_causes_that_are_left_out() -> None:
+    words = [f"{a}{b}" for a in "abcdefghij" for b in "abcde"]
+    records = failed(*words) + failed("stopped after 6 s", verdict=E)
+    lines = list(summary_lines(Summary(Path("out/c"), 51, records, False)))
+    assert sum(line.startswith("failed ") for line in lines) == MOST_LISTED - 1
+    assert sum(line.startswith("errored") for line in lines) == 1
+    assert "… and 31 more causes: 31 failed." in lines
+
+
+def test_verdicts_have_colours_on_a_terminal_alone(monkeypatch, capsys) -> None:
+    for line in ("failed     3 × 0 failed tests", "4 runs: 1 passed, 3 failed."):
+        say_verdicts(line)
+    assert "\x1b" not in capsys.readouterr().out
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    say_verdicts("failed     3 × 0 failed tests")
+    say_verdicts("4 runs: 1 passed, 3 failed.")
+    assert capsys.readouterr().out.splitlines() == [
+        "\x1b[31mfailed\x1b[0m     3 × 0 failed tests",
+        "4 runs: \x1b[32m1 passed\x1b[0m, \x1b[31m3 failed\x1b[0m.",
+    ]
+    monkeypatch.setenv("NO_COLOR", "1")
+    say_verdicts("4 runs: 1 passed.")
+    assert "\x1b" not in capsys.readouterr().out
 
 
 def test_an_unfinished_campaign_says_how_to_go_on() -> None:
@@ -108,6 +133,19 @@ def test_a_long_campaign_has_a_hundred_lines_and_the_failures(capsys) -> None:
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 102
     assert "[ 1235/10000] failed  hall/1234: because" in lines
+
+
+def test_a_cause_has_a_line_when_it_appears_first(capsys) -> None:
+    play(LocalView(), runs_of(200), [F] * 200)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if "because" in line] == ["[  1/200] failed  hall/0: because"]
+
+
+def test_the_counts_come_last(capsys) -> None:
+    verdicts = [P] * 10_000
+    verdicts[1234] = F
+    play(LocalView(), runs_of(10_000), verdicts)
+    lines = capsys.readouterr().out.splitlines()
     assert lines[-1] == "10000 of 10000 done: 9999 passed, 1 failed"
 
 

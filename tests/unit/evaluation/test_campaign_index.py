@@ -177,7 +177,9 @@ def test_columns_say_the_same_as_the_runs(index: CampaignIndex) -> None:
     assert found["runs"]["variant"] == [0, 0, 1, 1]
     verdicts = [found["verdicts"][code] for code in found["runs"]["verdict"]]
     assert verdicts == ["passed", "passed", "failed", "passed"]
-    assert found["reasons"][found["runs"]["reason"][2]] == "goal not reached: no goal after 20 s"
+    reason = found["runs"]["reason"][2]
+    assert found["reasons"][reason] == "goal not reached: no goal after 20 s"
+    assert found["causes"][found["cause"][reason]] == "goal not reached: no goal after 20 s"
 
 
 def test_names_that_a_page_cannot_show_are_left_out(root: Path) -> None:
