@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import subprocess
@@ -9,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 from robovast_testbed import cache
 from support.campaigns.local import EXAMPLES, ROOT
 
@@ -94,6 +96,35 @@ def test_what_was_recorded_agrees_with_what_was_simulated(campaign: Path) -> Non
     assert [row["config"] for row in logged] == [
         config for config, outcome in OUTCOMES.items() if outcome != "arrived"
     ]
+
+
+def drive(campaign: Path, ros_environment: str, config: str, seed: object, out: Path) -> str:
+    """Hash of the trajectory of one more drive, without RoboVAST."""
+    told = yaml.safe_load((campaign / config / "_config" / "scenario.config").read_text())
+    given = {"speed": 0.8, "diameter": 0.4, "pace": 0, "limit": 60, **told["navigate"]}
+    words = {name.removesuffix("_pose"): value for name, value in given.items()}
+    words |= {"map": campaign / config / "_config" / given["map_file"], "output": out}
+    out.mkdir()
+    command = [f"{ros_environment}/bin/python", campaign / "_config" / "files" / "navigate.py"]
+    options = [word for name, value in words.items() for word in (f"--{name}", value)]
+    subprocess.run(
+        [str(word) for word in (*command, *options)],
+        env={**os.environ, "ROBOVAST_SEED": str(seed)},
+        check=False,
+    )
+    (row,) = csv.DictReader((out / "outcome.csv").read_text().splitlines())
+    return row["trajectory"]
+
+
+def test_a_seed_is_a_drive(campaign: Path, ros_environment: str, tmp_path: Path) -> None:
+    """To the last bit; another seed is another one."""
+    config, told = "drive-2-1-2-1", "SELECT config, seed, trajectory FROM outcome"
+    (row,) = [row for row in query(campaign, told) if row["config"] == config]
+    again, other = (
+        drive(campaign, ros_environment, config, seed, tmp_path / str(seed))
+        for seed in (row["seed"], int(str(row["seed"])) + 1)
+    )
+    assert again == row["trajectory"] != other
 
 
 def test_failures_are_counted_by_floor_plan(campaign: Path) -> None:

@@ -52,42 +52,38 @@ class Grid:
         inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
         return ~inside | self.occupied[row.clip(0, height - 1), column.clip(0, width - 1)]
 
-    def with_box(self, x: float, y: float, yaw: float, length: float, width: float) -> Grid:
-        """The grid with an obstacle on it."""
-        rows, columns = np.indices(self.occupied.shape)
-        right, up = self.place(rows, columns)
-        along = (right - x) * math.cos(yaw) + (up - y) * math.sin(yaw)
-        across = (up - y) * math.cos(yaw) - (right - x) * math.sin(yaw)
-        box = (abs(along) <= length / 2) & (abs(across) <= width / 2)
-        return Grid(self.occupied | box, self.resolution, self.origin)
+    def rectangles(self) -> list[tuple[int, int, int, int]]:
+        """First row and column, last row and column of few rectangles that are all occupied cells.
 
-    def touches(self, x: float, y: float, radius: float) -> bool:
-        """Whether a disc touches the centre of an occupied cell."""
-        steps = np.arange(-radius, radius + self.resolution / 2, self.resolution / 2)
-        right, up = np.meshgrid(steps, steps)
-        disc = right**2 + up**2 <= (radius - self.resolution / 2) ** 2
-        return bool(self.is_occupied(x + right[disc], y + up[disc]).any())
-
-    def ranges(self, x: float, y: float, angles, longest: float):
-        """How far rays go [m]; infinity where nothing is hit."""
-        distance = np.arange(0.0, longest, self.resolution / 2)
-        right = x + np.cos(angles)[:, None] * distance
-        up = y + np.sin(angles)[:, None] * distance
-        hit = self.is_occupied(right, up)
-        return np.where(hit.any(axis=1), distance[hit.argmax(axis=1)], np.inf)
+        Each takes the widest run that is left in a row, then all rows above that have it too.
+        """
+        left, found = self.occupied.copy(), []
+        while left.any():
+            row, column = np.argwhere(left)[0]
+            wide = run(left[row, column:])
+            tall = run(left[row:, column : column + wide].all(axis=1))
+            left[row : row + tall, column : column + wide] = False
+            found.append((row, column, row + tall - 1, column + wide - 1))
+        return found
 
     def inflated(self, radius: float):
         """Cells (True) where a disc of this radius would touch something."""
-        reach = math.ceil(radius / self.resolution)
+        cells = radius / self.resolution + 0.5
+        reach = math.ceil(cells)
         padded = np.pad(self.occupied, reach, constant_values=True)
         height, width = self.occupied.shape
         found = np.zeros_like(self.occupied)
         for up in range(-reach, reach + 1):
             for right in range(-reach, reach + 1):
-                if math.hypot(up, right) * self.resolution <= radius:
+                if math.hypot(up, right) <= cells:
                     rows = slice(reach + up, reach + up + height)
                     found |= padded[rows, reach + right : reach + right + width]
         return found
+
+
+def run(cells) -> int:
+    """How many are True from the first one on."""
+    return len(cells) if cells.all() else int(np.argmin(cells))
 
 
 def way(blocked, start: tuple[int, int], goal: tuple[int, int]) -> list[tuple[int, int]]:

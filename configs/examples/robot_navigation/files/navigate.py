@@ -2,6 +2,7 @@
 """Drives a simulated robot to its goal, with nodes of ROS 2 that record what they say.
 
 Exit code 0 at the goal, 1 elsewhere; `rosbag2` and `outcome.csv` are written to the output folder.
+The same ROBOVAST_SEED is the same drive.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from follower import Follower
 from grid import Grid
 from rclpy.executors import SingleThreadedExecutor
 from recorder import Recorder
-from simulator import STEP, Simulator
+from simulator import Simulator
+from world import STEP, World
 
 DOMAINS = range(1, 102)
 """Those that every Linux has free ports for."""
@@ -30,15 +32,19 @@ def main() -> int:
     output = Path(given["output"])
     start, goal = (place(ast.literal_eval(given[name])) for name in ("start", "goal"))
     radius = float(given["diameter"]) / 2
-    grid = world = Grid.read(Path(given["map"]))
-    for obstacle in ast.literal_eval(given["obstacles"]):
-        world = world.with_box(*place(obstacle["spawn_pose"]), *size(obstacle))
+    seed = int(os.environ.get("ROBOVAST_SEED", "0"))
+    grid = Grid.read(Path(given["map"]))
+    boxes = [
+        (place(obstacle["spawn_pose"]), *size(obstacle))
+        for obstacle in ast.literal_eval(given["obstacles"])
+    ]
+    world = World(grid, boxes, start, radius, seed)
     lock, domain = own_domain()
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     rclpy.init(args=["--ros-args", "--disable-external-lib-logs"], domain_id=domain)
     recorder = Recorder(output / "rosbag2")
     follower = Follower(goal, radius + float(given["margin"]), float(given["speed"]))
-    simulator = Simulator(grid, world, start, goal, radius, float(given["limit"]))
+    simulator = Simulator(grid, world, goal, float(given["limit"]), float(given["pace"]))
     executor = SingleThreadedExecutor()
     for node in (recorder, follower, simulator):
         executor.add_node(node)
@@ -51,11 +57,19 @@ def main() -> int:
         recorder.close()
         lock.close()
     outcome = simulator.outcome or follower.outcome
+    x, y, _ = simulator.places[-1]
+    told = {
+        "outcome": outcome,
+        "seconds": round(simulator.steps * STEP, 1),
+        "x": round(x, 3),
+        "y": round(y, 3),
+        "seed": seed,
+        "trajectory": simulator.trajectory,
+    }
     with (output / "outcome.csv").open("w", newline="") as file:
-        table = csv.writer(file)
-        table.writerow(["outcome", "seconds", "x", "y"])
-        seconds = round(simulator.steps * STEP, 1)
-        table.writerow([outcome, seconds, round(simulator.x, 3), round(simulator.y, 3)])
+        table = csv.DictWriter(file, told)
+        table.writeheader()
+        table.writerow(told)
     return 0 if outcome == "arrived" else 1
 
 

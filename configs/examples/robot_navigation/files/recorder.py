@@ -1,11 +1,11 @@
-"""Records topics to a bag (MCAP), as they come, and transforms as /tf and /tf_static.
+"""Records topics to a bag (MCAP), in simulated time, and transforms as /tf and /tf_static.
 
 There is no wheel of tf2_msgs, so nodes publish single transforms; the bag has TFMessages.
 """
 
 from __future__ import annotations
 
-import time
+import struct
 from pathlib import Path as FilePath
 
 from geometry_msgs.msg import TransformStamped, TwistStamped
@@ -15,9 +15,11 @@ from rcl_interfaces.msg import Log
 from rclpy.node import Node
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan
 
 TOPICS = {
+    "/clock": Clock,
     "/map": OccupancyGrid,
     "/odom": Odometry,
     "/scan": LaserScan,
@@ -37,6 +39,7 @@ class Recorder(Node):
         self.types = get_typestore(Stores.ROS2_JAZZY)
         self.writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
         self.writer.open()
+        self.now = 0
         for topic, kind in TOPICS.items():
             self.record(topic, kind, topic, f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}")
         for topic, recorded in TRANSFORMS.items():
@@ -47,7 +50,9 @@ class Recorder(Node):
 
         def take(data: bytes) -> None:
             content = self.as_message(data) if type_ == TRANSFORMS_TYPE else data
-            self.writer.write(connection, time.time_ns(), content)
+            if kind is not Log:  # whose stamps are of the machine's clock
+                self.now = stamp(data)
+            self.writer.write(connection, self.now, content)
 
         self.create_subscription(kind, topic, take, LATCHED, raw=True)
 
@@ -58,3 +63,9 @@ class Recorder(Node):
 
     def close(self) -> None:
         self.writer.close()
+
+
+def stamp(data: bytes) -> int:
+    """Time of a message [ns]; all that are recorded begin with it, behind 4 bytes of encoding."""
+    seconds, nanoseconds = struct.unpack_from("<iI", data, 4)
+    return int(seconds * 10**9 + nanoseconds)
