@@ -31,7 +31,7 @@ def print_configurations(document: Document, output: Format, *, internal: bool) 
         output: how.
         internal: also show keys that begin with `_`.
     """
-    with _no_garbage_collection(), expanded(document) as variants:
+    with no_garbage_collection(), expanded(document) as variants:
         text = _FORMATS[output](variants, internal)
     if output == "table":
         text += f"\n{_count(document, variants)}\n"
@@ -39,9 +39,12 @@ def print_configurations(document: Document, output: Format, *, internal: bool) 
 
 
 @contextlib.contextmanager
-def _no_garbage_collection() -> Iterator[None]:
-    """The many objects of a list live to its end; looking among them for garbage again and again
-    would make the time grow faster than their number."""
+def no_garbage_collection() -> Iterator[None]:
+    """Collect no garbage meanwhile.
+
+    The many objects of a list live to its end; looking among them for garbage again and again
+    would make the time grow faster than their number.
+    """
     gc.disable()
     try:
         yield

@@ -19,6 +19,7 @@ import os
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cache
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
@@ -231,9 +232,17 @@ def read_list(content: bytes) -> list[StoredFile]:
 
 def with_unknown_apart(data: Mapping[str, Any], kind: type[DataclassInstance]) -> dict[str, Any]:
     """Move keys that the class does not know (of newer versions) to `unknown`."""
-    known = {field.name for field in fields(kind)} - {"unknown"}
-    rest = {key: data[key] for key in data if key not in known}
-    return {**{key: data[key] for key in data if key in known}, "unknown": rest}
+    unknown = data.keys() - _known_keys(kind)
+    if not unknown:
+        return {**data, "unknown": {}}
+    rest = {key: data[key] for key in data if key in unknown}
+    return {**{key: data[key] for key in data if key not in unknown}, "unknown": rest}
+
+
+@cache
+def _known_keys(kind: type[DataclassInstance]) -> frozenset[str]:
+    """Names of a class's fields, looked up once: a campaign has 100,000 records."""
+    return frozenset(field.name for field in fields(kind)) - {"unknown"}
 
 
 def with_unknown(data: dict[str, Any]) -> dict[str, Any]:

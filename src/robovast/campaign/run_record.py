@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter
+from pydantic_core import from_json
 
 from robovast.base.safe_paths import read_file
 from robovast.campaign.layout import RUN_RECORD
@@ -124,13 +125,21 @@ def read_run_record(folder: Path) -> RunRecord | None:
 def parse_run_record(text: str | bytes) -> RunRecord | None:
     """The record in the text of a `run.json`; None if it has another format."""
     try:
-        data = with_unknown_apart(json.loads(text), RunRecord)
+        data = with_unknown_apart(_parse(text), RunRecord)
         if data.get(PLACE):
             data[PLACE] = with_unknown_apart(data[PLACE], FileList)
         record = _adapter().validate_python(data)
     except (ValueError, TypeError, AttributeError, RecursionError):
         return None
     return record if record.schema <= SCHEMA else None
+
+
+def _parse(text: str | bytes) -> Any:
+    """JSON data, by the faster parser where it can: it knows no lone surrogates."""
+    try:
+        return from_json(text)
+    except ValueError:
+        return json.loads(text)
 
 
 def result_without_record(folder: Path) -> TestResult:

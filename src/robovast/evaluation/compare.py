@@ -3,32 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from math import exp, lgamma, sqrt
-from statistics import median
 
-from robovast.campaign.verdict import Verdict
+from robovast.base.statistics import LEVEL, fisher_exact, holm, newcombe
+from robovast.evaluation.rates import Sample, sample
 from robovast.evaluation.summaries import VariantRuns
-
-LEVEL = 0.05
-"""Significance level of all statements."""
-_Z = 1.959964
-
-
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """Runs with a verdict, and how many of them did not pass."""
-
-    runs: int
-    bad: int
-    duration: float | None
-    """Median [s]"""
-
-    @property
-    def rate(self) -> float:
-        """Share of the runs that did not pass; 0 without runs."""
-        return self.bad / self.runs if self.runs else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,51 +72,11 @@ def compare(a: Iterable[VariantRuns], b: Iterable[VariantRuns]) -> Comparison:
     )
 
 
-def sample(*variants: VariantRuns) -> Sample:
-    """All runs of the variants except interrupted ones."""
-    runs = [r for v in variants for r in v.runs if r.verdict is not Verdict.INTERRUPTED]
-    durations = [run.duration for run in runs if run.duration is not None]
-    bad = sum(run.verdict is not Verdict.PASSED for run in runs)
-    return Sample(len(runs), bad, median(durations) if durations else None)
-
-
 def difference(a: Sample, b: Sample) -> Difference:
     """Test whether the rates of two samples differ."""
     p = fisher_exact(a.bad, a.runs - a.bad, b.bad, b.runs - b.bad)
-    low, high = newcombe(a, b)
+    low, high = newcombe(a.bad, a.runs, b.bad, b.runs)
     return Difference(a, b, p, low, high)
-
-
-def fisher_exact(a: int, b: int, c: int, d: int) -> float:
-    """Two-sided p-value of the table [[a, b], [c, d]]: sums all tables that are not more likely."""
-    row, column, total = a + b, a + c, a + b + c + d
-    constant = _log_choose(total, column)
-
-    def probability(x: int) -> float:
-        return exp(_log_choose(row, x) + _log_choose(total - row, column - x) - constant)
-
-    possible = range(max(0, row + column - total), min(row, column) + 1)
-    limit = probability(a) * (1 + 1e-7)
-    return min(1.0, sum(p for p in map(probability, possible) if p <= limit))
-
-
-def newcombe(a: Sample, b: Sample) -> tuple[float, float]:
-    """95 % interval of the difference of two rates, b - a, from Wilson's score intervals."""
-    (low_a, high_a), (low_b, high_b) = _wilson(a), _wilson(b)
-    change = b.rate - a.rate
-    low = change - sqrt((b.rate - low_b) ** 2 + (high_a - a.rate) ** 2)
-    high = change + sqrt((high_b - b.rate) ** 2 + (a.rate - low_a) ** 2)
-    return low, high
-
-
-def holm(values: Sequence[float]) -> list[float]:
-    """p-values with Holm's correction, in the given order."""
-    adjusted = [0.0] * len(values)
-    highest = 0.0
-    for rank, index in enumerate(sorted(range(len(values)), key=values.__getitem__)):
-        highest = max(highest, min(1.0, values[index] * (len(values) - rank)))
-        adjusted[index] = highest
-    return adjusted
 
 
 def state(found: Difference) -> str:
@@ -169,16 +109,3 @@ def _by_identity(variants: Iterable[VariantRuns]) -> dict[str, VariantRuns]:
         key = variant.name if not parameters or parameters in found else parameters
         found[key] = variant
     return found
-
-
-def _log_choose(n: int, k: int) -> float:
-    return lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1)
-
-
-def _wilson(one: Sample) -> tuple[float, float]:
-    if not one.runs:
-        return 0.0, 1.0
-    n, rate, z = one.runs, one.rate, _Z
-    centre = (rate + z * z / (2 * n)) / (1 + z * z / n)
-    half = z / (1 + z * z / n) * sqrt(rate * (1 - rate) / n + z * z / (4 * n * n))
-    return max(0.0, centre - half), min(1.0, centre + half)

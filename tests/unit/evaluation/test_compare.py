@@ -2,48 +2,10 @@
 
 from __future__ import annotations
 
-import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-
 from robovast.campaign.verdict import Verdict
-from robovast.evaluation.compare import Sample, compare, fisher_exact, holm, newcombe
+from robovast.evaluation.compare import compare
+from robovast.evaluation.rates import Sample
 from robovast.evaluation.summaries import RunSummary, VariantRuns
-
-COUNT = st.integers(0, 60)
-
-
-@pytest.mark.parametrize(
-    ("table", "p"),
-    [  # computed exactly, with rational numbers
-        ((3, 1, 1, 3), 0.4857142857142857),
-        ((8, 2, 1, 5), 0.03496503496503495),
-        ((0, 10, 10, 0), 1.082508822446903e-05),
-        ((10, 90, 30, 70), 0.000650410707603421),
-        ((0, 5, 0, 7), 1.0),
-        ((0, 0, 0, 0), 1.0),
-    ],
-)
-def test_fisher_agrees_with_known_values(table: tuple[int, int, int, int], p: float) -> None:
-    assert fisher_exact(*table) == pytest.approx(p, rel=1e-4)
-
-
-@given(COUNT, COUNT, COUNT, COUNT)
-def test_fisher_does_not_depend_on_what_is_called_what(a: int, b: int, c: int, d: int) -> None:
-    p = fisher_exact(a, b, c, d)
-    assert 0 < p <= 1
-    assert p == pytest.approx(fisher_exact(c, d, a, b))
-    assert p == pytest.approx(fisher_exact(b, a, d, c))
-
-
-def test_newcombe_agrees_with_the_example_of_its_paper() -> None:
-    low, high = newcombe(Sample(80, 48, None), Sample(70, 56, None))
-    assert (round(low, 4), round(high, 4)) == (0.0524, 0.3339)
-
-
-def test_holm() -> None:
-    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
-    assert holm([]) == []
 
 
 def variant(name: str, passed: int, bad: int, **parameters) -> VariantRuns:

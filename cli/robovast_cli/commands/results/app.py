@@ -16,6 +16,10 @@ COMMANDS: Mapping[str, Lazy] = {
     "query": Lazy(
         "robovast_cli.commands.results.query:app", "Ask the tables of campaigns with SQL."
     ),
+    "summary": Lazy(
+        "robovast_cli.commands.results.summary:app",
+        "Say how a campaign went: which configurations fail how often, and how sure that is.",
+    ),
     "download": Lazy(
         "robovast_cli.commands.results.download:app",
         "Download results from the cluster's storage, or from the share.",

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from robovast.base.errors import InputError
+
+if TYPE_CHECKING:
+    from robovast.evaluation.campaign_index import CampaignIndex
 
 ResultsDir = Annotated[
     Path | None,
@@ -23,6 +26,17 @@ ResultsDir = Annotated[
 AnswerFormat = Annotated[
     Literal["table", "csv", "json"],
     typer.Option("-o", "--output", help="How to print the answer."),
+]
+
+ReportFormat = Annotated[
+    Literal["text", "json"], typer.Option("-o", "--output", help="How to print it.")
+]
+
+CampaignName = Annotated[
+    str,
+    typer.Argument(
+        metavar="CAMPAIGN", help="Folder of a campaign, or its name in the results folder."
+    ),
 ]
 
 Campaigns = Annotated[
@@ -52,3 +66,41 @@ def chosen_campaigns(results: Path, names: list[str] | None) -> list[Path]:
             f"there is no campaign `{unknown[0]}` in {results}; it has {', '.join(found)}."
         )
     return [found[name] for name in dict.fromkeys(names)] if names else list(found.values())
+
+
+def named_campaign(results: Path, name: str) -> Path:
+    """Folder of one campaign, by its path or by its name in a results folder; without links.
+
+    Raises:
+        InputError: there is none, or the folder holds several.
+    """
+    from robovast.campaign.finding import find_campaigns
+
+    candidates = [path for path in (Path(name), results / name) if path.is_dir()]
+    if not candidates:
+        raise InputError(
+            f"there is no campaign `{name}`: neither a folder of that name nor one in {results}. "
+            "Name a campaign's folder, or the results folder with `-r`."
+        )
+    found = find_campaigns(candidates[0])
+    if len(found) > 1:
+        names = ", ".join(path.name for path in found[:5]) + (" …" if len(found) > 5 else "")
+        raise InputError(f"{name} holds {len(found)} campaigns ({names}); name one of them.")
+    return found[0].resolve()
+
+
+def read_campaign(folder: Path) -> CampaignIndex:
+    """A campaign with all its runs.
+
+    Raises:
+        InputError: it cannot be read, or it has no runs.
+    """
+    from robovast.evaluation.campaign_index import CampaignIndex
+    from robovast_cli.ui.listing import no_garbage_collection
+
+    index = CampaignIndex(folder.parent, folder.name)
+    with no_garbage_collection():
+        index.refresh()
+    if not any(variant.runs for variant in index.variants):
+        raise InputError(f"{folder.name} has no stored run yet: nothing can be said about it.")
+    return index

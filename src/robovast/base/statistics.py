@@ -1,0 +1,110 @@
+"""Statistics of passed and failed runs, by `math` alone: how sure a rate or a difference is.
+
+The tests hold the functions against SciPy, which is far too large for the core.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import exp, lgamma, log, sqrt
+
+LEVEL = 0.05
+"""Significance level of all statements; intervals have 1 - LEVEL."""
+_Z = 1.959964
+_STEPS = 50
+"""Bisections of an interval's limit; they leave 1e-15."""
+
+Interval = tuple[float, float]
+"""Lower and upper limit."""
+
+
+def wilson(bad: float, runs: float) -> Interval:
+    """95 % interval of a rate whose number of runs was fixed beforehand (Wilson's score)."""
+    if not runs:
+        return 0.0, 1.0
+    rate, z = bad / runs, _Z
+    centre = (rate + z * z / (2 * runs)) / (1 + z * z / runs)
+    half = z / (1 + z * z / runs) * sqrt(rate * (1 - rate) / runs + z * z / (4 * runs * runs))
+    return max(0.0, centre - half), min(1.0, centre + half)
+
+
+def anytime(bad: float, runs: float) -> Interval:
+    """95 % interval of a rate that stays valid however often one looks while runs are added.
+
+    The beta-binomial confidence sequence of a uniform prior: all rates p with
+    (runs + 1) · C(runs, bad) · p^bad · (1 - p)^(runs - bad) of at least `LEVEL`.
+    """
+    constant = log(runs + 1) + log_choose(runs, bad) - log(LEVEL)
+
+    def is_possible(p: float) -> bool:
+        return constant + _times_log(bad, p) + _times_log(runs - bad, 1 - p) >= 0
+
+    rate = bad / runs if runs else 0.5
+    return _limit(is_possible, rate, 0.0), _limit(is_possible, rate, 1.0)
+
+
+def newcombe(bad_a: int, runs_a: int, bad_b: int, runs_b: int) -> Interval:
+    """95 % interval of the difference of two rates, b - a, from Wilson's intervals."""
+    (low_a, high_a), (low_b, high_b) = wilson(bad_a, runs_a), wilson(bad_b, runs_b)
+    a, b = (bad / runs if runs else 0.0 for bad, runs in ((bad_a, runs_a), (bad_b, runs_b)))
+    low = b - a - sqrt((b - low_b) ** 2 + (high_a - a) ** 2)
+    high = b - a + sqrt((high_b - b) ** 2 + (a - low_a) ** 2)
+    return low, high
+
+
+def fisher_exact(a: int, b: int, c: int, d: int) -> float:
+    """Two-sided p-value of the table [[a, b], [c, d]]: sums all tables that are not more likely."""
+    row, column, total = a + b, a + c, a + b + c + d
+    constant = log_choose(total, column)
+
+    def probability(x: int) -> float:
+        return exp(log_choose(row, x) + log_choose(total - row, column - x) - constant)
+
+    possible = range(max(0, row + column - total), min(row, column) + 1)
+    limit = probability(a) * (1 + 1e-7)
+    return min(1.0, sum(p for p in map(probability, possible) if p <= limit))
+
+
+def holm(values: Sequence[float]) -> list[float]:
+    """p-values with Holm's correction, in the given order."""
+    adjusted = [0.0] * len(values)
+    highest = 0.0
+    for rank, index in enumerate(sorted(range(len(values)), key=values.__getitem__)):
+        highest = max(highest, min(1.0, values[index] * (len(values) - rank)))
+        adjusted[index] = highest
+    return adjusted
+
+
+def log_choose(n: float, k: float) -> float:
+    """Logarithm of the binomial coefficient."""
+    return lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1)
+
+
+def least(enough: Callable[[int], bool], most: int) -> int | None:
+    """The least number from 1 to `most` that is enough; None if none is.
+
+    Whatever is above a number that is enough must be so, too.
+    """
+    if not enough(most):
+        return None
+    low, high = 0, most
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if enough(middle) else (middle, high)
+    return high
+
+
+def _times_log(count: float, p: float) -> float:
+    if not count:
+        return 0.0
+    return count * log(p) if p > 0 else float("-inf")
+
+
+def _limit(is_possible: Callable[[float], bool], inside: float, end: float) -> float:
+    """The limit between a possible value and an end of the scale."""
+    if is_possible(end):
+        return end
+    for _ in range(_STEPS):
+        middle = (inside + end) / 2
+        inside, end = (middle, end) if is_possible(middle) else (inside, middle)
+    return (inside + end) / 2

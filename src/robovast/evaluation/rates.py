@@ -1,0 +1,177 @@
+"""How often the runs of a configuration do not pass, and how sure that is."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cache
+from statistics import median
+from typing import Any
+
+from robovast.base.statistics import Interval, anytime, least, wilson
+from robovast.campaign.verdict import Verdict
+from robovast.evaluation.summaries import CampaignSummary, VariantRuns
+
+LIMIT = 0.1
+"""Share of bad runs up to which a configuration counts as sound, unless users say otherwise."""
+MOST_RUNS = 100_000
+"""Most further runs that are suggested."""
+
+IntervalOf = Callable[[float, float], Interval]
+"""Interval of a rate, by the number of bad runs and of all runs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """Runs with a verdict, and how many of them did not pass."""
+
+    runs: int
+    bad: int
+    duration: float | None
+    """Median [s]"""
+
+    @property
+    def rate(self) -> float:
+        """Share of the runs that did not pass; 0 without runs."""
+        return self.bad / self.runs if self.runs else 0.0
+
+
+class State(StrEnum):
+    """What the runs of a configuration show, beside a limit for the share of bad runs."""
+
+    BROKEN = "broken"
+    """The whole interval is above the limit."""
+    UNDECIDED = "undecided"
+    SOUND = "sound"
+    """The whole interval is below the limit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """How often runs do not pass."""
+
+    runs: int
+    """Runs with a verdict; interrupted ones have none."""
+    failed: int
+    errored: int
+    rate: float | None
+    """Share of the runs that failed or errored; None without runs."""
+    interval: Interval
+    """95 % interval of the rate."""
+
+
+@dataclass(frozen=True, slots=True)
+class VariantRate:
+    """How a configuration went."""
+
+    name: str
+    parameters: Mapping[str, Any]
+    state: State
+    rate: Rate
+    more_runs: int | None
+    """How many further runs decide it if they go as those before; None if it is decided, or if
+    `MOST_RUNS` do not."""
+    reason: str
+    """The most frequent reason of its bad runs."""
+
+
+@dataclass(frozen=True)
+class CampaignRates:
+    """How a campaign went."""
+
+    summary: CampaignSummary
+    limit: float
+    method: str
+    """`wilson`, or `anytime` while runs are missing."""
+    overall: Rate
+    configurations: list[VariantRate]
+    """The worst first."""
+
+    @property
+    def states(self) -> Mapping[State, int]:
+        """Configurations by state, the worst first."""
+        found = Counter(variant.state for variant in self.configurations)
+        return {state: found[state] for state in State}
+
+
+def campaign_rates(
+    summary: CampaignSummary, variants: Iterable[VariantRuns], limit: float = LIMIT
+) -> CampaignRates:
+    """Judge the configurations of a campaign.
+
+    Args:
+        summary: the campaign.
+        variants: its configurations with their runs.
+        limit: see `State`.
+    """
+    interval_of = interval_for(summary)
+    variants = list(variants)
+    rates = [_judge(variant, limit, interval_of) for variant in variants]
+    return CampaignRates(
+        summary=summary,
+        limit=limit,
+        method=interval_of.__name__,
+        overall=rate_of(variants, interval_of),
+        configurations=sorted(rates, key=_worst_first),
+    )
+
+
+def interval_for(summary: CampaignSummary) -> IntervalOf:
+    """The interval that holds for a campaign: while runs are added, one looks more than once."""
+    return wilson if summary.state == "finished" else anytime
+
+
+def sample(*variants: VariantRuns) -> Sample:
+    """All runs of the variants except interrupted ones."""
+    runs = [r for v in variants for r in v.runs if r.verdict is not Verdict.INTERRUPTED]
+    durations = [run.duration for run in runs if run.duration is not None]
+    bad = sum(run.verdict is not Verdict.PASSED for run in runs)
+    return Sample(len(runs), bad, median(durations) if durations else None)
+
+
+def rate_of(variants: Iterable[VariantRuns], interval_of: IntervalOf) -> Rate:
+    """The rate of all runs of the variants."""
+    counts = Counter(run.verdict for variant in variants for run in variant.runs)
+    failed, errored = counts[Verdict.FAILED], counts[Verdict.ERRORED]
+    runs = counts[Verdict.PASSED] + failed + errored
+    rate = (failed + errored) / runs if runs else None
+    return Rate(runs, failed, errored, rate, interval_of(failed + errored, runs))
+
+
+def _judge(variant: VariantRuns, limit: float, interval_of: IntervalOf) -> VariantRate:
+    rate = rate_of([variant], interval_of)
+    state = _state(rate.interval, limit)
+    bad = [run.reason for run in variant.runs if run.verdict in (Verdict.FAILED, Verdict.ERRORED)]
+    return VariantRate(
+        name=variant.name,
+        parameters=variant.parameters,
+        state=state,
+        rate=rate,
+        more_runs=_more_runs(rate.failed + rate.errored, rate.runs, limit, interval_of),
+        reason=Counter(bad).most_common(1)[0][0] if bad else "",
+    )
+
+
+def _state(interval: Interval, limit: float) -> State:
+    low, high = interval
+    if low > limit:
+        return State.BROKEN
+    return State.SOUND if high < limit else State.UNDECIDED
+
+
+@cache
+def _more_runs(bad: int, runs: int, limit: float, interval_of: IntervalOf) -> int | None:
+    """How many further runs decide it, if the rate stays as it is; None if it is decided."""
+
+    def decide(more: int) -> bool:
+        share = 1 + more / runs if runs else 0.0
+        return _state(interval_of(bad * share, runs + more), limit) is not State.UNDECIDED
+
+    decided = _state(interval_of(bad, runs), limit) is not State.UNDECIDED
+    return None if decided else least(decide, MOST_RUNS)
+
+
+def _worst_first(variant: VariantRate) -> tuple[int, float, int]:
+    return list(State).index(variant.state), -(variant.rate.rate or 0.0), -variant.rate.runs

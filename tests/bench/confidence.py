@@ -1,0 +1,140 @@
+#!/usr/bin/env python3
+"""How sure the statements about campaigns are, and how long a summary of a large one takes.
+
+    python tests/bench/confidence.py [--campaigns 2000] [--runs 100000]
+
+Simulates campaigns whose true rates are known. Coverage: how often an interval that is looked at
+after every 5 of 100 runs misses the truth at least once, the anytime interval beside Wilson's.
+Summary: `vast results summary` of a stored campaign of so many runs, beside reading its records
+alone (open, read, close), in turns; wall and CPU time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import resource
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from robovast.base.statistics import anytime, wilson
+
+VAST = str(Path(sys.executable).with_name("vast"))
+NAME = "hall-2026-03-04-132444"
+
+
+def missed(campaigns: int, rng: random.Random) -> dict[str, float]:
+    """Share of campaigns in which an interval misses the truth at any look."""
+    wrong = dict.fromkeys((anytime, wilson), 0)
+    for _ in range(campaigns):
+        rate = rng.uniform(0.01, 0.5)
+        runs = [rng.random() < rate for _ in range(100)]
+        looks = [(sum(runs[:n]), n) for n in range(5, 101, 5)]
+        for interval in wrong:
+            ranges = (interval(bad, n) for bad, n in looks)
+            wrong[interval] += not all(low <= rate <= high for low, high in ranges)
+    return {interval.__name__: count / campaigns for interval, count in wrong.items()}
+
+
+def write_campaign(results: Path, variants: int, runs: int, rng: random.Random) -> Path:
+    """A campaign of records alone."""
+    root = results / NAME
+    (root / "_execution").mkdir(parents=True)
+    (root / "_execution" / "execution.yaml").write_text(f"runs: {runs}\n")
+    for place in range(variants):
+        for number in range(runs):
+            bad = rng.random() < place % 10 / 20
+            folder = root / f"hall-{place + 1}" / str(number)
+            folder.mkdir(parents=True)
+            (folder / "run.json").write_text(json.dumps(_record(place, number, bad), indent=1))
+    return root
+
+
+def _record(place: int, number: int, bad: bool) -> dict[str, object]:
+    return {
+        "campaign": NAME,
+        "variant": f"hall-{place + 1}",
+        "entry": "hall",
+        "run": number,
+        "id": number,
+        "verdict": "failed" if bad else "passed",
+        "reason": "goal not reached: no goal after 20 s" if bad else "",
+        "started_at": "2026-03-04T13:24:44.123456+00:00",
+        "finished_at": "2026-03-04T13:24:54.123456+00:00",
+        "duration": 10.0,
+        "exit_code": 0,
+        "attempt": 1,
+        "job": f"job-{number}",
+        "runtime": "docker",
+        "image": "robots/hall:7",
+        "image_digest": "sha256:" + 64 * "a",
+        "host": "bench",
+        "parameters": {"speed": place / 10, "goal": "door"},
+        "schema": 1,
+    }
+
+
+def read_alone(root: Path) -> None:
+    """Read every record, and nothing else."""
+    for variant in os.scandir(root):
+        for run in os.scandir(variant) if variant.name.startswith("hall") else ():
+            descriptor = os.open(f"{run.path}/run.json", os.O_RDONLY)
+            os.read(descriptor, 1 << 16)
+            os.close(descriptor)
+
+
+def summarize(root: Path) -> None:
+    """What a user types."""
+    subprocess.run([VAST, "results", "summary", str(root)], stdout=subprocess.DEVNULL, check=True)
+
+
+def timed(work: Callable[[Path], None], root: Path) -> tuple[float, float]:
+    """Wall and CPU time [s]."""
+    before, begin = _cpu(), time.monotonic()
+    work(root)
+    return time.monotonic() - begin, _cpu() - before
+
+
+def _cpu() -> float:
+    used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(one.ru_utime + one.ru_stime for one in used)
+
+
+def measure_summary(runs: int, rng: random.Random) -> None:
+    """Print how long a summary takes."""
+    with TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as name:
+        root = write_campaign(Path(name), runs // 20, 20, rng)
+        for work in (summarize, read_alone):
+            work(root)  # what the kernel must first read is not measured
+        times: dict[Callable[[Path], None], list[tuple[float, float]]] = {}
+        for work in (summarize, read_alone) * 5:
+            times.setdefault(work, []).append(timed(work, root))
+    for work, measured in times.items():
+        (wall, _), *_ = ordered = sorted(measured)
+        cpu = statistics.median(cpu for _, cpu in measured)
+        middle, most = statistics.median(wall for wall, _ in measured), ordered[-1][0]
+        print(f"{work.__name__}: {middle:.2f} s [{wall:.2f}-{most:.2f}], CPU {cpu:.2f} s")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--campaigns", type=int, default=2000)
+    parser.add_argument("--runs", type=int, default=100_000)
+    arguments = parser.parse_args()
+    rng = random.Random(1)  # noqa: S311
+    print(f"{arguments.campaigns} campaigns looked at after every 5 of 100 runs; goal 5 %")
+    for name, share in missed(arguments.campaigns, rng).items():
+        print(f"{name}: misses the truth at least once in {share:.1%}")
+    print(f"summary of {arguments.runs} runs; goal 2 s")
+    measure_summary(arguments.runs, rng)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,92 @@
+"""`vast results summary`: what a user sees."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from support.campaigns.stored import NAME, write_campaign
+
+
+@pytest.fixture
+def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A campaign of three configurations with 40 runs each."""
+    monkeypatch.chdir(tmp_path)
+    shares = {1.0: 0, 2.0: 5, 3.0: 30}
+    write_campaign(
+        tmp_path / "results",
+        variants=[{"speed": speed} for speed in shares],
+        runs=40,
+        judge=lambda parameters, number: (
+            "failed" if number < shares[parameters["speed"]] else "passed"
+        ),
+        outputs=False,
+    )
+    return tmp_path / "results"
+
+
+def test_it_says_what_is_broken_sound_and_undecided(vast, results) -> None:
+    outcome = vast("results", "summary", NAME)
+    assert outcome.code == 0
+    lines = [line.split() for line in outcome.out.splitlines()]
+    assert lines[1][:9] == ["hall-3", "broken", "30", "of", "40", "75", "%", "60", "–"]
+    assert lines[2][:8] == ["hall-2", "undecided", "5", "of", "40", "12", "%", "5.5"]
+    assert lines[3][:8] == ["hall-1", "sound", "0", "of", "40", "0", "%", "0"]
+    assert outcome.out.endswith(
+        "3 configurations: 1 broken, 1 undecided, 1 sound (limit 10 % of the runs)\n"
+        "120 of 120 runs stored: 85 passed, 35 failed, 0 errored, 0 interrupted\n"
+        "29 % of the runs did not pass (95 % interval 22 – 38 %)\n"
+    )
+
+
+def test_a_folder_of_one_campaign_will_do_and_the_table_can_be_short(vast, results) -> None:
+    for place in (results, results / NAME, f"{results / NAME}/"):
+        outcome = vast("results", "summary", place, "-n", 1)
+        assert "… and 2 more: 0 broken, 1 undecided, 1 sound (`-n 0` shows all)" in outcome.out
+
+
+def test_json_has_everything(vast, results) -> None:
+    data = json.loads(vast("results", "summary", NAME, "-o", "json", "--limit", "0.5").out)
+    assert (data["campaign"], data["interval"], data["limit"]) == (NAME, "wilson", 0.5)
+    assert data["states"] == {"broken": 1, "undecided": 0, "sound": 2}
+    first = data["configurations"][0]
+    assert (first["name"], first["parameters"], first["rate"]["failed"]) == (
+        "hall-3",
+        {"speed": 3.0},
+        30,
+    )
+
+
+def test_while_runs_are_missing_it_says_which_intervals_these_are(vast, results) -> None:
+    path = results / NAME / "_execution" / "execution.yaml"
+    path.write_text(path.read_text().replace("runs: 40", "runs: 50"))
+    outcome = vast("results", "summary", NAME)
+    assert "120 of 150 runs stored" in outcome.out
+    assert "however often one looks" in outcome.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("nothing",), "there is no campaign `nothing`"),
+        ((NAME, "--limit", "1"), "--limit 1: a share of runs is above 0 and below 1"),
+        ((NAME, "--limit", "nan"), "--limit nan: a share of runs is above 0 and below 1"),
+        ((".",), "contains no campaign"),
+    ],
+)
+def test_bad_input_has_one_clear_message(vast, results, arguments, message) -> None:
+    outcome = vast("results", "summary", *arguments)
+    assert outcome.code == 2
+    assert outcome.err.startswith("error: ")
+    assert message in outcome.err
+    assert len(outcome.err.splitlines()) == 1
+
+
+def test_several_campaigns_must_be_named_and_one_without_runs_says_nothing(vast, results) -> None:
+    write_campaign(results, "other-2026-03-05-132444", variants=[])
+    outcome = vast("results", "summary", results)
+    assert (outcome.code, "holds 2 campaigns (" in outcome.err) == (2, True)
+    empty = vast("results", "summary", "other-2026-03-05-132444")
+    assert empty.code == 2
+    assert "other-2026-03-05-132444 has no stored run yet" in empty.err

@@ -1,0 +1,98 @@
+"""Intervals and tests say what SciPy says; those that may be looked at anytime hold anytime."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from robovast.base.statistics import (
+    LEVEL,
+    anytime,
+    fisher_exact,
+    holm,
+    least,
+    newcombe,
+    wilson,
+)
+
+COUNT = st.integers(0, 60)
+
+
+@given(COUNT, COUNT)
+def test_wilson_is_that_of_scipy(bad: int, good: int) -> None:
+    if bad + good:
+        known = stats.binomtest(bad, bad + good).proportion_ci(method="wilson")
+        assert wilson(bad, bad + good) == pytest.approx((known.low, known.high), abs=1e-6)
+
+
+def test_without_runs_every_rate_is_possible() -> None:
+    assert wilson(0, 0) == anytime(0, 0) == (0.0, 1.0)
+
+
+@given(COUNT, COUNT)
+def test_anytime_ends_where_the_mixture_outweighs_a_rate_twenty_times(bad: int, good: int) -> None:
+    low, high = anytime(bad, bad + good)
+    runs = bad + good
+    assert 0 <= low <= (bad / runs if runs else 0.5) <= high <= 1
+    for limit in {low, high} - {0.0, 1.0}:
+        weight = (runs + 1) * stats.binom.pmf(bad, runs, limit)
+        assert weight == pytest.approx(LEVEL, rel=1e-6)
+
+
+def test_anytime_holds_where_one_looks_after_every_five_runs_and_wilson_does_not() -> None:
+    rng = random.Random(3)  # noqa: S311
+    missed = {wilson: 0, anytime: 0}
+    for _ in range(300):
+        rate, bad = rng.uniform(0.02, 0.5), 0
+        out = dict.fromkeys(missed, False)
+        for runs in range(1, 101):
+            bad += rng.random() < rate
+            for interval in out if runs % 5 == 0 else ():
+                low, high = interval(bad, runs)
+                out[interval] |= not low <= rate <= high
+        for interval, wrong in out.items():
+            missed[interval] += wrong
+    assert missed[anytime] <= 15
+    assert missed[wilson] > 45
+
+
+@pytest.mark.parametrize(
+    ("table", "p"),
+    [  # computed exactly, with rational numbers
+        ((3, 1, 1, 3), 0.4857142857142857),
+        ((8, 2, 1, 5), 0.03496503496503495),
+        ((0, 10, 10, 0), 1.082508822446903e-05),
+        ((10, 90, 30, 70), 0.000650410707603421),
+        ((0, 5, 0, 7), 1.0),
+        ((0, 0, 0, 0), 1.0),
+    ],
+)
+def test_fisher_agrees_with_known_values(table: tuple[int, int, int, int], p: float) -> None:
+    assert fisher_exact(*table) == pytest.approx(p, rel=1e-4)
+
+
+@given(COUNT, COUNT, COUNT, COUNT)
+def test_fisher_does_not_depend_on_what_is_called_what(a: int, b: int, c: int, d: int) -> None:
+    p = fisher_exact(a, b, c, d)
+    assert 0 < p <= 1
+    assert p == pytest.approx(fisher_exact(c, d, a, b))
+    assert p == pytest.approx(fisher_exact(b, a, d, c))
+
+
+def test_newcombe_agrees_with_the_example_of_its_paper() -> None:
+    low, high = newcombe(48, 80, 56, 70)
+    assert (round(low, 4), round(high, 4)) == (0.0524, 0.3339)
+
+
+def test_holm() -> None:
+    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert holm([]) == []
+
+
+def test_the_least_number_that_is_enough() -> None:
+    assert [least(lambda n: n >= 7, most) for most in (6, 7, 1000)] == [None, 7, 7]
+    assert least(lambda n: True, 10) == 1
