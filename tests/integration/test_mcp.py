@@ -119,6 +119,9 @@ def test_a_failing_run_is_found_and_explained(assistant: Assistant) -> None:
     where = assistant.call("inspect_campaign", campaign=NAME)
     rates = {item["value"]: item["not_passed"] for item in where["by_parameter"]["speed"]}
     assert rates == {"1.0": 0, "2.0": 2}
+    low, high = where["by_parameter"]["speed"][1]["interval"]
+    assert 0.3 < low < 0.4
+    assert high == 1
     causes = [(one["cause"], one["verdicts"], one["runs"]) for one in where["causes"]]
     assert causes == [("goal not reached: no goal after 20 s", ["failed"], 2)]
     failed = assistant.call("search_runs", campaign=NAME, verdict="failed", reason="GOAL")

@@ -11,9 +11,10 @@ from fastmcp import FastMCP
 
 from robovast.campaign.failure_groups import FailureGroup, failure_groups
 from robovast.campaign.verdict import Verdict
-from robovast.evaluation.compare import compare, sample
+from robovast.evaluation.compare import compare
 from robovast.evaluation.inside import MissingError
 from robovast.evaluation.library import Library
+from robovast.evaluation.rates import IntervalOf, interval_for, sample
 from robovast.evaluation.run import read_run
 from robovast.evaluation.summaries import RunSummary, VariantRuns
 from robovast.mcp.bounds import fitted, page
@@ -64,16 +65,17 @@ class CampaignTools:
         """Compute where a campaign fails: by parameter value and by cause.
 
         A cause is a reason without the numbers in which it differs between runs. Interrupted runs
-        do not count in the rates.
+        do not count in the rates, which have their 95 % intervals.
         """
+        interval_of = interval_for(self._library.summary(campaign))
         variants = self._library.campaign(campaign).variants
         groups = failure_groups(
             (f"{v.name}/{run.number}", run.verdict, run.reason) for v in variants for run in v.runs
         )
         return fitted(
             {
-                "all_runs": _rate(variants),
-                "by_parameter": _by_parameter(variants),
+                "all_runs": _rate(variants, interval_of),
+                "by_parameter": _by_parameter(variants, interval_of),
                 "causes": [_cause(group) for group in groups[:_MOST_CAUSES]],
             }
         )
@@ -98,10 +100,11 @@ class CampaignTools:
         )
 
     def list_configurations(self, campaign: str, offset: int = 0) -> dict[str, Any]:
-        """List the configurations of a campaign with their parameters and failure rates."""
-        variants = self._library.campaign(campaign).variants
+        """List the configurations of a campaign with parameters, failure rates, 95 % intervals."""
+        interval_of = interval_for(self._library.summary(campaign))
         items = [
-            {"configuration": v.name, "parameters": v.parameters, **_rate([v])} for v in variants
+            {"configuration": v.name, "parameters": v.parameters, **_rate([v], interval_of)}
+            for v in self._library.campaign(campaign).variants
         ]
         return page(items, offset, name="configurations")
 
@@ -171,17 +174,22 @@ def _cause(group: FailureGroup[str]) -> dict[str, Any]:
     }
 
 
-def _rate(variants: Sequence[VariantRuns]) -> dict[str, Any]:
+def _rate(variants: Sequence[VariantRuns], interval_of: IntervalOf) -> dict[str, Any]:
     found = sample(*variants)
-    return {"runs": found.runs, "not_passed": found.bad, "median_duration": found.duration}
+    return {
+        "runs": found.runs,
+        "not_passed": found.bad,
+        "interval": interval_of(found.bad, found.runs),
+        "median_duration": found.duration,
+    }
 
 
-def _by_parameter(variants: Sequence[VariantRuns]) -> dict[str, Any]:
+def _by_parameter(variants: Sequence[VariantRuns], interval_of: IntervalOf) -> dict[str, Any]:
     """Failure rates of the values of each parameter that has more than one."""
     names = dict.fromkeys(name for variant in variants for name in variant.parameters)
     groups = {name: _grouped(variants, name) for name in names}
     return {
-        name: [{"value": value, **_rate(members)} for value, members in found.items()]
+        name: [{"value": value, **_rate(members, interval_of)} for value, members in found.items()]
         for name, found in groups.items()
         if 1 < len(found) <= _MOST_VALUES
     }
