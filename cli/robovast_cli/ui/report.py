@@ -31,7 +31,7 @@ def errors_reported() -> Iterator[None]:
         sys.stdout.flush()
     except RobovastError as error:
         _show_traceback()
-        tell(_message(error))
+        tell(message_of(error))
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt:
         tell("interrupted")
@@ -58,7 +58,8 @@ def silence_stdout() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _message(error: RobovastError) -> str:
+def message_of(error: RobovastError) -> str:
+    """What the user reads of an error."""
     if not isinstance(error, DocumentError):
         return f"error: {error}"
     count = len(error.problems)

@@ -92,6 +92,8 @@ class Problem:
     """Path of the key, such as `execution.resources.cpu` or `configuration[2].name`."""
     message: str
     remedy: str = ""
+    is_lacking: bool = False
+    """True if the document may be right, but this machine lacks a package for it."""
 
     def __str__(self) -> str:
         where = f"{self.place}: {self.key}: " if self.key else f"{self.place}: "
@@ -104,4 +106,6 @@ class DocumentError(InputError):
     def __init__(self, problems: Iterable[Problem]) -> None:
         unique = dict.fromkeys(problems)
         self.problems = sorted(unique, key=lambda problem: problem.place)
+        if self.problems and all(problem.is_lacking for problem in self.problems):
+            self.exit_code = ExitCode.CANNOT_RUN
         super().__init__("\n".join(map(str, self.problems)))

@@ -15,7 +15,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
-from robovast.base.errors import InputError
+from robovast.base.errors import CannotRunError, InputError, RobovastError
 
 _FILE_REFERENCE = re.compile(r"^(?P<path>.+\.py):(?P<name>[A-Za-z_]\w*)$")
 
@@ -67,6 +67,7 @@ def load_plugin(reference: str, group: str, folder: str | Path) -> Any:
 
     Raises:
         InputError: the plugin is missing or cannot be loaded; the message gives the cause.
+        CannotRunError: a package that it imports is not installed.
     """
     parts = split_file_reference(reference)
     if parts is None:
@@ -96,10 +97,8 @@ def _load_entry_point(name: str, group: str) -> Any:
     except Exception as error:
         distribution = known[name].dist
         package = distribution.name if distribution else "its package"
-        raise InputError(
-            f"the plugin `{name}` of {package} ({known[name].value}) cannot be loaded: "
-            f"{type(error).__name__}: {error}"
-        ) from error
+        what = f"the plugin `{name}` of {package} ({known[name].value}) cannot be loaded"
+        raise _failure(what, error) from error
 
 
 @lru_cache
@@ -117,5 +116,14 @@ def _load_file(path: Path) -> Any:
         spec.loader.exec_module(module)
     except Exception as error:
         del sys.modules[name]
-        raise InputError(f"{path} cannot be imported: {type(error).__name__}: {error}") from error
+        raise _failure(f"{path} cannot be imported", error) from error
     return module
+
+
+def _failure(what: str, error: Exception) -> RobovastError:
+    """The error about a plugin whose code raises one while it is loaded."""
+    if isinstance(error, ModuleNotFoundError):
+        return CannotRunError(f"{what}: the package `{error.name}` is not installed here.")
+    if isinstance(error, RobovastError):
+        return type(error)(f"{what}: {error}")
+    return InputError(f"{what}: {type(error).__name__}: {error}")

@@ -11,7 +11,7 @@ import signal
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
-from robovast.base.errors import InputError
+from robovast.base.errors import RobovastError
 from robovast.base.plugins import load_plugin, plugins_of, raised
 from robovast.campaign.log_lines import BAD, Message, parse_line, without_escapes
 
@@ -129,7 +129,7 @@ def _ruled(name: str, lines: Sequence[str]) -> str | None:
     try:
         rule: Rule = load_plugin(name, RULES, ".")
         told = rule(lines)
-    except InputError as error:
+    except RobovastError as error:
         return str(error)
     except Exception as error:  # whatever others wrote
         return f"the rule `{name}` of {RULES} failed: {raised(error)}"

@@ -8,9 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import Place, Problem
+from robovast.base.plugins import plugins_of, split_file_reference
 from robovast.common.execution import campaign_prefix
 from robovast.model.document import Document
+from robovast.model.document.commands import GROUP
+from robovast.model.document.files import match_run_files
+from robovast.model.document.ignored import contract_environment
 from robovast.model.document.model import PluginCall
+from robovast.model.document.source import KeyPath
 from robovast.model.scenario import parameter_types
 
 _OTHER_PLACES = "the same seed gives other places than there"
@@ -45,10 +50,17 @@ def _of_document(document: Document) -> Iterator[Problem]:
     source, vast = document.source, document.vast
     if not vast.configuration and vast.search is None:
         yield source.problem((), "one configuration, `config1`, runs; there nothing did")
+    if source.is_followed:
+        yield source.problem((), "a second YAML document gives a warning; there it gives none")
     for index, pattern in enumerate(vast.execution.run_files):
-        if pattern.endswith("**"):
-            path = ("execution", "run_files", index)
+        path: KeyPath = ("execution", "run_files", index)
+        if not match_run_files(document.folder, pattern):
+            yield source.problem(path, f"`{pattern}` gives a warning; there it gives none")
+        elif pattern.endswith("**"):
             yield source.problem(path, f"`{pattern}` takes all that is below; there nothing")
+    for path in contract_environment(source):
+        message = f"`{path[-1]}` keeps the value of the run contract; there it gets this one"
+        yield source.problem(path, message, at_key=True)
     if vast.execution.timeout is not None:
         yield source.problem(("execution", "timeout"), "counts here, too; there on a cluster alone")
     if campaign_prefix(vast.campaign_name) != campaign_prefix(vast.campaign_name, "._-"):
@@ -112,11 +124,14 @@ def _of_plans(document: Document) -> Iterator[Problem]:
 def _of_postprocessing(document: Document) -> Iterator[Problem]:
     for section in ("results_processing", "analysis"):
         for index, call in enumerate(getattr(document.vast, section).postprocessing):
+            path: KeyPath = (section, "postprocessing", index)
+            if split_file_reference(call.name) is None and call.name not in plugins_of(GROUP):
+                message = "as long as it is not installed, it fails alone; there all commands do"
+                yield document.source.problem(path, f"{call.name}: {message}")
             plugins = _listed(call.parameters.get("plugins"))
             types = [plugin for plugin in plugins if isinstance(plugin, dict)]
             for given in (call.parameters, *types):
                 for message in _of_command(given):
-                    path = (section, "postprocessing", index)
                     yield document.source.problem(path, f"{call.name}: {message}")
 
 

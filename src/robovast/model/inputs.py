@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from robovast.base.errors import InputError
+from robovast.base.errors import InputError, RobovastError
 from robovast.base.plugins import load_plugin, raised, split_file_reference
 from robovast.model.document import Document
 from robovast.model.document.commands import BUILT_IN, GROUP
@@ -82,7 +82,7 @@ def _class_with_files(folder: Path, call: PluginCall) -> Any:
         return None
     try:
         plugin = load_plugin(call.name, GROUP, folder)
-    except InputError:
+    except RobovastError:
         return None  # it is needed only for results; a check warns of it
     return plugin if inspect.isclass(plugin) and hasattr(plugin, _WANTED) else None
 

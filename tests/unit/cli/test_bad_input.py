@@ -166,6 +166,8 @@ def test_run_files_that_are_not_there_are_a_warning(vast, folder: Path) -> None:
         f"warning: bad.vast:5:5: execution.run_files[0]: `files/*.py` matches no file in {folder}\n"
         "    Patterns are relative to the .vast file and stay in its folder.\n"
         "differs: bad.vast:1:1: one configuration, `config1`, runs; there nothing did\n"
+        "differs: bad.vast:5:5: execution.run_files[0]: `files/*.py` gives a warning; "
+        "there it gives none\n"
     )
 
 
@@ -295,6 +297,20 @@ def test_amounts_are_checked_before_a_campaign_begins(vast, folder: Path) -> Non
     assert (
         "resources.cpu: `many` is not a number of CPUs; write `2`, `0.5` or `500m`." in outcome.err
     )
+
+
+@pytest.mark.parametrize(("other", "code"), [("x: 1", 2), ("speed: 1", 3)])
+def test_a_package_that_a_plugin_lacks_is_no_fault_of_the_file(
+    vast, folder: Path, other: str, code: int
+) -> None:
+    (folder / "plug.py").write_text("import nosuchpackage")
+    configuration = (
+        f"- {{name: a, variations: [plug.py:A]}}\n- {{name: b, parameters: [{other}]}}\n"
+    )
+    (folder / "a.vast").write_text(HEAD + "configuration:\n" + configuration + TAIL)
+    outcome = vast("-V", "a.vast", "config", "check")
+    assert outcome.code == code
+    assert "plug.py cannot be imported: the package `nosuchpackage` is not" in outcome.err
 
 
 def test_files_that_cannot_be_read(vast, folder: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robovast.base.errors import InputError
+from robovast.base.errors import CannotRunError, InputError
 from robovast.common.variation import (
     OneOfVariation,
     ParameterVariationDistributionGaussian,
@@ -312,6 +312,12 @@ def test_what_cannot_be_loaded_says_why(tmp_path: Path, reference: str, message:
     (tmp_path / "fine.py").write_text("VALUE = 1")
     with pytest.raises(InputError, match=message):
         load_variation(reference, tmp_path)
+
+
+def test_a_package_that_a_type_lacks_is_named(tmp_path: Path) -> None:
+    (tmp_path / "lacking.py").write_text("import nosuchpackage.part")
+    with pytest.raises(CannotRunError, match="the package `nosuchpackage` is not installed"):
+        load_variation("lacking.py:A", tmp_path)
 
 
 def test_defaults_of_the_hooks() -> None:

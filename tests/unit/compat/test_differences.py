@@ -125,3 +125,16 @@ def test_differences_of_the_document_are_named(tmp_path: Path) -> None:
         "execution.run_files[0]: `files/**` takes all that is below; there nothing",
         "execution.timeout: counts here, too; there on a cluster alone",
     ]
+
+
+def test_what_has_no_effect_here_alone_is_named(tmp_path: Path) -> None:
+    text = "  run_files: [../**]\n  env: [{SCENARIO_FILE: x}]\nresults_processing:\n"
+    found = met(tmp_path, "configuration: [{name: a}]\n", text + "  postprocessing: [foo]\n---\n")
+    assert [item.partition(": ")[2] for item in found] == [
+        "a second YAML document gives a warning; there it gives none",
+        "execution.run_files[0]: `../**` gives a warning; there it gives none",
+        "execution.env[0].SCENARIO_FILE: `SCENARIO_FILE` keeps the value of the run contract; "
+        "there it gets this one",
+        "results_processing.postprocessing[0]: foo: as long as it is not installed, it fails "
+        "alone; there all commands do",
+    ]

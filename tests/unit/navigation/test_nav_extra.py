@@ -45,3 +45,23 @@ def test_its_types_are_described_without_it() -> None:
     assert "cannot be loaded" not in result.stdout
     for name in ("PathVariationRasterized", "FloorplanVariation", "ObstacleVariation"):
         assert name in result.stdout
+
+
+def test_a_check_goes_on_with_what_needs_none_of_it(folder: Path) -> None:
+    (folder / "plan.vast").write_text(
+        "version: 1\nexecution: {scenario_file: drive.osc, timeout: 5, resources: {cpu: some}}\n"
+        "configuration:\n"
+        "- {name: a, variations: [FloorplanGeneration: {name: [m], floorplans: [room.fpm]}]}\n"
+        "- {name: b, variations: [PathVariationRandom: "
+        "{start_pose: '@s', map_file: m, path_length: 1}]}\n"
+    )
+    (folder / "room.fpm").write_text("Floor plan: room\n")
+    result = vast_without(["textx", "scipy"], "-V", str(folder / "plan.vast"), "config", "check")
+    assert result.returncode == 2
+    for words in (
+        "differs: ",
+        "`some` is not a number of CPUs",
+        "configuration `a`, variation `FloorplanGeneration`: FloorplanGeneration needs",
+        "configuration `b`, variation `PathVariationRandom`: PathVariationRandom needs",
+    ):
+        assert result.stderr.count(words) >= 1, result.stderr

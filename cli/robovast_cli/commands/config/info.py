@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any
+from typing import Any, NoReturn
 
 import typer
 from pydantic import BaseModel
 
+from robovast.base.errors import InputError, RobovastError
 from robovast.compat.differences import differences
 from robovast.execution.local.scenario_syntax import check_syntax
 from robovast.model.document import Document
@@ -20,6 +23,10 @@ from robovast.model.scenario import read_scenario
 from robovast_cli.plugins import origin
 from robovast_cli.ui.expanding import expanded
 from robovast_cli.ui.listing import format_table
+from robovast_cli.ui.report import message_of, tell
+
+MOST_ERRORS = 20
+"""Errors of entries that a check reports at most."""
 
 
 def print_summary(document: Document) -> None:
@@ -32,22 +39,59 @@ def print_summary(document: Document) -> None:
 
 
 def print_check(document: Document) -> None:
-    """Expand a document that was read, and say that it is sound.
+    """Check all of a document that was read, and say that it is sound.
 
     Raises:
         InputError: it cannot be expanded, or an amount is invalid.
+        CannotRunError: this machine lacks something that it needs.
     """
-    _check_resources(document)
-    check_syntax(document.scenario)
-    with expanded(document) as variants:
-        count = len(variants)
     for difference in differences(document):
         typer.echo(f"differs: {difference}", err=True)
+    errors: list[RobovastError] = []
+    with _noted(errors):
+        _check_resources(document)
+    with _noted(errors):
+        check_syntax(document.scenario)
+    with _noted(errors):
+        count = _count(document)
+    if errors:
+        for entry in document.vast.configuration or ():
+            with _noted(errors):
+                _count(_alone(document, entry))
+        _raise_all(errors)
     warnings = len(document.warnings)
     told = "" if not warnings else f", {warnings} warning{'s' if warnings > 1 else ''}"
     file = document.source.file
     many = "1 configuration" if count == 1 else f"{count} configurations"
     typer.echo(f"{file}: valid, {many}{told}")
+
+
+@contextmanager
+def _noted(errors: list[RobovastError]) -> Iterator[None]:
+    """Add an error to a list, unless it has stopped growing or has that error already."""
+    try:
+        yield
+    except RobovastError as error:
+        if len(errors) < MOST_ERRORS and str(error) not in map(str, errors):
+            errors.append(error)
+
+
+def _raise_all(errors: Sequence[RobovastError]) -> NoReturn:
+    """Print all errors but one, and raise that; one of the user's input, if there is any."""
+    *others, last = sorted(errors, key=lambda error: isinstance(error, InputError))
+    for error in others:
+        tell(message_of(error))
+    raise last
+
+
+def _count(document: Document) -> int:
+    with expanded(document) as variants:
+        return len(variants)
+
+
+def _alone(document: Document, entry: ConfigurationEntry) -> Document:
+    """A document with one of its entries."""
+    return replace(document, vast=document.vast.model_copy(update={"configuration": [entry]}))
 
 
 def _check_resources(document: Document) -> None:

@@ -69,7 +69,7 @@ def is_per_run(request: Mapping[str, Any]) -> bool:
     """Whether a plugin wants to be called for each run; False if it cannot be loaded."""
     try:
         return bool(getattr(_load(request), "per_run", False))
-    except InputError:
+    except RobovastError:
         return False
 
 
@@ -83,7 +83,7 @@ def call(request: Mapping[str, Any], guard: Guard) -> Outcome:
     """
     try:
         return _guarded(request, guard)
-    except (InputError, NonsenseError) as error:
+    except (RobovastError, NonsenseError) as error:
         return Outcome(False, str(error))
     except SystemExit as error:
         return Outcome(False, f"called `sys.exit({error.code!r})` instead of returning")

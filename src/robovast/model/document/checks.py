@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from robovast.base.errors import InputError, Problem
+from robovast.base.errors import CannotRunError, InputError, Problem, RobovastError
 from robovast.base.plugins import plugins_of, split_file_reference
 from robovast.model.document.commands import BUILT_IN, GROUP, PROCESS, TopicsToCsv
 from robovast.model.document.files import host_path, match_run_files
@@ -200,8 +200,9 @@ def _check_variations(parts: Parts) -> Iterator[Problem]:
 def _check_variation(parts: Parts, path: KeyPath, call: PluginCall) -> Iterator[Problem]:
     try:
         variation = load_variation(call.name, parts.folder)
-    except InputError as error:
-        yield parts.source.problem(path, str(error))
+    except RobovastError as error:
+        problem = parts.source.problem(path, str(error))
+        yield replace(problem, is_lacking=isinstance(error, CannotRunError))
         return
     base = _place_of_parameters(parts, path, call)
     yield from _check_variation_parameters(parts, base, variation, call.parameters)
@@ -218,7 +219,7 @@ def _variations(parts: Parts) -> Iterator[tuple[KeyPath, type[Variation], dict[s
         for position, call in enumerate(entry.variations or []):
             try:
                 variation = load_variation(call.name, parts.folder)
-            except InputError:
+            except RobovastError:
                 continue  # reported where variations are checked
             path: KeyPath = ("configuration", index, "variations", position)
             yield _place_of_parameters(parts, path, call), variation, call.parameters

@@ -25,7 +25,7 @@ def without_ignored(source: Source) -> tuple[dict[Any, Any], list[Problem]]:
     """A document's data without ignored keys, and a warning for each removed key."""
     unknown = list(_unknown_keys(source))
     warnings = [_warning(source, path) for path in unknown]
-    warnings += _contract_environment(source)
+    warnings += [_overridden(source, path) for path in contract_environment(source)]
     if source.is_followed:
         message = "only the first YAML document counts; what follows `---` has no effect"
         warnings.append(source.problem((), message))
@@ -64,13 +64,15 @@ def _remove(data: Any, path: KeyPath) -> None:
     data.pop(path[-1], None)
 
 
-def _contract_environment(source: Source) -> Iterator[Problem]:
+def _overridden(source: Source, path: KeyPath) -> Problem:
+    message = f"`{path[-1]}` is set by RoboVAST itself; what is given here has no effect"
+    return source.problem(path, message, at_key=True)
+
+
+def contract_environment(source: Source) -> Iterator[KeyPath]:
+    """Places where a document sets variables that belong to the run contract."""
     execution = source.data.get("execution")
     items = execution.get("env") if isinstance(execution, dict) else None
     for index, item in enumerate(items if isinstance(items, list) else ()):
         for name in CONTRACT_ENVIRONMENT.intersection(item if isinstance(item, dict) else ()):
-            yield source.problem(
-                ("execution", "env", index, name),
-                f"`{name}` is set by RoboVAST itself; what is given here has no effect",
-                at_key=True,
-            )
+            yield "execution", "env", index, name

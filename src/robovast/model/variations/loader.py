@@ -21,6 +21,7 @@ def load_variation(name: str, folder: str | Path) -> type[Variation]:
 
     Raises:
         InputError: it does not exist, cannot be loaded, or is not a variation type.
+        CannotRunError: a package that it imports is not installed.
     """
     found = load_plugin(name, GROUP, folder)
     if not (isinstance(found, type) and issubclass(found, Variation)):

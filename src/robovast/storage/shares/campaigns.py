@@ -236,7 +236,7 @@ def load_provider(kind: str, folder: Path) -> BaseShareProvider:
     """
     try:
         provider_class = load_plugin(kind, GROUP, folder)
-    except InputError as error:
+    except RobovastError as error:
         if isinstance(error.__cause__, ImportError):
             raise CannotRunError(f"{error} Built-in ones need `robovast[share]`.") from error
         raise
