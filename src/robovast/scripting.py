@@ -123,9 +123,10 @@ def run_campaign(
         CannotRunError: the runtime is not usable; nothing was started or created.
         StorageError: `output` cannot be written.
     """
-    from robovast.execution.local import LocalOptions, run_campaign
+    from robovast.execution.local import LocalOptions
+    from robovast.search.local import execute_document
 
-    summary = run_campaign(document, Path(output), options or LocalOptions(), _RunLog())
+    summary = execute_document(document, Path(output), options or LocalOptions(), _RunLog())
     return Campaign(summary.campaign)
 
 
@@ -148,6 +149,9 @@ class _RunLog:
 
     def campaign_started(self, campaign: Path, total: int, done: int, how: str) -> None:
         _log.info("%s: %d runs, %d of them finished before; %s", campaign, total, done, how)
+
+    def runs_added(self, count: int) -> None:
+        _log.info("%d more runs", count)
 
     def run_started(self, run: Run) -> None:
         _log.info("%s started", run.path)

@@ -16,13 +16,16 @@ from robovast.campaign.failure_groups import FailureGroup, failure_groups
 from robovast.campaign.layout import SYSTEM_LOG, Layout
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
-from robovast.execution.local import LocalOptions, Summary, resume_campaign, run_campaign
+from robovast.execution.local import LocalOptions, Summary
 from robovast.model.document import Document
 from robovast.model.expansion import select_variants
+from robovast.search import local as search
+from robovast.search.local import SearchSummary, execute_document
 from robovast_cli.ui.expanding import expanded
 from robovast_cli.ui.live_view import LiveView, is_live
 from robovast_cli.ui.local_view import LocalView
 from robovast_cli.ui.output import asked, say_verdicts
+from robovast_cli.ui.search_summary import search_lines
 from robovast_cli.workspace import shown
 
 MOST_LISTED = 20
@@ -31,7 +34,7 @@ MOST_LISTED = 20
 
 def start(document: Document, output: Path, options: LocalOptions) -> ExitCode:
     """Run a new campaign."""
-    return _watch(lambda view: run_campaign(document, output, options, view))
+    return _watch(lambda view: execute_document(document, output, options, view))
 
 
 def refuse_document(out: Path | None) -> None:
@@ -90,7 +93,7 @@ def _looks_like_configuration(name: str, entries: Iterable[str]) -> bool:
 
 def resume(campaign: Path, options: LocalOptions) -> ExitCode:
     """Execute the remaining runs of a campaign."""
-    return _watch(lambda view: resume_campaign(campaign, options, view))
+    return _watch(lambda view: search.resume(campaign, options, view))
 
 
 def _watch(execute: Callable[[LocalView], Summary]) -> ExitCode:
@@ -111,6 +114,9 @@ def exit_code(summary: Summary) -> ExitCode:
     verdicts = {record.verdict for record in summary.records}
     if summary.interrupted:
         return ExitCode.INTERRUPTED
+    if isinstance(summary, SearchSummary):
+        gave_up = summary.stop is not None and summary.stop.kind == "errors"
+        return ExitCode.RUN_ERRORED if gave_up else ExitCode.OK
     if Verdict.FAILED in verdicts:
         return ExitCode.TEST_FAILED
     if verdicts - {Verdict.PASSED} or len(summary.records) < summary.total:
@@ -121,6 +127,17 @@ def exit_code(summary: Summary) -> ExitCode:
 def summary_lines(summary: Summary) -> Iterator[str]:
     """The result of a campaign: a line for each cause of failures, counts, the results folder."""
     yield ""
+    if isinstance(summary, SearchSummary):
+        yield from search_lines(summary)
+    else:
+        yield from _causes(summary)
+    yield f"{_counts(summary)}."
+    yield f"Results: {shown(summary.campaign)}"
+    if len(summary.records) < summary.total or summary.interrupted:
+        yield f"Continue: vast exec local run --resume {shown(summary.campaign)}"
+
+
+def _causes(summary: Summary) -> Iterator[str]:
     groups = failure_groups((record, record.verdict, record.reason) for record in summary.records)
     listed = _listed(groups)
     for group in listed:
@@ -129,10 +146,6 @@ def summary_lines(summary: Summary) -> Iterator[str]:
         verdicts = _verdicts(record for group in rest for record in group.runs)
         yield f"… and {len(rest)} more causes: {', '.join(verdicts)}."
     yield from [""] if groups else []
-    yield f"{_counts(summary)}."
-    yield f"Results: {shown(summary.campaign)}"
-    if len(summary.records) < summary.total or summary.interrupted:
-        yield f"Continue: vast exec local run --resume {shown(summary.campaign)}"
 
 
 def _listed(groups: Sequence[FailureGroup[RunRecord]]) -> list[FailureGroup[RunRecord]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,10 +12,19 @@ from robovast.model.expansion import Variant, expand
 from robovast_cli.ui.working import working
 
 
+def _variants(document: Document, folder: Path, tell: Callable[[str], None]) -> list[Variant]:
+    """The variants of a document; of a search, those of its first batch."""
+    if document.vast.search is None:
+        return expand(document, folder, tell)
+    from robovast.search.proposing import first_batch
+
+    return list(first_batch(document, folder, tell).variants)
+
+
 @contextmanager
 def expanded(document: Document) -> Iterator[list[Variant]]:
     """The variants of a document; their files are there while the context lasts."""
     with TemporaryDirectory(prefix="robovast-") as folder:
         with working(f"Expanding {document.source.file.name}") as tell:
-            variants = expand(document, Path(folder), tell)
+            variants = _variants(document, Path(folder), tell)
         yield variants

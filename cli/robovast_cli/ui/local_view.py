@@ -90,6 +90,10 @@ class LocalView:
         before = f", {done} of them finished before" if done else ""
         self.message(f"{total} {noun}{before}, {how}, into {shown(campaign)}")
 
+    def runs_added(self, count: int) -> None:
+        """Count runs that are added to the campaign."""
+        self.total += count
+
     def run_started(self, run: Run) -> None:
         """A run began."""
         self.running[run.id] = run.path

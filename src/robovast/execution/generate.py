@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from robovast.base.atomic import appearing_file
 from robovast.base.serialization import dump_yaml, to_plain
 from robovast.base.version import __version__
 from robovast.campaign.configurations import configuration_record
@@ -29,6 +30,7 @@ def write_configurations(
     output: Path,
     *,
     timings: bool,
+    earlier: Sequence[Variant] = (),
     tell: Callable[[str], None] = lambda _: None,
 ) -> None:
     """Write `_config`, `_transient` and every `<variant>/_config` of a campaign.
@@ -39,13 +41,15 @@ def write_configurations(
         output: the campaign's folder; created if missing.
         timings: also record when each variation was applied and how long it took; without timings,
             equal input produces equal bytes.
+        earlier: variants that were written before; they come first in the list.
         tell: receives occasional progress messages.
     """
     layout = Layout(output)
     for folder in (layout.config, layout.transient):
         folder.mkdir(parents=True, exist_ok=True)
-    for path in campaign_files(document, composition):
-        copy_file(document.folder / path, layout.config / path)
+    if document.folder != layout.config:  # otherwise it is the campaign's own copy
+        for path in campaign_files(document, composition):
+            copy_file(document.folder / path, layout.config / path)
     for file in composition.transient_files:
         copy_file(file.source, layout.transient / file.name)
     for script in contract_files():
@@ -56,8 +60,12 @@ def write_configurations(
         if number % 100 == 0:
             tell(variant.name)
         _write_variant(layout, variant, scenario, identities.of(variant))
-    with layout.configurations.open("w", encoding="utf-8") as record:
-        record.writelines(_configurations(document, composition.variants, timings=timings))
+    variants = (*earlier, *composition.variants)
+    with (
+        appearing_file(layout.configurations) as part,
+        part.open("w", encoding="utf-8") as record,
+    ):
+        record.writelines(_configurations(document, variants, timings=timings))
 
 
 def write_execution(

@@ -46,7 +46,8 @@ def _referenced(document: Document) -> Iterator[Path]:
         parts = split_file_reference(call.name)
         if parts is not None:
             yield Path(parts[0])
-    for call in document.vast.postprocessing:
+    search = document.vast.search
+    for call in [*document.vast.postprocessing, *(search.postprocessing if search else ())]:
         yield from named_files(document.folder, call.parameters)
         yield from _wanted_files(document.folder, call)
 
@@ -96,5 +97,10 @@ def _plugin_calls(document: Document) -> Iterator[PluginCall]:
     for entry in vast.configuration or []:
         yield from entry.variations or []
     yield from vast.postprocessing
+    if vast.search is not None:
+        yield from vast.search.variations or []
+        yield from vast.search.postprocessing
+        yield PluginCall(name=vast.search.strategy, parameters=vast.search.strategy_parameters)
+        yield PluginCall(name=vast.search.extract.plugin, parameters=vast.search.extract.params)
     yield from vast.results_processing.publication
     yield from vast.results_processing.metadata_processing

@@ -88,6 +88,14 @@ def planned_run(
     return Run(id_, variant, number, run_seed(seed, variant.name, number))
 
 
+def block_runs(
+    plan: PlanSpec, block: Block, variants: Sequence[Variant], seed: int | None
+) -> list[Run]:
+    """The runs of one block of a plan; no two blocks are equal, since runs are planned once."""
+    first = sum(earlier.size for earlier in plan.blocks[: plan.blocks.index(block)])
+    return [planned_run(plan, variants, first + i, seed) for i in range(block.size)]
+
+
 def pack_runs(plan: PlanSpec, runs: Iterable[Run], first_job: int = 0) -> list[Job]:
     """Group runs of a plan, in order, into jobs: each executes one pack."""
     by_id = {run.id: run for run in runs}

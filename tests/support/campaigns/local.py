@@ -51,6 +51,8 @@ class Recorder:
     def campaign_started(self, campaign: Path, total: int, done: int, how: str) -> None:
         self.done_before = done
 
+    def runs_added(self, count: int) -> None: ...
+
     def run_started(self, run: Run) -> None:
         self.started.append(run.path)
 

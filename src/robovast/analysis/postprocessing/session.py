@@ -86,7 +86,46 @@ def _postprocess(
     commands = resolve([*calls, *implied], folder, _given(layout, options), quiet=implied)
     summary.runs, summary.commands = len(runs), len(commands)
     observer.campaign_started(campaign, len(runs))
-    with opened(campaign) as state:
+    _work(survey, runs, commands, options, observer, summary)
+
+
+def call_commands(
+    campaign: Path,
+    document: Path,
+    calls: Sequence[PluginCall],
+    observer: Observer,
+    *,
+    tables: bool,
+) -> CampaignSummary:
+    """Call the outdated ones of these commands for a campaign that is still executed.
+
+    Args:
+        campaign: the campaign's folder.
+        document: its .vast file.
+        calls: the commands.
+        observer: receives progress events.
+        tables: also make the tables of queries.
+    """
+    summary = CampaignSummary(campaign)
+    layout, options = Layout(campaign), Options(skip_metadata=True, skip_tables=not tables)
+    survey = Survey(campaign, document)
+    usable = [call for call in unfolded(calls) if _Tell(observer, summary).can_be_called(call)]
+    commands = resolve(usable, document.absolute().parent, _given(layout, options))
+    _work(survey, survey.runs(), commands, options, observer, summary)
+    return summary
+
+
+def _work(
+    survey: Survey,
+    runs: Sequence[str],
+    commands: Sequence[Command],
+    options: Options,
+    observer: Observer,
+    summary: CampaignSummary,
+) -> None:
+    """Call outdated commands, then write what is made from all results."""
+    layout = Layout(survey.campaign)
+    with opened(survey.campaign) as state:
         units = look(survey, state, runs, force=options.force)
         if not all_done(commands, units):
             started_at, count = _now(), options.jobs or machine_cpus()

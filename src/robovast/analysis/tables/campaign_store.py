@@ -21,7 +21,7 @@ from robovast.campaign.layout import CAMPAIGN_STORE, Layout
 
 _OURS = 0x524F424F
 """SQLite application id of databases made from a results folder; these may be replaced."""
-_SCHEMA = """
+SCHEMA = """
 CREATE TABLE campaign (id INTEGER PRIMARY KEY, name TEXT, mode TEXT, config_dir TEXT,
     config_json TEXT, created_at TEXT, strategy_state TEXT, stop_kind TEXT, stop_reason TEXT,
     batches INTEGER, elapsed_s REAL);
@@ -89,7 +89,7 @@ def _is_ours(path: Path) -> bool:
 def _write(
     connection: sqlite3.Connection, layout: Layout, document: Path | None, rows: list[Row]
 ) -> None:
-    connection.executescript(_SCHEMA)
+    connection.executescript(SCHEMA)
     connection.execute(f"PRAGMA application_id = {_OURS}")
     starts = sorted(row["started_at"] for row in rows if row["started_at"])
     created = starts[0] if starts else None

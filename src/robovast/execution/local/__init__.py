@@ -59,7 +59,7 @@ def run_campaign(
         runtime = choose_runtime(document, options, observer.message)
         identity = runtime.check()
         started, seed = datetime.now().astimezone(), campaign_seed(document)
-        layout = _make_folder(output, document.vast.campaign_name, started)
+        layout = make_campaign_folder(output, document.vast.campaign_name, started)
         with explained(layout.root):
             write_configurations(document, composition, layout.root, timings=True)
             write_execution(
@@ -91,9 +91,9 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
     layout = Layout(campaign.absolute())
     name, variants = read_variants(layout)
     document = load_document(layout.config / name)
-    repeated = options.runs or _planned_runs(layout)
+    repeated = options.runs or planned_runs(layout)
     plan = plan_variants(variants, repeated, document.vast.execution.runs_per_job)
-    runs = plan_runs(plan, variants, _recorded_seed(layout))
+    runs = plan_runs(plan, variants, recorded_seed(layout))
     if options.select is not None:
         chosen = {variant.name for variant in select_variants(variants, options.select)}
         runs = [run for run in runs if run.variant.name in chosen]
@@ -102,7 +102,7 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
     return execute_campaign(session, plan, runs, observer)
 
 
-def _make_folder(output: Path, name: str, started: datetime) -> Layout:
+def make_campaign_folder(output: Path, name: str, started: datetime) -> Layout:
     """Create a campaign's folder, named after the first second that is not taken yet."""
     refuse_obstacle(output)
     _refuse_bytes(output)
@@ -147,7 +147,12 @@ def _stored_files(layout: Layout, variants: Sequence[Variant]) -> list[Variant]:
     ]
 
 
-def _planned_runs(layout: Layout) -> int:
+def planned_runs(layout: Layout) -> int:
+    """The runs of each variant that were planned.
+
+    Raises:
+        InputError: it is not recorded.
+    """
     path = layout.execution_record
     try:
         return int(read_mapping(path)["runs"])
@@ -157,7 +162,7 @@ def _planned_runs(layout: Layout) -> int:
         ) from None
 
 
-def _recorded_seed(layout: Layout) -> int | None:
+def recorded_seed(layout: Layout) -> int | None:
     """The seed that a campaign began with; None when an older version began it."""
     found = read_mapping(layout.execution_record).get("seed")
     if found is None or type(found) is int:

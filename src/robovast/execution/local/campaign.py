@@ -5,7 +5,8 @@ from __future__ import annotations
 import queue
 import shutil
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from threading import Event, Lock, Thread
 from typing import Any
 
@@ -36,25 +37,60 @@ def execute_campaign(
     Raises:
         StorageError: another program executes the campaign, or results cannot be stored.
     """
+    with executing(session, observer) as told:
+        done = stored_runs(session, runs, told)
+        told.campaign_started(session.layout.root, len(runs), len(done), how(session, len(runs)))
+        records, interrupted = execute_runs(session, plan, runs, done, told)
+        write_job_links(session.layout, records)
+    found = [records[run.id] for run in runs if run.id in records]
+    return Summary(session.layout.root, len(runs), found, interrupted)
+
+
+@contextmanager
+def executing(session: Session, observer: Observer) -> Iterator[Observer]:
+    """Have a campaign for this program alone, with its log and its common inputs.
+
+    Raises:
+        StorageError: another program executes the campaign.
+    """
     root = session.layout.root
     refusal = f"{root}: another `vast` is executing this campaign; wait for it or stop it."
     with (
         exclusive_folder(session.layout.running, refusal),
         logged(session.layout, observer) as told,
     ):
-        with explained(root):
-            done = finished_runs(session, runs, told.message)
-        todo = [run for run in runs if run.id not in done]
         session.runtime.clean_up_campaign(session.token)
         _prepare_common(session)
-        execution = _CampaignExecution(session, plan, todo, told, done)
-        count = min(session.jobs_side_by_side, len(todo))
-        how = f"{session.runtime.name}, {count} side by side"
-        told.campaign_started(root, len(runs), len(done), how)
-        interrupted = execution.run(count)
-        _write_job_links(session.layout, execution.records)
-    records = [execution.records[run.id] for run in runs if run.id in execution.records]
-    return Summary(session.layout.root, len(runs), records, interrupted)
+        yield told
+
+
+def stored_runs(session: Session, runs: Sequence[Run], observer: Observer) -> dict[int, RunRecord]:
+    """Records of the runs that need not be executed again, by id."""
+    with explained(session.layout.root):
+        return finished_runs(session, runs, observer.message)
+
+
+def how(session: Session, runs: int) -> str:
+    """The runtime and the number of parallel jobs, in words."""
+    return f"{session.runtime.name}, {min(session.jobs_side_by_side, runs)} side by side"
+
+
+def execute_runs(
+    session: Session,
+    plan: PlanSpec,
+    runs: Sequence[Run],
+    done: dict[int, RunRecord],
+    observer: Observer,
+) -> tuple[dict[int, RunRecord], bool]:
+    """Execute the runs of a plan that are not done, within `executing`.
+
+    Returns:
+        All records by id, and whether the user interrupted.
+    """
+    todo = [run for run in runs if run.id not in done]
+    execution = _CampaignExecution(session, plan, todo, observer, done)
+    interrupted = execution.run(min(session.jobs_side_by_side, len(todo)))
+    return execution.records, interrupted
 
 
 def _prepare_common(session: Session) -> None:
@@ -68,7 +104,8 @@ def _prepare_common(session: Session) -> None:
             copy_file(script, common / script.name)
 
 
-def _write_job_links(layout: Layout, records: dict[int, RunRecord]) -> None:
+def write_job_links(layout: Layout, records: dict[int, RunRecord]) -> None:
+    """Record which job executed which run."""
     links = {f"{record.variant}/{record.run}": record.job for record in records.values()}
     with explained(layout.root):
         write_atomically(layout.root / JOB_LINKS, dump_yaml(links))

@@ -54,6 +54,11 @@ class _Logged:
         _log.info("%s: %d runs, %d done before; %s", campaign.name, total, done, how)
         self.observer.campaign_started(campaign, total, done, how)
 
+    def runs_added(self, count: int) -> None:
+        """Log their number."""
+        _log.info("%d more runs", count)
+        self.observer.runs_added(count)
+
     def run_started(self, run: Run) -> None:
         """Log the run."""
         _log.info("%s: started", run.path)

@@ -19,6 +19,9 @@ class Observer(Protocol):
         `how` names the runtime and the number of parallel jobs.
         """
 
+    def runs_added(self, count: int) -> None:
+        """More runs belong to the campaign."""
+
     def run_started(self, run: Run) -> None:
         """A run began."""
 

@@ -160,23 +160,25 @@ def _check_names(parts: Parts) -> Iterator[Problem]:
 def _check_parameters(parts: Parts) -> Iterator[Problem]:
     for index, entry in parts.entries.items():
         base: KeyPath = ("configuration", index, "parameters")
-        yield from _unknown_parameters(parts, base, entry.parameters or [])
+        yield from unknown_parameters_in(parts, base, entry.parameters or [])
     if parts.execution is not None:
         base = ("execution", "local", "parameter_overrides")
-        yield from _unknown_parameters(parts, base, parts.execution.local.parameter_overrides)
+        yield from unknown_parameters_in(parts, base, parts.execution.local.parameter_overrides)
 
 
-def _unknown_parameters(
+def unknown_parameters_in(
     parts: Parts, base: KeyPath, pairs: Iterable[dict[str, Any]]
 ) -> Iterator[Problem]:
+    """Names of parameters that the scenario lacks."""
     for position, pair in enumerate(pairs):
         for name in pair:
-            problem = _unknown_parameter(parts, (*base, position, name), name, at_key=True)
+            problem = unknown_parameter(parts, (*base, position, name), name, at_key=True)
             if problem is not None:
                 yield problem
 
 
-def _unknown_parameter(parts: Parts, path: KeyPath, name: str, *, at_key: bool) -> Problem | None:
+def unknown_parameter(parts: Parts, path: KeyPath, name: str, *, at_key: bool) -> Problem | None:
+    """The problem of a name that is no parameter of the scenario; None if it is one."""
     if not isinstance(parts.scenario, Scenario):
         return None
     known = [parameter.name for parameter in parts.scenario.parameters]
@@ -194,10 +196,11 @@ def _check_variations(parts: Parts) -> Iterator[Problem]:
     for index, entry in parts.entries.items():
         base: KeyPath = ("configuration", index, "variations")
         for position, call in enumerate(entry.variations or []):
-            yield from _check_variation(parts, (*base, position), call)
+            yield from check_variation(parts, (*base, position), call)
 
 
-def _check_variation(parts: Parts, path: KeyPath, call: PluginCall) -> Iterator[Problem]:
+def check_variation(parts: Parts, path: KeyPath, call: PluginCall) -> Iterator[Problem]:
+    """Problems of one variation."""
     try:
         variation = load_variation(call.name, parts.folder)
     except RobovastError as error:
@@ -240,7 +243,7 @@ def _check_variation_parameters(
         return
     named = parameters.get("name")
     for name in [named] if isinstance(named, str) else named or []:
-        problem = _unknown_parameter(parts, (*base, "name"), name, at_key=False)
+        problem = unknown_parameter(parts, (*base, "name"), name, at_key=False)
         if problem is not None:
             yield problem
 

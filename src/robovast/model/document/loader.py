@@ -13,6 +13,7 @@ from robovast.model.document.checks import Parts, check_parts, warnings_of
 from robovast.model.document.ignored import without_ignored
 from robovast.model.document.model import ConfigurationEntry, Execution, Vast
 from robovast.model.document.problems import problems_of
+from robovast.model.document.search.checks import check_search, search_warnings
 from robovast.model.document.source import KeyPath, Source
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
@@ -71,10 +72,10 @@ def check_source(source: Source) -> Document:
     vast, problems = _validate(Vast, data, source, ())
     path = source.file.absolute()
     parts = _valid_parts(vast, source, path)
-    problems += check_parts(parts)
+    problems += [*check_parts(parts), *check_search(parts)]
     if vast is None or problems:
         raise DocumentError(problems)
-    return Document(path, vast, source, (*warnings, *warnings_of(parts)))
+    return Document(path, vast, source, (*warnings, *warnings_of(parts), *search_warnings(parts)))
 
 
 def _validate(

@@ -6,8 +6,10 @@ are all derived from these models, and all show the fields' descriptions.
 
 from __future__ import annotations
 
+import json
+import math
 import re
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     BaseModel,
@@ -318,25 +320,58 @@ class SearchDimension(Section):
     low: int | float | None = None
     """Least number."""
     high: int | float | None = None
-    """Largest number."""
+    """Largest number; it belongs to the dimension."""
     log: bool = False
-    """Sample numbers on a logarithmic scale."""
-    step: int | None = None
-    """Distance between neighbouring integers."""
+    """Sample numbers on a logarithmic scale; `low` must be above 0."""
+    step: Annotated[int, Field(ge=1)] | None = None
+    """Distance between neighbouring integers, counted from `low`."""
     values: list[Any] | None = None
     """Values of a choice."""
 
     @model_validator(mode="after")
     def _check_domain(self) -> SearchDimension:
-        if self.type in {"float", "int"} and (
-            self.low is None or self.high is None or self.low >= self.high
-        ):
-            raise PydanticCustomError(
-                "search_domain", "a number needs `low` and `high`, with `low` below `high`"
-            )
-        if self.type == "choice" and not self.values:
-            raise PydanticCustomError("search_domain", "a choice needs `values`")
+        allowed = _KEYS_OF_DIMENSIONS[self.type]
+        extra = sorted(self.model_fields_set - {"type"} - allowed)
+        if extra:
+            known = ", ".join(f"`{key}`" for key in sorted(allowed)) or "no keys"
+            raise _domain_error(f"`{extra[0]}` has no meaning here: `{self.type}` has {known}")
+        if self.type in {"float", "int"}:
+            self._check_numbers()
+        if self.type == "choice":
+            self._check_values()
         return self
+
+    def _check_numbers(self) -> None:
+        if self.low is None or self.high is None or not self.low <= self.high:
+            raise _domain_error("a number needs `low` and `high`, with `low` at most `high`")
+        if not (math.isfinite(self.low) and math.isfinite(self.high)):
+            raise _domain_error("`low` and `high` must be finite numbers")
+        if self.log and self.low <= 0:
+            raise _domain_error("a logarithmic scale needs `low` above 0")
+        if self.type == "int" and not (
+            float(self.low).is_integer() and float(self.high).is_integer()
+        ):
+            raise _domain_error("`low` and `high` of an `int` must be whole numbers")
+
+    def _check_values(self) -> None:
+        if not self.values:
+            raise _domain_error("a choice needs `values`")
+        texts = [json.dumps(value, sort_keys=True, default=str) for value in self.values]
+        for index, text in enumerate(texts):
+            if text in texts[:index]:
+                raise _domain_error(f"the value {text} stands twice")
+
+
+_KEYS_OF_DIMENSIONS = {
+    "float": {"low", "high", "log"},
+    "int": {"low", "high", "log", "step"},
+    "choice": {"values"},
+    "bool": set(),
+}
+
+
+def _domain_error(message: str) -> PydanticCustomError:
+    return PydanticCustomError("search_domain", "{message}", {"message": message})
 
 
 class SearchObjective(Section):
@@ -344,46 +379,161 @@ class SearchObjective(Section):
 
     name: str
     """The objective's name in the result of the extract step."""
-    direction: Literal["maximize", "minimize"]
+    direction: Literal["maximize", "minimize"] = "maximize"
     """Direction of the optimization."""
 
 
 class SearchExtract(Section):
-    """The plugin that turns a configuration's results into objectives and measures."""
+    """The step that turns a configuration's results into objectives and measures."""
 
-    plugin: str
+    plugin: str = "failure_rate"
     """Name or file reference of the plugin."""
     params: dict[str, Any] = Field(default_factory=dict)
     """Its parameters."""
+
+
+def _shorthand(field: str, kinds: type | tuple[type, ...]) -> BeforeValidator:
+    """A scalar that stands for a mapping's main field."""
+
+    def parse(value: Any) -> Any:
+        return {field: value} if isinstance(value, kinds) and value is not True else value
+
+    return BeforeValidator(parse)
+
+
+class _OrScalar:
+    """Schema of a mapping that a scalar may stand for."""
+
+    def __init__(self, kind: str) -> None:
+        self._kind = kind
+
+    def __get_pydantic_json_schema__(
+        self, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"anyOf": [{"type": self._kind}, handler(core_schema)]}
+
+
+class BatchBudget(Section):
+    """A number of batches."""
+
+    value: Annotated[int, Field(ge=1)]
+    """Most batches."""
+
+
+class TimeBudget(Section):
+    """A time."""
+
+    seconds: Annotated[float, Field(gt=0)]
+    """Longest time from the beginning of the search [s]; a batch under way is finished."""
+
+
+class TargetObjective(Section):
+    """A value of the objective."""
+
+    value: float
+    """The search ends when the best set reaches it."""
+
+
+class NoImprovement(Section):
+    """A number of batches without improvement."""
+
+    patience: Annotated[int, Field(ge=1)]
+    """Batches to wait for an improvement."""
+    min_delta: Annotated[float, Field(ge=0)] = 0.0
+    """Least difference that counts as one."""
+
+
+class MetricReached(Section):
+    """A limit of a number in the strategy's report."""
+
+    name: str
+    """Name of the number, such as `coverage`."""
+    op: Literal[">=", "<=", ">", "<"] = ">="
+    """Comparison with the value."""
+    value: float
+    """The limit."""
+
+
+_NUMBER = (int, float)
+
+
+class _Criterion(Section):
+    """One of several keys."""
+
+    @model_validator(mode="after")
+    def _exactly_one(self) -> Self:
+        if len(self.model_fields_set) != 1:
+            names = ", ".join(f"`{name}`" for name in type(self).model_fields)
+            raise PydanticCustomError(
+                "search_criterion", "must be one of {names}, with its value", {"names": names}
+            )
+        return self
+
+
+class BudgetItem(_Criterion):
+    """A limit of what a search may spend: one of the keys."""
+
+    batches: Annotated[BatchBudget, _shorthand("value", int), _OrScalar("integer")] | None = None
+    """Most batches."""
+    time: Annotated[TimeBudget, _shorthand("seconds", _NUMBER), _OrScalar("number")] | None = None
+    """Longest time from the beginning [s]; a batch under way is finished."""
+
+
+class StoppingItem(_Criterion):
+    """A result that ends a search: one of the keys."""
+
+    target_objective: (
+        Annotated[TargetObjective, _shorthand("value", _NUMBER), _OrScalar("number")] | None
+    ) = None
+    """A value of the objective that the best set reaches."""
+    no_improvement: (
+        Annotated[NoImprovement, _shorthand("patience", int), _OrScalar("integer")] | None
+    ) = None
+    """Batches without a better set: `{patience, min_delta}`, or the patience."""
+    metric: MetricReached | None = None
+    """A number in the strategy's report: `{name, op, value}`."""
 
 
 class Search(Section):
     """Closed-loop search in place of a fixed list of configurations."""
 
     strategy: str
-    """Strategy plugin: `random`, `qd`, `optuna` or a file reference."""
-    search_space: dict[str, SearchDimension]
+    """Strategy plugin: `random`, or an entry point's name, or a file reference."""
+    search_space: Annotated[dict[str, SearchDimension], Field(min_length=1)]
     """Typed dimensions by name."""
     postprocessing: list[Plugin] = Field(default_factory=list)
     """Plugins that run over each batch before it is scored."""
-    extract: SearchExtract
-    """The scoring step."""
+    extract: SearchExtract = Field(default_factory=SearchExtract)
+    """The scoring step; the rate of failed runs when omitted."""
     objectives: Annotated[list[SearchObjective], Field(min_length=1)]
     """What to optimize."""
-    per_batch: Annotated[int, Field(ge=1)] = 1
+    per_batch: Annotated[int, Field(ge=1, le=10_000)] = 1
     """Parameter sets proposed for each batch."""
-    budget: list[Pair] = Field(default_factory=list)
-    """Resource caps: `batches`, `time` [s]."""
-    stopping: list[Pair] = Field(default_factory=list)
-    """Criteria on results: `target_objective`, `no_improvement`, `metric`."""
+    budget: list[BudgetItem] = Field(default_factory=list)
+    """Limits of what the search may spend; the first that is reached ends it."""
+    stopping: list[StoppingItem] = Field(default_factory=list)
+    """Results that end the search; the first that is reached does."""
+    max_errors: Annotated[int, Field(ge=0)] = 10
+    """Most parameter sets that may be left out because they could not be evaluated."""
     seed: int = 0
     """Seed of the strategy."""
     strategy_parameters: dict[str, Any] = Field(default_factory=dict)
     """Parameters of the strategy, checked by it."""
     variations: list[Plugin] | None = None
-    """Template of variations with `$name` markers."""
+    """Template of variations; `$name` stands for the value of a dimension."""
     parameters: list[Pair] | None = None
-    """Fixed parameters beside the searched ones."""
+    """Fixed parameters beside the searched ones; `$name` stands for the value of a dimension."""
+
+    @field_validator("objectives")
+    @classmethod
+    def _check_objectives(cls, objectives: list[SearchObjective]) -> list[SearchObjective]:
+        names = [objective.name for objective in objectives]
+        for name in names:
+            if names.count(name) > 1:
+                raise PydanticCustomError(
+                    "search_objectives", "the objective `{name}` stands twice", {"name": name}
+                )
+        return objectives
 
     @model_validator(mode="after")
     def _must_end(self) -> Search:

@@ -73,8 +73,8 @@ def compose(
     """
     if document.vast.search is not None:
         raise InputError(
-            f"{document.path}: a `search` proposes its configurations while it runs, and searches "
-            "cannot be executed yet. Use a `configuration` list."
+            f"{document.path}: a `search` proposes its configurations while it runs, which works "
+            "on this machine only: `vast exec local run`. Elsewhere use a `configuration` list."
         )
     limit = variant_limit()
     refuse_too_many(document, limit)

@@ -1,0 +1,27 @@
+"""What a search found, in a few lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from robovast.search.local import SearchSummary
+
+
+def search_lines(summary: SearchSummary) -> Iterator[str]:
+    """Why a search ended, and its best set; failed runs are what it looks for."""
+    if summary.stop is not None:
+        yield f"The search ended: {summary.stop.reason}."
+    best = summary.report.best if summary.report else None
+    if best is not None:
+        yield f"Best: {listed(best.objectives)} with {listed(best.params.values)}"
+
+
+def listed(values: Mapping[str, Any]) -> str:
+    """`speed 1.25, load 3`."""
+    return ", ".join(f"{name} {shown_number(value)}" for name, value in values.items())
+
+
+def shown_number(value: object) -> str:
+    """A value with at most six digits."""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

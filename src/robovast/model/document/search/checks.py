@@ -1,0 +1,181 @@
+"""Checks of a `search` that its models cannot express."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from robovast.base.errors import InputError, Problem
+from robovast.model.document.checks import (
+    Parts,
+    check_variation,
+    unknown_parameter,
+    unknown_parameters_in,
+)
+from robovast.model.document.model import PluginCall, Search
+from robovast.model.document.problems import problems_of, suggest
+from robovast.model.document.search.plugins import EXTRACTORS, STRATEGIES, load_search_plugin
+from robovast.model.document.search.space import values_at
+from robovast.model.document.search.template import doubtful, markers, replaced
+from robovast.model.document.source import KeyPath
+
+_BASE: KeyPath = ("search",)
+_TEMPLATE = ("variations", "parameters")
+
+
+def check_search(parts: Parts) -> list[Problem]:
+    """All problems of a search, whose form is right."""
+    search = parts.search
+    if search is None:
+        return []
+    return [
+        *_check_markers(parts, search),
+        *_check_parameters(parts, search),
+        *_check_template(parts, search),
+        *_check_strategy(parts, search),
+        *_check_extract(parts, search),
+    ]
+
+
+def search_warnings(parts: Parts) -> Iterator[Problem]:
+    """Warnings about what is allowed and usually a mistake."""
+    search = parts.search
+    if search is None:
+        return
+    for key in _TEMPLATE:
+        for path, text in doubtful(parts.source.data["search"].get(key)):
+            yield parts.source.problem(
+                (*_BASE, key, *path),
+                f"the marker in `{text}` is not replaced",
+                "Only a value that is a marker as a whole is.",
+            )
+    if not search.budget:
+        yield parts.source.problem(
+            _BASE,
+            "without a `budget`, the search may never end",
+            "`budget: [{batches: 50}]` limits it.",
+        )
+
+
+def _check_markers(parts: Parts, search: Search) -> Iterator[Problem]:
+    for key in _TEMPLATE:
+        for path, name in markers(parts.source.data["search"].get(key)):
+            if name not in search.search_space:
+                yield parts.source.problem(
+                    (*_BASE, key, *path),
+                    f"`${name}` names no dimension of the search space",
+                    suggest(name, search.search_space),
+                )
+
+
+def _check_parameters(parts: Parts, search: Search) -> Iterator[Problem]:
+    """Parameters and dimensions without marker are parameters of the scenario."""
+    yield from unknown_parameters_in(parts, (*_BASE, "parameters"), search.parameters or [])
+    section = parts.source.data["search"]
+    used = {name for key in _TEMPLATE for _, name in markers(section.get(key))}
+    for name in search.search_space:
+        if name not in used:
+            path = (*_BASE, "search_space", name)
+            problem = unknown_parameter(parts, path, name, at_key=True)
+            if problem is not None:
+                yield problem
+
+
+def _check_template(parts: Parts, search: Search) -> Iterator[Problem]:
+    """The variations of a set from the middle of the space."""
+    middle = values_at(search.search_space, dict.fromkeys(search.search_space, 0.5))
+    for position, call in enumerate(search.variations or []):
+        if all(name in middle for _, name in markers(call.parameters)):
+            given = PluginCall(name=call.name, parameters=replaced(call.parameters, middle))
+            yield from check_variation(parts, (*_BASE, "variations", position), given)
+
+
+def _check_strategy(parts: Parts, search: Search) -> Iterator[Problem]:
+    yield from _check_single_objective(parts, search)
+    try:
+        kind = load_search_plugin(search.strategy, STRATEGIES, parts.folder)
+    except InputError as error:
+        yield parts.source.problem((*_BASE, "strategy"), str(error))
+        return
+    if getattr(kind, "SINGLE_OBJECTIVE", False) and len(search.objectives) > 1:
+        yield parts.source.problem(
+            (*_BASE, "objectives"), f"`{search.strategy}` optimizes one objective, not several"
+        )
+    yield from _check_strategy_parameters(parts, search, getattr(kind, "PARAMS_MODEL", None))
+    yield from _check_metrics(parts, search, getattr(kind, "METRICS", None))
+
+
+def _check_single_objective(parts: Parts, search: Search) -> Iterator[Problem]:
+    for position, item in enumerate(search.stopping):
+        if len(search.objectives) > 1 and item.metric is None:
+            yield parts.source.problem(
+                (*_BASE, "stopping", position), "needs one objective; there are several"
+            )
+
+
+def _check_strategy_parameters(
+    parts: Parts, search: Search, model: type[BaseModel] | None
+) -> Iterator[Problem]:
+    if model is None:
+        return
+    base = (*_BASE, "strategy_parameters")
+    try:
+        model.model_validate(search.strategy_parameters)
+    except ValidationError as error:
+        given = "strategy_parameters" in parts.source.data["search"]
+        yield from problems_of(error, parts.source, model, base if given else _BASE)
+
+
+def _check_metrics(parts: Parts, search: Search, known: frozenset[str] | None) -> Iterator[Problem]:
+    """Names of numbers that the strategy never reports."""
+    for position, item in enumerate(search.stopping):
+        if item.metric is not None and known is not None and item.metric.name not in known:
+            yield parts.source.problem(
+                (*_BASE, "stopping", position, "metric", "name"),
+                f"`{search.strategy}` reports no `{item.metric.name}`",
+                suggest(item.metric.name, known),
+            )
+
+
+def _check_extract(parts: Parts, search: Search) -> Iterator[Problem]:
+    """The extractor, and names that it never gives."""
+    given = "extract" in parts.source.data["search"]
+    base = (*_BASE, "extract") if given else _BASE
+    try:
+        kind = load_search_plugin(search.extract.plugin, EXTRACTORS, parts.folder)
+    except InputError as error:
+        yield parts.source.problem(base, str(error))
+        return
+    try:
+        kind(**search.extract.params)
+        known = _names(kind, search.extract.params)
+    except ValidationError as error:
+        params = (*base, "params") if search.extract.params else base
+        yield from problems_of(error, parts.source, kind.PARAMS_MODEL, params)
+        return
+    except Exception as error:
+        yield parts.source.problem(base, f"`{search.extract.plugin}` cannot be made: {error}")
+        return
+    for path, name in _named(search):
+        if known is not None and name not in known:
+            yield parts.source.problem(
+                (*_BASE, *path), f"`extract` gives no `{name}`", suggest(name, known)
+            )
+
+
+def _names(kind: Any, params: dict[str, Any]) -> frozenset[str] | None:
+    names = getattr(kind, "names", None)
+    found: frozenset[str] | None = names(params) if names else None
+    return found
+
+
+def _named(search: Search) -> Iterator[tuple[KeyPath, str]]:
+    """Path and name of every number that the search needs from its runs."""
+    for position, objective in enumerate(search.objectives):
+        yield ("objectives", position, "name"), objective.name
+    archive = search.strategy_parameters.get("archive")
+    measures = archive.get("measures") if isinstance(archive, dict) else None
+    for name in measures if search.strategy == "qd" and isinstance(measures, dict) else ():
+        yield ("strategy_parameters", "archive", "measures", name), str(name)

@@ -1,0 +1,77 @@
+"""Finds strategies and extractors, and makes them from a document."""
+
+from __future__ import annotations
+
+import traceback
+from typing import Any
+
+from robovast.base.errors import InputError
+from robovast.base.plugins import raised
+from robovast.model.document import Document
+from robovast.model.document.model import Search
+from robovast.model.document.search.plugins import EXTRACTORS, STRATEGIES, load_search_plugin
+from robovast.search.extractor import Extractor
+from robovast.search.strategy import SearchStrategy
+
+
+def search_of(document: Document) -> Search:
+    """The document's search.
+
+    Raises:
+        InputError: it has none.
+    """
+    if document.vast.search is None:
+        raise InputError(f"{document.path}: has no `search`.")
+    return document.vast.search
+
+
+def make_strategy(document: Document) -> SearchStrategy:
+    """The strategy before its first batch.
+
+    Raises:
+        InputError: it cannot be loaded or made.
+    """
+    search = search_of(document)
+    kind = load_search_plugin(search.strategy, STRATEGIES, document.folder)
+    model = getattr(kind, "PARAMS_MODEL", None)
+    given: Any = dict(search.strategy_parameters)
+    try:
+        made = kind(search, given if model is None else model.model_validate(given))
+    except Exception as error:
+        raise _cannot_be_made(document, f"the strategy `{search.strategy}`", error) from error
+    strategy: SearchStrategy = _checked(made, SearchStrategy, search.strategy, "strategy")
+    return strategy
+
+
+def make_extractor(document: Document) -> Extractor:
+    """The extractor.
+
+    Raises:
+        InputError: it cannot be loaded or made.
+    """
+    extract = search_of(document).extract
+    kind = load_search_plugin(extract.plugin, EXTRACTORS, document.folder)
+    try:
+        made = kind(**extract.params)
+    except Exception as error:
+        raise _cannot_be_made(document, f"the extractor `{extract.plugin}`", error) from error
+    extractor: Extractor = _checked(made, Extractor, extract.plugin, "extractor")
+    return extractor
+
+
+def trace(error: BaseException) -> str:
+    """The traceback of a plugin's error."""
+    return "".join(traceback.format_exception(error))
+
+
+def _cannot_be_made(document: Document, what: str, error: Exception) -> InputError:
+    return InputError(f"{document.path}: {what} cannot be made: {raised(error)}")
+
+
+def _checked(made: Any, kind: Any, name: str, what: str) -> Any:
+    if not isinstance(made, kind):
+        raise InputError(
+            f"`{name}` is no {what}: it must be a class that inherits from "
+            f"{kind.__module__}.{kind.__name__}"
+        )
+    return made

@@ -1,0 +1,108 @@
+"""Proposals: what a strategy answers becomes configurations, after it was checked."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from robovast.base.errors import InputError
+from robovast.base.plugins import raised
+from robovast.model.document import Document
+from robovast.model.document.search.space import holds, set_id
+from robovast.model.document.search.template import entry_of
+from robovast.model.expansion import Composition, compose
+from robovast.search.plugins import make_strategy, search_of
+from robovast.search.strategy import SearchStrategy
+from robovast.search.types import ParamSet
+
+Expand = Callable[[Document], Composition]
+
+
+def ask(document: Document, strategy: SearchStrategy) -> list[ParamSet]:
+    """The next sets of a strategy.
+
+    Raises:
+        InputError: the strategy raises, or proposes what is not in the space.
+    """
+    search = search_of(document)
+    try:
+        proposed = strategy.ask(search.per_batch)
+    except Exception as error:
+        raise _error(document, f"`ask` raised {raised(error)}") from error
+    if not isinstance(proposed, list | tuple) or not all(
+        isinstance(item, ParamSet) for item in proposed
+    ):
+        raise _error(document, f"`ask` must return a list of ParamSet, not {proposed!r:.80}")
+    if len(proposed) > search.per_batch:
+        raise _error(document, f"proposed {len(proposed)} sets where {search.per_batch} are asked")
+    return [_checked(document, item) for item in proposed]
+
+
+def _checked(document: Document, item: ParamSet) -> ParamSet:
+    """The set with plain values and an identifier of its own values."""
+    space = search_of(document).search_space
+    if set(item.values) != set(space):
+        odd = sorted(set(item.values) ^ set(space))
+        raise _error(document, f"proposed a set in which {', '.join(odd)} is missing or unknown")
+    values = {name: _plain(value) for name, value in item.values.items()}
+    for name, value in values.items():
+        if not holds(space[name], value):
+            raise _error(document, f"proposed {name} = {value!r}, which is not in the space")
+        if space[name].type == "int":
+            values[name] = int(value)
+    if item.n_reps is not None and (not isinstance(item.n_reps, int) or item.n_reps < 1):
+        raise _error(document, f"wants {item.n_reps!r} repetitions; it must be at least 1")
+    return ParamSet({name: values[name] for name in space}, set_id(values), item.n_reps)
+
+
+def _plain(value: Any) -> Any:
+    """A value of NumPy as Python's."""
+    return value.item() if hasattr(value, "item") and not hasattr(value, "__len__") else value
+
+
+def _error(document: Document, message: str) -> InputError:
+    return InputError(f"{document.path}: the strategy `{search_of(document).strategy}` {message}.")
+
+
+def with_entries(document: Document, sets: Iterable[ParamSet]) -> Document:
+    """The document with the configurations of parameter sets in place of its search."""
+    search = search_of(document)
+    entries = [entry_of(search, params.values) for params in sets]
+    update = {"configuration": entries, "search": None}
+    return dataclasses.replace(document, vast=document.vast.model_copy(update=update))
+
+
+def expand_sets(
+    document: Document, sets: Sequence[ParamSet], expand: Expand
+) -> tuple[Composition, dict[str, str]]:
+    """The configurations of parameter sets, and the name of each by the set's identifier.
+
+    Raises:
+        InputError: a set does not make exactly one configuration.
+    """
+    unique = {params.id: params for params in sets}
+    composition = expand(with_entries(document, unique.values()))
+    names: dict[str, list[str]] = {f"c{id_}": [] for id_ in unique}
+    for variant in composition.variants:
+        names[variant.entry].append(variant.name)
+    for id_, params in unique.items():
+        made = names[f"c{id_}"]
+        if len(made) != 1:
+            raise InputError(
+                f"{document.path}: the `variations` of the search make {len(made)} configurations "
+                f"of the parameter set {params.values}, and must make exactly one. Give every key "
+                "that multiplies a single value, such as `num_paths: 1`."
+            )
+    return composition, {id_: names[f"c{id_}"][0] for id_ in unique}
+
+
+def first_batch(document: Document, output_dir: Path, tell: Callable[[str], None]) -> Composition:
+    """The configurations of the first batch.
+
+    Raises:
+        InputError: they cannot be proposed, or not be made.
+    """
+    sets = ask(document, make_strategy(document))
+    return expand_sets(document, sets, lambda derived: compose(derived, output_dir, tell))[0]

@@ -1,0 +1,291 @@
+"""The rounds of a search: propose, execute, score, until a criterion is reached.
+
+All that decides is in the stored history: a search that was killed continues from there, with the
+same sets as if it had not been.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from numbers import Real
+from typing import Any
+
+from robovast.base.errors import InputError
+from robovast.base.plugins import raised
+from robovast.base.version import __version__
+from robovast.execution.local.growing import GrowingCampaign
+from robovast.model.document import Document
+from robovast.model.document.search.criteria import Criterion, Progress, criteria
+from robovast.model.packs import Block
+from robovast.search.extractor import Extractor
+from robovast.search.history import Batch, History, Outcome, Proposal
+from robovast.search.plugins import make_strategy, search_of
+from robovast.search.proposing import Expand, ask, expand_sets, with_entries
+from robovast.search.scoring import samples, score
+from robovast.search.strategy import SearchStrategy
+from robovast.search.types import ParamSet, SearchReport
+
+NOTHING_NEW = 3
+"""Batches in a row without a new run after which nothing is left to try."""
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Why a search ended."""
+
+    kind: str
+    """The criterion's key; `exhausted`, `errors` or `strategy` where none was reached."""
+    reason: str
+
+
+@dataclass
+class Rounds:
+    """One search, as far as it was executed."""
+
+    document: Document
+    campaign: GrowingCampaign
+    history: History
+    extractor: Extractor
+    process: Callable[[], None]
+    """Calls the postprocessing of the search."""
+    finished: Callable[[Stop | None], None]
+    """Is called at each batch's end."""
+    expand: Expand
+    strategy: SearchStrategy = field(init=False)
+    best: list[float | None] = field(default_factory=list)
+    """The best value of the first objective after each batch."""
+
+    def __post_init__(self) -> None:
+        self.strategy = make_strategy(self.document)
+        self._began = time.monotonic() - self.history.elapsed
+        for batch in self.history.finished:
+            self._replay(batch)
+
+    def run(self) -> Stop | None:
+        """Execute batches until the search ends; return why, or None if the user interrupted."""
+        while (stop := self.stop()) is None:
+            if not self._batch():
+                return None
+        self.finished(stop)
+        return stop
+
+    def stop(self) -> Stop | None:
+        """Why the search has ended; None while it has not."""
+        fired = next((criterion for criterion in self.criteria() if criterion.fired), None)
+        if fired is not None:
+            return Stop(fired.kind, fired.reason)
+        search = search_of(self.document)
+        failed = [score for score in self.history.scores().values() if score.error]
+        if len(failed) > search.max_errors:
+            reason = f"{len(failed)} sets could not be evaluated: {failed[-1].error}"
+            return Stop("errors", reason)
+        last = self.history.finished[-NOTHING_NEW:]
+        if last and not last[-1].proposal.sets:
+            return Stop("exhausted", "the strategy has nothing left to propose")
+        if len(last) == NOTHING_NEW and not any(batch.blocks for batch in last):
+            return Stop("exhausted", f"{NOTHING_NEW} batches in a row proposed nothing new")
+        if last and self.strategy.is_done():
+            return Stop("strategy", "the strategy has finished")
+        return None
+
+    def criteria(self) -> list[Criterion]:
+        """How far the criteria are, after the last batch that was scored."""
+        done = self.history.finished
+        metrics = done[-1].outcome.metrics if done and done[-1].outcome else {}
+        progress = Progress(len(done), self.history.elapsed, self.best, metrics)
+        return criteria(search_of(self.document), progress)
+
+    def report(self) -> SearchReport:
+        """The strategy's report.
+
+        Raises:
+            InputError: the strategy raises, or returns something else.
+        """
+        try:
+            report = self.strategy.report()
+        except Exception as error:
+            raise self._error(f"`report` raised {raised(error)}") from error
+        if not isinstance(report, SearchReport):
+            raise self._error(f"`report` must return a SearchReport, not {report!r:.80}")
+        return report
+
+    def _batch(self) -> bool:
+        """Execute a batch, perhaps its rest; return False if the user interrupted."""
+        batch = self._open_batch()
+        self.campaign.execute(batch.blocks)
+        if not self.campaign.interrupted:
+            self._execute_again(batch)
+        if self.campaign.interrupted:
+            return False
+        self.process()
+        self._score(batch)
+        return True
+
+    def _open_batch(self) -> Batch:
+        """The batch under way, or a new one; its configurations exist."""
+        batches = self.history.batches
+        under_way = batches and batches[-1].outcome is None
+        batch = batches[-1] if under_way else self._propose()
+        missing = {
+            params.id: params
+            for params, config in zip(batch.proposal.sets, batch.proposal.configs, strict=True)
+            if self.campaign.index(config) is None
+        }
+        if missing:
+            sets = list(missing.values())
+            composition, _ = expand_sets(self.document, sets, self.expand)
+            self.campaign.add_variants(with_entries(self.document, sets), composition)
+        return batch
+
+    def _propose(self) -> Batch:
+        search = search_of(self.document)
+        sets = ask(self.document, self.strategy)
+        known = self.history.configs()
+        new = {params.id: params for params in sets if params.id not in known}
+        names = dict(known)
+        if new:
+            names |= expand_sets(self.document, list(new.values()), self.expand)[1]
+        blocks = self._blocks(sets, names)
+        told = sum(len(self.history.evaluations(batch)) for batch in self.history.finished)
+        proposal = Proposal(
+            asked=search.per_batch,
+            strategy=search.strategy,
+            version=__version__,
+            seed=search.seed,
+            told=told,
+            sets=tuple(sets),
+            configs=tuple(names[params.id] for params in sets),
+            blocks=tuple(blocks),
+        )
+        batch = self.history.propose(proposal)
+        self.campaign.plan(blocks)
+        return batch
+
+    def _blocks(self, sets: list[ParamSet], names: dict[str, str]) -> list[Block]:
+        """The runs that sets need beyond those that are planned; equal sets are run once."""
+        usual = self.document.vast.execution.runs
+        wanted: dict[str, int] = {}
+        for params in sets:
+            asked = params.n_reps or usual
+            wanted[params.id] = max(asked, wanted.get(params.id, 0))
+        blocks: list[Block] = []
+        following = len(self.campaign.variants)
+        for id_, runs in wanted.items():
+            index = self.campaign.index(names[id_])
+            have = self.campaign.runs_of(names[id_])
+            if index is None:
+                index, following = following, following + 1
+            if runs > have:
+                added = Block(first_variant=index, variants=1, first_run=have, runs=runs - have)
+                _append(blocks, added)
+        return blocks
+
+    def _execute_again(self, batch: Batch) -> None:
+        """Execute more runs, once, of sets of which no run came to a verdict."""
+        if batch.again is None:
+            blocks = [
+                Block(
+                    first_variant=self.campaign.index(config) or 0,
+                    variants=1,
+                    first_run=self.campaign.runs_of(config),
+                    runs=self.document.vast.execution.runs,
+                )
+                for config in dict.fromkeys(batch.proposal.configs)
+                if self._is_new(batch, config) and not samples(self._layout, config)
+            ]
+            if not blocks:
+                return
+            self.campaign.observer.message(
+                f"{len(blocks)} of {len(batch.proposal.sets)} sets came to no verdict; "
+                "they are run once more."
+            )
+            self.history.repeat(batch, blocks)
+            self.campaign.plan(blocks)
+        self.campaign.execute(batch.again or ())
+
+    def _is_new(self, batch: Batch, config: str) -> bool:
+        """Whether the batch itself runs a configuration."""
+        index = self.campaign.index(config)
+        return any(
+            block.first_variant <= (index or 0) < block.first_variant + block.variants
+            for block in batch.proposal.blocks
+        )
+
+    @property
+    def _layout(self) -> Any:
+        return self.campaign.session.layout
+
+    def _score(self, batch: Batch) -> None:
+        """Score a batch, tell the strategy, store the end of the batch."""
+        search = search_of(self.document)
+        configs = {
+            params.id: config
+            for params, config in zip(batch.proposal.sets, batch.proposal.configs, strict=True)
+        }
+        known = self.history.scores()
+        new = {i: c for i, c in configs.items() if i not in known or self._is_new(batch, c)}
+        fresh = {s.id: s for s in score(search, self.extractor, self._layout, new)}
+        scores = tuple(fresh.get(id_) or known[id_] for id_ in configs)
+        for scored in fresh.values():
+            if scored.error:
+                self.campaign.observer.message(f"{configs[scored.id]} is left out: {scored.error}")
+        provisional = Outcome(scores, 0.0, 0.0)
+        batch.outcome = provisional
+        self._tell(batch)
+        metrics = {k: float(v) for k, v in self.report().extra.items() if _is_number(v)}
+        elapsed = time.monotonic() - self._began
+        self.history.finish(batch, Outcome(scores, round(elapsed, 3), time.time(), metrics))
+        self.finished(None)
+        self.campaign.observer.message(self.line())
+
+    def line(self) -> str:
+        """`batch 3: batches 3/50 | failure_rate 0.97/0.9 | best failure_rate 0.97`."""
+        parts = [str(criterion) for criterion in self.criteria()]
+        name = search_of(self.document).objectives[0].name
+        if self.best and self.best[-1] is not None:
+            parts.append(f"best {name} {self.best[-1]:.6g}")
+        return f"batch {len(self.history.finished)}: {' | '.join(parts)}"
+
+    def _replay(self, batch: Batch) -> None:
+        evaluations = self.history.evaluations(batch)
+        try:
+            self.strategy.replay(batch.proposal.asked, batch.proposal.sets, evaluations)
+        except Exception as error:
+            raise self._error(f"`replay` raised {raised(error)}") from error
+        self._note(batch)
+
+    def _tell(self, batch: Batch) -> None:
+        try:
+            self.strategy.tell(self.history.evaluations(batch))
+        except Exception as error:
+            raise self._error(f"`tell` raised {raised(error)}") from error
+        self._note(batch)
+
+    def _note(self, batch: Batch) -> None:
+        """Keep the best value after a batch."""
+        objective = search_of(self.document).objectives[0]
+        better = max if objective.direction == "maximize" else min
+        values = [ev.objectives[objective.name] for ev in self.history.evaluations(batch)]
+        before = [v for v in self.best[-1:] if v is not None]
+        self.best.append(better([*before, *values], default=None))
+
+    def _error(self, message: str) -> InputError:
+        name = search_of(self.document).strategy
+        return InputError(f"{self.document.path}: the strategy `{name}`: {message}.")
+
+
+def _append(blocks: list[Block], added: Block) -> None:
+    """Append a block, or extend the last one where its variants follow with equal runs."""
+    if blocks:
+        last = blocks[-1]
+        follows = last.first_variant + last.variants == added.first_variant
+        if follows and (last.first_run, last.runs) == (added.first_run, added.runs):
+            blocks[-1] = last.model_copy(update={"variants": last.variants + 1})
+            return
+    blocks.append(added)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool)

@@ -1,0 +1,71 @@
+"""Scores the sets of a batch: what their runs say, or why they say nothing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+from robovast.base.plugins import raised
+from robovast.campaign.layout import Layout
+from robovast.model.document.model import Search
+from robovast.search.extractor import Extractor, ExtractResult, completed_run_dirs
+from robovast.search.history import Scored
+from robovast.search.plugins import trace
+
+NO_VERDICT = "no run came to a verdict"
+
+
+def samples(layout: Layout, config: str) -> int:
+    """Number of a set's runs that came to a verdict."""
+    return len(completed_run_dirs(layout.variant(config))) if layout.variant(config).is_dir() else 0
+
+
+def score(
+    search: Search, extractor: Extractor, layout: Layout, configs: Mapping[str, str]
+) -> tuple[Scored, ...]:
+    """The scores of sets; errors of the extractor are the set's.
+
+    Args:
+        search: the document's search.
+        extractor: its extractor.
+        layout: the campaign.
+        configs: the configuration of each set, by identifier.
+    """
+    return tuple(
+        _score(search, extractor, layout.variant(config), id_, samples(layout, config))
+        for id_, config in configs.items()
+    )
+
+
+def _score(search: Search, extractor: Extractor, folder: Path, id_: str, count: int) -> Scored:
+    if not count:
+        return Scored(id_, error=NO_VERDICT)
+    try:
+        result = extractor.extract(folder)
+        objectives, measures = _numbers(search, result)
+    except Exception as error:
+        return Scored(id_, n_samples=count, error=raised(error), trace=trace(error))
+    return Scored(id_, objectives, measures, count)
+
+
+def _numbers(search: Search, result: Any) -> tuple[dict[str, float], dict[str, float]]:
+    if not isinstance(result, ExtractResult):
+        raise TypeError(f"`extract` must return an ExtractResult, not {result!r:.80}")
+    wanted = [objective.name for objective in search.objectives]
+    missing = [name for name in wanted if name not in result.objectives]
+    if missing:
+        given = ", ".join(result.objectives) or "none"
+        raise ValueError(f"the objective `{missing[0]}` is missing; there are: {given}")
+    return _finite(result.objectives.items()), _finite(result.measures.items())
+
+
+def _finite(items: Iterable[tuple[str, Any]]) -> dict[str, float]:
+    found = {}
+    for name, value in items:
+        if not isinstance(value, Real) or not math.isfinite(value):
+            raise ValueError(f"`{name}` must be a finite number, not {value!r:.40}")
+        found[str(name)] = float(value)
+    return found

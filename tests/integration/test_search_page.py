@@ -1,0 +1,68 @@
+"""What docs/search.md teaches works as it stands there."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from support.campaigns.local import Recorder
+from support.pages import code_blocks, write_files
+
+from robovast.execution.local import LocalOptions
+from robovast.model.document import load_document
+from robovast.search.local import SearchSummary, execute_document
+
+PAGE = "docs/search.md"
+SCENARIO = """\
+import osc.helpers
+
+scenario test:
+    speed: float = 1.0
+    load: int = 1
+    here: common
+    do serial:
+        run_process("bash " + here.get_scenario_file_directory() + "/files/step.sh"
+            + " %s" % load + " " + here.get_output_directory())
+"""
+STEP = 'echo "$1" > "$2/time.txt"; echo "time,error" > "$2/out.csv"; echo "0,$1" >> "$2/out.csv"\n'
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "files").mkdir()
+    (tmp_path / "files" / "step.sh").write_text(STEP + '[ "$1" -lt 5 ]\n')
+    (tmp_path / "scenario.osc").write_text(SCENARIO)
+    written = write_files(PAGE, "yaml", tmp_path) + write_files(PAGE, "python", tmp_path)
+    assert {"search.vast", "extract.py", "my_strategy.py"} <= set(written)
+    return tmp_path
+
+
+def test_every_command_of_the_page(folder: Path) -> None:
+    lines = [line for block in code_blocks(PAGE, "bash") for line in block.splitlines()]
+    for line in lines:
+        words = shlex.split(line, comments=True)
+        assert words[0] == "vast"
+        made = sorted((folder / "results").glob("search-*"))
+        words = [str(made[0]) if word.startswith("results/search-") else word for word in words]
+        command = [sys.executable, "-m", "robovast_cli", *words[1:]]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, (line, done.stdout + done.stderr)
+    assert len(lines) >= 3
+
+
+def test_the_plugins_of_the_page(folder: Path) -> None:
+    path = folder / "search.vast"
+    text = path.read_text().replace("strategy: random", "strategy: my_strategy.py:Corners")
+    extract = "  extract: {plugin: extract.py:Slowest, params: {scale: 1.0}}\n"
+    text = text.replace("failure_rate", "time").replace("batches: 2", "batches: 5")
+    path.write_text(text + extract)
+    options = LocalOptions(runtime="process", runs=1)
+    summary = execute_document(load_document(path), folder / "results", options, Recorder())
+    assert isinstance(summary, SearchSummary)
+    assert summary.report is not None
+    assert [e.objectives["time"] for e in summary.report.evaluations] == [10.0, 0.0]
+    assert summary.stop is not None
+    assert summary.stop.kind == "exhausted"

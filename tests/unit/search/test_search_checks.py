@@ -1,0 +1,95 @@
+"""What is wrong with a `search` is said when its file is read, with the place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robovast.base.errors import DocumentError
+from robovast.model.document import load_document
+
+SCENARIO = (
+    "scenario test:\n    x: int = 1\n    y: float = 0.5\n    do serial:\n        wait elapsed(1s)\n"
+)
+GOOD = """\
+version: 1
+execution: {scenario_file: scenario.osc}
+search:
+  strategy: random
+  search_space:
+    x: {type: int, low: 1, high: 9}
+  objectives: [{name: failure_rate}]
+  budget: [{batches: 3}]
+"""
+
+
+def problems(folder: Path, text: str) -> str:
+    (folder / "scenario.osc").write_text(SCENARIO)
+    (folder / "test.vast").write_text(text)
+    try:
+        load_document(folder / "test.vast")
+    except DocumentError as error:
+        return str(error)
+    return ""
+
+
+def test_defaults_and_warning_without_budget(tmp_path: Path) -> None:
+    assert problems(tmp_path, GOOD) == ""
+    stop = GOOD.replace("budget: [{batches: 3}]", "stopping: [{target_objective: 1}]")
+    assert problems(tmp_path, stop) == ""
+    document = load_document(tmp_path / "test.vast")
+    assert document.vast.search is not None
+    assert document.vast.search.objectives[0].direction == "maximize"
+    assert "the search may never end" in str(document.warnings[0])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("low: 1", "low: 0, log: true", "a logarithmic scale needs `low` above 0"),
+        ("low: 1", "low: 10", "with `low` at most `high`"),
+        ("low: 1", "low: 1.5", "must be whole numbers"),
+        ("high: 9", "high: .inf", "must be finite"),
+        ("low: 1", "low: 1, step: 0", "must be at least 1"),
+        ("type: int, low: 1, high: 9", "type: choice, values: [a, b, a]", 'value "a" stands twice'),
+        ("type: int, low: 1, high: 9", "type: bool, low: 1", "`low` has no meaning here"),
+        ("    x:", "    z:", "has no parameter `z`"),
+        ("strategy: random", "strategy: randm", "Did you mean `random`?"),
+        ("name: failure_rate", "name: failurerate", "Did you mean `failure_rate`?"),
+        (
+            "[{name: failure_rate}]",
+            "[{name: failure_rate}, {name: failure_rate}]",
+            "the objective `failure_rate` stands twice",
+        ),
+        ("batches: 3", "batch: 3", "unknown key `batch`"),
+        ("batches: 3", "batches: 0", "must be at least 1"),
+        ("[{batches: 3}]", "[{batches: 3, time: 4}]", "must be one of `batches`, `time`"),
+        ("[{batches: 3}]", "[]", "to come to an end"),
+        (
+            "  budget",
+            "  stopping: [{no_improvement: {patience: 2, min_delta: -1}}]\n  budget",
+            "must be at least 0",
+        ),
+        (
+            "  budget",
+            "  stopping: [{metric: {name: coverage, value: 1}}]\n  budget",
+            "`random` reports no `coverage`",
+        ),
+        ("  budget", "  parameters: [{y: $xx}]\n  budget", "`$xx` names no dimension"),
+        (
+            "  budget",
+            "  variations: [{ParameterVariationList: {nam: y, values: [$x]}}]\n  budget",
+            "Did you mean `name`?",
+        ),
+        ("  budget", "  extract: {plugin: nothing.py:E}\n  budget", "there is no plugin file"),
+        ("  budget", "  extract: {params: {a: 1}}\n  budget", "`failure_rate` cannot be made"),
+    ],
+)
+def test_bad_input(tmp_path: Path, old: str, new: str, message: str) -> None:
+    assert message in problems(tmp_path, GOOD.replace(old, new, 1))
+
+
+def test_several_objectives_are_refused_by_strategies_of_one(tmp_path: Path) -> None:
+    text = GOOD.replace("[{name: failure_rate}]", "[{name: failure_rate}, {name: b}]")
+    assert "`random` optimizes one objective" in problems(tmp_path, text)
