@@ -31,6 +31,7 @@ COMMANDS: Mapping[str, Lazy] = {
     "evaluation": Lazy(
         "robovast_cli.commands.evaluation.app:app", "Look at results.", aliases=("eval",)
     ),
+    "view": Lazy("robovast_cli.commands.view:app", "Play what a run has recorded."),
     "mcp": Lazy("robovast_cli.commands.mcp:app", "Let an assistant look at results (MCP)."),
     "import-results": Lazy(
         "robovast_cli.commands.results.import_results:app",

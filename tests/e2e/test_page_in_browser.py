@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 from robovast_testbed import debian
+from support.campaigns.drives import record_drive
 from support.campaigns.local import make_campaign
 from support.campaigns.stored import NAME, SYSTEM_LOG, add_map, write, write_campaign, write_run
 from support.servers.page import VAST, ShownPage, shown
@@ -41,6 +42,8 @@ SCREENS = {
     "parameters": f"#/campaign/{NAME}/hall-9/0?tab=parameters",
     "pictures": f"#/campaign/{NAME}/hall-9/0?tab=video",
     "bag": f"#/campaign/{NAME}/hall-9/0?tab=bag",
+    "player": f"#/campaign/{NAME}/hall-9/0?tab=player&t=5",
+    "two runs": f"#/campaign/{NAME}/hall-9/0?tab=player&with=hall-9%2F1&show=apart",
     "map": f"#/campaign/{NAME}/hall-9/0?tab=map",
     "files": f"#/campaign/{NAME}/hall-9/0?tab=files",
     "compare": f"#/compare?a={NAME}&b={LATER}",
@@ -78,7 +81,8 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = write_campaign(folder, variants=VARIANTS, runs=4, judge=judge(1, 0.1))
     write_campaign(folder, LATER, variants=VARIANTS, runs=4, judge=judge(2, 0.5), outputs=False)
     run = root / "hall-9" / "0"
-    write(run / "rosbag2" / "metadata.yaml", BAG)
+    for number in ("0", "1"):
+        record_drive(root / "hall-9" / number / "rosbag2")
     add_map(root, "hall-9")
     (run / "camera.png").write_bytes(PIXEL)
     return folder
@@ -302,6 +306,36 @@ def test_a_configuration_is_drawn_on_its_map(page: Page, server: ShownPage) -> N
     page.goto(f"{server.address}{SCREENS['map']}")
     picture = page.get_by_role("img", name="Map of hall-9")
     expect(picture).to_have_js_property("naturalWidth", 800)
+
+
+def test_a_drive_is_played_with_keys_and_looked_at_from_any_moment(
+    page: Page, server: ShownPage
+) -> None:
+    page.goto(f"{server.address}#/campaign/{NAME}/hall-9/0?tab=player")
+    player = page.get_by_role("region", name="Player")
+    where = player.locator(".where")
+    expect(where).to_contain_text("16.90 of 19.90 s · x ")  # it failed: shortly before its end
+    player.focus()
+    page.keyboard.press("Home")
+    expect(where).to_contain_text("0.00 of 19.90 s · x 3.00 m, y 0.00 m, 90°")
+    page.keyboard.press("ArrowRight")
+    expect(where).to_contain_text("1.00 of 19.90 s")
+    before = player.locator("canvas").first.screenshot()
+    page.keyboard.press("Space")
+    expect(player.get_by_role("button", name="Pause")).to_be_visible()
+    expect(where).to_contain_text("2.", timeout=5000)
+    page.keyboard.press("Space")
+    assert player.locator("canvas").first.screenshot() != before
+    player.get_by_role("button", name=re.compile("collision with the wall")).click()
+    expect(where).to_contain_text("19.50 of 19.90 s")
+    page.wait_for_url("**t=19.50")
+    player.get_by_label("Compare with run").select_option("hall-9/1")
+    expect(where).to_have_count(2)
+    page.reload()
+    expect(where.last).to_contain_text("19.50 of 19.90 s · x ")
+    expect(player.locator("canvas.stage")).to_have_count(1)
+    player.get_by_role("button", name="Side by side").click()
+    expect(player.locator("canvas.stage")).to_have_count(2)
 
 
 def test_a_comparison_says_what_got_worse(page: Page, server: ShownPage) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 import pytest
+from support.campaigns.drives import record_drive
 from support.campaigns.stored import NAME, add_map, write, write_campaign, write_run
 from support.servers.page import VAST, ShownPage, shown
 
@@ -34,6 +35,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write(run / "picture.svg", "<svg xmlns='http://www.w3.org/2000/svg' onload='alert(1)'/>")
     (run / "film.webm").write_bytes(bytes(range(256)))
     add_map(root, "hall-1")
+    record_drive(root / "hall-1" / "1" / "rosbag2", 4.0)
     write_run(root, EVIL, 0, 4, {EVIL: 1, "speed": EVIL}, lambda *_: "passed")
     return folder
 
@@ -221,6 +223,42 @@ def test_a_folder_that_is_not_there_is_an_error_in_words(tmp_path: Path) -> None
     result = subprocess.run(command, capture_output=True, text=True)
     assert result.returncode == 2
     assert "none: cannot be read: No such file or directory" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("folder", "said"),
+    [
+        ("none", "There is no folder"),
+        (NAME, "is the folder of a campaign; name that of a run"),
+        (f"{NAME}/hall-1", "is the folder of no run; name that of a run"),
+        (f"{NAME}/hall-2/0", "has no recording: no folder with .mcap or .db3 files"),
+    ],
+)
+def test_what_cannot_be_played_is_an_error_in_words(results: Path, folder: str, said: str) -> None:
+    command = [VAST, "view", results / folder, "--no-browser"]
+    result = subprocess.run(command, capture_output=True, text=True)
+    assert (result.returncode, said in result.stderr) == (2, True), result.stderr
+
+
+def test_a_run_is_played_from_its_folder(page: ShownPage, results: Path) -> None:
+    run = results / NAME / "hall-1" / "1"
+    command = [VAST, "view", run, "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            line = process.stdout.readline()
+        finally:
+            process.terminate()
+    assert line.endswith(f"#/campaign/{NAME}/hall-1/1?tab=player\n")
+    answer = page.get(f"api/drive/{NAME}/hall-1/1").data
+    assert answer["overview"]["topics"]["pose"] == "/odom"
+    assert (answer["ground"]["columns"], answer["verdict"]) == (40, "passed")
+    assert len(page.get(f"api/drive/{NAME}/hall-1/1/0?scans=1").data["scans"]) == 40
+    assert page.get(f"api/drive/{NAME}/hall-1/1/7").status == 404
+    bare = page.get(f"api/drive/{NAME}/hall-2/0").data
+    assert bare["overview"] is None
+    assert "The run has no bag: no folder with .mcap or .db3 files." in bare["remarks"]
+    assert any("Without a map" in remark for remark in bare["remarks"])
 
 
 def test_a_campaign_folder_is_shown_among_its_neighbours(results: Path) -> None:

@@ -87,6 +87,8 @@ export interface RunDetails {
   usage: string[];
   sysinfo: Record<string, unknown>;
   bags: Bag[];
+  /** Folders of bags, also of recorders that were killed. */
+  recorded: string[];
   origins: { path: string; command: string; sources: string[] }[];
   command: string;
   on_map: boolean;

@@ -19,6 +19,7 @@ import { Bags } from "./bags";
 import { Log } from "./log";
 import { Notebooks } from "./notebooks";
 import { Copy, Export, Glyph, Mark, Tabs, Waiting, type Tab } from "./parts";
+import { Player } from "./player/player";
 import { Plot } from "./plot";
 import { choose, link } from "./route";
 import { Tables } from "./tables";
@@ -40,12 +41,13 @@ export function RunPage({ campaign, variant, run, query }: RunProps) {
   const { error } = answer;
   const data = answer.data?.details;
   if (!answer.data || !data) return <Waiting error={error} title={`${variant}/${run}`} />;
+  const player = data.recorded.length > 0 && playerOf({ campaign, variant, run }, answer.data.siblings, query);
   return (
     <>
       <Head data={data} title={`${variant}/${run}`} target={{ campaign, variant, run }} />
       <Siblings {...{ campaign, variant, run }} siblings={answer.data.siblings} />
       <Tabs
-        tabs={[...tabsOf(data, query), ...(data.on_map ? [mapOf(campaign, variant)] : []), notebooksOf({ campaign, variant, run })]}
+        tabs={[...tabsOf(data, query, player), ...(data.on_map ? [mapOf(campaign, variant)] : []), notebooksOf({ campaign, variant, run })]}
         chosen={query.get("tab") ?? "log"}
         onChoose={(tab) => choose({ tab: tab === "log" ? "" : tab })}
       />
@@ -176,7 +178,7 @@ function seconds(time: unknown): number | null {
   return Number.isNaN(parsed) ? null : parsed;
 }
 
-function tabsOf(data: RunDetails, query: URLSearchParams): Tab[] {
+function tabsOf(data: RunDetails, query: URLSearchParams, player: Tab | false): Tab[] {
   const all = [...data.files, ...data.job_files];
   const tables = all.filter((file) => file.kind === "table");
   const pictures = all.filter((file) => file.kind === "video" || file.kind === "image");
@@ -184,6 +186,7 @@ function tabsOf(data: RunDetails, query: URLSearchParams): Tab[] {
   const period = from !== null && to !== null ? ([from - 0.002, to + 0.02] as [number, number]) : null;
   const tabs: (Tab | false)[] = [
     { id: "log", label: "Log", show: () => <Log paths={data.logs} query={query} period={period} packed={data.packed} /> },
+    player,
     tables.length > 0 && { id: "plots", label: "Plots", show: () => <Tables files={tables} query={query} /> },
     data.usage.length > 0 && { id: "resources", label: "Resources", show: () => <Resources data={data} /> },
     { id: "parameters", label: "Parameters", show: () => <Parameters data={data} /> },
@@ -192,6 +195,10 @@ function tabsOf(data: RunDetails, query: URLSearchParams): Tab[] {
     { id: "files", label: `Files`, show: () => <Files data={data} /> },
   ];
   return tabs.filter((tab) => tab !== false);
+}
+
+function playerOf(target: Target, siblings: [number, Verdict][], query: URLSearchParams): Tab {
+  return { id: "player", label: "Player", show: () => <Player {...target} siblings={siblings} query={query} /> };
 }
 
 /** The configuration on its map, as it was planned. */

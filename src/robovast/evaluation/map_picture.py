@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from robovast.base.errors import InputError
 from robovast.base.serialization import dump_yaml
@@ -17,6 +18,9 @@ from robovast.evaluation.untrusted import LONGEST, MOST_VALUES, mapping, parse_y
 from robovast.model.document.files import CONFIG_MOUNT
 from robovast.model.naming import CONFIG
 
+if TYPE_CHECKING:
+    from robovast.navigation.occupancy import OccupancyMap
+
 _RECORD = "_navigation"
 _LARGEST_FILE = 64 << 20
 _MOST_CELLS = 16_000_000
@@ -24,7 +28,7 @@ _MOST_CELLS = 16_000_000
 
 def has_map(results: Path, campaign: str, variant: str) -> bool:
     """Whether a variation type has recorded the map of a configuration."""
-    return isinstance(_record(results, campaign, variant).get("map_file"), str)
+    return isinstance(map_record(results, campaign, variant).get("map_file"), str)
 
 
 def draw_map(results: Path, campaign: str, variant: str) -> str:
@@ -36,19 +40,42 @@ def draw_map(results: Path, campaign: str, variant: str) -> str:
     """
     from robovast.navigation.extra import nav_extra
 
-    record = _record(results, campaign, variant)
     with nav_extra("The picture of a configuration"):
-        from robovast.navigation.occupancy import read_map
         from robovast.navigation.picture import marks, to_svg
-    with TemporaryDirectory(prefix="robovast-") as folder:
-        try:
-            occupancy = read_map(_copy_map(results, campaign, variant, record, Path(folder)))
-            return to_svg(occupancy, list(marks(record)), variant)
-        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-            raise InputError(f"{campaign}/{variant}: its map cannot be drawn: {error}.") from None
+    record = map_record(results, campaign, variant)
+    occupancy = read_configuration_map(results, campaign, variant)
+    with _drawable(campaign, variant):
+        return to_svg(occupancy, list(marks(record)), variant)
 
 
-def _record(results: Path, campaign: str, variant: str) -> Mapping[str, Any]:
+def read_configuration_map(results: Path, campaign: str, variant: str) -> OccupancyMap:
+    """The map of a configuration.
+
+    Raises:
+        InputError: it has no map, or one that cannot be read.
+        CannotRunError: the extra `nav` is missing.
+    """
+    from robovast.navigation.extra import nav_extra
+
+    record = map_record(results, campaign, variant)
+    with nav_extra("The map of a configuration"):
+        from robovast.navigation.occupancy import read_map
+    with (
+        TemporaryDirectory(prefix="robovast-") as folder,
+        _drawable(campaign, variant),
+    ):
+        return read_map(_copy_map(results, campaign, variant, record, Path(folder)))
+
+
+@contextmanager
+def _drawable(campaign: str, variant: str) -> Iterator[None]:
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        raise InputError(f"{campaign}/{variant}: its map cannot be drawn: {error}.") from None
+
+
+def map_record(results: Path, campaign: str, variant: str) -> Mapping[str, Any]:
     """Records of navigation variations about a configuration; empty if there are none.
 
     The file may be large, so only this configuration's part is parsed.

@@ -17,6 +17,7 @@ from robovast.campaign.layout import (
     SYSINFO,
     TEST_RESULT,
 )
+from robovast.evaluation.drive.finding import bags_in
 from robovast.evaluation.files import FileEntry, list_files
 from robovast.evaluation.inside import read_small, resolved
 from robovast.evaluation.launch.commands import as_shell, repeat_words
@@ -68,6 +69,8 @@ class RunDetails:
     """Paths of tables of resource usage."""
     sysinfo: Mapping[str, Any] = field(default_factory=dict)
     bags: list[Bag] = field(default_factory=list)
+    recorded: list[str] = field(default_factory=list)
+    """Folders of bags, also of recorders that were killed; the likeliest to be played first."""
     command: str = ""
     """Shell command that executes this variant again on this machine."""
     origins: list[Origin] = field(default_factory=list)
@@ -99,6 +102,7 @@ def read_run(results: Path, campaign: str, variant: str, number: int) -> RunDeta
         sysinfo=_sysinfo(results, place, job),
         bags=list(_bags(results, files)),
         origins=list(_origins(results, campaign, place)),
+        recorded=bags_in(files),
         command=as_shell(repeat_words(results, campaign, variant, record)),
         on_map=has_map(results, campaign, variant),
         failure=_failure(results, place),

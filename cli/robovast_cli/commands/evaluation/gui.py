@@ -16,6 +16,8 @@ from robovast_cli.ui.output import say
 from robovast_cli.workspace import Workspace
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from robovast.evaluation.server.launches import Starting
 
 app = new_app("Look at results in the browser.")
@@ -95,12 +97,7 @@ def gui(
     """
     from robovast.model.naming import holds_campaign
 
-    try:
-        from robovast.evaluation.server.serve import serve
-    except ModuleNotFoundError as error:
-        raise CannotRunError(
-            f"The page needs {error.name}; install the extra: pip install 'robovast[gui]'."
-        ) from None
+    serve = serving()
     folder = results_dir or ctx.obj.results
     root = folder.resolve()
     if not skip_postprocessing and not _postprocess(folder, force, override):
@@ -109,22 +106,42 @@ def gui(
 
     def show(address: str) -> None:
         page = f"{address}#/campaign/{quote(campaign)}" if campaign else address
-        say(f"Showing {folder}: {page}")
-        if not no_browser and (os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}):
-            Thread(target=webbrowser.open, args=(page,), daemon=True).start()  # some block
+        present(folder, page, no_browser=no_browser)
 
     serve(
         root.parent if campaign else root,
         port,
         show,
-        starting=_starting(ctx.obj, override, no_start, not skip_postprocessing),
+        starting=make_starting(ctx.obj, override, no_start, not skip_postprocessing),
         override=override and override.absolute(),
         notebook_timeout=notebook_timeout,
     )
     return ExitCode.OK
 
 
-def _starting(
+def serving() -> "Callable[..., None]":
+    """The function that serves the page.
+
+    Raises:
+        CannotRunError: the extra `gui` is missing.
+    """
+    try:
+        from robovast.evaluation.server.serve import serve
+    except ModuleNotFoundError as error:
+        raise CannotRunError(
+            f"The page needs {error.name}; install the extra: pip install 'robovast[gui]'."
+        ) from None
+    return serve
+
+
+def present(folder: Path, page: str, *, no_browser: bool) -> None:
+    """Print the address of a page, and open it where there is a screen."""
+    say(f"Showing {folder}: {page}")
+    if not no_browser and (os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}):
+        Thread(target=webbrowser.open, args=(page,), daemon=True).start()  # some block
+
+
+def make_starting(
     workspace: Workspace, override: Path | None, no_start: bool, postprocess: bool
 ) -> "Starting":
     """The document for campaigns started from the page: the override's or the project's."""

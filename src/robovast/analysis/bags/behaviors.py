@@ -14,7 +14,12 @@ from robovast.model.document.commands import BehaviorsToCsv
 
 TREE_TYPE = "py_trees_ros_interfaces/msg/BehaviourTree"
 _COLUMNS = ("timestamp", "behavior_name", "behavior_id", "status", "status_name", "class_name")
-_STATUS = {1: b"INVALID", 2: b"RUNNING", 3: b"SUCCESS", 4: b"FAILURE"}
+_STATUS = {1: "INVALID", 2: "RUNNING", 3: "SUCCESS", 4: "FAILURE"}
+
+
+def status_name(status: int) -> str:
+    """Name of a behaviour's status."""
+    return _STATUS.get(status, "UNKNOWN")
 
 
 class BehaviorsWorker:
@@ -55,7 +60,7 @@ class BehaviorsWorker:
                 text_cell(behavior.name.encode()),
                 str(number).encode(),
                 b"%d" % status,
-                _STATUS.get(status, b"UNKNOWN"),
+                status_name(status).encode(),
                 text_cell(behavior.class_name.encode()),
             ]
             self._table.add((), cells)

@@ -62,7 +62,7 @@ def _connect(path: Path, options: str) -> sqlite3.Connection:
 
 
 def _consumers(database: sqlite3.Connection, subscribe: Subscribe) -> dict[int, Consumer | None]:
-    definitions = _definitions(database)
+    definitions = read_definitions(database)
     rows = database.execute("SELECT id, name, type, serialization_format FROM topics")
     return {
         number: subscribe(Topic(name, definitions.get(kind, Definition(kind)), serialization))
@@ -70,7 +70,7 @@ def _consumers(database: sqlite3.Connection, subscribe: Subscribe) -> dict[int, 
     }
 
 
-def _definitions(database: sqlite3.Connection) -> dict[str, Definition]:
+def read_definitions(database: sqlite3.Connection) -> dict[str, Definition]:
     """Definitions by type; bags before ROS 2 Iron have none."""
     tables = database.execute("SELECT name FROM sqlite_master WHERE name = 'message_definitions'")
     if tables.fetchone() is None:

@@ -183,6 +183,15 @@ class TransformTree:
         parents = {name for link in self._sound.values() for name in link.names}
         return sorted(parents | set(self._sound))
 
+    def root(self, frame: str) -> str:
+        """The outermost frame above a frame at the end of the recording."""
+        seen: set[str] = set()
+        while frame in self._sound and frame not in seen:
+            seen.add(frame)
+            link = self._sound[frame]
+            frame = link.names[link.parents[-1]]
+        return frame
+
     def stamps(self, frame: str) -> tuple[Times, Times]:
         """Stamps of a frame, or of what it is fixed to, and their times of receipt [ns]."""
         seen: set[str] = set()

@@ -100,18 +100,32 @@ def find_notebooks(target: Target, override: Path | None) -> list[Notebook]:
     Raises:
         InputError: there are several .vast files, or one that cannot be read.
     """
-    document = override.resolve() if override else _own_document(target)
-    if document is None:
-        return []
-    folder = document.parent
-    data = parse_yaml(read_small(folder, document.name))
-    if not isinstance(data, dict):
-        raise InputError(f"{document} is no YAML file with keys.")
+    folder, data = read_document(target, override)
     return [
         Notebook(workload, target.scope, path, folder)
         for workload, scopes in _workloads(data)
         if isinstance(path := scopes.get(target.scope), str)
     ]
+
+
+def read_document(target: Target, override: Path | None) -> tuple[Path, Mapping[str, Any]]:
+    """Folder and content of a campaign's .vast file; no content if the campaign has none.
+
+    Args:
+        target: the campaign, or data in it.
+        override: a .vast file that replaces the campaign's own.
+
+    Raises:
+        InputError: there are several .vast files, or one that cannot be read.
+    """
+    document = override.resolve() if override else _own_document(target)
+    if document is None:
+        return target.results, {}
+    folder = document.parent
+    data = parse_yaml(read_small(folder, document.name))
+    if not isinstance(data, dict):
+        raise InputError(f"{document} is no YAML file with keys.")
+    return folder, data
 
 
 def find_notebook(target: Target, workload: str | None, override: Path | None) -> Notebook:

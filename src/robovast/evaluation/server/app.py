@@ -29,6 +29,7 @@ from robovast.evaluation.map_picture import draw_map
 from robovast.evaluation.metrics import metric, metric_columns
 from robovast.evaluation.run import read_run
 from robovast.evaluation.server.answers import Data, Picture, error, send_file
+from robovast.evaluation.server.drives import DrivePages
 from robovast.evaluation.server.guard import Guard
 from robovast.evaluation.server.launches import LaunchPages
 from robovast.evaluation.server.live import events
@@ -63,6 +64,7 @@ def make_app(
         closing: set when the server ends; open streams then end.
     """
     pages = Pages(library, launches, closing)
+    drives = DrivePages(library.results)
     api = [
         Route("/campaigns", pages.campaigns),
         Route("/campaigns/{campaign}", pages.campaign),
@@ -70,6 +72,8 @@ def make_app(
         Route("/campaigns/{campaign}/metric", pages.metric),
         Route("/campaigns/{campaign}/{variant}/{run:int}", pages.run),
         Route("/map/{campaign}/{variant}", pages.map),
+        Route("/drive/{campaign}/{variant}/{run:int}", drives.drive),
+        Route("/drive/{campaign}/{variant}/{run:int}/{part:int}", drives.part),
         Route("/compare", pages.compare),
         Route("/events", pages.events),
         Route("/log", pages.log),

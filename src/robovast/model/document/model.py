@@ -585,8 +585,32 @@ def _known_notebooks(value: Any) -> Any:
 Workloads = Annotated[list[dict[str, Notebooks]], BeforeValidator(_known_notebooks)]
 
 
+class Player(Section):
+    """What the player of a run reads; what is omitted is guessed by type and name."""
+
+    bag: str | None = None
+    """Path suffix of the bag's folder in the run, as `rosbag2`."""
+    pose: str | None = None
+    """Topic of the robot's pose: odometry, a pose (with covariance or without), or `/tf`."""
+    scan: str | None = None
+    """Topic of the laser (`sensor_msgs/msg/LaserScan`)."""
+    plan: str | None = None
+    """Topic of the planned path (`nav_msgs/msg/Path`)."""
+    map: str | None = None
+    """Topic of the map (`nav_msgs/msg/OccupancyGrid`), shown where the configuration has none."""
+    footprint: str | None = None
+    """Topic of the footprint (`geometry_msgs/msg/PolygonStamped`)."""
+    tree: str | None = None
+    """Topic of the behaviour tree (py_trees_ros or Nav2's log of it)."""
+    log: str | None = None
+    """Topic of log messages (`rcl_interfaces/msg/Log`)."""
+
+
 class Evaluation(Section):
     """Presentation of the results."""
+
+    player: Player = Field(default_factory=Player)
+    """Topics of the player in a run's page."""
 
     visualization: Workloads = Field(default_factory=list)
     """Workloads by name; each is a tab of the page."""

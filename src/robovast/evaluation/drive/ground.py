@@ -1,0 +1,176 @@
+"""The map, obstacles and goals of a drive."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robovast.base.errors import InputError, RobovastError
+from robovast.evaluation.map_picture import map_record, read_configuration_map
+
+_FREE, _UNKNOWN, _WALL = 0, 1, 2
+_MOST_CELLS = 16_000_000
+_MOST_SHAPES = 2000
+_OCCUPIED = 65
+"""Share from which a cell counts as occupied [%]."""
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A map in runs of equal cells, row by row from the lowest."""
+
+    columns: int
+    rows: int
+    resolution: float
+    """Edge length of a cell [m]"""
+    x: float
+    """Lower left corner [m]"""
+    y: float
+    yaw: float
+    """[rad]"""
+    runs: list[int]
+    """Length and kind of each run: 0 free, 1 unknown, 2 wall."""
+
+
+@dataclass
+class Planned:
+    """What a configuration was made with."""
+
+    diameter: float | None = None
+    """Of the robot [m]"""
+    start: list[float] | None = None
+    """x, y, yaw [m, rad]"""
+    goals: list[list[float]] = field(default_factory=list)
+    path: list[list[float]] = field(default_factory=list)
+    obstacles: list[list[float]] = field(default_factory=list)
+    """x, y, radius, or x, y, yaw, length, width [m, rad]"""
+
+
+def configured_ground(results: Path, campaign: str, variant: str) -> tuple[Ground | None, str]:
+    """The map of a configuration, or why there is none."""
+    try:
+        occupancy = read_configuration_map(results, campaign, variant)
+    except RobovastError as error:
+        return None, str(error)
+    cells = np.full(occupancy.free.shape, _UNKNOWN, np.uint8)
+    cells[occupancy.free] = _FREE
+    cells[occupancy.occupied] = _WALL
+    x, y = occupancy.origin
+    return _ground(cells, occupancy.resolution, (x, y, 0.0)), ""
+
+
+def recorded_ground(grid: Any) -> Ground:
+    """The map of a nav_msgs/msg/OccupancyGrid.
+
+    Raises:
+        InputError: it is too large or invalid.
+    """
+    info = grid.info
+    rows, columns, data = int(info.height), int(info.width), np.asarray(grid.data)
+    if rows * columns != len(data) or not 0 < rows * columns <= _MOST_CELLS:
+        raise InputError(f"the recorded map of {columns} × {rows} cells cannot be shown")
+    origin = info.origin.position.x, info.origin.position.y
+    turn = info.origin.orientation
+    yaw = 2 * math.atan2(turn.z, turn.w)
+    if not (np.isfinite([*origin, yaw, info.resolution]).all() and info.resolution > 0):
+        raise InputError("the recorded map has no place or size")
+    values = data.reshape(rows, columns)
+    cells = np.full(values.shape, _FREE, np.uint8)
+    cells[values < 0] = _UNKNOWN
+    cells[values >= _OCCUPIED] = _WALL
+    return _ground(cells, float(info.resolution), (*origin, yaw))
+
+
+def _ground(
+    cells: NDArray[np.uint8], resolution: float, origin: tuple[float, float, float]
+) -> Ground:
+    flat = cells.ravel()
+    edges = np.flatnonzero(np.diff(flat)) + 1
+    begins = np.concatenate(([0], edges))
+    lengths = np.diff(np.concatenate((begins, [len(flat)])))
+    runs = np.column_stack((lengths, flat[begins])).ravel().tolist()
+    rows, columns = cells.shape
+    return Ground(columns, rows, resolution, *origin, runs)
+
+
+def planned(results: Path, campaign: str, variant: str, parameters: Mapping[str, Any]) -> Planned:
+    """What variations have recorded of a configuration; what is invalid is left out.
+
+    Args:
+        results: the results folder.
+        campaign: name of the campaign.
+        variant: name of the configuration.
+        parameters: its scenario parameters, which tell the shapes of obstacles.
+    """
+    record = map_record(results, campaign, variant)
+    goals = [pose for pose in map(_pose, _items(record.get("goals"))) if pose]
+    return Planned(
+        diameter=_number(record.get("robot_diameter")),
+        start=_pose(record.get("start")),
+        goals=goals,
+        path=[point for point in map(_numbers, _items(record.get("path"))) if len(point) == 2],
+        obstacles=_obstacles(record, parameters),
+    )
+
+
+def _obstacles(record: Mapping[str, Any], parameters: Mapping[str, Any]) -> list[list[float]]:
+    """Boxes where the parameters tell a length and a width, else discs."""
+    boxes = {
+        (box[0], box[1]): box
+        for value in parameters.values()
+        for box in map(_box, _items(value))
+        if box
+    }
+    found = []
+    for one in _items(record.get("obstacles")):
+        if isinstance(one, dict):
+            disc = _numbers([one.get("x"), one.get("y"), one.get("radius")])
+            if len(disc) == 3:
+                found.append(boxes.get((disc[0], disc[1]), disc))
+    return found
+
+
+def _box(value: Any) -> list[float]:
+    """x, y, yaw, length and width of an obstacle among the parameters; empty if it is none."""
+    if not isinstance(value, dict):
+        return []
+    pose = _pose(value.get("spawn_pose"))
+    words = str(value.get("xacro_arguments") or "").replace(",", " ").split()
+    given = dict(word.split(":=", 1) for word in words if ":=" in word)
+    size = _numbers([given.get("length"), given.get("width")])
+    return [*pose, *size] if pose and len(size) == 2 else []
+
+
+def _pose(value: Any) -> list[float] | None:
+    if not isinstance(value, dict):
+        return None
+    position, orientation = value.get("position"), value.get("orientation")
+    if not isinstance(position, dict):
+        return None
+    yaw = orientation.get("yaw", 0.0) if isinstance(orientation, dict) else 0.0
+    numbers = _numbers([position.get("x"), position.get("y"), yaw])
+    return numbers if len(numbers) == 3 else None
+
+
+def _items(value: Any) -> Sequence[Any]:
+    return value[:_MOST_SHAPES] if isinstance(value, list) else ()
+
+
+def _numbers(values: Any) -> list[float]:
+    """The values as numbers; empty if one of them is none."""
+    found = [_number(value) for value in _items(values)]
+    return [one for one in found if one is not None] if None not in found else []
+
+
+def _number(value: Any) -> float | None:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        return None
+    return number if math.isfinite(number) else None

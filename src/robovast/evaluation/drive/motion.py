@@ -1,0 +1,257 @@
+"""Poses of the robot on the map, and what its laser sees."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from struct import Struct, error
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_typestore
+
+from robovast.analysis.bags.definitions import DefinitionError, typestore_of
+from robovast.analysis.bags.transforms import Poses, TransformTree, euler
+from robovast.evaluation.drive.recording import Message, Topic
+from robovast.evaluation.drive.roles import ESTIMATE, FIXED, ODOMETRY
+
+UNDECODABLE = (
+    error,
+    SerdeError,
+    DefinitionError,
+    ValueError,
+    IndexError,
+    KeyError,
+    AttributeError,
+    OverflowError,
+    MemoryError,
+)
+MOST_RAYS = 360
+"""Rays of a scan that are shown."""
+MOST_POINTS = 400
+"""Points of a planned path that are shown."""
+BASES = ("base_link", "base_footprint", "base")
+"""Usual frames of a robot, the best first."""
+_STAMP = {b"\0\1": Struct("<iI"), b"\0\0": Struct(">iI")}
+_REFERENCE = "map"
+
+Decoder = Callable[[Message], Any]
+Floats = NDArray[np.float64]
+Moments = NDArray[np.int64]
+
+
+def stamp_of(data: bytes) -> int | None:
+    """The stamp [ns] at the beginning of a message that begins with one."""
+    layout = _STAMP.get(data[:2])
+    if layout is None or len(data) < 4 + layout.size:
+        return None
+    seconds, nanoseconds = layout.unpack_from(data, 4)
+    return int(seconds) * 1_000_000_000 + int(nanoseconds)
+
+
+@lru_cache(maxsize=1)
+def _standard() -> Any:
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def decoder(topic: Topic) -> Decoder:
+    """A function that deserializes the messages of a topic.
+
+    Types of ROS are taken as ROS defines them, whatever the bag says.
+    """
+    store = _standard()
+    if topic.type not in store.types:
+        store = typestore_of(topic.definition, None, "")
+    return lambda message: store.deserialize_cdr(message.data, topic.type)
+
+
+@dataclass
+class Frames:
+    """The transform tree during one part of a drive."""
+
+    tree: TransformTree = field(default_factory=TransformTree)
+    damaged: int = 0
+
+    def add(self, messages: Iterable[Message]) -> None:
+        """Add messages with transforms."""
+        for message in messages:
+            try:
+                self.tree.add(message.data, message.topic == FIXED, message.time)
+            except UNDECODABLE:
+                self.damaged += 1
+
+    @property
+    def base(self) -> str:
+        """The robot's frame."""
+        frames = self.tree.frames
+        return next((name for name in BASES if name in frames), BASES[0])
+
+    @property
+    def ground(self) -> str:
+        """The frame that poses are shown in: the map, or the outermost that the robot is in."""
+        if _REFERENCE in self.tree.frames:
+            return _REFERENCE
+        return self.tree.root(self.base)
+
+    def on_map(self, frame: str, stamps: Moments) -> Poses | None:
+        """Poses of a frame on the map, the nearest known ones; None if there is no way."""
+        frames = self.tree.frames
+        if frame == _REFERENCE or frame not in frames or _REFERENCE not in frames:
+            return None
+        known, _ = self.tree.stamps(frame)
+        if len(known):
+            stamps = np.clip(stamps, known[0], known[-1])
+        poses = self.tree.poses(frame, _REFERENCE, stamps)
+        return poses if poses.valid.any() else None
+
+    def mount(self, frame: str, stamp: int) -> tuple[Floats, Floats] | None:
+        """Position and orientation of a sensor on the robot; None if it is not known."""
+        base = self.base
+        frame = frame.lstrip("/")
+        if frame == base:
+            return np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])
+        if frame not in self.tree.frames or base not in self.tree.frames:
+            return None
+        known, _ = self.tree.stamps(frame)
+        moment = int(np.clip(stamp, known[0], known[-1])) if len(known) else stamp
+        poses = self.tree.poses(frame, base, np.array([moment]))
+        return (poses.position[0], poses.orientation[0]) if poses.valid[0] else None
+
+
+@dataclass
+class Track:
+    """Poses of the robot on the map."""
+
+    received: list[int] = field(default_factory=list)
+    """Times of receipt [ns]"""
+    stamps: list[int] = field(default_factory=list)
+    """[ns]"""
+    poses: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    """x, y [m], yaw [rad]"""
+    placed: bool = True
+    """False if nothing tells where the poses' frame lies on the map."""
+    damaged: int = 0
+
+
+def track_of(kind: str, messages: Sequence[Message], decode: Decoder, frames: Frames) -> Track:
+    """The robot's poses, of messages of one of the types with a pose."""
+    track = Track()
+    rows: list[tuple[float, ...]] = []
+    frame = ""
+    for message in messages:
+        try:
+            told = decode(message)
+            pose = told.pose.pose if kind in (ODOMETRY, ESTIMATE) else told.pose
+            at, turn = pose.position, pose.orientation
+            row = (at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w)
+        except UNDECODABLE:
+            track.damaged += 1
+            continue
+        if not (np.isfinite(row).all() and any(row[3:])):
+            track.damaged += 1
+            continue
+        frame = str(told.header.frame_id).lstrip("/")
+        track.received.append(message.time)
+        track.stamps.append(stamp_of(message.data) or message.time)
+        rows.append(row)
+    if rows:
+        _place(track, np.array(rows), frame, frames)
+    return track
+
+
+def _place(track: Track, rows: Floats, frame: str, frames: Frames) -> None:
+    turned = rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
+    flat = np.column_stack((rows[:, :2], euler(turned)[:, 2]))
+    way = frames.on_map(frame, np.array(track.stamps, dtype=np.int64))
+    if way is not None:
+        yaw = euler(way.orientation)[:, 2]
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        x, y = flat[:, 0].copy(), flat[:, 1].copy()
+        flat[:, 0] = way.position[:, 0] + cos * x - sin * y
+        flat[:, 1] = way.position[:, 1] + sin * x + cos * y
+        flat[:, 2] += yaw
+    track.poses = flat
+    track.placed = way is not None or frame in ("", _REFERENCE)
+
+
+def track_of_frames(frames: Frames, start: int, end: int) -> Track:
+    """The robot's poses by transforms alone, received from `start` to before `end` [ns]."""
+    track = Track()
+    stamps, received = frames.tree.stamps(frames.base)
+    inside = (received >= start) & (received < end)
+    if not inside.any():
+        return track
+    poses = frames.tree.poses(frames.base, frames.ground, stamps[inside])
+    track.received = received[inside][poses.valid].tolist()
+    track.stamps = stamps[inside][poses.valid].tolist()
+    yaw = euler(poses.orientation[poses.valid])[:, 2]
+    track.poses = np.column_stack((poses.position[poses.valid][:, :2], yaw))
+    track.placed = frames.ground == _REFERENCE
+    return track
+
+
+def scan_points(scan: Any, frames: Frames, stamp: int) -> tuple[list[int], bool]:
+    """Where a laser hits, seen from the robot: x, y, x, y, … [cm]; and whether its mount is known.
+
+    Raises:
+        ValueError: the scan is invalid (also others of `UNDECODABLE`).
+    """
+    ranges = np.asarray(scan.ranges, dtype=np.float64)
+    step = max(1, -(-len(ranges) // MOST_RAYS))
+    angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
+    ranges, angles = ranges[::step], angles[::step]
+    hit = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)
+    ranges, angles = ranges[hit], angles[hit]
+    points = np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles)))
+    mount = frames.mount(str(scan.header.frame_id), stamp)
+    if mount is not None:
+        points = _turned(points, mount[1]) + mount[0][:2]
+    if not np.isfinite(points).all():
+        raise ValueError("its angles are no numbers")
+    return np.clip(points * 100, -1e6, 1e6).round().astype(int).ravel().tolist(), mount is not None
+
+
+def _turned(points: Floats, orientation: Floats) -> Floats:
+    """Points of a sensor's plane, as seen from above the robot."""
+    x, y, z, w = orientation
+    turn = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z)],
+        ]
+    )
+    turned: Floats = points @ turn.T
+    return turned
+
+
+def path_points(path: Any, frames: Frames, stamp: int) -> list[list[float]]:
+    """Points of a planned path on the map [m]."""
+    step = max(1, -(-len(path.poses) // MOST_POINTS))
+    kept = [*path.poses[:-1:step], *path.poses[-1:]]
+    return list(
+        _on_map(((p.pose.position.x, p.pose.position.y) for p in kept), path, frames, stamp)
+    )
+
+
+def outline(polygon: Any, frames: Frames, stamp: int) -> list[list[float]]:
+    """Corners of a footprint on the map [m]."""
+    corners = polygon.polygon.points[:100]
+    return list(_on_map(((corner.x, corner.y) for corner in corners), polygon, frames, stamp))
+
+
+def _on_map(
+    points: Iterable[tuple[float, float]], message: Any, frames: Frames, stamp: int
+) -> Iterator[list[float]]:
+    frame = str(message.header.frame_id).lstrip("/")
+    way = frames.on_map(frame, np.array([stamp], dtype=np.int64))
+    dx, dy, yaw = 0.0, 0.0, 0.0
+    if way is not None:
+        dx, dy = way.position[0, :2].tolist()
+        yaw = float(euler(way.orientation)[0, 2])
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    for x, y in points:
+        if np.isfinite(x) and np.isfinite(y):
+            yield [round(float(dx + cos * x - sin * y), 3), round(float(dy + sin * x + cos * y), 3)]

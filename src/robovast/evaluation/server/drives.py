@@ -1,0 +1,103 @@
+"""Responses about recorded drives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from threading import Lock
+from typing import TYPE_CHECKING, Any
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+from robovast.base.errors import InputError
+from robovast.base.optional_deps import ROS
+from robovast.evaluation.drive.finding import Named, bags_in, chosen, read_named
+from robovast.evaluation.files import list_files
+from robovast.evaluation.inside import MissingError
+from robovast.evaluation.notebooks.workloads import Target
+from robovast.evaluation.run import run_record
+from robovast.evaluation.server.answers import Data
+from robovast.evaluation.untrusted import mapping
+
+if TYPE_CHECKING:
+    from robovast.evaluation.drive.drives import Drive, Drives
+
+
+class DrivePages:
+    """Responses about the drives of a results folder."""
+
+    def __init__(self, results: Path) -> None:
+        self._results = results
+        self._opened: Drives | None = None
+        self._lock = Lock()
+
+    def drive(self, request: Request) -> Response:
+        """What a run's drive has; without a recording that can be read, its map alone."""
+        from robovast.evaluation.drive.ground import configured_ground, planned
+
+        ROS.require("Playing a drive")
+        campaign, variant, run = _names(request)
+        place = f"{campaign}/{variant}/{run}"
+        named = self._named(campaign)
+        remarks = [named.fault] if named.fault else []
+        drive: Drive | None = None
+        try:
+            drive = self._drive(place, named)
+        except InputError as error:
+            remarks.append(str(error))
+        ground, missing = configured_ground(self._results, campaign, variant)
+        if ground is None and drive is not None:
+            try:
+                ground = drive.ground()
+            except InputError as error:
+                remarks.append(str(error))
+        if ground is None:
+            remarks.append(f"Without a map: {missing}")
+        record = run_record(self._results, place)
+        parameters = mapping(record.get("parameters"))
+        return Data(
+            {
+                "overview": drive and drive.overview(),
+                "ground": ground,
+                "planned": planned(self._results, campaign, variant, parameters),
+                "verdict": record.get("verdict"),
+                "remarks": remarks,
+            }
+        )
+
+    def part(self, request: Request) -> Response:
+        """One part of a run's drive."""
+        ROS.require("Playing a drive")
+        campaign, variant, run = _names(request)
+        drive = self._drive(f"{campaign}/{variant}/{run}", self._named(campaign))
+        scans = request.query_params.get("scans") == "1"
+        return Data(drive.part(request.path_params["part"], scans=scans))
+
+    def _named(self, campaign: str) -> Named:
+        return read_named(Target(self._results, (campaign,)))
+
+    def _drive(self, place: str, named: Named) -> Drive:
+        bags = bags_in(list_files(self._results, place))
+        bag = chosen(bags, named.bag)
+        if bag is None and bags:
+            known = ", ".join(path.removeprefix(f"{place}/") for path in bags)
+            raise MissingError(
+                f"No bag's path ends with {named.bag}, which `evaluation.player.bag` names; the "
+                f"run has {known}."
+            )
+        if bag is None:
+            raise MissingError("The run has no bag: no folder with .mcap or .db3 files.")
+        return self._drives().drive(bag, named.topics)
+
+    def _drives(self) -> Drives:
+        from robovast.evaluation.drive.drives import Drives
+
+        with self._lock:
+            self._opened = self._opened or Drives(self._results)
+            return self._opened
+
+
+def _names(request: Request) -> tuple[str, str, int]:
+    names: Mapping[str, Any] = request.path_params
+    return names["campaign"], names["variant"], names["run"]

@@ -1,0 +1,234 @@
+"""A recorded drive is played from its bag in parts; what a bag lacks is said, the rest is shown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+from support.campaigns.bags import START, Bag
+from support.campaigns.drives import DriveBag, around, record_drive
+
+from robovast.base.errors import InputError
+from robovast.evaluation.drive.drives import Drive, Drives
+from robovast.evaluation.drive.part import Part
+
+SECOND = 1_000_000_000
+
+
+def opened(folder: Path, **named: str) -> Drive:
+    return Drives(folder.parent.resolve()).drive(folder.name, named)
+
+
+def parts_of(drive: Drive, scans: bool = True) -> list[Part]:
+    return [drive.part(n, scans=scans) for n in range(len(drive.overview().bounds) - 1)]
+
+
+def remarks_of(drive: Drive) -> str:
+    return " ".join([*drive.overview().remarks, *(r for p in parts_of(drive) for r in p.remarks)])
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"compression": CompressionMode.STORAGE},
+        {"storage": StoragePlugin.SQLITE3},
+    ],
+    ids=["mcap", "compressed", "sqlite"],
+)
+def test_a_drive_is_where_it_was_recorded(tmp_path: Path, options) -> None:
+    drive = opened(record_drive(tmp_path / "rosbag2", **options))
+    overview = drive.overview()
+    assert overview.duration == pytest.approx(19.9, abs=0.01)
+    assert overview.started == pytest.approx(START / SECOND)
+    assert (overview.remarks, overview.simulated) == ([], False)
+    assert overview.topics == {
+        "pose": "/odom",
+        "scan": "/scan",
+        "plan": "/plan",
+        "log": "/rosout",
+        "tree": "/tree",
+    }
+    first, second = parts_of(drive)
+    times = first.times + second.times
+    assert times == pytest.approx([i / 10 for i in range(200)], abs=0.002)
+    for i, (x, y) in enumerate(zip(first.x + second.x, first.y + second.y, strict=True)):
+        expected = around(i / 10)
+        assert (x, y) == pytest.approx((1 + expected[0], expected[1]), abs=0.002)
+    assert first.scans[0][1][:2] == [260, 0]  # the laser is 0.1 m ahead of the middle
+    assert [len(plan) for _, plan in first.plans + second.plans] == [41, 41]
+    happened = [event[1:] for event in first.events + second.events]
+    assert happened == [
+        ("behavior", "running", "Drive", "RUNNING"),
+        ("log", "warn", "planner", "the way is long"),
+        ("log", "error", "planner", "collision with the wall"),
+        ("behavior", "failure", "Drive", "FAILURE"),
+    ]
+    assert first.remarks + second.remarks == []
+    assert drive.part(1, scans=False).scans == []
+    with pytest.raises(InputError, match="no part 2"):
+        drive.part(2, scans=True)
+
+
+def test_a_simulation_that_is_faster_than_its_recording_has_its_own_time(tmp_path: Path) -> None:
+    with DriveBag(tmp_path / "bag") as bag:
+        for i in range(100):
+            bag.odometry(i / 100, i / 10, 0.0, 0.0, stamp=i / 10 - START / SECOND)
+        bag.say(0.5, 40, "half way")  # its stamp is that of the wall clock
+    overview = (drive := opened(tmp_path / "bag")).overview()
+    assert overview.simulated
+    assert overview.duration == pytest.approx(9.9, abs=0.01)
+    (part,) = parts_of(drive)
+    assert part.times == pytest.approx(part.x, abs=0.002)
+    assert part.events[0][0] == pytest.approx(5.0, abs=0.05)
+
+
+def test_a_named_topic_goes_before_a_guessed_one(tmp_path: Path) -> None:
+    with DriveBag(tmp_path / "bag") as bag:
+        bag.odometry(0.0, 1.0, 2.0, 0.0)
+        bag.odometry(1.0, 1.0, 2.0, 0.0)
+        estimate = bag.make(
+            "geometry_msgs/msg/PoseStamped", bag.header(0.5, "map"), bag.pose(7.0, 8.0, 0.0)
+        )
+        bag.write("/truth", estimate, 0.5)
+    guessed, named = opened(tmp_path / "bag"), opened(tmp_path / "bag", pose="truth")
+    assert parts_of(guessed)[0].x == [1.0, 1.0]
+    assert parts_of(named)[0].x == [7.0]
+
+
+def test_transforms_alone_tell_where_the_robot_is(tmp_path: Path) -> None:
+    with DriveBag(tmp_path / "bag") as bag:
+        bag.transforms([bag.transform("map", "odom", 0.0, (0.0, 3.0, 0.0))], static=True)
+        bag.transforms(bag.transform("odom", "base_link", i / 10, (i / 10, 0, 0)) for i in range(9))
+    (part,) = parts_of(opened(tmp_path / "bag"))
+    assert part.x == pytest.approx([i / 10 for i in range(9)])
+    assert set(part.y) == {3.0}
+
+
+def test_what_is_named_wrong_is_said_and_the_rest_is_shown(tmp_path: Path) -> None:
+    bag = record_drive(tmp_path / "bag", 2.0)
+    missing = opened(bag, scan="/laser")
+    assert "names /laser, which was not recorded. Recorded were /odom, /plan" in remarks_of(missing)
+    assert len(parts_of(missing)[0].times) == 20
+    other = opened(bag, pose="/scan")
+    assert "sensor_msgs/msg/LaserScan; the player reads nav_msgs/msg/Odometry" in remarks_of(other)
+    assert len(parts_of(other)[0].scans) == 20
+
+
+def test_a_bag_without_any_known_topic_says_what_it_has(tmp_path: Path) -> None:
+    with Bag(tmp_path / "bag") as bag:
+        bag.write("/chatter", bag.make("std_msgs/msg/String", "x"), 0.0)
+        bag.write("/chatter", bag.make("std_msgs/msg/String", "x"), 3.0)
+    drive = opened(tmp_path / "bag")
+    assert "Without the robot's pose: no topic" in remarks_of(drive)
+    assert "Recorded were /chatter." in remarks_of(drive)
+    assert drive.overview().duration == 3
+
+
+def test_messages_that_are_not_of_their_type_are_left_out(tmp_path: Path) -> None:
+    with DriveBag(tmp_path / "bag") as bag:
+        for i in range(20):
+            bag.odometry(i / 10, i / 10, 0.0, 0.0)
+            bag.write_raw("/odom", "nav_msgs/msg/Odometry", b"\0\1\0\0garbage", i / 10 + 0.04)
+            bag.write_raw("/scan", "sensor_msgs/msg/LaserScan", b"\0\1\0\0", i / 10)
+            bag.write_raw("/tf", "tf2_msgs/msg/TFMessage", b"\0\1\0\0\xff\xff\xff\xff", i / 10)
+        bag.odometry(2.0, math.nan, 0.0, 0.0)
+    drive = opened(tmp_path / "bag")
+    assert parts_of(drive)[0].x == pytest.approx([i / 10 for i in range(20)])
+    for topic in ("/odom", "/scan", "/tf"):
+        assert f"{topic} has messages that cannot be read" in remarks_of(drive)
+
+
+@pytest.mark.parametrize("compression", [None, CompressionMode.STORAGE])
+def test_a_bag_that_ends_anywhere_is_played_as_far_as_it_goes(
+    tmp_path: Path, compression: CompressionMode | None
+) -> None:
+    folder = record_drive(tmp_path / "bag", 30.0, compression=compression)
+    (path,) = folder.glob("*.mcap")
+    (folder / "metadata.yaml").unlink()
+    content = path.read_bytes()
+    end = content.rindex(b"ros2msg") // 2  # within the messages
+    for length in (8, 40, end // 3, end):
+        path.write_bytes(content[:length])
+        if length < 50:
+            with pytest.raises(InputError, match="holds no message"):
+                opened(folder)
+            continue
+        drive = opened(folder)
+        assert "it has no end: its recorder was stopped while writing" in remarks_of(drive)
+        assert sum(len(part.times) for part in parts_of(drive)) <= 300
+
+
+def test_a_damaged_chunk_takes_nothing_else_with_it(tmp_path: Path) -> None:
+    folder = record_drive(tmp_path / "bag", 200.0, compression=CompressionMode.STORAGE)
+    (path,) = folder.glob("*.mcap")
+    before, frame, after = path.read_bytes().rpartition(b"\x28\xb5\x2f\xfd")
+    path.write_bytes(before + bytes(len(frame)) + after)
+    drive = opened(folder)
+    assert "is left out" in remarks_of(drive)
+    assert 500 < sum(len(part.times) for part in parts_of(drive)) < 2000
+
+
+def test_a_pause_of_years_is_left_out_of_the_time_line(tmp_path: Path) -> None:
+    with DriveBag(tmp_path / "bag") as bag:
+        for base in (0.0, 90e6):
+            for i in range(50):
+                bag.odometry(base + i / 10, i / 10, 0.0, 0.0)
+    drive = opened(tmp_path / "bag")
+    assert drive.overview().duration == pytest.approx(4.9 + 1 + 4.9)
+    assert "For 89,999,995 s nothing was recorded; the time line leaves" in remarks_of(drive)
+    assert sum(len(part.times) for part in parts_of(drive)) == 100
+
+
+def test_stamps_that_jump_back_do_not_tell_the_time(tmp_path: Path) -> None:
+    with DriveBag(tmp_path / "bag") as bag:
+        for i in range(100):
+            bag.odometry(i / 10, i / 10, 0.0, 0.0, stamp=(i % 50) * 2 - START / SECOND)
+    drive = opened(tmp_path / "bag")
+    assert "jump back" in remarks_of(drive)
+    assert parts_of(drive)[0].times == pytest.approx([i / 10 for i in range(100)])
+
+
+def test_a_laser_without_a_mount_is_shown_in_the_middle(tmp_path: Path) -> None:
+    with DriveBag(tmp_path / "bag") as bag:
+        bag.odometry(0.0, 0.0, 0.0, 0.0)
+        bag.odometry(1.0, 0.0, 0.0, 0.0)
+        bag.scan(0.5, [1.0, math.inf, math.nan, 20.0], frame="unknown")
+    drive = opened(tmp_path / "bag")
+    assert parts_of(drive)[0].scans == [(0.5, [100, 0])]
+    assert "where the laser of /scan is mounted" in remarks_of(drive)
+    assert "No transform leads from the poses' frame to `map`" in remarks_of(drive)
+
+
+def test_the_recorded_map_is_shown(tmp_path: Path) -> None:
+    with DriveBag(tmp_path / "bag") as bag:
+        bag.map([[0, 0, 100], [-1, 0, 100]])
+    ground = opened(tmp_path / "bag").ground()
+    assert ground is not None
+    assert (ground.columns, ground.rows, ground.resolution) == (3, 2, 0.5)
+    assert ground.runs == [2, 0, 1, 2, 1, 1, 1, 0, 1, 2]
+
+
+def spoil_nothing(_: Path) -> None:
+    pass
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda f: (f / "bag.mcap").write_bytes(b"text"), "is no MCAP file"),
+        (lambda f: (f / "bag.db3").write_bytes(b"text" * 100), "cannot be read"),
+        (lambda f: (f / "bag.mcap.zstd").write_bytes(b"x"), "zstd -d bag.mcap.zstd"),
+        (spoil_nothing, "holds no message"),
+    ],
+)
+def test_what_is_no_bag_is_an_error_in_words(
+    tmp_path: Path, spoil: Callable[[Path], object], message: str
+) -> None:
+    (tmp_path / "bag").mkdir()
+    spoil(tmp_path / "bag")
+    with pytest.raises(InputError, match=message):
+        opened(tmp_path / "bag")
