@@ -237,6 +237,42 @@ def test_a_cell_and_a_filter_choose_runs_and_the_address_says_so(
     shared.close()
 
 
+def test_a_cause_filters_everything_and_a_verdict_no_rate(page: Page, tmp_path: Path) -> None:
+    """Two causes: of 4 runs at speed 2, and of one that crashed."""
+    variants = [{"speed": speed, "map": place} for speed in (1.0, 2.0) for place in ("a", "b")]
+    root = write_campaign(tmp_path, variants=variants, runs=4, judge=judge(1, 0), outputs=False)
+    for name in ("hall-3", "hall-4"):
+        write_run(root, name, 1, 1, {}, lambda *_: "failed", outputs=False)
+    crashed = root / "hall-1" / "0" / "run.json"
+    record = {**json.loads(crashed.read_text()), "verdict": "errored", "reason": "SIGSEGV"}
+    crashed.write_text(json.dumps(record))
+    with browsing(page, tmp_path) as address:
+        page.goto(f"{address}#/campaign/{NAME}")
+        status = page.get_by_role("main").get_by_role("status")
+        cells = page.get_by_role("region", name="Matrix of configurations").get_by_role("button")
+        shares = ["1/4", "2/4", "0/4", "2/4"]
+        expect(cells.locator("small")).to_have_text(shares)
+        for chip in page.get_by_role("group", name="Verdicts").get_by_role("button").all():
+            chip.click()
+            expect(status).to_contain_text(" of 16 runs")
+            expect(cells.locator("small")).to_have_text(shares)
+            chip.click()
+        page.get_by_label("Find").fill("failed")
+        expect(status).to_have_text("4 of 16 runs")
+        expect(cells.locator("small")).to_have_text(shares)
+        page.get_by_label("Find").fill("")
+        causes = page.get_by_role("region", name="Why runs did not pass").get_by_role("button")
+        expect(causes).to_have_count(2)
+        expect(causes.first).to_contain_text("speed = 2")
+        causes.last.click()
+        expect(status).to_have_text("1 of 16 runs")
+        expect(cells.locator("small")).to_have_text(["1/4", "0/4", "0/4", "0/4"])
+        page.reload()
+        expect(causes.last).to_have_attribute("aria-pressed", "true")
+        page.get_by_role("button", name="Only the chosen cause").click()
+        expect(status).to_have_text("16 runs")
+
+
 def test_what_is_shown_can_be_saved(page: Page, server: ShownPage) -> None:
     page.goto(f"{server.address}#/campaign/{NAME}?q=speed%3D2&verdict=failed")
     expect(page.get_by_role("main").get_by_role("status")).to_have_text("4 of 48 runs")

@@ -34,6 +34,9 @@ export interface Columns {
   active: ActiveJob[];
   verdicts: Verdict[];
   reasons: string[];
+  /** What reasons have in common, and for each reason its place in that. */
+  causes: string[];
+  cause: number[];
   variants: { name: string[]; entry: string[]; values: Record<string, unknown[]> };
   runs: {
     variant: number[];

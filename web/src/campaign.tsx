@@ -1,7 +1,9 @@
 // One campaign: how it went, over any two parameters, and every run.
 import { useMemo } from "preact/hooks";
 import { address, VERDICTS, type Columns, type Verdict } from "./api";
-import { matcher, show, sorted, valueOf, variantOf, verdictOf, type Run, type Shown } from "./data";
+import { matcher, show, sorted, valueOf, variantMatcher, variantOf, verdictOf, type Run, type Shown } from "./data";
+import { FailureList } from "./failure-list";
+import { failedFor } from "./failures";
 import { count, duration, moment, plural } from "./format";
 import { Grid, type Column } from "./grid";
 import { useAnswer, type Versions } from "./live";
@@ -80,7 +82,10 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
   const aggregate = query.get("of") ?? "mean";
   const measure = useMeasure(data, colour, aggregate);
 
-  const found = useMemo(() => filtered(data, text, wanted), [data, text, wanted]);
+  const cause = query.get("cause") ?? "";
+  const isCause = useMemo(() => (cause ? failedFor(data, cause) : undefined), [data, cause]);
+  const rated = useMemo(() => data.runs.number.map((_, run) => run).filter(variantMatcher(data, text)), [data, text]);
+  const found = useMemo(() => filtered(data, text, wanted, isCause), [data, text, wanted, isCause]);
   const inCell = useMemo(
     () => found.filter((run) => isInCell(axes, cell, data.runs.variant[run]!)),
     [data, found, axes.across, axes.down, cell],
@@ -90,16 +95,22 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
     () => columnsOf(data, names, colour === "duration" ? null : measure),
     [data, names, colour, measure],
   );
+  const causes = <FailureList {...{ data, names }} runs={rated} chosen={cause} />;
   const overParameters = [
     {
       id: "matrix",
       label: "Matrix",
       show: () => (
-        <Matrix
-          {...{ data, axes, measure, chosen: cell }}
-          runs={found}
-          chooser={<Chooser campaign={data.summary.name} colour={colour} aggregate={aggregate} />}
-        />
+        <div class="beside">
+          <div>
+            <Matrix
+              {...{ data, axes, measure, chosen: cell, isBad: isCause }}
+              runs={rated}
+              chooser={<Chooser campaign={data.summary.name} colour={colour} aggregate={aggregate} />}
+            />
+          </div>
+          {causes}
+        </div>
       ),
     },
     { id: "parallel", label: "Parallel coordinates", show: () => <Parallel {...{ data, names }} runs={inCell} /> },
@@ -115,6 +126,7 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
   return (
     <>
       <Tabs tabs={views} chosen={query.get("view") ?? "matrix"} onChoose={(view) => choose({ view })} />
+      {names.length === 0 && causes}
       <h2>Runs</h2>
       <div class="tools">
         <label class="choice">
@@ -127,6 +139,11 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
           />
         </label>
         <VerdictFilter data={data} wanted={wanted} />
+        {cause && (
+          <button type="button" onClick={() => choose({ cause: "" })}>
+            Only the chosen cause ✕
+          </button>
+        )}
         {cell && (
           <button type="button" onClick={() => choose({ cell: "" })}>
             Only the chosen cell ✕
@@ -155,12 +172,15 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
   );
 }
 
-function filtered(data: Columns, text: string, wanted: string): Run[] {
+function filtered(data: Columns, text: string, wanted: string, isCause?: (run: Run) => boolean): Run[] {
   const matches = matcher(data, text);
   const verdicts = new Set(wanted.split(",").filter(Boolean));
   return data.runs.number
     .map((_, run) => run)
-    .filter((run) => (!verdicts.size || verdicts.has(verdictOf(data, run))) && matches(run));
+    .filter(
+      (run) =>
+        (!verdicts.size || verdicts.has(verdictOf(data, run))) && (!isCause || isCause(run)) && matches(run),
+    );
 }
 
 function runLink(data: Columns, run: Run): string {
@@ -180,6 +200,7 @@ function columnsOf(data: Columns, names: string[], measure: Shown | null): Colum
         </a>
       ),
     },
+    { id: "reason", label: "Reason", cell: (run) => <Reason text={data.reasons[data.runs.reason[run]!]!} /> },
     ...names.slice(0, MOST_COLUMNS).map((name): Column => {
       const kind = data.variants.values[name]!.some((one) => typeof one === "number") ? "number" : "text";
       return { id: `p:${name}`, label: name, kind, cell: value(`p:${name}`) };
@@ -194,8 +215,11 @@ function columnsOf(data: Columns, names: string[], measure: Shown | null): Colum
       ? [{ id: "m", label: measure.name, kind: "number" as const, cell: (run: Run) => show(measure.of(run)) }]
       : []),
     { id: "started", label: "Started", cell: (run) => moment(data.runs.started[run]) },
-    { id: "reason", label: "Reason", cell: value("reason") },
   ];
+}
+
+function Reason({ text }: { text: string }) {
+  return <span title={text}>{text || "–"}</span>;
 }
 
 function exported(data: Columns, rows: Run[], names: string[], measure: Shown | null): unknown[][] {

@@ -1,6 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { Columns } from "./api";
-import { axis, cells, csv, matcher, parameters, sorted } from "./data";
+import { axis, cells, csv, matcher, parameters, sorted, variantMatcher } from "./data";
+import { failedFor, failures } from "./failures";
 
 function campaign(values: Record<string, unknown[]>, verdicts: string[]): Columns {
   const names = ["passed", "failed", "errored", "interrupted"];
@@ -10,6 +11,8 @@ function campaign(values: Record<string, unknown[]>, verdicts: string[]): Column
     active: [],
     verdicts: names as Columns["verdicts"],
     reasons: ["", "goal not reached"],
+    causes: ["no reason is known", "goal not reached"],
+    cause: [0, 1],
     variants: { name: Array.from({ length: variants }, (_, i) => `hall-${i + 1}`), entry: [], values },
     runs: {
       variant: verdicts.map((_, run) => run % variants),
@@ -40,6 +43,46 @@ describe("filter", () => {
     expect(found("speed>1 duration<8")).toEqual([3]);
     expect(found("map!=hall")).toEqual([1, 3]);
     expect(found("speed=2.0")).toEqual([1, 3]);
+  });
+});
+
+describe("rates", () => {
+  const data = campaign({ speed: [1, 2], map: ["hall", "Office"] }, ["passed", "failed", "passed", "errored"]);
+  const rated = (text: string) => all(data).filter(variantMatcher(data, text));
+
+  it("are of the chosen configurations, however their runs ended", () => {
+    expect(rated("speed>1")).toEqual([1, 3]);
+    expect(rated("office")).toEqual([1, 3]);
+  });
+
+  it("are never of runs that were chosen by their end", () => {
+    for (const text of ["failed", "verdict=failed", "duration>7", "reason=x", "not reached"]) {
+      expect(rated(text)).toEqual(all(data));
+    }
+    expect(rated("speed>1 failed")).toEqual([1, 3]);
+  });
+
+  it("of a cause count its runs among all of a cell", () => {
+    const [x, y] = [axis(data, "speed"), axis(data, "")];
+    const found = cells(data, all(data), x, y, undefined, failedFor(data, "goal not reached"));
+    expect(found.map((row) => row.map(({ runs, bad }) => [runs, bad]))).toEqual([[[2, 0], [2, 1]]]);
+  });
+});
+
+describe("causes", () => {
+  const data = campaign(
+    { margin: [0.1, 0.02], map: ["a", "b"], pose: [{ x: 1 }, { x: 2 }], speed: [1, 1] },
+    ["passed", "failed", "errored", "failed", "passed", "failed"],
+  );
+  const found = failures(data, all(data), parameters(data));
+
+  it("come with the most frequent first, and with what their runs have in common", () => {
+    expect(found.map(({ cause, verdict, runs }) => [cause, verdict, runs])).toEqual([
+      ["goal not reached", "failed", [1, 3, 5]],
+      ["no reason is known", "errored", [2]],
+    ]);
+    expect(found[0]!.where).toEqual(["margin = 0.02"]); // map and pose are names of the same
+    expect(found[1]!.where).toEqual([]);
   });
 });
 

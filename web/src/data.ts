@@ -94,26 +94,51 @@ function keyOf(data: Columns, run: Run, column: string, measure?: Shown | null):
 
 const CONDITION = /^([^<>=!]+)(<=|>=|!=|=|<|>)(.*)$/;
 
+/** A word that a user types, as tests for runs. */
+interface Word {
+  test: (run: Run) => boolean;
+  /** The same, as far as it asks for configurations; null when it asks how runs went. */
+  ofVariant: ((run: Run) => boolean) | null;
+}
+
 /** A test for runs from what a user types: words, and conditions such as `speed>2` or `map=hall`. */
 export function matcher(data: Columns, text: string): (run: Run) => boolean {
-  const tests = text.split(/\s+/).filter(Boolean).map((word) => wordTest(data, word));
+  return every(wordsOf(data, text).map(({ test }) => test));
+}
+
+/** The part of it that asks for configurations: rates among runs chosen by their end would be false. */
+export function variantMatcher(data: Columns, text: string): (run: Run) => boolean {
+  return every(wordsOf(data, text).flatMap(({ ofVariant }) => ofVariant ?? []));
+}
+
+function every(tests: ((run: Run) => boolean)[]): (run: Run) => boolean {
   return (run) => tests.every((test) => test(run));
 }
 
-function wordTest(data: Columns, word: string): (run: Run) => boolean {
+function wordsOf(data: Columns, text: string): Word[] {
+  return text.split(/\s+/).filter(Boolean).map((word) => wordTest(data, word));
+}
+
+function wordTest(data: Columns, word: string): Word {
   const condition = CONDITION.exec(word);
   const column = condition && columnNamed(data, condition[1]!);
-  if (condition && column) return conditionTest(data, column, condition[2]!, condition[3]!);
+  if (condition && column) {
+    const test = conditionTest(data, column, condition[2]!, condition[3]!);
+    return { test, ofVariant: OF_OUTCOME.has(column) ? null : test };
+  }
   const needle = word.toLowerCase();
   const reasons = data.reasons.map((reason) => reason.toLowerCase().includes(needle));
   const variants = data.variants.name.map(
     (name, place) => name.toLowerCase().includes(needle) || hasValue(data, place, needle),
   );
-  return (run) =>
-    variants[data.runs.variant[run]!]! ||
-    reasons[data.runs.reason[run]!]! ||
-    verdictOf(data, run) === needle;
+  const ofVariant = (run: Run) => variants[data.runs.variant[run]!]!;
+  return {
+    test: (run) => ofVariant(run) || reasons[data.runs.reason[run]!]! || verdictOf(data, run) === needle,
+    ofVariant: variants.includes(true) ? ofVariant : null,
+  };
 }
+
+const OF_OUTCOME = new Set(["verdict", "duration", "reason"]);
 
 function hasValue(data: Columns, place: number, needle: string): boolean {
   return Object.values(data.variants.values).some((values) => {
@@ -191,18 +216,24 @@ export interface Cell {
 export type Measure = (run: Run) => unknown;
 
 /** Cells of a matrix, row by row; interrupted runs do not count. */
-export function cells(data: Columns, runs: Run[], x: Axis, y: Axis, measure?: Measure): Cell[][] {
+export function cells(
+  data: Columns,
+  runs: Run[],
+  x: Axis,
+  y: Axis,
+  measure?: Measure,
+  isBad: (run: Run) => boolean = (run) => verdictOf(data, run) !== "passed",
+): Cell[][] {
   const found = y.labels.map(() =>
     x.labels.map((): Cell => ({ runs: 0, bad: 0, sum: 0, measured: 0 })),
   );
   for (const run of runs) {
-    const verdict = verdictOf(data, run);
-    if (verdict === "interrupted") continue;
+    if (verdictOf(data, run) === "interrupted") continue;
     const variant = data.runs.variant[run]!;
     const cell = found[y.group[variant]!]?.[x.group[variant]!];
     if (!cell) continue;
     cell.runs += 1;
-    cell.bad += Number(verdict !== "passed");
+    cell.bad += Number(isBad(run));
     const value = measure?.(run);
     if (typeof value === "number") {
       cell.sum += value;

@@ -46,17 +46,19 @@ interface MatrixProps {
   chooser: ComponentChildren;
   /** Chosen cell, `column,row`. */
   chosen: string;
+  /** What counts as a failure, when not every run that did not pass does. */
+  isBad?: (run: Run) => boolean;
   /** Whether what is measured is a difference: both signs have a colour, none has 0. */
   signed?: boolean;
 }
 
 export function Matrix(props: MatrixProps) {
-  const { data, runs, chooser, chosen, signed = false } = props;
+  const { data, runs, chooser, chosen, isBad, signed = false } = props;
   const { names, x, y, across, down } = props.axes;
   const measure = props.measure?.name ?? "";
   const found = useMemo(
-    () => cells(data, runs, across, down, props.measure?.of),
-    [data, runs, across, down, props.measure],
+    () => cells(data, runs, across, down, props.measure?.of, isBad),
+    [data, runs, across, down, props.measure, isBad],
   );
   const scale = scaleOf(found.flat(), measure, signed);
   const options: [string, string][] = [["", "(all together)"], ...names.map((n): [string, string] => [n, n])];
@@ -85,7 +87,7 @@ export function Matrix(props: MatrixProps) {
       <div class="scroll" tabIndex={0} role="region" aria-label="Matrix of configurations">
         <table class={`matrix ${signed ? "" : measure ? "measure" : "rate"}`} onKeyDown={moveFocus}>
           <caption class="hidden">
-            {measure ? `Mean ${measure}` : "Failure rate"} by {x || "all"} across and {y || "all"} down
+            {measure ? `Mean ${measure}` : isBad ? "Share of runs with the chosen cause" : "Failure rate"} by {x || "all"} across and {y || "all"} down
           </caption>
           <thead>
             <tr>
