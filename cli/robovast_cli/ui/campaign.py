@@ -97,14 +97,14 @@ def resume(campaign: Path, options: LocalOptions) -> ExitCode:
 
 
 def _watch(execute: Callable[[LocalView], Summary]) -> ExitCode:
-    with _view() as view:
-        summary = execute(view)
+    with view() as shows:
+        summary = execute(shows)
     for line in summary_lines(summary):
         say_verdicts(line)
     return exit_code(summary)
 
 
-def _view() -> LocalView:
+def view() -> LocalView:
     """A live view on a terminal, lines elsewhere."""
     return LocalView(partial(LiveView, transient=True) if is_live(sys.stdout) else None)
 

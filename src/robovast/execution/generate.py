@@ -78,6 +78,7 @@ def write_execution(
     kind: str,
     image: str,
     image_revision: str,
+    replay_of: str | None = None,
 ) -> None:
     """Write `_execution/execution.yaml`: when, with what and how the campaign is executed."""
     layout.execution.mkdir(exist_ok=True)
@@ -92,6 +93,8 @@ def write_execution(
         "cluster_info": None,
         "env": document.vast.execution.env,
     }
+    if replay_of is not None:
+        record["replay_of"] = replay_of
     layout.execution_record.write_text(dump_yaml(record), encoding="utf-8")
 
 

@@ -18,7 +18,6 @@ from robovast.execution.local import (
     LocalOptions,
     Observer,
     Summary,
-    make_campaign_folder,
     planned_runs,
     recorded_seed,
     resume_campaign,
@@ -28,7 +27,7 @@ from robovast.execution.local.campaign import executing
 from robovast.execution.local.choose import choose_runtime
 from robovast.execution.local.growing import GrowingCampaign
 from robovast.execution.local.session import Session
-from robovast.execution.local.store import explained
+from robovast.execution.local.store import explained, make_campaign_folder, refuse_bytes
 from robovast.execution.local.variants import campaign_seed, choose_variants
 from robovast.model.document import Document, load_document
 from robovast.model.expansion import Composition
@@ -62,6 +61,7 @@ def execute_document(
 
 def resume(campaign: Path, options: LocalOptions, observer: Observer) -> Summary:
     """Continue a campaign or a search; see `resume_campaign`."""
+    refuse_bytes(campaign)
     layout = Layout(campaign.absolute())
     document = load_document(layout.config / str(read_configurations(layout).get("vast")))
     if document.vast.search is None:

@@ -60,6 +60,15 @@ bad.vast:4:9: execution.seed: must be at most 2147483647, not 2147483648
 error: 1 problem in bad.vast
 """,
     ),
+    "outputs that cannot be compared": (
+        HEAD + TAIL + "  compare: [{out.csv: much}, {a.csv: -1}, 3]\n",
+        """\
+bad.vast:4:13: execution.compare[0]: the tolerance of `out.csv` is no number
+bad.vast:4:30: execution.compare[1]: must be at least 0, not -1
+bad.vast:4:43: execution.compare[2]: must be a glob pattern, or one with its tolerance, not 3
+error: 3 problems in bad.vast
+""",
+    ),
     "unknown keys": (
         HEAD + "configuraton: []\n" + TAIL + "  run_per_job: 3\n",
         """\

@@ -73,7 +73,7 @@ def read_bag(folder: Path, info: BagInfo, subscribe: Subscribe, warn: Warn) -> N
     if not files:
         warn(f"{folder.name} has no .mcap or .db3 file")
     for file in files:
-        _read_file(file, subscribe, warn)
+        read_file(file, subscribe, warn)
 
 
 def _files(folder: Path) -> list[Path]:
@@ -90,7 +90,8 @@ def _natural(name: str) -> list[tuple[int, str]]:
     return [(int(part or 0), text) for text, part in re.findall(r"(\D*)(\d*)", name)]
 
 
-def _read_file(path: Path, subscribe: Subscribe, warn: Warn) -> None:
+def read_file(path: Path, subscribe: Subscribe, warn: Warn) -> None:
+    """Pass every message of one file of a bag to its topic's consumer; see `read_bag`."""
     if path.name.endswith(".mcap"):
         with open_file(path) as file:
             read_mcap(file, path.name, subscribe, warn)
@@ -108,7 +109,7 @@ def _read_compressed(path: Path, subscribe: Subscribe, warn: Warn) -> None:
                 copyfileobj(zstandard.ZstdDecompressor().stream_reader(source), target)
             except zstandard.ZstdError as error:
                 warn(f"{path.name} is damaged: {error}")
-        _read_file(plain, subscribe, warn)
+        read_file(plain, subscribe, warn)
 
 
 def _decompressing(subscribe: Subscribe, warn: Warn) -> Subscribe:

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import errno
-import os
 from collections.abc import Sequence
-from contextlib import suppress
-from datetime import datetime, timedelta
-from itertools import count
+from datetime import datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from robovast.base.atomic import make_folder, sync_folder, sync_tree
-from robovast.base.errors import InputError, StorageError
-from robovast.base.file_errors import cause, refuse_obstacle
+from robovast.base.atomic import sync_folder, sync_tree
+from robovast.base.errors import InputError
 from robovast.base.yaml_files import read_mapping
 from robovast.campaign.configurations import read_variants
 from robovast.campaign.layout import Layout
@@ -23,12 +18,12 @@ from robovast.execution.local.campaign import execute_campaign
 from robovast.execution.local.choose import choose_runtime
 from robovast.execution.local.events import LocalOptions, Observer, Summary
 from robovast.execution.local.prepare import open_shell, prepare_run
+from robovast.execution.local.replay import replay_run
 from robovast.execution.local.session import Session
-from robovast.execution.local.store import explained
+from robovast.execution.local.store import explained, make_campaign_folder, refuse_bytes
 from robovast.execution.local.variants import campaign_seed, choose_variants
 from robovast.model.document import Document, load_document
 from robovast.model.expansion import Variant, select_variants
-from robovast.model.naming import campaign_folder_name
 from robovast.model.plan import plan_runs, plan_variants
 
 __all__ = [
@@ -37,6 +32,7 @@ __all__ = [
     "Summary",
     "open_shell",
     "prepare_run",
+    "replay_run",
     "resume_campaign",
     "run_campaign",
 ]
@@ -87,7 +83,7 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
         CannotRunError: the runtime is not usable.
         StorageError: results cannot be written, or another program executes the campaign.
     """
-    _refuse_bytes(campaign)
+    refuse_bytes(campaign)
     layout = Layout(campaign.absolute())
     name, variants = read_variants(layout)
     document = load_document(layout.config / name)
@@ -100,37 +96,6 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
     runtime = choose_runtime(document, options, observer.message)
     session = Session(document, layout, options, runtime, runtime.check())
     return execute_campaign(session, plan, runs, observer)
-
-
-def make_campaign_folder(output: Path, name: str, started: datetime) -> Layout:
-    """Create a campaign's folder, named after the first second that is not taken yet."""
-    refuse_obstacle(output)
-    _refuse_bytes(output)
-    try:
-        make_folder(output)
-        for seconds in count():
-            root = output.absolute() / campaign_folder_name(name, started + timedelta(0, seconds))
-            with suppress(FileExistsError):
-                root.mkdir()
-                break
-    except OSError as error:
-        why = "no folder can be made in it" if error.errno == errno.ENOENT else cause(error)
-        raise StorageError(
-            f"{output}: results cannot be written there: {why}. Choose another folder."
-        ) from None
-    if not os.access(root, os.W_OK):
-        raise StorageError(f"{root}: cannot be written.")
-    return Layout(root)
-
-
-def _refuse_bytes(folder: Path) -> None:
-    """Raise a StorageError for a path that is not text: containers and records must name it."""
-    try:
-        str(folder.absolute()).encode()
-    except UnicodeEncodeError:
-        raise StorageError(
-            f"{folder.absolute()}: the path is not text in UTF-8. Choose or rename a folder."
-        ) from None
 
 
 def _stored_files(layout: Layout, variants: Sequence[Variant]) -> list[Variant]:
@@ -164,7 +129,13 @@ def planned_runs(layout: Layout) -> int:
 
 def recorded_seed(layout: Layout) -> int | None:
     """The seed that a campaign began with; None when an older version began it."""
-    found = read_mapping(layout.execution_record).get("seed")
+    record = read_mapping(layout.execution_record)
+    if "replay_of" in record:
+        raise InputError(
+            f"{layout.root} is a replay of {record['replay_of']}, which cannot be continued: "
+            "`vast replay` begins another one."
+        )
+    found = record.get("seed")
     if found is None or type(found) is int:
         return found
     raise InputError(f"{layout.execution_record}: `seed` must be a whole number, not {found!r}.")

@@ -5,21 +5,59 @@ from __future__ import annotations
 import errno
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from datetime import datetime, timedelta
 from itertools import count
 from pathlib import Path
 
 from robovast.base.atomic import make_folder, put_in_place
 from robovast.base.errors import StorageError
+from robovast.base.file_errors import cause, refuse_obstacle
 from robovast.campaign.layout import JOB_LINK, Layout, job_link_target
 from robovast.campaign.own_names import set_own_names_aside
 from robovast.campaign.records import Circumstances, EndedRun, make_record
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.execution.local.session import Session
+from robovast.model.naming import campaign_folder_name
 from robovast.model.plan import Run
 
 _NAMED = 3
 """Most runs that a message names."""
+
+
+def make_campaign_folder(output: Path, name: str, started: datetime) -> Layout:
+    """Create a campaign's folder, named after the first second that is not taken yet.
+
+    Raises:
+        StorageError: it cannot be created.
+    """
+    refuse_obstacle(output)
+    refuse_bytes(output)
+    try:
+        make_folder(output)
+        for seconds in count():
+            root = output.absolute() / campaign_folder_name(name, started + timedelta(0, seconds))
+            with suppress(FileExistsError):
+                root.mkdir()
+                break
+    except OSError as error:
+        why = "no folder can be made in it" if error.errno == errno.ENOENT else cause(error)
+        raise StorageError(
+            f"{output}: results cannot be written there: {why}. Choose another folder."
+        ) from None
+    if not os.access(root, os.W_OK):
+        raise StorageError(f"{root}: cannot be written.")
+    return Layout(root)
+
+
+def refuse_bytes(folder: Path) -> None:
+    """Raise a StorageError for a path that is not text: containers and records must name it."""
+    try:
+        str(folder.absolute()).encode()
+    except UnicodeEncodeError:
+        raise StorageError(
+            f"{folder.absolute()}: the path is not text in UTF-8. Choose or rename a folder."
+        ) from None
 
 
 def store_run(session: Session, ended: EndedRun) -> RunRecord:

@@ -238,6 +238,59 @@ class Kubernetes(Section):
     """The pods that compose a campaign and process its results."""
 
 
+class Output(BaseModel):
+    """Outputs of a run that a replay compares: `pattern`, or `pattern: tolerance`."""
+
+    model_config = ConfigDict(frozen=True)
+
+    pattern: Annotated[str, Field(min_length=1)]
+    """Glob pattern of paths in the run's folder; `BAG:/topic` compares the messages of a topic."""
+    tolerance: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0
+    """Largest difference of two numbers in a table."""
+
+    @property
+    def files(self) -> str:
+        """The pattern of the files."""
+        return self.pattern.partition(":/")[0]
+
+    @property
+    def topic(self) -> str:
+        """The topic of bags; empty when whole files are compared."""
+        return "".join(self.pattern.partition(":/")[1:])[1:]
+
+
+def _parse_output(value: Any) -> Any:
+    if isinstance(value, str):
+        return {"pattern": value}
+    if isinstance(value, dict) and len(value) == 1:
+        ((pattern, tolerance),) = value.items()
+        if type(tolerance) in {int, float}:
+            return {"pattern": pattern, "tolerance": tolerance}
+        raise PydanticCustomError(
+            "output_tolerance", "the tolerance of `{pattern}` is no number", {"pattern": pattern}
+        )
+    raise PydanticCustomError("output", "must be a glob pattern, or one with its tolerance")
+
+
+ComparedOutput = Annotated[
+    Output,
+    BeforeValidator(_parse_output),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "string", "minLength": 1},
+                {
+                    "type": "object",
+                    "minProperties": 1,
+                    "maxProperties": 1,
+                    "additionalProperties": {"type": "number", "minimum": 0},
+                },
+            ]
+        }
+    ),
+]
+
+
 class Execution(Section):
     """How and where runs are executed."""
 
@@ -269,6 +322,8 @@ class Execution(Section):
     """Limits of the main container."""
     secondary_containers: list[Secondary] = Field(default_factory=list)
     """Containers that run beside the main one."""
+    compare: list[ComparedOutput] | None = None
+    """Outputs that `vast replay` compares (docs/confidence.md); all CSV files when omitted."""
     local: Local = Field(default_factory=Local)
     """Settings of local runs only."""
     kubernetes: Kubernetes = Field(default_factory=Kubernetes)

@@ -10,7 +10,13 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from robovast.model.document.model import Pair, PluginCall, SecondaryContainer, Vast
+from robovast.model.document.model import (
+    Output,
+    Pair,
+    PluginCall,
+    SecondaryContainer,
+    Vast,
+)
 
 _INTRODUCTION = """\
 # The .vast file
@@ -95,6 +101,8 @@ def _type(annotation: Any) -> str:
         return ", ".join(f"`{value}`" for value in arguments)
     if annotation is PluginCall:
         return "plugin"
+    if annotation is Output:
+        return "pattern, or pattern with its tolerance"
     if annotation is SecondaryContainer:
         return "name, or name with `resources`"
     return _NAMES.get(annotation, "section")
@@ -102,6 +110,6 @@ def _type(annotation: Any) -> str:
 
 def _models(annotation: Any) -> list[type[BaseModel]]:
     if isinstance(annotation, type):
-        named = issubclass(annotation, BaseModel) and annotation is not PluginCall
+        named = issubclass(annotation, BaseModel) and annotation not in (PluginCall, Output)
         return [annotation] if named else []
     return [model for part in get_args(annotation) for model in _models(part)]

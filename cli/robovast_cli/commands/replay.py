@@ -1,0 +1,74 @@
+"""`vast replay`: execute a stored run again, and compare."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from robovast_cli.lazy import new_app
+
+app = new_app("Execute a run again, with its files, parameters, seed and image, and compare.")
+
+
+@app.command()
+def replay(
+    run: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RUN", help="Folder of the run: `<campaign>/<configuration>/<run>`."
+        ),
+    ],
+    times: Annotated[
+        int,
+        typer.Option(
+            "-n",
+            "--times",
+            min=1,
+            max=100_000,
+            help="How often; from 2 on it is told whether the harness is flaky.",
+        ),
+    ] = 1,
+    out: Annotated[
+        Path,
+        typer.Option("--out", metavar="PATH", help="Folder for the new campaign's folder."),
+    ] = Path("replays"),
+    compare: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--compare",
+            metavar="GLOB",
+            help="Output to compare, in place of the document's; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    runtime: Annotated[
+        Literal["same", "docker", "podman", "process"],
+        typer.Option("--runtime", help="What executes it; the same as then when omitted."),
+    ] = "same",
+    image: Annotated[
+        str | None,
+        typer.Option(
+            "-i",
+            "--image",
+            help="Container image, in place of the one that ran.",
+            show_default=False,
+        ),
+    ] = None,
+    jobs: Annotated[
+        int,
+        typer.Option("-j", "--jobs", min=1, help="Replays side by side."),
+    ] = 1,
+) -> int:
+    """Execute a run again, with its files, parameters, seed and image, and compare.
+
+    The run stays as it is. Verdict and outputs are compared: those that `execution.compare` names,
+    else all CSV files that the run wrote. Exit code 0: all replays had the run's result; 1: one
+    had another; 130: interrupted.
+
+    Example: vast replay results/hall-2026-03-04-152130/hall-1/0 --times 10
+    """
+    from robovast_cli.ui.replay import replayed
+
+    return replayed(run, out, times, compare, runtime=runtime, image=image, jobs=jobs)

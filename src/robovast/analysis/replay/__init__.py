@@ -1,0 +1,1 @@
+"""Compares replays with the run that they repeat."""

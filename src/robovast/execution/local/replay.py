@@ -1,0 +1,197 @@
+"""Executes a stored run again: with its files, parameters, seed and image, in a new folder."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from robovast.base.atomic import sync_folder, sync_tree
+from robovast.base.containers import ENGINES, check_engine, fetch_image
+from robovast.base.errors import InputError
+from robovast.base.serialization import dump_yaml
+from robovast.base.version import __version__
+from robovast.base.yaml_files import read_mapping
+from robovast.campaign.configurations import read_configurations, variant_of
+from robovast.campaign.layout import Layout
+from robovast.campaign.run_record import RunRecord, read_run_record
+from robovast.execution.generate import write_execution
+from robovast.execution.local.campaign import execute_campaign
+from robovast.execution.local.choose import choose_runtime
+from robovast.execution.local.events import LocalOptions, Observer, Summary
+from robovast.execution.local.runtime import Identity, Runtime
+from robovast.execution.local.session import Session
+from robovast.execution.local.store import explained, make_campaign_folder
+from robovast.model.document import load_document
+from robovast.model.expansion import Variant
+from robovast.model.naming import CONFIG
+from robovast.model.packs import Block, PlanSpec
+from robovast.model.plan import plan_runs
+
+OWN_RUNTIME = "same"
+"""The runtime that executed the run."""
+
+_OF_EXECUTION = (
+    "job*", "bad-runs-*", "configurations.yaml", "owner.json", "postprocessing.yaml", "variants",
+)  # fmt: skip
+"""Names in `_transient` of what belongs to the campaign's execution."""
+
+
+@dataclass(frozen=True)
+class StoredRun:
+    """A run that was executed, and the campaign's files about it."""
+
+    layout: Layout
+    variant: Variant
+    record: RunRecord
+    number: int
+    """Name of its folder: a merged campaign has given it another than its record says."""
+    configurations: Mapping[str, Any]
+    """`configurations.yaml` of the campaign, with this run's variant alone."""
+
+    @property
+    def path(self) -> str:
+        """`<variant>/<number>`."""
+        return f"{self.variant.name}/{self.number}"
+
+    @property
+    def folder(self) -> Path:
+        """What it left."""
+        return self.layout.run(self.path)
+
+    @cached_property
+    def image(self) -> str:
+        """The image that ran, by its digest where that is known."""
+        return self.record.image_digest or self.record.image
+
+
+def find_run(folder: Path) -> StoredRun:
+    """The run in a folder `<campaign>/<variant>/<run>`.
+
+    Raises:
+        InputError: there is no run with a result, or files of its campaign are missing.
+    """
+    folder = folder.absolute()
+    record = read_run_record(folder)
+    if record is None or not folder.name.isdecimal():
+        raise InputError(
+            f"{folder}: there is no run with a `run.json` of this version. Name the folder of a "
+            "run, `<campaign>/<configuration>/<run>`."
+        )
+    if not record.finished:
+        raise InputError(f"{folder}: was interrupted, so that there is nothing to compare with.")
+    layout, name = Layout(folder.parent.parent), folder.parent.name
+    data = read_configurations(layout)
+    items = [item for item in data["configs"] if item.get("name") == name]
+    if not items:
+        raise InputError(f"{layout.configurations}: has no configuration `{name}`.")
+    run = StoredRun(
+        layout, variant_of(layout, items[0]), record, int(folder.name), {**data, "configs": items}
+    )
+    _check_files(run)
+    return run
+
+
+def _check_files(run: StoredRun) -> None:
+    data = run.configurations
+    named = [*(data.get("_input_files") or ()), *(data.get("_run_files") or ())]
+    wanted = [run.layout.config / str(name) for name in named]
+    wanted += [file.source for file in run.variant.files]
+    gone = sorted({path.relative_to(run.layout.root) for path in wanted if not path.is_file()})
+    if gone:
+        raise InputError(
+            f"{run.folder}: cannot be replayed, since files of its campaign are gone: "
+            f"{', '.join(map(str, gone))}. Put them back, or download the campaign again."
+        )
+
+
+def replay_run(
+    run: StoredRun, output: Path, times: int, options: LocalOptions, observer: Observer
+) -> Summary:
+    """Execute a run again, in a new campaign's folder below `output`; the run stays as it is.
+
+    Raises:
+        InputError: the campaign's document cannot be read.
+        CannotRunError: the runtime is not usable, or the image is gone.
+        StorageError: `output` cannot be written.
+    """
+    document = load_document(run.layout.config / str(run.configurations["vast"]))
+    options = _as_then(run, options)
+    runtime = choose_runtime(document, options, observer.message)
+    identity = _check(run, options, runtime, observer.message)
+    started = datetime.now().astimezone()
+    layout = make_campaign_folder(output, f"{document.vast.campaign_name}-replay", started)
+    with explained(layout.root):
+        _copy_inputs(run, layout)
+        write_execution(
+            layout,
+            document,
+            started=started,
+            runs=times,
+            seed=None,
+            kind="local",
+            image=identity.image,
+            image_revision=identity.digest,
+            replay_of=f"{run.record.campaign}/{run.path}",
+        )
+        sync_tree(layout.root)
+        sync_folder(output)
+    block = Block(first_variant=0, variants=1, first_run=run.number, runs=times)
+    plan = PlanSpec(blocks=(block,))
+    variant = variant_of(layout, run.configurations["configs"][0])
+    runs = [dataclasses.replace(r, seed=run.record.seed) for r in plan_runs(plan, [variant])]
+    copied = load_document(layout.config / document.path.name)
+    session = Session(copied, layout, options, runtime, identity)
+    return execute_campaign(session, plan, runs, observer)
+
+
+def _as_then(run: StoredRun, options: LocalOptions) -> LocalOptions:
+    """The options, with runtime and image of the run unless others are chosen."""
+    known = {*ENGINES, "process"}
+    own = run.record.runtime if run.record.runtime in known else "auto"
+    runtime = own if options.runtime == OWN_RUNTIME else options.runtime
+    in_container = run.record.runtime != "process"
+    image = options.image or (run.image if in_container else None)
+    return dataclasses.replace(options, runtime=runtime, image=image)
+
+
+def _check(
+    run: StoredRun, options: LocalOptions, runtime: Runtime, message: Callable[[str], None]
+) -> Identity:
+    """Check the runtime, and say what is not as it was."""
+    record = run.record
+    executed = read_mapping(run.layout.execution_record).get("robovast_version")
+    if runtime.name in ENGINES and options.image is not None:
+        check_engine(runtime.name, "replay it elsewhere")
+        tag = f"replay it with what its name means today: `--image {record.image}`"
+        fetch_image(runtime.name, options.image, message, tag)
+        if options.image == record.image != run.image:
+            message(f"Executed with {options.image}, whatever it is now; then it was {run.image}.")
+        elif not record.image_digest and options.image == record.image:
+            message(f"The digest of {record.image} was not recorded; it may be another image now.")
+    identity = runtime.check()
+    if runtime.name != record.runtime:
+        message(f"Executed by {runtime.name}; then it was {record.runtime}.")
+    elif runtime.name == "process" and identity.image != record.image:
+        message(f"Executed in the environment {identity.image}; then it was {record.image}.")
+    if executed not in {None, __version__}:
+        message(f"Executed by RoboVAST {__version__}; then it was {executed}.")
+    if record.seed is None:
+        message("No seed was recorded: what differs may differ by chance.")
+    return identity
+
+
+def _copy_inputs(run: StoredRun, layout: Layout) -> None:
+    """Copy what the run was made from into a new campaign's folder; links stay links."""
+    shutil.copytree(run.layout.config, layout.config, symlinks=True)
+    ignored = shutil.ignore_patterns(*_OF_EXECUTION)
+    shutil.copytree(run.layout.transient, layout.transient, symlinks=True, ignore=ignored)
+    layout.configurations.write_text(dump_yaml(run.configurations), encoding="utf-8")
+    own = run.layout.variant_config(run.variant.name)
+    if own.is_dir():
+        shutil.copytree(own, layout.variant(run.variant.name) / CONFIG, symlinks=True)
