@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
-from dataclasses import asdict
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+from robovast.base.statistics import LEVEL
+from robovast.campaign.failure_groups import FailureGroup
 from robovast.campaign.verdict import Verdict
+from robovast.evaluation.effects import Effect, Side
 from robovast.evaluation.rates import MOST_RUNS, CampaignRates, Rate, State, VariantRate
 from robovast_cli.ui.listing import WIDEST_CELL, format_table
 from robovast_cli.ui.output import say_data
@@ -15,20 +18,40 @@ from robovast_cli.ui.output import say_data
 Format = Literal["text", "json"]
 
 _COLUMNS = ["CONFIGURATION", "STATE", "NOT PASSED", "RATE", "95 % INTERVAL", "MORE RUNS", "REASON"]
+_CAUSE_COLUMNS = ["RUNS", "CAUSE", "VERDICT", "FIRST"]
+_EFFECT_COLUMNS = [
+    "PARAMETER",
+    "WORSE WHERE",
+    "NOT PASSED",
+    "OTHERWISE",
+    "DIFFERENCE (95 %)",
+    "BY CHANCE",
+]
+_CHANCE = "No parameter explains the failures better than chance.\n"
 _ANYTIME = (
     "Runs are missing, so the intervals are such that hold however often one looks meanwhile."
 )
 
 
-def print_summary(rates: CampaignRates, output: Format, worst: int) -> None:
+@dataclass(frozen=True)
+class Findings:
+    """What is known of a campaign."""
+
+    rates: CampaignRates
+    causes: Sequence[FailureGroup[str]]
+    """Runs that did not pass, by cause."""
+    effects: Sequence[Effect]
+
+
+def print_summary(findings: Findings, output: Format, worst: int) -> None:
     """Print how a campaign went.
 
     Args:
-        rates: the campaign.
+        findings: what is known of the campaign.
         output: how.
-        worst: number of configurations in the text; 0 means all.
+        worst: number of configurations, and of causes, in the text; 0 means all.
     """
-    say_data(_json(rates) if output == "json" else _text(rates, worst))
+    say_data(_json(findings) if output == "json" else _text(findings, worst))
 
 
 def percent(share: float) -> str:
@@ -42,8 +65,8 @@ def interval_text(low: float, high: float) -> str:
     return f"{percent(low).removesuffix(' %')} – {percent(high)}"
 
 
-def _json(rates: CampaignRates) -> str:
-    summary = rates.summary
+def _json(findings: Findings) -> str:
+    rates, summary = findings.rates, findings.rates.summary
     data: dict[str, Any] = {
         "campaign": summary.name,
         "state": summary.state,
@@ -53,17 +76,56 @@ def _json(rates: CampaignRates) -> str:
         "interval": rates.method,
         "states": rates.states,
         "overall": asdict(rates.overall),
+        "causes": [asdict(group) for group in findings.causes],
+        "effects": [asdict(effect) for effect in findings.effects],
         "configurations": [asdict(variant) for variant in rates.configurations],
     }
     return json.dumps(data, indent=1, ensure_ascii=False) + "\n"
 
 
-def _text(rates: CampaignRates, worst: int) -> str:
+def _text(findings: Findings, worst: int) -> str:
+    rates = findings.rates
     shown = rates.configurations[: worst or None]
     left = rates.configurations[len(shown) :]
     table = format_table(_COLUMNS, map(_row, shown))
     more = f"… and {len(left)} more: {_states(left)} (`-n 0` shows all)\n" if left else ""
-    return f"{table}{more}\n{_counts(rates)}"
+    return f"{table}{more}\n{_causes(findings.causes, worst)}{_effects(findings)}{_counts(rates)}"
+
+
+def _causes(causes: Sequence[FailureGroup[str]], most: int) -> str:
+    if not causes:
+        return ""
+    shown = causes[: most or None]
+    rows = [
+        [str(len(group.runs)), group.cause[:WIDEST_CELL], ", ".join(group.verdicts), group.runs[0]]
+        for group in shown
+    ]
+    left = len(causes) - len(shown)
+    more = f"… and {left} more causes (`-n 0` shows all)\n" if left else ""
+    return f"{format_table(_CAUSE_COLUMNS, rows)}{more}\n"
+
+
+def _effects(findings: Findings) -> str:
+    """The parameters that explain failures; chance explains the others."""
+    clear = [effect for effect in findings.effects if effect.p < LEVEL]
+    if clear:
+        return f"{format_table(_EFFECT_COLUMNS, map(_effect, clear))}\n"
+    return _CHANCE if findings.effects else ""
+
+
+def _effect(effect: Effect) -> list[str]:
+    return [
+        " = ".join([effect.parameter, *effect.same])[:WIDEST_CELL],
+        effect.worse.condition[:WIDEST_CELL],
+        _side(effect.worse),
+        _side(effect.better),
+        f"{100 * effect.low:+.0f} to {100 * effect.high:+.0f} points",
+        f"{effect.p:.1g}",
+    ]
+
+
+def _side(side: Side) -> str:
+    return f"{percent(side.rate)} of {side.runs}"
 
 
 def _row(variant: VariantRate) -> list[str]:

@@ -58,6 +58,29 @@ def test_json_has_everything(vast, results) -> None:
     )
 
 
+def test_it_says_why_runs_fail_and_which_parameter_makes_them(vast, results) -> None:
+    outcome = vast("results", "summary", NAME)
+    assert "35    goal not reached: no goal after 20 s  failed   hall-2/0\n" in outcome.out
+    assert "No parameter explains the failures better than chance." in outcome.out
+    write_campaign(
+        results,
+        "margins",
+        variants=[{"margin": margin, "x": x} for margin in (0.02, 0.1) for x in range(6)],
+        runs=10,
+        judge=lambda parameters, number: (
+            "failed" if number < (8 if parameters["margin"] < 0.05 else 1) else "passed"
+        ),
+        outputs=False,
+    )
+    outcome = vast("results", "summary", "margins")
+    assert "margin     ≤ 0.02       80 % of 60  10 % of 60  +5" in outcome.out
+    (effect, _) = json.loads(vast("results", "summary", "margins", "-o", "json").out)["effects"]
+    assert (effect["parameter"], effect["worse"]) == (
+        "margin",
+        {"condition": "≤ 0.02", "bad": 48, "runs": 60},
+    )
+
+
 def test_while_runs_are_missing_it_says_which_intervals_these_are(vast, results) -> None:
     path = results / NAME / "_execution" / "execution.yaml"
     path.write_text(path.read_text().replace("runs: 40", "runs: 50"))
