@@ -11,11 +11,12 @@ from robovast_testbed import debian
 from robovast_testbed.pytest_plugin import skipped_when_unavailable
 
 ROOT = Path(__file__).parents[2]
+NAMES = ("example", "find-python", "lock", "ros-environment", "setup", "test")
 SCRIPTS = [
     *sorted(ROOT.glob("src/robovast/execution/contract/*.sh")),
     *sorted(ROOT.glob("src/robovast/analysis/postprocessing/tools/*.sh")),
     *sorted(ROOT.glob("configs/examples/*/files/*.sh")),
-    *(ROOT / "scripts" / name for name in ("example", "lock", "ros-environment", "setup", "test")),
+    *(ROOT / "scripts" / name for name in NAMES),
     ROOT / "src/robovast/agent/start.sh",
     ROOT / "src/robovast/execution/local/run.sh.in",
     ROOT / "container/build.sh",
