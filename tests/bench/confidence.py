@@ -1,12 +1,16 @@
 #!/usr/bin/env python3
 """How sure the statements about campaigns are, and how long a summary of a large one takes.
 
-    python tests/bench/confidence.py [--campaigns 2000] [--runs 100000]
+    python tests/bench/confidence.py [--campaigns 2000] [--runs 100000] [--pairs 400]
 
 Simulates campaigns whose true rates are known. Coverage: how often an interval that is looked at
 after every 5 of 100 runs misses the truth at least once, the anytime interval beside Wilson's.
-Summary: `vast results summary` of a stored campaign of so many runs, beside reading its records
-alone (open, read, close), in turns; wall and CPU time.
+Gate: two campaigns of 20 configurations, 20 runs each, of which 70 % hardly fail, 10 % always and
+the others sometimes; in the second one each fails more often by 0, 5, 10 or 20 points. How often
+the gate says "worse": by Fisher's test, and by pairs where the seed decides what happens in nine of
+ten runs; and how often "more failed than before". Summary: `vast results summary` of a stored
+campaign of so many runs, beside reading its records alone (open, read, close), in turns; wall and
+CPU time.
 """
 
 from __future__ import annotations
@@ -25,6 +29,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from robovast.base.statistics import anytime, wilson
+from robovast.campaign.verdict import Verdict
+from robovast.evaluation.compare import compare
+from robovast.evaluation.summaries import RunSummary, VariantRuns
 
 VAST = str(Path(sys.executable).with_name("vast"))
 NAME = "hall-2026-03-04-132444"
@@ -41,6 +48,56 @@ def missed(campaigns: int, rng: random.Random) -> dict[str, float]:
             ranges = (interval(bad, n) for bad, n in looks)
             wrong[interval] += not all(low <= rate <= high for low, high in ranges)
     return {interval.__name__: count / campaigns for interval, count in wrong.items()}
+
+
+def simulated(rates: list[float], chances: list[list[float]], *, seeded: bool) -> list[VariantRuns]:
+    """A campaign whose run fails if its chance is below the rate of its configuration."""
+    return [
+        VariantRuns(
+            f"hall-{place}",
+            "hall",
+            {"speed": place},
+            tuple(
+                RunSummary(
+                    number,
+                    Verdict.FAILED if chance < rate else Verdict.PASSED,
+                    "",
+                    None,
+                    None,
+                    100 * place + number if seeded else None,
+                )
+                for number, chance in enumerate(chances[place])
+            ),
+        )
+        for place, rate in enumerate(rates)
+    ]
+
+
+def found_worse(pairs: int, rise: float, rng: random.Random) -> dict[str, float]:
+    """How often so many pairs of campaigns are said to have got worse, by method."""
+    said = dict.fromkeys(("Fisher", "equal seeds", "more failed"), 0)
+    for _ in range(pairs):
+        before = [
+            *(rng.uniform(0, 0.02) for _ in range(14)),
+            *(1.0 for _ in range(2)),
+            *(rng.uniform(0.05, 0.5) for _ in range(4)),
+        ]
+        after = [min(1.0, rate + rise) for rate in before]
+        chances, others = ([[rng.random() for _ in range(20)] for _ in before] for _ in range(2))
+        mixed = [
+            [other if rng.random() < 0.1 else chance for chance, other in zip(*both, strict=True)]
+            for both in zip(chances, others, strict=True)
+        ]
+        base, apart, alike = (
+            simulated(before, chances, seeded=True),
+            simulated(after, others, seeded=False),
+            simulated(after, mixed, seeded=True),
+        )
+        by_fisher = compare(base, apart)
+        said["Fisher"] += by_fisher.result == "worse"
+        said["equal seeds"] += compare(base, alike).result == "worse"
+        said["more failed"] += by_fisher.overall.b.bad > by_fisher.overall.a.bad
+    return {method: count / pairs for method, count in said.items()}
 
 
 def write_campaign(results: Path, variants: int, runs: int, rng: random.Random) -> Path:
@@ -127,11 +184,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--campaigns", type=int, default=2000)
     parser.add_argument("--runs", type=int, default=100_000)
+    parser.add_argument("--pairs", type=int, default=400)
     arguments = parser.parse_args()
     rng = random.Random(1)  # noqa: S311
     print(f"{arguments.campaigns} campaigns looked at after every 5 of 100 runs; goal 5 %")
     for name, share in missed(arguments.campaigns, rng).items():
         print(f"{name}: misses the truth at least once in {share:.1%}")
+    print(f"said to be worse, of {arguments.pairs} pairs of campaigns; goal 5 % without a rise")
+    for points in (0, 5, 10, 20):
+        shares = found_worse(arguments.pairs, points / 100, rng).items()
+        told = ", ".join(f"{method} {share:.1%}" for method, share in shares)
+        print(f"{points:2} points: {told}")
     print(f"summary of {arguments.runs} runs; goal 2 s")
     measure_summary(arguments.runs, rng)
 

@@ -15,7 +15,11 @@ from robovast.base.statistics import (
     fisher_exact,
     holm,
     least,
+    mcnemar_exact,
     newcombe,
+    normal_p,
+    normal_p_of_pairs,
+    paired_interval,
     wilson,
 )
 
@@ -96,3 +100,27 @@ def test_holm() -> None:
 def test_the_least_number_that_is_enough() -> None:
     assert [least(lambda n: n >= 7, most) for most in (6, 7, 1000)] == [None, 7, 7]
     assert least(lambda n: True, 10) == 1
+
+
+@given(COUNT, COUNT)
+def test_mcnemar_is_the_sign_test_of_what_changed(worse: int, better: int) -> None:
+    known = stats.binomtest(worse, worse + better).pvalue if worse + better else 1.0
+    assert mcnemar_exact(worse, better) == pytest.approx(known)
+
+
+@given(COUNT, COUNT, COUNT)
+def test_an_interval_by_pairs_contains_the_difference(worse: int, better: int, same: int) -> None:
+    pairs = worse + better + same
+    low, high = paired_interval(worse, better, pairs)
+    assert -1 <= low <= (worse - better) / (pairs or 1) <= high <= 1
+
+
+def test_an_interval_by_pairs_agrees_with_an_example_by_hand() -> None:
+    # 10 of 50 pairs got worse, 3 better: 7 / 52 ± 1.96 · √(14 - 49 / 52) / 52
+    assert paired_interval(10, 3, 50) == pytest.approx((-0.00163, 0.27086), abs=1e-4)
+
+
+def test_the_approximation_for_plans_is_near_the_exact_tests() -> None:
+    assert normal_p(10, 100, 25, 100) == pytest.approx(fisher_exact(10, 90, 25, 75), abs=0.005)
+    assert normal_p_of_pairs(40, 20) == pytest.approx(mcnemar_exact(40, 20), abs=0.005)
+    assert normal_p(0, 5, 0, 5) == normal_p_of_pairs(0, 0) == 1

@@ -29,6 +29,8 @@ class ExitCode(IntEnum):
     """At least one run has no verdict (crash, timeout), and no run has failed."""
     STORAGE = 5
     """Results cannot be written: no permission, disk full, campaign exists."""
+    UNCLEAR = 6
+    """A comparison cannot tell whether something got worse, and was asked to be sure."""
     INTERNAL = 70
     """A bug in RoboVAST."""
     INTERRUPTED = 130

@@ -6,7 +6,7 @@ The tests hold the functions against SciPy, which is far too large for the core.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import exp, lgamma, log, sqrt
+from math import erfc, exp, lgamma, log, sqrt
 
 LEVEL = 0.05
 """Significance level of all statements; intervals have 1 - LEVEL."""
@@ -63,6 +63,36 @@ def fisher_exact(a: int, b: int, c: int, d: int) -> float:
     possible = range(max(0, row + column - total), min(row, column) + 1)
     limit = probability(a) * (1 + 1e-7)
     return min(1.0, sum(p for p in map(probability, possible) if p <= limit))
+
+
+def mcnemar_exact(worse: int, better: int) -> float:
+    """Two-sided p-value of pairs of which so many got worse and better."""
+    pairs = worse + better
+    tail = (exp(log_choose(pairs, k) - pairs * log(2)) for k in range(min(worse, better) + 1))
+    return min(1.0, 2 * sum(tail))
+
+
+def paired_interval(worse: float, better: float, pairs: float) -> Interval:
+    """95 % interval of the difference of two rates by pairs (Agresti and Min, 2005)."""
+    pairs, difference = pairs + 2, worse - better
+    spread = _Z * sqrt(worse + better + 1 - difference * difference / pairs)
+    return max(-1.0, (difference - spread) / pairs), min(1.0, (difference + spread) / pairs)
+
+
+def normal_p(bad_a: float, runs_a: float, bad_b: float, runs_b: float) -> float:
+    """About Fisher's p-value, by the normal distribution: for plans of further runs."""
+    together = (bad_a + bad_b) / (runs_a + runs_b)
+    step = 1 / runs_a + 1 / runs_b
+    variance = together * (1 - together) * step
+    difference = max(0.0, abs(bad_b / runs_b - bad_a / runs_a) - step / 2)
+    return erfc(difference / sqrt(2 * variance)) if variance > 0 else 1.0
+
+
+def normal_p_of_pairs(worse: float, better: float) -> float:
+    """About McNemar's p-value, by the normal distribution: for plans of further runs."""
+    changed = worse + better
+    difference = max(0.0, abs(worse - better) - 1)
+    return erfc(difference / sqrt(2 * changed)) if changed else 1.0
 
 
 def holm(values: Sequence[float]) -> list[float]:

@@ -3,12 +3,28 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 
-from robovast.base.statistics import LEVEL, fisher_exact, holm, newcombe
-from robovast.evaluation.rates import Sample, sample
-from robovast.evaluation.summaries import VariantRuns
+from robovast.base.statistics import (
+    LEVEL,
+    Interval,
+    fisher_exact,
+    holm,
+    least,
+    mcnemar_exact,
+    newcombe,
+    normal_p,
+    normal_p_of_pairs,
+    paired_interval,
+)
+from robovast.campaign.verdict import Verdict
+from robovast.evaluation.rates import MOST_RUNS, Sample, sample_of
+from robovast.evaluation.summaries import RunSummary, VariantRuns
+
+MARGIN = 0.05
+"""Difference of rates that does not matter, unless users say otherwise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,10 +34,12 @@ class Difference:
     a: Sample
     b: Sample
     p: float
-    """Two-sided p-value of Fisher's exact test."""
+    """Two-sided p-value."""
     low: float
-    """Lower limit of the 95 % interval of the difference of rates, b - a (Newcombe)."""
+    """Lower limit of the 95 % interval of the difference of rates, b - a."""
     high: float
+    pairs: tuple[int, int] | None = None
+    """If the samples are of runs with equal seeds: how many of them got worse, and better."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +52,11 @@ class VariantDifference:
     adjusted_p: float
     """Holm's correction for the number of variants."""
     change: str
-    """`worse` or `better` if the adjusted p-value is below `LEVEL`; `same` if the rates are equal;
-    otherwise `unclear`."""
+    """`worse` or `better` if the adjusted p-value is below `LEVEL`; `same` if the rates are equal,
+    or surely differ by less than the margin; otherwise `unclear`."""
+    more_runs: int | None
+    """If `unclear`: how many further runs of each campaign decide it if they go as those before;
+    None if `MOST_RUNS` do not."""
 
 
 @dataclass(frozen=True)
@@ -44,27 +65,50 @@ class Comparison:
 
     overall: Difference
     """All matched variants together."""
+    change: str
+    """Of all together: `worse` or `better` if chance hardly explains it; `same` if the rate surely
+    rose by less than the margin; otherwise `unclear`."""
+    more_runs: int | None
+    """If `change` is `unclear`: see `VariantDifference`; in all variants together."""
+    margin: float
     statement: str
     variants: list[VariantDifference]
     """Sorted by p-value, the smallest first."""
     only_a: list[str]
     only_b: list[str]
 
+    @property
+    def result(self) -> str:
+        """`worse` if all together or any variant got worse, otherwise `change`."""
+        worse = any(variant.change == "worse" for variant in self.variants)
+        return "worse" if worse else self.change
 
-def compare(a: Iterable[VariantRuns], b: Iterable[VariantRuns]) -> Comparison:
+
+def compare(
+    a: Iterable[VariantRuns], b: Iterable[VariantRuns], margin: float = MARGIN
+) -> Comparison:
     """Compare campaign b with campaign a by variants with equal parameters."""
     left, right = _by_identity(a), _by_identity(b)
-    common = [key for key in left if key in right]
-    pairs = [(left[key], right[key]) for key in common]
-    differences = [difference(sample(one), sample(other)) for one, other in pairs]
+    pairs = [(left[key], right[key]) for key in left if key in right]
+    matched = [_matched(one, other) for one, other in pairs]
+    differences = [difference([runs]) for runs in matched]
     adjusted = holm([d.p for d in differences])
     variants = [
-        VariantDifference(one.name, other.name, found, p, _change(found, p))
+        _variant_difference((one.name, other.name), found, p, margin, len(pairs))
         for (one, other), found, p in zip(pairs, differences, adjusted, strict=True)
     ]
-    overall = difference(sample(*(one for one, _ in pairs)), sample(*(other for _, other in pairs)))
+    overall = difference(matched)
+    change = _overall_change(overall, overall.p, overall.high, margin)
+
+    def decide(more: int) -> bool:
+        p, (_, high) = _projected(overall, more)
+        return _overall_change(overall, p, high, margin) != "unclear"
+
     return Comparison(
         overall=overall,
+        change=change,
+        more_runs=_more_runs(overall, decide) if change == "unclear" else None,
+        margin=margin,
         statement=state(overall),
         variants=sorted(variants, key=lambda variant: variant.difference.p),
         only_a=[variant.name for key, variant in left.items() if key not in right],
@@ -72,11 +116,59 @@ def compare(a: Iterable[VariantRuns], b: Iterable[VariantRuns]) -> Comparison:
     )
 
 
-def difference(a: Sample, b: Sample) -> Difference:
-    """Test whether the rates of two samples differ."""
-    p = fisher_exact(a.bad, a.runs - a.bad, b.bad, b.runs - b.bad)
-    low, high = newcombe(a.bad, a.runs, b.bad, b.runs)
-    return Difference(a, b, p, low, high)
+@dataclass(frozen=True, slots=True)
+class _Matched:
+    """Runs of one variant in both campaigns, without interrupted ones."""
+
+    a: Sequence[RunSummary]
+    b: Sequence[RunSummary]
+    paired: bool
+    """Whether the n-th run of each has the seed of the other's."""
+
+
+def _matched(one: VariantRuns, other: VariantRuns) -> _Matched:
+    """Runs to compare: pairs of equal seeds if all runs of either campaign have such a partner."""
+    a, b = (
+        [run for run in variant.runs if run.verdict is not Verdict.INTERRUPTED]
+        for variant in (one, other)
+    )
+    seeds_a, seeds_b = ({run.seed: run for run in runs if run.seed is not None} for runs in (a, b))
+    common = [seed for seed in seeds_a if seed in seeds_b]
+    if common and len(common) == min(len(a), len(b)):
+        return _Matched([seeds_a[s] for s in common], [seeds_b[s] for s in common], paired=True)
+    return _Matched(a, b, paired=False)
+
+
+def difference(matched: Sequence[_Matched]) -> Difference:
+    """Test whether the rates of two campaigns differ in these variants together."""
+    matched = _of_equal_shares(matched)
+    a = [run for runs in matched for run in runs.a]
+    b = [run for runs in matched for run in runs.b]
+    one, other = sample_of(a), sample_of(b)
+    if not matched or not all(runs.paired for runs in matched):
+        p = fisher_exact(one.bad, one.runs - one.bad, other.bad, other.runs - other.bad)
+        return Difference(one, other, p, *newcombe(one.bad, one.runs, other.bad, other.runs))
+    changed = [
+        (x.verdict is Verdict.PASSED, y.verdict is Verdict.PASSED)
+        for x, y in zip(a, b, strict=True)
+    ]
+    worse, better = changed.count((True, False)), changed.count((False, True))
+    interval = paired_interval(worse, better, len(changed))
+    return Difference(one, other, mcnemar_exact(worse, better), *interval, (worse, better))
+
+
+def _of_equal_shares(matched: Sequence[_Matched]) -> Sequence[_Matched]:
+    """The runs of several variants that may be put together.
+
+    If a campaign has more runs of one variant and fewer of another than the other campaign, its
+    rate differs even if nothing has changed. Then both give equally many runs of each variant.
+    """
+    filled = [runs for runs in matched if runs.a and runs.b]
+    shares = {Fraction(len(runs.a), len(runs.b)) for runs in filled}
+    if len(shares) <= 1:
+        return filled if len(matched) > 1 else matched
+    least_of = [(runs, min(len(runs.a), len(runs.b))) for runs in filled]
+    return [_Matched(runs.a[:n], runs.b[:n], runs.paired) for runs, n in least_of]
 
 
 def state(found: Difference) -> str:
@@ -92,13 +184,61 @@ def state(found: Difference) -> str:
     )
     interval = f"95 % interval {100 * found.low:+.1f} to {100 * found.high:+.1f} points"
     p = f"p = {found.p:.2g}" if found.p >= 0.0001 else "p < 0.0001"
-    return f"{text}; {certain} (Fisher's exact test, {p}; {interval})."
+    test = "Fisher's exact test" if found.pairs is None else "McNemar's exact test, equal seeds"
+    return f"{text}; {certain} ({test}, {p}; {interval})."
 
 
-def _change(found: Difference, p: float) -> str:
+def _variant_difference(
+    names: tuple[str, str], found: Difference, p: float, margin: float, variants: int
+) -> VariantDifference:
+    change = _variant_change(found, p, (found.low, found.high), margin)
+
+    def decide(more: int) -> bool:
+        p, interval = _projected(found, more)
+        return _variant_change(found, p * variants, interval, margin) != "unclear"
+
+    return VariantDifference(
+        *names,
+        difference=found,
+        adjusted_p=p,
+        change=change,
+        more_runs=_more_runs(found, decide) if change == "unclear" else None,
+    )
+
+
+def _variant_change(found: Difference, p: float, interval: Interval, margin: float) -> str:
+    if not found.a.runs or not found.b.runs:
+        return "unclear"
+    low, high = interval
+    if found.a.rate == found.b.rate or (-margin < low and high < margin):
+        return "same"
     if p >= LEVEL:
-        return "same" if found.a.rate == found.b.rate else "unclear"
+        return "unclear"
     return "worse" if found.b.rate > found.a.rate else "better"
+
+
+def _overall_change(found: Difference, p: float, high: float, margin: float) -> str:
+    if p < LEVEL and found.b.rate < found.a.rate:
+        return "better"
+    if high < margin:
+        return "same"
+    return "worse" if p < LEVEL else "unclear"
+
+
+def _more_runs(found: Difference, decide: Callable[[int], bool]) -> int | None:
+    return least(decide, MOST_RUNS) if found.a.runs and found.b.runs else None
+
+
+def _projected(found: Difference, more: int) -> tuple[float, Interval]:
+    """About which p-value and interval so many further runs give, if they go as those before."""
+    a, b = found.a, found.b
+    runs_a, runs_b = a.runs + more, b.runs + more
+    if found.pairs is None:
+        bad_a, bad_b = a.rate * runs_a, b.rate * runs_b
+        p = normal_p(bad_a, runs_a, bad_b, runs_b)
+        return p, newcombe(bad_a, runs_a, bad_b, runs_b)
+    worse, better = (count * runs_a / a.runs for count in found.pairs)
+    return normal_p_of_pairs(worse, better), paired_interval(worse, better, runs_a)
 
 
 def _by_identity(variants: Iterable[VariantRuns]) -> dict[str, VariantRuns]:

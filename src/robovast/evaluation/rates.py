@@ -12,7 +12,7 @@ from typing import Any
 
 from robovast.base.statistics import Interval, anytime, least, wilson
 from robovast.campaign.verdict import Verdict
-from robovast.evaluation.summaries import CampaignSummary, VariantRuns
+from robovast.evaluation.summaries import CampaignSummary, RunSummary, VariantRuns
 
 LIMIT = 0.1
 """Share of bad runs up to which a configuration counts as sound, unless users say otherwise."""
@@ -124,8 +124,13 @@ def interval_for(summary: CampaignSummary) -> IntervalOf:
 
 
 def sample(*variants: VariantRuns) -> Sample:
-    """All runs of the variants except interrupted ones."""
-    runs = [r for v in variants for r in v.runs if r.verdict is not Verdict.INTERRUPTED]
+    """All runs of the variants."""
+    return sample_of(run for variant in variants for run in variant.runs)
+
+
+def sample_of(runs: Iterable[RunSummary]) -> Sample:
+    """Runs, except interrupted ones."""
+    runs = [run for run in runs if run.verdict is not Verdict.INTERRUPTED]
     durations = [run.duration for run in runs if run.duration is not None]
     bad = sum(run.verdict is not Verdict.PASSED for run in runs)
     return Sample(len(runs), bad, median(durations) if durations else None)

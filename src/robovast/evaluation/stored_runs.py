@@ -96,6 +96,7 @@ def _from_record(number: int, record: RunRecord) -> RunSummary:
         reason=sys.intern(record.reason[:LONGEST_REASON]),
         started_at=seconds(record.started_at),
         duration=_number(record.duration),
+        seed=record.seed,
     )
 
 

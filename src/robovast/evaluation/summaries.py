@@ -20,6 +20,8 @@ class RunSummary:
     """[s since the epoch]"""
     duration: float | None
     """[s]"""
+    seed: int | None = None
+    """None in campaigns of older versions."""
 
 
 @dataclass(frozen=True, slots=True)

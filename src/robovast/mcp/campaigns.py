@@ -87,8 +87,8 @@ class CampaignTools:
     def inspect_campaign_comparison(self, before: str, after: str) -> Any:
         """Compare two campaigns: what got worse or better, and whether chance explains it.
 
-        Configurations with equal parameters are compared by Fisher's exact test, with Holm's
-        correction for their number.
+        Configurations with equal parameters are compared by McNemar's exact test where their runs
+        have equal seeds, otherwise by Fisher's, with Holm's correction for their number.
         """
         a, b = (self._library.campaign(name).variants for name in (before, after))
         found = compare(a, b)

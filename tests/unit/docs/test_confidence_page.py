@@ -11,8 +11,9 @@ from support.pages import ROOT, code_blocks
 
 from robovast_cli.main import command
 
-BAD = {1.0: 0, 2.0: 5, 3.0: 30}
-"""Runs of 40 that fail, by speed."""
+LATER = "hall-2026-03-05-132444"
+BAD = {NAME: {1.0: 0, 2.0: 5, 3.0: 30}, LATER: {1.0: 0, 2.0: 24, 3.0: 32}}
+"""Runs of 40 that fail, by campaign and speed."""
 
 
 def commands(about: str) -> list[list[str]]:
@@ -22,32 +23,54 @@ def commands(about: str) -> list[list[str]]:
     return [shlex.split(line, comments=True) for line in lines]
 
 
+def typed(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    """Exit code and output of a command."""
+    program, *arguments = arguments
+    assert program == "vast"
+    with pytest.raises(SystemExit) as ended:
+        command().main(args=arguments, prog_name="vast")
+    return int(ended.value.code or 0), capsys.readouterr().out
+
+
 @pytest.fixture
 def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The campaign of the page."""
+    """The campaigns of the page."""
     monkeypatch.chdir(tmp_path)
-    write_campaign(
-        tmp_path / "results",
-        variants=[{"speed": speed} for speed in BAD],
-        runs=40,
-        judge=lambda parameters, number: (
-            "failed" if number < BAD[parameters["speed"]] else "passed"
-        ),
-        outputs=False,
-    )
+    for name, bad in BAD.items():
+        write_campaign(
+            tmp_path / "results",
+            name,
+            variants=[{"speed": speed} for speed in bad],
+            runs=40,
+            judge=lambda parameters, number, bad=bad: (
+                "failed" if number < bad[parameters["speed"]] else "passed"
+            ),
+            outputs=False,
+        )
     return tmp_path / "results"
 
 
-def test_each_summary_on_the_page_is_printed_as_it_stands_there(results, capsys) -> None:
-    typed = commands("vast results summary")
-    assert len(typed) == 3
-    answers = []
-    for program, *arguments in typed:
-        assert program == "vast"
-        with pytest.raises(SystemExit) as ended:
-            command().main(args=arguments, prog_name="vast")
-        assert not ended.value.code
-        answers.append(capsys.readouterr().out)
-    page = (ROOT / "docs/confidence.md").read_text(encoding="utf-8")
-    assert f"```text\n{answers[0]}```" in page
-    assert NAME in answers[2]
+@pytest.fixture(scope="module")
+def page() -> str:
+    return (ROOT / "docs/confidence.md").read_text(encoding="utf-8")
+
+
+def test_each_summary_on_the_page_is_printed_as_it_stands_there(results, page, capsys) -> None:
+    answers = [typed(line, capsys) for line in commands("vast results summary")]
+    assert [code for code, _ in answers] == [0, 0, 0]
+    assert f"```text\n{answers[0][1]}```" in page
+    assert NAME in answers[2][1]
+
+
+def test_each_comparison_on_the_page_is_printed_as_it_stands_there(results, page, capsys) -> None:
+    answers = [typed(line, capsys) for line in commands("vast results compare")]
+    assert [code for code, _ in answers] == [1, 1, 1]
+    shown = answers[0][1].splitlines()[:5]
+    assert "```text\n" + "\n".join(shown) + "\n```" in page
+    assert Path("gate.xml").stat().st_size > 500 < Path("gate.md").stat().st_size
+
+
+def test_the_report_on_the_page_is_written(results, capsys) -> None:
+    (line,) = commands("vast results junit")
+    code, out = typed(line, capsys)
+    assert (code, out) == (0, "runs.xml: 120 cases of 3 configurations, 56 failed or errored\n")

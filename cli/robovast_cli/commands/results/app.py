@@ -20,6 +20,14 @@ COMMANDS: Mapping[str, Lazy] = {
         "robovast_cli.commands.results.summary:app",
         "Say how a campaign went: which configurations fail how often, and how sure that is.",
     ),
+    "compare": Lazy(
+        "robovast_cli.commands.results.compare:app",
+        "Compare two campaigns: what got worse, and whether chance explains it.",
+    ),
+    "junit": Lazy(
+        "robovast_cli.commands.results.junit:app",
+        "Merge the test results of all runs into one JUnit report.",
+    ),
     "download": Lazy(
         "robovast_cli.commands.results.download:app",
         "Download results from the cluster's storage, or from the share.",

@@ -1,0 +1,80 @@
+"""`vast results compare`: a gate for CI."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from robovast_cli.commands.results.options import ReportFormat, ResultsDir
+from robovast_cli.lazy import new_app
+
+app = new_app("Compare two campaigns: what got worse, and whether chance explains it.")
+
+_WHAT = "a campaign: its folder, or its name in the results folder."
+
+
+@app.command()
+def compare(
+    ctx: typer.Context,
+    base: Annotated[str, typer.Argument(metavar="BASE", help=f"Before: {_WHAT}")],
+    new: Annotated[str, typer.Argument(metavar="NEW", help=f"After: {_WHAT}")],
+    results_dir: ResultsDir = None,
+    fail_on: Annotated[
+        Literal["worse", "unclear"],
+        typer.Option("--fail-on", help="From which result on the exit code is not 0."),
+    ] = "worse",
+    margin: Annotated[
+        float,
+        typer.Option(
+            metavar="SHARE",
+            help="Rise of the failure rate that does not matter: at least 0.",
+        ),
+    ] = 0.05,
+    junit: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Also write a JUnit report.", show_default=False),
+    ] = None,
+    markdown: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Also write a comment for a pull request.", show_default=False
+        ),
+    ] = None,
+    output: ReportFormat = "text",
+) -> None:
+    """Compare two campaigns: what got worse, and whether chance explains it.
+
+    Configurations of equal parameters are compared: by McNemar's exact test where their runs have
+    equal seeds, otherwise by Fisher's, with Holm's correction for their number.
+
+    Exit code 0: not worse (or, without `--fail-on unclear`, unclear); 1: a configuration or all
+    together got worse; 6: unclear, with `--fail-on unclear`; 2: nothing can be compared.
+    """
+    from robovast.base.atomic import write_atomically
+    from robovast.base.errors import InputError
+    from robovast.base.file_errors import writing
+    from robovast.evaluation import compare as comparison
+    from robovast_cli.commands.results.options import named_campaign, read_campaign
+    from robovast_cli.ui.comparison import exit_code, junit_report, markdown_text, print_comparison
+
+    if not 0 <= margin < 1:
+        raise InputError(
+            f"--margin {margin:g}: a share of runs is at least 0 and below 1, such as 0.05."
+        )
+    results = results_dir or ctx.obj.results
+    a, b = (read_campaign(named_campaign(results, name)) for name in (base, new))
+    found = comparison.compare(a.variants, b.variants, margin)
+    if not found.overall.a.runs or not found.overall.b.runs:
+        raise InputError(
+            f"{a.name} and {b.name} cannot be compared: no configuration has the same parameters "
+            "and runs with a verdict in both."
+        )
+    reports = ((junit, junit_report), (markdown, markdown_text))
+    for path, report in reports:
+        if path is not None:
+            with writing(path):
+                write_atomically(path, report(a.name, b.name, found), lasting=False)
+    print_comparison(a.name, b.name, found, output)
+    raise typer.Exit(exit_code(found, fail_on))

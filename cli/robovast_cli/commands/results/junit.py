@@ -1,0 +1,46 @@
+"""`vast results junit`: all runs in one report that CI systems read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from robovast_cli.commands.results.options import CampaignName, ResultsDir
+from robovast_cli.lazy import new_app
+
+app = new_app("Merge the test results of all runs into one JUnit report.")
+
+
+@app.command()
+def junit(
+    ctx: typer.Context,
+    campaign: CampaignName,
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="The report; an older one is replaced.")
+    ],
+    results_dir: ResultsDir = None,
+) -> None:
+    """Merge the test results of all runs into one JUnit report, as CI systems read it.
+
+    Each configuration is a suite, and each test of each run a case. A run whose own report does
+    not say what became of it has a case that does: an error, or skipped when it was interrupted.
+    """
+    from robovast.base.atomic import write_atomically
+    from robovast.base.errors import InputError
+    from robovast.base.file_errors import writing
+    from robovast.campaign.junit import merged_suites, report_text
+    from robovast.campaign.layout import Layout
+    from robovast_cli.commands.results.options import named_campaign
+    from robovast_cli.ui.output import say
+
+    folder = named_campaign(results_dir or ctx.obj.results, campaign)
+    suites = merged_suites(Layout(folder))
+    if not suites:
+        raise InputError(f"{folder.name} has no stored run yet: there is nothing to report.")
+    with writing(file):
+        write_atomically(file, report_text(folder.name, suites), lasting=False)
+    cases = [case for suite in suites for case in suite.cases]
+    bad = sum(case.outcome in {"failure", "error"} for case in cases)
+    say(f"{file}: {len(cases)} cases of {len(suites)} configurations, {bad} failed or errored")

@@ -1,0 +1,141 @@
+"""JUnit reports: the test results of all runs of a campaign in one."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+from pathlib import Path
+from typing import Literal
+
+from robovast.base.safe_paths import read_text
+from robovast.campaign.layout import TEST_RESULT, Layout
+from robovast.campaign.run_record import read_run_record, result_without_record
+from robovast.campaign.verdict import MOST, Verdict
+
+LONGEST = 20_000
+"""Longest text of a case [characters]; the run's own report has all of it."""
+
+_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""Characters that XML cannot hold."""
+
+Outcome = Literal["passed", "failure", "error", "skipped"]
+_OUTCOMES: tuple[Outcome, ...] = ("failure", "error", "skipped")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One test."""
+
+    name: str
+    outcome: Outcome = "passed"
+    message: str = ""
+    text: str = ""
+    seconds: float | None = None
+
+
+@dataclass(frozen=True)
+class Suite:
+    """Tests that belong together."""
+
+    name: str
+    cases: list[Case] = field(default_factory=list)
+
+    def count(self, outcome: Outcome) -> int:
+        """Cases with this outcome."""
+        return sum(case.outcome == outcome for case in self.cases)
+
+
+def merged_suites(layout: Layout) -> list[Suite]:
+    """One suite per variant with the cases of all its stored runs."""
+    groups = groupby(layout.run_folders(), key=lambda run: run.parent.name)
+    return [Suite(name, [case for run in runs for case in _cases(run)]) for name, runs in groups]
+
+
+def report_text(name: str, suites: Sequence[Suite]) -> str:
+    """A report as XML."""
+    root = ET.Element("testsuites", _counts(name, suites))
+    for suite in suites:
+        element = ET.SubElement(root, "testsuite", _counts(suite.name, [suite]))
+        for case in suite.cases:
+            _add(element, suite, case)
+    ET.indent(root)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
+
+
+def _counts(name: str, suites: Sequence[Suite]) -> dict[str, str]:
+    seconds = sum(case.seconds or 0.0 for suite in suites for case in suite.cases)
+    return {
+        "name": _clean(name),
+        "tests": str(sum(len(suite.cases) for suite in suites)),
+        "failures": str(sum(suite.count("failure") for suite in suites)),
+        "errors": str(sum(suite.count("error") for suite in suites)),
+        "skipped": str(sum(suite.count("skipped") for suite in suites)),
+        "time": f"{seconds:.3f}",
+    }
+
+
+def _add(parent: ET.Element, suite: Suite, case: Case) -> None:
+    about = {"classname": _clean(suite.name), "name": _clean(case.name)}
+    time = {} if case.seconds is None else {"time": f"{case.seconds:.3f}"}
+    element = ET.SubElement(parent, "testcase", about | time)
+    if case.outcome != "passed":
+        said = ET.SubElement(element, case.outcome, {"message": _clean(case.message)})
+        said.text = _clean(case.text) or None
+
+
+def _clean(text: str) -> str:
+    return _NO_XML.sub("�", text)[:LONGEST]
+
+
+def _cases(run: Path) -> list[Case]:
+    """The tests of a run; its verdict counts, whatever its own report says."""
+    record = read_run_record(run)
+    result = result_without_record(run) if record is None else record
+    name = f"run {run.name}"
+    if result.verdict is Verdict.INTERRUPTED:
+        return [Case(name, "skipped", result.reason or "interrupted")]
+    own = _own_cases(run, name)
+    bad = any(case.outcome in {"failure", "error"} for case in own)
+    if own and bad == (result.verdict is not Verdict.PASSED):
+        return own
+    outcomes: dict[Verdict, Outcome] = {Verdict.PASSED: "passed", Verdict.FAILED: "failure"}
+    outcome = outcomes.get(result.verdict, "error")
+    return [Case(name, outcome, result.reason, seconds=result.duration)]
+
+
+def _own_cases(run: Path, name: str) -> list[Case]:
+    """The cases of a run's own report; none if it cannot be read."""
+    try:
+        text = read_text(run / TEST_RESULT, root=run.parent, most=MOST)
+        if "<!DOCTYPE" in text or "<!ENTITY" in text:
+            return []
+        root = ET.fromstring(text)  # noqa: S314  # no entities, see above
+    except (OSError, ET.ParseError, ValueError):
+        return []
+    return [_case(element, name) for element in root.iter() if _tag(element) == "testcase"]
+
+
+def _case(element: ET.Element, run: str) -> Case:
+    children = {_tag(child): child for child in element}
+    outcome = next((kind for kind in _OUTCOMES if kind in children), None)
+    name = f"{run}: {element.get('name') or 'test'}"
+    seconds = _seconds(element.get("time"))
+    if outcome is None:
+        return Case(name, seconds=seconds)
+    said = children[outcome]
+    return Case(name, outcome, said.get("message", ""), said.text or "", seconds)
+
+
+def _tag(element: ET.Element) -> str:
+    return element.tag.rpartition("}")[2].lower() if isinstance(element.tag, str) else ""
+
+
+def _seconds(text: str | None) -> float | None:
+    try:
+        seconds = float(text or "nan")
+    except ValueError:
+        return None
+    return seconds if 0 <= seconds < MOST else None
