@@ -43,7 +43,7 @@ def anytime(bad: float, runs: float) -> Interval:
     return _limit(is_possible, rate, 0.0), _limit(is_possible, rate, 1.0)
 
 
-def newcombe(bad_a: int, runs_a: int, bad_b: int, runs_b: int) -> Interval:
+def newcombe(bad_a: float, runs_a: float, bad_b: float, runs_b: float) -> Interval:
     """95 % interval of the difference of two rates, b - a, from Wilson's intervals."""
     (low_a, high_a), (low_b, high_b) = wilson(bad_a, runs_a), wilson(bad_b, runs_b)
     a, b = (bad / runs if runs else 0.0 for bad, runs in ((bad_a, runs_a), (bad_b, runs_b)))
