@@ -43,7 +43,7 @@ SCREENS = {
     "pictures": f"#/campaign/{NAME}/hall-9/0?tab=video",
     "bag": f"#/campaign/{NAME}/hall-9/0?tab=bag",
     "player": f"#/campaign/{NAME}/hall-9/0?tab=player&t=5",
-    "two runs": f"#/campaign/{NAME}/hall-9/0?tab=player&with=hall-9%2F1&show=apart",
+    "two runs": f"#/campaign/{NAME}/hall-9/0?tab=player&with=hall-9%2F1&show=apart&everyone=1",
     "map": f"#/campaign/{NAME}/hall-9/0?tab=map",
     "files": f"#/campaign/{NAME}/hall-9/0?tab=files",
     "compare": f"#/compare?a={NAME}&b={LATER}",
@@ -372,6 +372,8 @@ def test_a_drive_is_played_with_keys_and_looked_at_from_any_moment(
     expect(player.locator("canvas.stage")).to_have_count(1)
     player.get_by_role("button", name="Side by side").click()
     expect(player.locator("canvas.stage")).to_have_count(2)
+    player.get_by_role("button", name="All runs").click()
+    expect(player.get_by_role("status")).to_have_text("1 other run on the map; all of them passed.")
 
 
 def test_a_comparison_says_what_got_worse(page: Page, server: ShownPage) -> None:

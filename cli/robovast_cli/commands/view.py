@@ -1,14 +1,19 @@
 """`vast view`: what a run has recorded, played in the browser."""
 
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import Annotated
 from urllib.parse import quote
 
 import typer
 
 from robovast.base.errors import ExitCode, InputError
+from robovast.base.optional_deps import ROS
 from robovast_cli.commands.evaluation.gui import make_starting, present, serving
 from robovast_cli.lazy import new_app
+
+PLAYER = "robovast.evaluation.drive.drives"
 
 app = new_app("Play what a run has recorded.")
 
@@ -43,7 +48,9 @@ def view(
     postprocessed. Ctrl-C ends it.
     """
     serve = serving()
+    ROS.require("Playing a drive")
     results, names = _place(run)
+    Thread(target=import_module, args=[PLAYER], daemon=True).start()  # while the browser starts
     address = "/".join(map(quote, names))
     serve(
         results,

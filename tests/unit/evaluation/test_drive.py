@@ -86,6 +86,19 @@ def test_a_simulation_that_is_faster_than_its_recording_has_its_own_time(tmp_pat
     assert part.events[0][0] == pytest.approx(5.0, abs=0.05)
 
 
+def test_what_happens_at_once_is_told_in_the_order_of_the_recording(tmp_path: Path) -> None:
+    with DriveBag(tmp_path / "bag") as bag:
+        bag.behave(0.0, Plan=2, Drive=1)
+        bag.behave(1.0, Plan=3, Drive=2)
+    (part,) = parts_of(opened(tmp_path / "bag"))
+    assert [(at, event[1:]) for at, *event in part.events] == [
+        (0.0, ["running", "Plan", "RUNNING"]),
+        (0.0, ["invalid", "Drive", "INVALID"]),
+        (1.0, ["success", "Plan", "SUCCESS"]),
+        (1.0, ["running", "Drive", "RUNNING"]),
+    ]
+
+
 def test_a_named_topic_goes_before_a_guessed_one(tmp_path: Path) -> None:
     with DriveBag(tmp_path / "bag") as bag:
         bag.odometry(0.0, 1.0, 2.0, 0.0)
@@ -116,6 +129,14 @@ def test_what_is_named_wrong_is_said_and_the_rest_is_shown(tmp_path: Path) -> No
     other = opened(bag, pose="/scan")
     assert "sensor_msgs/msg/LaserScan; the player reads nav_msgs/msg/Odometry" in remarks_of(other)
     assert len(parts_of(other)[0].scans) == 20
+
+
+def test_a_usual_topic_of_another_type_is_said(tmp_path: Path) -> None:
+    with DriveBag(tmp_path / "bag") as bag:
+        bag.odometry(0.0, 0.0, 0.0, 0.0)
+        bag.write_raw("/scan", "sensor_msgs/msg/PointCloud2", b"", 1.0)
+    drive = opened(tmp_path / "bag")
+    assert "/scan has messages of type sensor_msgs/msg/PointCloud2; the play" in remarks_of(drive)
 
 
 def test_a_bag_without_any_known_topic_says_what_it_has(tmp_path: Path) -> None:

@@ -152,6 +152,8 @@ export class Drive {
     private readonly path: string[],
     readonly answer: DriveAnswer,
     private readonly tell: () => void,
+    /** Whether more than way and events is read. */
+    private readonly whole = true,
   ) {
     for (const remark of [...answer.remarks, ...(answer.overview?.remarks ?? [])]) this.remarks.add(remark);
   }
@@ -195,7 +197,7 @@ export class Drive {
     if (this.asking || this.stopped.signal.aborted) return;
     const now = this.partAt(time);
     const open = (number: number) => number < this.count && !this.withScans.has(number) && !this.failed.has(number);
-    const scanned = [now, now + 1].find(open);
+    const scanned = this.whole ? [now, now + 1].find(open) : undefined;
     const other = scanned ?? this.nearest(now);
     if (other !== undefined) void this.read(other, scanned !== undefined, time);
   }

@@ -28,7 +28,7 @@ export function Marks({ drive, version, duration }: { drive: Drive; version: num
       dark.removeEventListener("change", draw);
     };
   }, [drive, version, duration]);
-  return <canvas ref={canvas} class="marks" height={HEIGHT} aria-hidden="true" />;
+  return <canvas ref={canvas} class="marks" height={HEIGHT} aria-hidden="true" data-complete={drive.isComplete || undefined} />;
 }
 
 function drawMarks(canvas: HTMLCanvasElement, drive: Drive, duration: number): void {

@@ -1,4 +1,5 @@
 // Draws drives on their map.
+import type { Verdict } from "../api";
 import type { Camera, Size } from "./camera";
 import { GAP, lastUpTo, poseAt, type Drive, type Ground, type Point, type Pose, type Track } from "./drive";
 
@@ -18,6 +19,7 @@ export interface Colours {
   obstacle: string;
   goal: string;
   drives: string[];
+  verdicts: Record<Verdict, string>;
 }
 
 export function coloursOf(element: Element): Colours {
@@ -34,6 +36,12 @@ export function coloursOf(element: Element): Colours {
     obstacle: colour("--curve-5"),
     goal: colour("--passed"),
     drives: [colour("--curve-1"), colour("--curve-4")],
+    verdicts: {
+      passed: colour("--passed"),
+      failed: colour("--failed"),
+      errored: colour("--errored"),
+      interrupted: colour("--interrupted"),
+    },
   };
 }
 
@@ -149,6 +157,32 @@ export function drawStill(
   planned.goals.forEach(([x, y], i) => drawSign(context, x!, y!, radius, String(i + 1), colours.goal, colours.ground));
   if (planned.start) {
     drawSign(context, planned.start[0]!, planned.start[1]!, radius, "S", colours.quiet, colours.ground);
+  }
+}
+
+/** The whole ways of other runs, and where each ended: a cross if it did not pass. */
+export function drawOthers(context: CanvasRenderingContext2D, others: Drive[], camera: Camera, colours: Colours): void {
+  const size = 5 / camera.scale;
+  for (const { answer, track } of others) {
+    const verdict = answer.verdict ?? "interrupted";
+    const last = track.times.length - 1;
+    if (last < 0) continue;
+    const [x, y] = [track.x[last]!, track.y[last]!];
+    context.strokeStyle = context.fillStyle = colours.verdicts[verdict];
+    context.lineWidth = 1.2 / camera.scale;
+    new Way(track).draw(context, Infinity);
+    context.lineWidth = 3 / camera.scale;
+    context.beginPath();
+    if (verdict === "passed") {
+      context.arc(x, y, size * 0.8, 0, 2 * Math.PI);
+      context.fill();
+    } else {
+      context.moveTo(x - size, y - size);
+      context.lineTo(x + size, y + size);
+      context.moveTo(x - size, y + size);
+      context.lineTo(x + size, y - size);
+      context.stroke();
+    }
   }
 }
 

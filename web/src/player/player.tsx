@@ -2,6 +2,7 @@
 import type { ComponentChildren } from "preact";
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { address, ask, type Verdict } from "../api";
+import { plural } from "../format";
 import { Glyph, Select } from "../parts";
 import { choose } from "../route";
 import { Drive, poseAt, speedAt, type DriveAnswer } from "./drive";
@@ -13,6 +14,8 @@ const SPEEDS = [0.25, 0.5, 1, 2, 5, 10];
 const RENEWED = 10;
 /** A run that did not pass is shown so long before its end [s]. */
 const BEFORE_END = 3;
+/** Runs of a configuration whose ways are shown at once. */
+const MOST_OTHERS = 50;
 const STEPS: Record<string, number> = { ArrowLeft: -1, ArrowRight: 1, ",": -0.1, ".": 0.1 };
 
 export interface Place {
@@ -30,6 +33,9 @@ export function Player({ campaign, variant, run, siblings, query }: PlayerProps)
   const [otherVariant, otherRun] = splitPlace(query.get("with") ?? "");
   const own = useDrive({ campaign, variant, run });
   const other = useDrive(otherRun ? { campaign, variant: otherVariant, run: otherRun } : null);
+  const everyone = query.get("everyone") === "1";
+  const numbers = everyone ? siblings.map(([number]) => String(number)).filter((number) => number !== run) : [];
+  const others = useOthers({ campaign, variant }, numbers.slice(0, MOST_OTHERS));
   if (own.error !== null) return <p class="error" role="alert">{own.error}</p>;
   if (!own.drive) return <p class="loading">Loading …</p>;
   const drives = other.drive ? [own.drive, other.drive] : [own.drive];
@@ -37,7 +43,8 @@ export function Player({ campaign, variant, run, siblings, query }: PlayerProps)
     <Playback
       key={`${variant}/${run}`}
       drives={drives}
-      version={own.version + other.version}
+      others={others}
+      version={own.version + other.version + others.reduce((sum, drive) => sum + drive.version, 0)}
       names={[`${variant}/${run}`, `${otherVariant}/${otherRun}`]}
       apart={query.get("show") === "apart"}
       start={Number(query.get("t") ?? NaN)}
@@ -45,6 +52,16 @@ export function Player({ campaign, variant, run, siblings, query }: PlayerProps)
         <>
           {other.error !== null && <p class="error" role="alert">{other.error}</p>}
           <Other {...{ variant, run, siblings }} chosen={query.get("with") ?? ""} apart={query.get("show") === "apart"} />
+          {siblings.length > 1 && (
+            <button
+              type="button"
+              aria-pressed={everyone}
+              title="The ways of all runs of this configuration, in the colours of their verdicts; a cross where one ended that did not pass"
+              onClick={() => choose({ everyone: everyone ? "" : "1" })}
+            >
+              All runs
+            </button>
+          )}
         </>
       }
     />
@@ -81,6 +98,44 @@ function useDrive(place: Place | null): { drive: Drive | null; error: string | n
   return { ...found, version };
 }
 
+/** The ways of other runs, read one after the other. */
+function useOthers({ campaign, variant }: Omit<Place, "run">, numbers: string[]): Drive[] {
+  const [drives, setDrives] = useState<Drive[]>([]);
+  useEffect(() => {
+    const controller = new AbortController();
+    const found: Drive[] = [];
+    const tell = () => setDrives([...found]);
+    const read = async () => {
+      for (const number of numbers) {
+        const path = [campaign, variant, number];
+        const answer = await ask<DriveAnswer>(address(["drive", ...path]), controller.signal).catch(() => null);
+        if (controller.signal.aborted) return;
+        if (!answer) continue;
+        await new Promise<void>((done) => {
+          const drive = new Drive(
+            path,
+            answer,
+            () => {
+              tell();
+              if (drive.isComplete) done();
+              else drive.want(0);
+            },
+            false,
+          );
+          controller.signal.addEventListener("abort", () => drive.stop());
+          found.push(drive);
+          if (drive.isComplete) done();
+          else drive.want(0);
+        });
+      }
+    };
+    tell();
+    void read();
+    return () => controller.abort();
+  }, [campaign, variant, numbers.join()]);
+  return drives;
+}
+
 interface OtherProps {
   variant: string;
   run: string;
@@ -109,6 +164,8 @@ function Other({ variant, run, siblings, chosen, apart }: OtherProps) {
 
 interface PlaybackProps {
   drives: Drive[];
+  /** Other runs, whose whole ways are shown. */
+  others: Drive[];
   version: number;
   names: string[];
   apart: boolean;
@@ -116,7 +173,7 @@ interface PlaybackProps {
   beside: ComponentChildren;
 }
 
-function Playback({ drives, version, names, apart, start, beside }: PlaybackProps) {
+function Playback({ drives, others, version, names, apart, start, beside }: PlaybackProps) {
   const duration = Math.max(...drives.map((drive) => drive.duration));
   const main = drives[0]!;
   const [view, setView] = useState<View>({ camera: null, follow: false });
@@ -163,6 +220,7 @@ function Playback({ drives, version, names, apart, start, beside }: PlaybackProp
           <Stage
             key={group.map((drive) => drive.key).join()}
             drives={group}
+            others={others}
             first={i}
             label={`${names.slice(i, i + group.length).join(" and ")} on the map`}
             view={view}
@@ -216,6 +274,7 @@ function Playback({ drives, version, names, apart, start, beside }: PlaybackProp
           <State key={drive.key} drive={drive} name={names[i]!} number={i} time={time} waiting={waiting} />
         ))}
       </ul>
+      <Everyone others={others} />
       <Lacks drives={drives} names={names} />
       <Happenings drive={main} time={time} onSeek={seek} />
       <details>
@@ -311,6 +370,19 @@ function State({ drive, name, number, time, waiting }: StateProps) {
         {waiting && !drive.isReady(at) && " · loading …"}
       </span>
     </li>
+  );
+}
+
+/** How many of the other runs did not pass, and where they ended. */
+function Everyone({ others }: { others: Drive[] }) {
+  if (others.length === 0) return null;
+  const bad = others.filter((drive) => drive.answer.verdict !== "passed" && drive.track.times.length > 0);
+  const ends = bad.map(({ key, track }) => `${key.split("/").at(-1)} at ${track.x.at(-1)!.toFixed(1)}, ${track.y.at(-1)!.toFixed(1)}`);
+  return (
+    <p class="quiet" role="status">
+      {plural(others.length, "other run")} on the map
+      {bad.length > 0 ? `; ${bad.length} did not pass and ended: ${ends.join(" · ")} m` : "; all of them passed"}.
+    </p>
   );
 }
 

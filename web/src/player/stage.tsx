@@ -2,7 +2,7 @@
 import { useEffect, useRef } from "preact/hooks";
 import { extent, fitting, moved, zoomed, type Box, type Camera, type Size } from "./camera";
 import { poseAt, type Drive } from "./drive";
-import { coloursOf, drawBar, drawMoving, drawStill, inMetres, pictureOf, Way, type Colours } from "./paint";
+import { coloursOf, drawBar, drawMoving, drawOthers, drawStill, inMetres, pictureOf, Way, type Colours } from "./paint";
 
 export interface View {
   /** Null while everything is shown. */
@@ -19,6 +19,8 @@ export interface Picture {
 
 interface StageProps {
   drives: Drive[];
+  /** Other runs, whose whole ways are shown. */
+  others: Drive[];
   /** Number of the first drive, which determines its colour. */
   first: number;
   label: string;
@@ -28,14 +30,17 @@ interface StageProps {
   onReady: (picture: Picture, gone: boolean) => void;
 }
 
-export function Stage({ drives, first, label, view, onView, onReady }: StageProps) {
+export function Stage({ drives, others, first, label, view, onView, onReady }: StageProps) {
   const canvas = useRef<HTMLCanvasElement>(null);
-  const latest = useRef({ drives, view, onView });
-  latest.current = { drives, view, onView };
+  const latest = useRef({ drives, others, view, onView });
+  latest.current = { drives, others, view, onView };
   useEffect(() => {
     const stage = new Painter(canvas.current!, first, latest.current.drives);
     const picture: Picture = {
-      draw: (time) => stage.draw(time, latest.current.view),
+      draw: (time) => {
+        stage.others = latest.current.others;
+        stage.draw(time, latest.current.view);
+      },
       zoomed: (factor) => zoomed(stage.camera, factor, stage.size),
     };
     const off = controls(canvas.current!, stage, (next) => latest.current.onView(next), () => latest.current.view);
@@ -52,6 +57,7 @@ export function Stage({ drives, first, label, view, onView, onReady }: StageProp
 class Painter {
   size: Size = { width: 1, height: 1 };
   camera: Camera = { x: 0, y: 0, scale: 1 };
+  others: Drive[] = [];
   private readonly context: CanvasRenderingContext2D;
   private readonly still = document.createElement("canvas");
   private readonly dark = matchMedia("(prefers-color-scheme: dark)");
@@ -146,7 +152,7 @@ class Painter {
   /** What stands still is drawn only when the camera has moved. */
   private drawBehind(): void {
     const { x, y, scale } = this.camera;
-    const wanted = `${x} ${y} ${scale}`;
+    const wanted = [x, y, scale, ...this.others.map((drive) => `${drive.key} ${drive.version}`)].join();
     if (wanted !== this.stillOf) {
       const context = this.still.getContext("2d", { alpha: false })!;
       context.setTransform(1, 0, 0, 1, 0, 0);
@@ -154,6 +160,7 @@ class Painter {
       context.fillRect(0, 0, this.still.width, this.still.height);
       inMetres(context, this.camera, this.size, this.pixels);
       drawStill(context, this.drives[0]!, this.picture, this.camera, this.colours);
+      drawOthers(context, this.others, this.camera, this.colours);
       this.stillOf = wanted;
     }
     this.context.setTransform(1, 0, 0, 1, 0, 0);

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robovast.base.errors import InputError, RobovastError
-from robovast.evaluation.map_picture import map_record, read_configuration_map
+from robovast.evaluation.map_picture import has_map, map_record, read_configuration_map
 
 _FREE, _UNKNOWN, _WALL = 0, 1, 2
 _MOST_CELLS = 16_000_000
@@ -54,6 +54,8 @@ class Planned:
 
 def configured_ground(results: Path, campaign: str, variant: str) -> tuple[Ground | None, str]:
     """The map of a configuration, or why there is none."""
+    if not has_map(results, campaign, variant):
+        return None, "the configuration has none, and none was recorded."
     try:
         occupancy = read_configuration_map(results, campaign, variant)
     except RobovastError as error:

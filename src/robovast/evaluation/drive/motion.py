@@ -41,6 +41,8 @@ _REFERENCE = "map"
 Decoder = Callable[[Message], Any]
 Floats = NDArray[np.float64]
 Moments = NDArray[np.int64]
+Mount = tuple[Floats, Floats]
+"""Position [m] and orientation of a sensor on the robot."""
 
 
 def stamp_of(data: bytes) -> int | None:
@@ -74,6 +76,7 @@ class Frames:
 
     tree: TransformTree = field(default_factory=TransformTree)
     damaged: int = 0
+    _mounts: dict[str, Mount | None] = field(default_factory=dict)
 
     def add(self, messages: Iterable[Message]) -> None:
         """Add messages with transforms."""
@@ -107,10 +110,14 @@ class Frames:
         poses = self.tree.poses(frame, _REFERENCE, stamps)
         return poses if poses.valid.any() else None
 
-    def mount(self, frame: str, stamp: int) -> tuple[Floats, Floats] | None:
-        """Position and orientation of a sensor on the robot; None if it is not known."""
+    def mount(self, frame: str, stamp: int) -> Mount | None:
+        """Where a sensor is on the robot, during the whole part; None if it is not known."""
+        if frame not in self._mounts:
+            self._mounts[frame] = self._mount(frame.lstrip("/"), stamp)
+        return self._mounts[frame]
+
+    def _mount(self, frame: str, stamp: int) -> Mount | None:
         base = self.base
-        frame = frame.lstrip("/")
         if frame == base:
             return np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])
         if frame not in self.tree.frames or base not in self.tree.frames:

@@ -215,8 +215,11 @@ class PartReader:
             except UNDECODABLE as error:
                 self._part.remarks.append(f"Without the behaviour tree of {tree}: {error}.")
         at = self._source.clock.at
-        placed = sorted((round(at(e.received, e.stamp), 3), e) for e in _most_important(events))
-        self._part.events = [(t, e.kind, e.level, e.source, e.text) for t, e in placed]
+        placed = (
+            (round(at(e.received, e.stamp), 3), e.kind, e.level, e.source, e.text)
+            for e in _most_important(events)
+        )
+        self._part.events = sorted(placed, key=lambda event: event[0])
         if len(events) > MOST_EVENTS:
             self._part.remarks.append(
                 f"Only the {MOST_EVENTS} most important events are shown where there are more."

@@ -83,7 +83,9 @@ def cast(types: Mapping[str, str], named: Mapping[str, str]) -> Cast:
         elif guess := _guess(role, types):
             found.topics[key] = guess
         elif key in ("pose", "scan"):
-            found.missing.append(_unknown(role, types))
+            usual = next((name for name in role.names if name in types and name != MOVING), None)
+            other = usual and _fault(key, role, usual, types)
+            found.missing.append(other or _unknown(role, types))
     return found
 
 
@@ -96,7 +98,7 @@ def _guess(role: Role, types: Mapping[str, str]) -> str | None:
 
 
 def _fault(key: str, role: Role, topic: str, types: Mapping[str, str]) -> str:
-    """Why a named topic cannot be shown; empty if it can."""
+    """Why a topic cannot be shown; empty if it can."""
     if topic not in types:
         return (
             f"Without {role.what}: `evaluation.player.{key}` names {topic}, which was not "
@@ -104,8 +106,8 @@ def _fault(key: str, role: Role, topic: str, types: Mapping[str, str]) -> str:
         )
     if types[topic] not in role.types:
         return (
-            f"Without {role.what}: {topic}, which `evaluation.player.{key}` names, has "
-            f"messages of type {types[topic]}; the player reads {' and '.join(role.types)}."
+            f"Without {role.what}: {topic} has messages of type {types[topic]}; the player reads "
+            f"{' and '.join(role.types)}. `evaluation.player.{key}` may name another topic."
         )
     return ""
 
