@@ -260,3 +260,32 @@ def test_prepared_run_refuses_an_unknown_option(tmp_path: Path) -> None:
     result = call(_prepared(tmp_path, "any"), "--imge", "x")
     assert result.returncode == 2
     assert "unknown option --imge" in result.stderr
+
+
+def test_a_replay_takes_the_image_of_the_digest_that_ran_and_says_when_that_is_gone(
+    slim_image: str, tmp_path: Path
+) -> None:
+    """Also a run of a cluster, whose record names the digest of its pod's image."""
+    path = make_campaign(tmp_path / "in", 'echo "$ROBOVAST_SEED" > "$3/out.csv"\n')
+    summary = run(path, tmp_path / "out", select="one-1", runtime="docker", image=slim_image)
+    folder = summary.campaign / "one-1" / "0"
+
+    def replay(*options: str) -> tuple[int, str]:
+        command = [Path(sys.executable).with_name("vast"), "replay", folder, *options]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+        return done.returncode, done.stdout + done.stderr
+
+    record = json.loads((folder / "run.json").read_text())
+    for runtime in ("docker", "kubernetes"):
+        changed = {**record, "runtime": runtime, "image": "registry.invalid/runs:1"}
+        (folder / "run.json").write_text(json.dumps(changed))
+        code, said = replay()
+        assert (code, "same verdict (passed), same out.csv." in said) == (0, True), said
+    gone = "registry.invalid/runs@sha256:" + "5" * 64
+    (folder / "run.json").write_text(json.dumps({**changed, "image_digest": gone}))
+    code, said = replay()
+    assert code == 3
+    assert f"the image {gone} is not on this machine and cannot be pulled" in said
+    assert "with what its name means today: `--image registry.invalid/runs:1`." in said
+    assert replay("--image", slim_image)[0] == 0
+    assert containers() == []
