@@ -16,13 +16,15 @@ from tempfile import TemporaryDirectory
 import pytest
 import yaml
 from robovast_testbed.s3 import Server
-from support.campaigns.local import DOCUMENT, make_campaign, run
+from support.campaigns.local import DOCUMENT, Recorder, make_campaign, run
 from support.kube.pod_processes import Campaign, Pod
 from support.patience import eventually
 from support.servers.refusing_s3_proxy import refusing
 
 from robovast.agent.claims import MOST_STARTS
 from robovast.campaign.configurations import variants_digest
+from robovast.execution.local import LocalOptions, replay_run
+from robovast.execution.local.replay import find_run
 from robovast.kubeapi.pod_contract.sightings import Sightings
 from robovast.model.document import load_document
 from robovast.model.expansion import compose
@@ -111,6 +113,23 @@ def test_runs_have_the_seeds_that_they_have_elsewhere(make: Make, expansion: str
         assert campaign.read(f"{variant}/0/out.csv") == f"{seed}\n"
     assert Pod(campaign).task("finish") == 0
     assert yaml.safe_load(campaign.read("_execution/execution.yaml"))["seed"] == 7
+
+
+@one_server
+def test_one_run_comes_home_with_all_that_its_replay_needs(make: Make, tmp_path: Path) -> None:
+    script = 'echo "$1 $ROBOVAST_SEED" > "$3/out.csv"\n'
+    campaign = make(script, PACK, seed=7)
+    assert Pod(campaign).run() == 0
+    assert Pod(campaign).task("finish") == 0
+    home = tmp_path / "home" / campaign.name
+    download_campaign(campaign.store, campaign.bucket, home, Silent(), run="one-2/0")
+    assert {path.name for path in home.iterdir()} >= {"_config", "_transient", "one-2"}
+    assert not (home / "one-1").exists()
+    stored = find_run(home / "one-2" / "0")
+    options = LocalOptions(runtime="process")
+    summary = replay_run(stored, tmp_path / "replays", 1, options, Recorder())
+    again = (summary.campaign / "one-2/0/out.csv").read_text()
+    assert again == campaign.read("one-2/0/out.csv") == f"2 {run_seed(7, 'one-2', 0)}\n"
 
 
 @one_server

@@ -536,6 +536,19 @@ def test_results_come_home_with_the_keys_of_the_clusters_secret(
 
 
 @one_make
+def test_a_run_is_replayed_by_its_name_in_the_storage(
+    vast: Vast, stored: Stored, tmp_path: Path
+) -> None:
+    outcome = vast(f"{stored.name}-2026/sweep-1-1/0", group=("replay",))
+    folder = tmp_path / f"replays/originals/{stored.name}-2026"
+    assert (folder / "sweep-1-1/0/test.xml").is_file()
+    assert not (folder / "_jobs").exists()
+    assert outcome.code == 2  # of this campaign, only a run was stored
+    nothing = vast("nothing/sweep-1-1/0", group=("replay",))
+    assert (nothing.code, "there is no campaign `nothing`" in nothing.err) == (2, True)
+
+
+@one_make
 def test_results_whose_campaign_was_removed_are_found_by_name(
     vast: Vast, stored: Stored, s3_server: Server, known_cluster: Cluster, namespace: str
 ) -> None:

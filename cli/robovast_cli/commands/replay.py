@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.lazy import new_app
 
 app = new_app("Execute a run again, with its files, parameters, seed and image, and compare.")
@@ -17,7 +18,9 @@ def replay(
     run: Annotated[
         Path,
         typer.Argument(
-            metavar="RUN", help="Folder of the run: `<campaign>/<configuration>/<run>`."
+            metavar="RUN",
+            help="`<campaign>/<configuration>/<run>`: its folder or, without one, its name in the "
+            "cluster's storage.",
         ),
     ],
     times: Annotated[
@@ -60,6 +63,8 @@ def replay(
         int,
         typer.Option("-j", "--jobs", min=1, help="Replays side by side."),
     ] = 1,
+    context: Context = None,
+    namespace: Namespace = None,
 ) -> int:
     """Execute a run again, with its files, parameters, seed and image, and compare.
 
@@ -71,4 +76,17 @@ def replay(
     """
     from robovast_cli.ui.replay import replayed
 
+    if is_stored_elsewhere(run):
+        from robovast_cli.kube.api import cluster_extra
+
+        with cluster_extra():
+            from robovast_cli.commands.results.downloading import download_run
+
+        run = download_run(context, namespace, str(run), out / "originals")
     return replayed(run, out, times, compare, runtime=runtime, image=image, jobs=jobs)
+
+
+def is_stored_elsewhere(run: Path) -> bool:
+    """Whether a run is none of this machine, but may be one of a cluster."""
+    here = run.is_absolute() or run.parent.parent.exists()
+    return not here and len(run.parts) == 3 and run.name.isdecimal()

@@ -20,12 +20,11 @@ from robovast.agent.digests import check, digest, file_digest
 from robovast.base.serialization import dump_yaml
 from robovast.base.yaml_files import parse_yaml
 from robovast.campaign.configurations import configuration_record, variant_of
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import PARTS, Layout
 from robovast.model.expansion import Variant
-from robovast.model.naming import CONFIG, TRANSIENT
+from robovast.model.naming import CONFIG
 
-FOLDER = f"{TRANSIENT}/variants/"
-LIST = f"{FOLDER}list.json"
+LIST = f"{PARTS}list.json"
 PART = 50
 """Variants in one object: a pod reads those of its pack, and at most so many others."""
 
@@ -115,7 +114,7 @@ def _read(bucket: Bucket, key: str, planned: str) -> bytes:
 
 
 def _part(number: int) -> str:
-    return f"{FOLDER}{number:06}.json"
+    return f"{PARTS}{number:06}.json"
 
 
 def _json(data: object) -> bytes:

@@ -27,9 +27,17 @@ from robovast.base.atomic import put_in_place
 from robovast.base.errors import RobovastError, StorageError
 from robovast.base.file_errors import cause
 from robovast.base.locks import exclusive_folder
-from robovast.campaign.layout import JOB_LINK, RUN_RECORD, STAGE, job_link_target
+from robovast.campaign.layout import (
+    EXECUTION_RECORD,
+    JOB_LINK,
+    PARTS,
+    RUN_RECORD,
+    STAGE,
+    job_link_target,
+)
 from robovast.campaign.places import run_of, set_apart, why_no_place
 from robovast.campaign.run_files import is_writers, shown
+from robovast.model.naming import CONFIG, TRANSIENT
 from robovast.storage.bucket_ownership import owner_of
 from robovast.storage.bucket_runs import BucketFile, OpenedRun, RunObjects, in_batches, open_run
 from robovast.storage.folder_ownership import occupy
@@ -120,6 +128,7 @@ def download_campaign(
     observer: DownloadObserver,
     *,
     force: bool = False,
+    run: str | None = None,
 ) -> DownloadResult:
     """Download the stored part of a campaign to its folder.
 
@@ -132,6 +141,7 @@ def download_campaign(
         campaign: the campaign's folder; created if missing.
         observer: receives progress events.
         force: download everything, including existing files.
+        run: download only this run, `<variant>/<number>`, and what a replay needs beside it.
 
     Raises:
         OtherOwnerError: the folder belongs to another campaign.
@@ -141,7 +151,10 @@ def download_campaign(
     refusal = f"{campaign}: another download is writing to it. Wait until it ends."
     with _explained(campaign), exclusive_folder(campaign / STAGE, refusal):
         occupy(campaign, owner_of(store, bucket))
-        plan = plan_download(store.objects(bucket), campaign, force=force)
+        objects = (
+            item for item in store.objects(bucket) if run is None or _is_needed(item.key, run)
+        )
+        plan = plan_download(objects, campaign, force=force)
         done = _Fetching(store, bucket, campaign, observer).fetch(plan)
     return DownloadResult(
         campaign=campaign,
@@ -152,6 +165,13 @@ def download_campaign(
         lacking=tuple(done.lacking),
         warnings=(*plan.warnings, *done.warnings),
     )
+
+
+def _is_needed(key: str, run: str) -> bool:
+    """Whether an object belongs to a run, or to the inputs that it was made from."""
+    variant = run.partition("/")[0]
+    inputs = (f"{CONFIG}/", f"{TRANSIENT}/", f"{variant}/{CONFIG}/", f"{run}/", EXECUTION_RECORD)
+    return key.startswith(inputs) and not key.startswith((PARTS, f"{TRANSIENT}/job-"))
 
 
 @dataclass

@@ -64,6 +64,22 @@ def download_campaigns(
         raise StorageError(f"not all could be fetched of {', '.join(failed)}.")
 
 
+def download_run(context: str | None, namespace: str | None, run: str, output: Path) -> Path:
+    """Fetch a run, and what a replay needs beside it; returns its folder.
+
+    Args:
+        context: of the kubeconfig; the current one when None.
+        namespace: the context's when None.
+        run: `<campaign>/<configuration>/<number>`.
+        output: folder for the campaign's folder.
+    """
+    name, _, path = run.partition("/")
+    with connect(context, namespace) as kube:
+        known = [CampaignState(item) for item in kube.campaigns()]
+        folder = _download(kube, named_results(kube, known, name), output, run=path)
+    return folder / path
+
+
 def _all(kube: Kubernetes, known: Sequence[CampaignState]) -> list[Results]:
     stored = [campaign for campaign in known if campaign.status.bucket]
     if not stored:
@@ -117,21 +133,25 @@ def _try(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> bo
     return True
 
 
-def _download(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> None:
+def _download(
+    kube: Kubernetes, results: Results, output: Path, *, force: bool = False, run: str | None = None
+) -> Path:
+    """Fetch a campaign, or a run of it; returns the campaign's folder."""
     with open_store(kube, results.place) as store:
         if results.campaign is not None:
             if _has_not_begun(results.campaign) and not store.has_bucket(results.bucket):
                 say(f"{results.campaign.name}: nothing is stored yet; repeat the command later.")
-                return
+                return output / results.name
             is_owned(store, results.bucket, results.campaign.uid)
         folder = folder_for(output, results.name, owner_of(store, results.bucket))
         if folder.name != results.name:
             say(f"{results.name} is another campaign's folder here; this one is {folder.name}.")
         with Bars() as bars:
             view = _Shown(bars, folder.name)
-            result = download_campaign(store, results.bucket, folder, view, force=force)
+            result = download_campaign(store, results.bucket, folder, view, force=force, run=run)
     for line in _summary(result):
         say(line)
+    return folder
 
 
 def _has_not_begun(campaign: CampaignState) -> bool:
