@@ -24,10 +24,7 @@ COMMANDS: Mapping[str, Lazy] = {
         aliases=("configuration",),
     ),
     "exec": Lazy("robovast_cli.commands.exec.app:app", "Run campaigns.", aliases=("execution",)),
-    "replay": Lazy(
-        "robovast_cli.commands.replay:app",
-        "Execute a run again, with its files, parameters, seed and image, and compare.",
-    ),
+    "replay": Lazy("robovast_cli.commands.replay:app", "Execute a run again, and compare."),
     "results": Lazy(
         "robovast_cli.commands.results.app:app",
         "Download, postprocess, query and publish results.",
