@@ -36,6 +36,7 @@ SCREENS = {
     "matrix": f"#/campaign/{NAME}",
     "measure": f"#/campaign/{NAME}?x=map&y=speed&colour=duration&cell=1,1",
     "parallel": f"#/campaign/{NAME}?view=parallel&q=speed>0.5",
+    "maps": f"#/campaign/{NAME}?view=maps",
     "log": f"#/campaign/{NAME}/hall-9/0",
     "plots": f"#/campaign/{NAME}/hall-9/0?tab=plots",
     "resources": f"#/campaign/{NAME}/hall-9/0?tab=resources",
@@ -374,6 +375,14 @@ def test_a_drive_is_played_with_keys_and_looked_at_from_any_moment(
     expect(player.locator("canvas.stage")).to_have_count(2)
     player.get_by_role("button", name="All runs").click()
     expect(player.get_by_role("status")).to_have_text("1 other run on the map; all of them passed.")
+
+
+def test_a_small_map_leads_to_the_run_that_failed(page: Page, server: ShownPage) -> None:
+    page.goto(f"{server.address}#/campaign/{NAME}?view=maps")
+    page.get_by_label("Find").fill("speed=2 width=0.8 map=hall")
+    page.get_by_role("link", name=re.compile(r"^hall-9: \d+ % failed")).click()
+    expect(page.get_by_role("heading", level=1)).to_contain_text("hall-9/0")
+    expect(page.get_by_role("region", name="Player")).to_be_visible()
 
 
 def test_a_comparison_says_what_got_worse(page: Page, server: ShownPage) -> None:

@@ -10,6 +10,7 @@ import { useAnswer, type Versions } from "./live";
 import { isInCell, Matrix, useAxes } from "./matrix";
 import { Chooser, useMeasure } from "./measure";
 import { Notebooks } from "./notebooks";
+import { Maps } from "./player/maps";
 import { Parallel } from "./parallel";
 import { Export, Mark, State, Tabs, VerdictBar, Waiting } from "./parts";
 import { choose, link } from "./route";
@@ -117,6 +118,7 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
   ];
   const views = [
     ...(names.length > 0 ? overParameters : []),
+    { id: "maps", label: "Maps", show: () => <Maps data={data} runs={rated} /> },
     {
       id: "notebooks",
       label: "Notebooks",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path, PurePosixPath
@@ -21,7 +21,7 @@ from robovast.model.naming import CONFIG
 if TYPE_CHECKING:
     from robovast.navigation.occupancy import OccupancyMap
 
-_RECORD = "_navigation"
+RECORD = "_navigation"
 _LARGEST_FILE = 64 << 20
 _MOST_CELLS = 16_000_000
 
@@ -43,13 +43,15 @@ def draw_map(results: Path, campaign: str, variant: str) -> str:
     with nav_extra("The picture of a configuration"):
         from robovast.navigation.picture import marks, to_svg
     record = map_record(results, campaign, variant)
-    occupancy = read_configuration_map(results, campaign, variant)
+    occupancy = read_configuration_map(results, campaign, variant, record)
     with _drawable(campaign, variant):
         return to_svg(occupancy, list(marks(record)), variant)
 
 
-def read_configuration_map(results: Path, campaign: str, variant: str) -> OccupancyMap:
-    """The map of a configuration.
+def read_configuration_map(
+    results: Path, campaign: str, variant: str, record: Mapping[str, Any]
+) -> OccupancyMap:
+    """The map of a configuration, of which `record` was recorded.
 
     Raises:
         InputError: it has no map, or one that cannot be read.
@@ -57,7 +59,6 @@ def read_configuration_map(results: Path, campaign: str, variant: str) -> Occupa
     """
     from robovast.navigation.extra import nav_extra
 
-    record = map_record(results, campaign, variant)
     with nav_extra("The map of a configuration"):
         from robovast.navigation.occupancy import read_map
     with (
@@ -76,25 +77,39 @@ def _drawable(campaign: str, variant: str) -> Iterator[None]:
 
 
 def map_record(results: Path, campaign: str, variant: str) -> Mapping[str, Any]:
-    """Records of navigation variations about a configuration; empty if there are none.
+    """Records of navigation variations about a configuration; empty if there are none."""
+    return mapping(entries(results, campaign, [variant]).get(variant, {}).get(RECORD))
 
-    The file may be large, so only this configuration's part is parsed.
+
+def entries(
+    results: Path, campaign: str, variants: Iterable[str]
+) -> Mapping[str, Mapping[str, Any]]:
+    """What a campaign has recorded of some of its configurations, by name.
+
+    The file may be large, so only the parts of these configurations are parsed.
     """
-    first = dump_yaml([{"name": variant}])
-    lines: list[str] = []
+    wanted = {dump_yaml([{"name": variant}]): variant for variant in variants}
+    lines: dict[str, list[str]] = {}
+    current: list[str] | None = None
     try:
         with open_inside(results, f"{campaign}/{CONFIGURATIONS}") as file:
             text = io.TextIOWrapper(file, encoding="utf-8", errors="replace")
             for line in iter(partial(text.readline, LONGEST), ""):
-                if len(lines) > MOST_VALUES or (lines and not line.startswith(" ")):
-                    break
-                if lines or line == first:
-                    lines.append(line)
+                if not line.startswith(" "):
+                    if current is not None and len(lines) == len(wanted):
+                        break
+                    name = wanted.get(line)
+                    current = None if name is None else lines.setdefault(name, [])
+                if current is not None and len(current) <= MOST_VALUES:
+                    current.append(line)
     except MissingError:
         return {}
-    found = parse_yaml("".join(lines).encode())
-    entry = mapping(found[0]) if isinstance(found, list) and found else {}
-    return mapping(entry.get(_RECORD))
+    return {name: _entry("".join(part)) for name, part in lines.items()}
+
+
+def _entry(text: str) -> Mapping[str, Any]:
+    found = parse_yaml(text.encode())
+    return mapping(found[0]) if isinstance(found, list) and found else {}
 
 
 def _copy_map(

@@ -1,5 +1,5 @@
 // What part of the world a picture shows.
-import type { DriveAnswer, Ground } from "./drive";
+import type { Ground, Still } from "./drive";
 
 export interface Camera {
   /** What is in the middle [m]. */
@@ -39,8 +39,7 @@ function corners(ground: Ground): [number, number][] {
 }
 
 /** Corners of everything that stands still, and of the way as far as it is known. */
-export function extent(answer: DriveAnswer, track: { x: number[]; y: number[] }): Box {
-  const { ground, planned } = answer;
+export function extent({ ground, planned }: Still, track: { x: number[]; y: number[] }): Box {
   const points = ground
     ? corners(ground)
     : [...planned.path, ...planned.goals, ...planned.obstacles, ...(planned.start ? [planned.start] : [])];

@@ -37,6 +37,9 @@ export interface DriveAnswer {
   remarks: string[];
 }
 
+/** What stands still. */
+export type Still = Pick<DriveAnswer, "ground" | "planned">;
+
 /** Time, kind, level or status, source, text. */
 export type Happening = [number, "log" | "behavior", string, string, string];
 

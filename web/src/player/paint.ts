@@ -1,7 +1,7 @@
 // Draws drives on their map.
 import type { Verdict } from "../api";
 import type { Camera, Size } from "./camera";
-import { GAP, lastUpTo, poseAt, type Drive, type Ground, type Point, type Pose, type Track } from "./drive";
+import { GAP, lastUpTo, poseAt, type Drive, type Ground, type Still, type Point, type Pose, type Track } from "./drive";
 
 /** Points of a way that are drawn at once. */
 const STRETCH = 256;
@@ -132,12 +132,11 @@ export class Way {
 /** What stands still: map, obstacles, start and goals. */
 export function drawStill(
   context: CanvasRenderingContext2D,
-  drive: Drive,
+  { ground, planned }: Still,
   picture: HTMLCanvasElement | null,
   camera: Camera,
   colours: Colours,
 ): void {
-  const { ground, planned } = drive.answer;
   if (ground && picture) {
     context.save();
     context.translate(ground.x, ground.y);
@@ -160,29 +159,41 @@ export function drawStill(
   }
 }
 
-/** The whole ways of other runs, and where each ended: a cross if it did not pass. */
+/** The whole ways of other runs, and where each ended. */
 export function drawOthers(context: CanvasRenderingContext2D, others: Drive[], camera: Camera, colours: Colours): void {
-  const size = 5 / camera.scale;
   for (const { answer, track } of others) {
     const verdict = answer.verdict ?? "interrupted";
     const last = track.times.length - 1;
     if (last < 0) continue;
-    const [x, y] = [track.x[last]!, track.y[last]!];
-    context.strokeStyle = context.fillStyle = colours.verdicts[verdict];
+    context.strokeStyle = colours.verdicts[verdict];
     context.lineWidth = 1.2 / camera.scale;
     new Way(track).draw(context, Infinity);
-    context.lineWidth = 3 / camera.scale;
-    context.beginPath();
-    if (verdict === "passed") {
-      context.arc(x, y, size * 0.8, 0, 2 * Math.PI);
-      context.fill();
-    } else {
-      context.moveTo(x - size, y - size);
-      context.lineTo(x + size, y + size);
-      context.moveTo(x - size, y + size);
-      context.lineTo(x + size, y - size);
-      context.stroke();
-    }
+    drawEnd(context, track.x[last]!, track.y[last]!, verdict, camera, colours);
+  }
+}
+
+/** Where a run ended: a cross if it did not pass. */
+export function drawEnd(
+  context: CanvasRenderingContext2D,
+  x: number,
+  y: number,
+  verdict: Verdict,
+  camera: Camera,
+  colours: Colours,
+): void {
+  const size = 5 / camera.scale;
+  context.strokeStyle = context.fillStyle = colours.verdicts[verdict];
+  context.lineWidth = 3 / camera.scale;
+  context.beginPath();
+  if (verdict === "passed") {
+    context.arc(x, y, size * 0.8, 0, 2 * Math.PI);
+    context.fill();
+  } else {
+    context.moveTo(x - size, y - size);
+    context.lineTo(x + size, y + size);
+    context.moveTo(x - size, y + size);
+    context.lineTo(x + size, y - size);
+    context.stroke();
   }
 }
 

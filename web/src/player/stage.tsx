@@ -159,7 +159,7 @@ class Painter {
       context.fillStyle = this.colours.ground;
       context.fillRect(0, 0, this.still.width, this.still.height);
       inMetres(context, this.camera, this.size, this.pixels);
-      drawStill(context, this.drives[0]!, this.picture, this.camera, this.colours);
+      drawStill(context, this.drives[0]!.answer, this.picture, this.camera, this.colours);
       drawOthers(context, this.others, this.camera, this.colours);
       this.stillOf = wanted;
     }

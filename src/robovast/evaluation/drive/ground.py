@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robovast.base.errors import InputError, RobovastError
-from robovast.evaluation.map_picture import has_map, map_record, read_configuration_map
+from robovast.evaluation.map_picture import read_configuration_map
+from robovast.navigation.poses import read_pose
 
 _FREE, _UNKNOWN, _WALL = 0, 1, 2
 _MOST_CELLS = 16_000_000
@@ -52,12 +53,14 @@ class Planned:
     """x, y, radius, or x, y, yaw, length, width [m, rad]"""
 
 
-def configured_ground(results: Path, campaign: str, variant: str) -> tuple[Ground | None, str]:
-    """The map of a configuration, or why there is none."""
-    if not has_map(results, campaign, variant):
+def configured_ground(
+    results: Path, campaign: str, variant: str, record: Mapping[str, Any]
+) -> tuple[Ground | None, str]:
+    """The map of a configuration, of which `record` was recorded; or why there is none."""
+    if not isinstance(record.get("map_file"), str):
         return None, "the configuration has none, and none was recorded."
     try:
-        occupancy = read_configuration_map(results, campaign, variant)
+        occupancy = read_configuration_map(results, campaign, variant, record)
     except RobovastError as error:
         return None, str(error)
     cells = np.full(occupancy.free.shape, _UNKNOWN, np.uint8)
@@ -101,16 +104,13 @@ def _ground(
     return Ground(columns, rows, resolution, *origin, runs)
 
 
-def planned(results: Path, campaign: str, variant: str, parameters: Mapping[str, Any]) -> Planned:
-    """What variations have recorded of a configuration; what is invalid is left out.
+def planned(record: Mapping[str, Any], parameters: Mapping[str, Any]) -> Planned:
+    """What a configuration was made with; what is invalid is left out.
 
     Args:
-        results: the results folder.
-        campaign: name of the campaign.
-        variant: name of the configuration.
+        record: what variations have recorded.
         parameters: its scenario parameters, which tell the shapes of obstacles.
     """
-    record = map_record(results, campaign, variant)
     goals = [pose for pose in map(_pose, _items(record.get("goals"))) if pose]
     return Planned(
         diameter=_number(record.get("robot_diameter")),
@@ -150,14 +150,11 @@ def _box(value: Any) -> list[float]:
 
 
 def _pose(value: Any) -> list[float] | None:
-    if not isinstance(value, dict):
+    try:
+        pose = read_pose(value)
+    except ValueError:
         return None
-    position, orientation = value.get("position"), value.get("orientation")
-    if not isinstance(position, dict):
-        return None
-    yaw = orientation.get("yaw", 0.0) if isinstance(orientation, dict) else 0.0
-    numbers = _numbers([position.get("x"), position.get("y"), yaw])
-    return numbers if len(numbers) == 3 else None
+    return [pose.x, pose.y, pose.yaw]
 
 
 def _items(value: Any) -> Sequence[Any]:

@@ -72,6 +72,7 @@ def make_app(
         Route("/campaigns/{campaign}/metric", pages.metric),
         Route("/campaigns/{campaign}/{variant}/{run:int}", pages.run),
         Route("/map/{campaign}/{variant}", pages.map),
+        Route("/maps/{campaign}", drives.maps),
         Route("/drive/{campaign}/{variant}/{run:int}", drives.drive),
         Route("/drive/{campaign}/{variant}/{run:int}/{part:int}", drives.part),
         Route("/compare", pages.compare),

@@ -15,6 +15,7 @@ from robovast.base.optional_deps import ROS
 from robovast.evaluation.drive.finding import Named, bags_in, chosen, read_named
 from robovast.evaluation.files import list_files
 from robovast.evaluation.inside import MissingError
+from robovast.evaluation.map_picture import RECORD, entries
 from robovast.evaluation.notebooks.workloads import Target
 from robovast.evaluation.run import run_record
 from robovast.evaluation.server.answers import Data
@@ -46,7 +47,9 @@ class DrivePages:
             drive = self._drive(place, named)
         except InputError as error:
             remarks.append(str(error))
-        ground, missing = configured_ground(self._results, campaign, variant)
+        entry = entries(self._results, campaign, [variant]).get(variant, {})
+        navigation = mapping(entry.get(RECORD))
+        ground, missing = configured_ground(self._results, campaign, variant, navigation)
         if ground is None and drive is not None:
             try:
                 ground = drive.ground()
@@ -55,16 +58,25 @@ class DrivePages:
         if ground is None:
             remarks.append(f"Without a map: {missing}")
         record = run_record(self._results, place)
-        parameters = mapping(record.get("parameters"))
         return Data(
             {
                 "overview": drive and drive.overview(),
                 "ground": ground,
-                "planned": planned(self._results, campaign, variant, parameters),
+                "planned": planned(navigation, mapping(entry.get("config"))),
                 "verdict": record.get("verdict"),
                 "remarks": remarks,
             }
         )
+
+    def maps(self, request: Request) -> Response:
+        """Maps of some configurations, and where their runs ended."""
+        from robovast.navigation.extra import nav_extra
+
+        with nav_extra("The map of a configuration"):
+            from robovast.evaluation.drive.maps import configuration_maps
+
+        variants = request.query_params.getlist("variant")
+        return Data(configuration_maps(self._results, request.path_params["campaign"], variants))
 
     def part(self, request: Request) -> Response:
         """One part of a run's drive."""

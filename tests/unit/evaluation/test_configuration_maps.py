@@ -1,0 +1,49 @@
+"""Maps of configurations are told at once, with where their runs ended."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from support.campaigns.stored import NAME, add_map, write, write_campaign
+
+from robovast.evaluation.drive.maps import configuration_maps
+
+HEAD = "frame,timestamp,position.x,position.y,position.z\n"
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    root = write_campaign(tmp_path, runs=3, outputs=False)
+    add_map(root, "hall-1")
+    return root
+
+
+def test_every_configuration_has_its_map_and_the_ends_of_its_runs(root: Path) -> None:
+    rows = "".join(f"base_link,{i},{i / 10},{-i / 10},0\n" for i in range(1000))
+    write(root / "hall-1" / "0" / "poses.csv", HEAD + rows)
+    write(root / "hall-1" / "2" / "poses.csv", HEAD + "base_link,0,1.5,2.5,0\n")
+    found = configuration_maps(root.parent, NAME, ["hall-2", "hall-1", "none"])
+    assert [(c.name, c.ground) for c in found.configurations] == [
+        ("hall-2", None),
+        ("hall-1", 0),
+        ("none", None),
+    ]
+    assert found.configurations[1].ends == [(0, 99.9, -99.9), (2, 1.5, 2.5)]
+    assert found.configurations[1].planned.goals
+    assert (found.grounds[0].columns, found.grounds[0].rows) == (40, 30)
+
+
+@pytest.mark.parametrize(
+    "content", ["", HEAD, HEAD + "base_link,0\n", HEAD + "a,0,x,y,0\n", "a,b\n1,2\n", "\0"]
+)
+def test_a_table_that_tells_no_end_is_left_out(root: Path, content: str) -> None:
+    write(root / "hall-1" / "0" / "poses.csv", content)
+    assert configuration_maps(root.parent, NAME, ["hall-1"]).configurations[0].ends == []
+
+
+def test_nothing_outside_of_the_results_is_read(root: Path) -> None:
+    write(root.parent.parent / "poses.csv", HEAD + "base_link,0,1.5,2.5,0\n")
+    (root / "hall-1" / "0" / "poses.csv").symlink_to(root.parent.parent / "poses.csv")
+    found = configuration_maps(root.parent, NAME, ["hall-1", "../.."])
+    assert [one.ends for one in found.configurations] == [[], []]

@@ -1,0 +1,152 @@
+// Small maps of configurations: how often each fails, and where its runs ended.
+import { useEffect, useRef, useState } from "preact/hooks";
+import { address, type Columns, type Verdict } from "../api";
+import { variantOf, verdictOf, type Run } from "../data";
+import { count, percent } from "../format";
+import { useAnswer } from "../live";
+import { Waiting } from "../parts";
+import { link } from "../route";
+import { boxOf, extent, fitting, type Size } from "./camera";
+import type { DriveAnswer, Ground } from "./drive";
+import { coloursOf, drawEnd, drawStill, inMetres, pictureOf } from "./paint";
+
+/** Maps that are shown at once. */
+const STEP = 24;
+
+interface MapsAnswer {
+  grounds: Ground[];
+  configurations: { name: string; ground: number | null; planned: DriveAnswer["planned"]; ends: [number, number, number][] }[];
+}
+
+interface Group {
+  name: string;
+  runs: Run[];
+  bad: number;
+}
+
+/** The configurations of some runs, those that fail most often first. */
+export function grouped(data: Columns, runs: Run[]): Group[] {
+  const groups = new Map<string, Group>();
+  for (const run of runs) {
+    const verdict = verdictOf(data, run);
+    if (verdict === "interrupted") continue;
+    const name = variantOf(data, run);
+    const group = groups.get(name) ?? { name, runs: [], bad: 0 };
+    group.runs.push(run);
+    if (verdict !== "passed") group.bad += 1;
+    groups.set(name, group);
+  }
+  return [...groups.values()].sort((a, b) => b.bad / b.runs.length - a.bad / a.runs.length);
+}
+
+/** Maps of the configurations of some runs. */
+export function Maps({ data, runs }: { data: Columns; runs: Run[] }) {
+  const [shown, setShown] = useState(STEP);
+  const groups = grouped(data, runs);
+  const pages = [];
+  for (let begin = 0; begin < Math.min(shown, groups.length); begin += STEP) {
+    pages.push(<Page key={groups[begin]!.name} data={data} groups={groups.slice(begin, begin + STEP)} />);
+  }
+  return (
+    <>
+      <p class="quiet">
+        Configurations by how often they fail. A cross is where a run ended that did not pass, a dot where one passed, as
+        far as <code>poses.csv</code> of the runs tells it.
+      </p>
+      {pages}
+      {shown < groups.length && (
+        <button type="button" onClick={() => setShown(shown + STEP)}>
+          More of {count(groups.length)} configurations
+        </button>
+      )}
+    </>
+  );
+}
+
+function Page({ data, groups }: { data: Columns; groups: Group[] }) {
+  const { name } = data.summary;
+  const { data: maps, error } = useAnswer<MapsAnswer>(address(["maps", name], { variant: groups.map((group) => group.name) }));
+  if (!maps) return <Waiting error={error} />;
+  if (!maps.grounds.length && maps.configurations.every(({ ends }) => !ends.length)) {
+    return <p class="hint">None of these configurations has a map, and no run's end is known.</p>;
+  }
+  return (
+    <ul class="maps">
+      {groups.map((group) => (
+        <li key={group.name}>
+          <MapOf {...{ data, group, maps }} />
+        </li>
+      ))}
+    </ul>
+  );
+}
+
+function MapOf({ data, group, maps }: { data: Columns; group: Group; maps: MapsAnswer }) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const found = maps.configurations.find((one) => one.name === group.name);
+  const verdicts = new Map(group.runs.map((run) => [data.runs.number[run]!, verdictOf(data, run)]));
+  useEffect(() => {
+    const element = canvas.current!;
+    const dark = matchMedia("(prefers-color-scheme: dark)");
+    const draw = () => found && drawSmall(element, found, maps, verdicts);
+    const observer = new ResizeObserver(draw);
+    observer.observe(element);
+    dark.addEventListener("change", draw);
+    return () => {
+      observer.disconnect();
+      dark.removeEventListener("change", draw);
+    };
+  }, [maps, data]);
+  const worst = group.runs.find((run) => verdictOf(data, run) !== "passed") ?? group.runs[0]!;
+  const share = group.bad / group.runs.length;
+  return (
+    <a href={link(["campaign", data.summary.name, group.name, data.runs.number[worst]!], { tab: "player" })}>
+      <canvas ref={canvas} aria-hidden="true" />
+      <span class="rated" style={{ "--share": `${(100 * share).toFixed(1)}%` }}>
+        {group.name}: {percent(share)} failed, {group.bad}/{group.runs.length}
+      </span>
+    </a>
+  );
+}
+
+function drawSmall(
+  canvas: HTMLCanvasElement,
+  { ground, planned, ends }: MapsAnswer["configurations"][number],
+  { grounds }: MapsAnswer,
+  verdicts: Map<number, Verdict>,
+): void {
+  const pixels = Math.min(devicePixelRatio || 1, 2);
+  const size: Size = { width: canvas.clientWidth, height: canvas.clientHeight };
+  canvas.width = size.width * pixels;
+  canvas.height = size.height * pixels;
+  const context = canvas.getContext("2d")!;
+  const colours = coloursOf(canvas);
+  const floor = ground === null ? null : grounds[ground]!;
+  const still = { ground: floor, planned };
+  const walls = floor && boxOf(wallsOf(floor));
+  const camera = fitting(walls ?? extent(still, { x: ends.map((end) => end[1]), y: ends.map((end) => end[2]) }), size);
+  inMetres(context, camera, size, pixels);
+  drawStill(context, still, floor && pictureOf(floor, colours), camera, colours);
+  for (const [number, x, y] of ends) {
+    const verdict = verdicts.get(number);
+    if (verdict) drawEnd(context, x, y, verdict, camera, colours);
+  }
+}
+
+/** First and last cell of every wall: what lies around them would only make a small map smaller. */
+function wallsOf(ground: Ground): [number, number][] {
+  if (ground.yaw !== 0) return [];
+  const found: [number, number][] = [];
+  let at = 0;
+  for (let run = 0; run < ground.runs.length; run += 2) {
+    const end = at + ground.runs[run]!;
+    if (ground.runs[run + 1] === 2) {
+      for (const cell of [at, end - 1]) {
+        const [column, row] = [cell % ground.columns, Math.floor(cell / ground.columns)];
+        found.push([ground.x + (column + 0.5) * ground.resolution, ground.y + (row + 0.5) * ground.resolution]);
+      }
+    }
+    at = end;
+  }
+  return found;
+}
