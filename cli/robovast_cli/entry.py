@@ -1,9 +1,10 @@
-"""Entry point of the command `vast`; it runs before any slow import."""
+"""Entry points of `vast` and of `kubectl vast`; they run before any slow import."""
 
 from __future__ import annotations
 
 import os
 import signal
+import sys
 
 
 def main() -> None:
@@ -19,6 +20,12 @@ def main() -> None:
     if loud:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     run()
+
+
+def kubectl() -> None:
+    """Run `kubectl vast …`, which is `vast exec cluster …`; exits with a code of `ExitCode`."""
+    sys.argv[1:1] = ["exec", "cluster"]
+    main()
 
 
 def _end(number: int, frame: object) -> None:

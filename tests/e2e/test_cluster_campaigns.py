@@ -112,6 +112,39 @@ def test_failed_runs_are_told_from_broken_ones_and_repeated_alone(lab: Lab) -> N
     ]
 
 
+def test_the_log_of_a_run_is_followed_from_its_start_to_the_end_of_its_part(lab: Lab) -> None:
+    """In a pack of three runs; a shell in the pod shows what the run has."""
+    script = 'echo "hello $1"; [ "$1" != 2 ] || while ! [ -e "$3/go" ]; do sleep 0.2; done\n'
+    lab.quick("talk", script, "  runs_per_job: 3\n  resources: {shm_size: 96Mi}\n")
+    inside = ("-n", lab.namespace)
+    follower = subprocess.Popen(
+        [VAST, "exec", "cluster", "logs", "-f", "talk", "one-2/0", *inside],
+        env=os.environ | lab.env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert follower.stdout is not None
+    assert follower.stdout.readline() == "[robovast] run one-2/0\n"
+    assert "hello 1" in lab.vast("exec", "cluster", "logs", "one-1/0", *inside).stdout
+    assert (
+        "has not come to it yet" in lab.vast("exec", "cluster", "logs", "one-3/0", *inside).stderr
+    )
+    shell = subprocess.run(
+        [VAST, "exec", "cluster", "shell", "talk", "one-2/0", *inside],
+        input="pwd; df --output=size -BM /dev/shm; touch one-2/0/go\n",
+        env=os.environ | lab.env, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert shell.returncode == 0, shell.stderr
+    assert shell.stdout.split() == ["/out", "1M-blocks", "96M"]
+    out, err = follower.communicate(timeout=60)
+    assert follower.returncode == 0, err
+    assert "one-2/0 waits: " in err
+    assert "hello 2" in out
+    assert "hello 1" not in out
+    assert "hello 3" not in out
+    lab.wait("talk")
+    stored = lab.vast("exec", "cluster", "logs", "one-2/0", *inside).stdout
+    assert stored == "[robovast] run one-2/0\n" + out
+
+
 def start_receiver(lab: Lab) -> None:
     """A pod that is told; its address goes into the Secret `robovast-phone`."""
     lab.kubectl("apply", "--filename=-", stdin=json.dumps(receiver_pod("receiver", images.AGENT)))

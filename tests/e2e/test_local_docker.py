@@ -93,6 +93,15 @@ def test_a_run_cannot_change_its_inputs_or_another_run(slim_image: str, tmp_path
     assert set(seen) == {"_jobs", "one-2"}
 
 
+def test_the_containers_of_a_run_have_the_shared_memory_that_the_document_says(
+    slim_image: str, tmp_path: Path
+) -> None:
+    script = 'df --output=size --block-size=M /dev/shm > "$3/seen"\n'
+    path = make_campaign(tmp_path / "in", script, "  resources: {shm_size: 96Mi}\n")
+    summary = run(path, tmp_path / "out", runtime="docker", image=slim_image)
+    assert (summary.campaign / "one-1/0/seen").read_text().split() == ["1M-blocks", "96M"]
+
+
 def test_a_timeout_ends_the_container(slim_image: str, tmp_path: Path) -> None:
     path = make_campaign(tmp_path / "in", "sleep 600\n", "  timeout: 2\n")
     begin = time.monotonic()

@@ -22,16 +22,23 @@ import pytest
 import yaml
 from robovast_testbed.kubernetes import Cluster
 from robovast_testbed.s3 import Server
+from support.kube.fake_cluster import SETTINGS
 from support.patience import eventually
 from support.servers.shares import PASSWORD, USER, webdav_server
 
 from robovast.base.errors import InputError
+from robovast.kubeapi.source_files import inline_files
+from robovast.model.packs import PlanSpec, first_blocks
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
 from robovast_cli.commands.exec.cluster import run as cluster_run
 from robovast_cli.commands.exec.cluster import share_jobs
 from robovast_cli.kube.api import connect
 from robovast_cli.main import command
+from robovast_operator.planning.accept import accept
+from robovast_operator.planning.campaign import Accepted
+from robovast_operator.pods.jobs import campaign_plan
+from robovast_operator.pods.jobs import plan_config_map as dump_plan
 
 ROOT = Path(__file__).parents[2]
 GROWTH = ROOT / "configs/examples/growth_sim/growth_sim.vast"
@@ -522,6 +529,94 @@ def secret(name: str, namespace: str, server: Server, **more: str) -> dict[str, 
         "metadata": {"name": name, "namespace": namespace},
         "data": {key: base64.b64encode(value.encode()).decode() for key, value in keys.items()},
     }
+
+
+PACK_LOG = "[robovast] job x\n[robovast] run {0}\nof the first\n[robovast] run {1}\nof the second\n"
+
+
+def store_pack(stored: Stored, first: str, second: str) -> None:
+    """Two runs of one pack, the second of which has failed; the index names it."""
+    index = []
+    for run, verdict in ((first, "passed"), (second, "failed")):
+        variant, _, number = run.partition("/")
+        record = {
+            "campaign": stored.name,
+            "variant": variant,
+            "entry": "sweep",
+            "run": int(number),
+            "id": 0,
+            "verdict": verdict,
+            "reason": "" if verdict == "passed" else "too slow",
+            "started_at": "2026-01-01T00:00:00Z",
+            "finished_at": "2026-01-01T00:00:01Z",
+            "duration": 1.0,
+            "exit_code": None,
+            "attempt": 1,
+            "job": "job-7",
+            "runtime": "cluster",
+            "image": "i",
+            "image_digest": "",
+            "host": "h",
+        }
+        index.append(record)
+        stored.store.put_bytes(stored.bucket, f"{run}/run.json", json.dumps(record).encode())
+    text = json.dumps({"campaign": stored.name, "runs": index}).encode()
+    stored.store.put_bytes(stored.bucket, "_execution/index.json", text)
+    begun = b"# attempt 1\na: {_output_dir: x}\n---\na: {_output_dir: y}\n"
+    stored.store.put_bytes(stored.bucket, "_transient/job-7.params.yaml", begun)
+    log = PACK_LOG.format(first, second).encode()
+    stored.store.put_bytes(stored.bucket, "_jobs/job-7/logs/system.log", log)
+    stored.store.put_bytes(stored.bucket, "_jobs/job-7/logs/system_sim.log", b"1\n2\n3\n")
+
+
+@one_make
+def test_the_log_of_a_stored_run_is_its_part_of_the_packs(vast: Vast, stored: Stored) -> None:
+    store_pack(stored, "sweep-1-1/0", "sweep-1-2/0")
+    first = vast("logs", "sweep-1-1/0")
+    assert (first.code, first.err) == (0, "")
+    assert first.out.splitlines() == ["[robovast] run sweep-1-1/0", "of the first"]
+    failed = vast("logs", stored.name, "--failed")
+    assert (failed.code, failed.err) == (0, "")
+    assert failed.out.splitlines() == [
+        "==> sweep-1-2/0: failed: too slow <==",
+        "[robovast] run sweep-1-2/0",
+        "of the second",
+        "",
+    ]
+    other = vast("logs", f"{stored.name}-2026", "sweep-1-2/0", "--secondary", "sim", "--tail", 2)
+    assert (other.code, other.out.splitlines()) == (0, ["2", "3"])
+    assert "this log does not tell it from the 2 runs of its job" in other.err
+    none = vast("logs", "sweep-1-2/0", "--secondary", "radio")
+    assert (none.code, none.out) == (2, "")
+    assert "logs/system.log, logs/system_sim.log" in none.err
+
+
+def test_a_run_without_a_log_says_why_and_one_that_is_none_which_there_are(
+    vast: Vast, operator: Operator, known_cluster: Cluster, namespace: str
+) -> None:
+    vast("run", "--detach")
+    (name,) = operator.names()
+    waits = condition("QuotaReserved", "False", "Pending", "the queue `q` is full")
+    operator.report(name, state="Queued", conditions=[waits])
+    assert vast("logs", "sweep-1-1/0").err == "sweep-1-1/0 waits: the queue `q` is full.\n"
+    known_cluster.apply(plan_config_map(known_cluster, name, namespace))
+    operator.report(name, conditions=[])
+    outcome = vast("logs", name, "sweep-1-1/0")
+    assert (outcome.code, outcome.out) == (0, "")
+    assert "sweep-1-1/0 waits: it has no pod yet (0 of 26 done)." in outcome.err
+    unknown = vast("logs", "sweep-9-9/0")
+    assert unknown.code == 2
+    assert "the campaign has no run `sweep-9-9/0`; it has 13" in unknown.err
+    assert vast("logs").code == vast("logs", "--failed", "-f").code == 2
+
+
+def plan_config_map(cluster: Cluster, name: str, namespace: str) -> dict[str, Any]:
+    """The plan that the operator would make of a campaign of growth_sim."""
+    obj: Any = cluster.get("campaign", name, f"--namespace={namespace}")
+    made = accept(obj, inline_files(obj["spec"]), SETTINGS)
+    assert isinstance(made, Accepted), made
+    plan = PlanSpec(blocks=first_blocks(made.entries, 1))
+    return dict(dump_plan(made, f"{name}-plan-0", campaign_plan(made, plan, made.entries)))
 
 
 @one_make

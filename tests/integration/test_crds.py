@@ -51,6 +51,8 @@ def change(server: Cluster, spec: dict[str, Any]) -> str:
         ({"parallelism": 0}, "parallelism"),
         ({"acceptance": {"minPassRatio": "2"}}, "minPassRatio"),
         ({"queueName": "Not A Name"}, "queueName"),
+        ({"scheduling": {"nodeAffinity": {"required": [{"key": "zone"}]}}}, "need some"),
+        ({"scheduling": {"nodeAffinity": {"preferred": [{"key": "a b", "values": ["c"]}]}}}, "key"),
     ],
 )
 def test_a_change_that_cannot_be_is_refused_with_its_reason(
@@ -60,7 +62,14 @@ def test_a_change_that_cannot_be_is_refused_with_its_reason(
 
 
 @pytest.mark.parametrize(
-    "spec", [{"runs": 5}, {"suspend": True}, {"parallelism": 7}, {"attempt": 2}]
+    "spec",
+    [
+        {"runs": 5},
+        {"suspend": True},
+        {"parallelism": 7},
+        {"attempt": 2},
+        {"scheduling": {"nodeAffinity": {"preferred": [{"key": "fast", "operator": "Exists"}]}}},
+    ],
 )
 def test_what_may_change_does(server: Cluster, spec: dict[str, Any]) -> None:
     assert change(server, spec) == ""

@@ -6,6 +6,7 @@ import json
 import platform
 import time
 from datetime import UTC, datetime, timedelta
+from typing import Any
 
 import pytest
 from robovast_testbed.kubernetes import Cluster
@@ -59,6 +60,35 @@ def test_two_hundred_runs_cost_little_and_their_end_nothing(
         eventually(lambda: status(fake_cluster, namespace, "many") != state, 3)
     after = fake_cluster.get("campaign", "many", f"--namespace={namespace}")
     assert before["status"] == after["status"]
+
+
+def test_pods_go_to_the_nodes_that_a_campaign_requires(
+    fake_cluster: Cluster, namespace: str, new_operator: NewOperator
+) -> None:
+    """With a share of memory, disk and GPUs that the document asks for, which the server takes."""
+    nodes: Any = fake_cluster.get("nodes")
+    name = nodes["items"][0]["metadata"]["name"]
+    host = {"key": "kubernetes.io/hostname"}
+    affinity = {
+        "required": [{**host, "values": [name]}],
+        "preferred": [{"key": "fast", "operator": "Exists", "weight": 5}],
+    }
+    spreads = [{"topologyKey": host["key"], "whenUnsatisfiable": "DoNotSchedule"}]
+    made = campaign(
+        "few", namespace, 3, 2, scheduling={"nodeAffinity": affinity, "topologySpread": spreads}
+    )
+    made["spec"]["vast"]["execution"] |= {
+        "resources": {"shm_size": "1Gi"},
+        "kubernetes": {"ephemeral_storage": "1Gi"},
+    }
+    fake_cluster.apply(made)
+    operator = new_operator()
+    operator.start()
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    pods: Any = fake_cluster.get(
+        "pods", f"--namespace={namespace}", "--selector=robovast.io/role=shard"
+    )
+    assert {pod["spec"]["nodeName"] for pod in pods["items"]} == {name}
 
 
 def test_an_admin_sees_health_and_figures_but_no_series_per_campaign(

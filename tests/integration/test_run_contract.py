@@ -22,6 +22,7 @@ from robovast_testbed import debian
 from robovast_testbed.pytest_plugin import skipped_when_unavailable
 from support.patience import eventually
 
+from robovast.campaign.job_log import part_of
 from robovast.execution.contract import contract_files
 
 VERSION = "1.8.0"
@@ -207,6 +208,11 @@ def test_a_failed_run_of_a_pack_leaves_the_others_alone(job: Job) -> None:
     code, _ = job.run()
     verdicts = [job.verdict(f"a b/{index}") for index in range(5)]
     assert (code, verdicts) == (1, [True, True, False, True, True])
+    log = job.log().splitlines()
+    failed, next_one = (list(part_of(log, f"a b/{number}")) for number in (2, 3))
+    assert "Executing scenario 'try_it-2'" in failed[1]
+    assert any("execution failed" in line for line in failed)
+    assert not any("execution failed" in line for line in next_one)
     assert not (job.out / "test.xml").exists()
     start = ET.parse(job.out / "a b/1/test.xml").find(".//property[@name='start_time']")  # noqa: S314
     assert start is not None

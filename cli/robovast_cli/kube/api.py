@@ -8,7 +8,7 @@ import json
 import os
 import shutil
 import ssl
-from collections.abc import Callable, Coroutine, Iterator, Mapping
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -112,6 +112,29 @@ class Kubernetes:
         """The namespace's pods with all these labels, the oldest first."""
         return self._list("pods", "v1", labels)
 
+    def config_map(self, name: str) -> Json | None:
+        """A ConfigMap; None when there is none of this name."""
+        return self._find("configmaps", name)
+
+    def config_maps(self, labels: Mapping[str, str]) -> list[Json]:
+        """The namespace's ConfigMaps with all these labels, the oldest first."""
+        return self._list("configmaps", "v1", labels)
+
+    def log(self, pod: str, container: str, *, follow: bool = False) -> Iterator[str]:
+        """Lines of a container's log; with `follow` also those to come, until the container ends.
+
+        Raises:
+            NotFoundError: there is no such pod, or no such log of it.
+        """
+        params = {"container": container, "follow": str(follow).lower()}
+        url = f"pods/{quote(pod)}/log"
+        answer = self._run(partial(self._respond, "GET", url, params=params, seconds=None))
+        content = answer.response.content
+        try:
+            yield from _lines(iter(partial(self._run, content.readany), b""))
+        finally:
+            self._portal.call(answer.response.close)
+
     def log_end(self, pod: str, lines: int) -> str:
         """The last lines of the log of a pod with one container."""
         url, params = f"pods/{quote(pod)}/log", {"tailLines": str(lines)}
@@ -192,7 +215,12 @@ class Kubernetes:
         answer: Json = json.loads(await self._text(method, url, version, **details))
         return answer
 
-    async def _text(
+    async def _text(self, *request: Any, **details: Any) -> str:
+        answer = await self._respond(*request, **details)
+        text: str = (await answer.read()).decode()
+        return text
+
+    async def _respond(
         self,
         method: str,
         url: str,
@@ -201,12 +229,15 @@ class Kubernetes:
         namespace: str | None = None,
         body: Any = None,
         params: Mapping[str, str] | None = None,
-    ) -> str:
+        seconds: float | None = TIME_LIMIT,
+    ) -> Any:
+        """The answer to a request, whose content may not be there yet."""
         root = f"/{'apis' if '/' in version else 'api'}/{version}" if version else "/apis"
         space = self.namespace if namespace is None else namespace
         kind = "merge-patch+json" if method == "PATCH" else "json"
         ask = partial(
             self._answer,
+            seconds,
             method,
             f"{root}/namespaces/{space}/{url}" if space else f"{root}/{url}",
             query_params=dict(params or {}),
@@ -214,21 +245,21 @@ class Kubernetes:
             body=body,
             auth_settings=["BearerToken"],
         )
-        status, text = await ask()
-        if status == 401:  # keys may end before they say, while a campaign is watched for hours
+        answer = await ask()
+        if answer.status == 401:  # keys may end before they say, while a campaign runs for hours
             _login(self._client.configuration, self.context)
-            status, text = await ask()
-        if status >= 400:
-            raise refusal(status, _status(text), self.where)
-        return text
+            answer = await ask()
+        if answer.status >= 400:
+            text = (await answer.read()).decode()
+            raise refusal(answer.status, _status(text), self.where)
+        return answer
 
-    async def _answer(self, *request: Any, **details: Any) -> tuple[int, str]:
+    async def _answer(self, seconds: float | None, *request: Any, **details: Any) -> Any:
         from aiohttp import ClientTimeout
 
         serialized = await self._client.param_serialize(*request, **details)
-        timeout = ClientTimeout(total=TIME_LIMIT)
-        answer = await self._client.call_api(*serialized, _request_timeout=timeout)
-        return answer.status, (await answer.read()).decode()
+        timeout = ClientTimeout(total=seconds, sock_connect=TIME_LIMIT)
+        return await self._client.call_api(*serialized, _request_timeout=timeout)
 
     def _run(self, action: Callable[[], Coroutine[Any, Any, Any]]) -> Any:
         try:
@@ -304,6 +335,15 @@ def cluster_extra() -> Iterator[None]:
         raise CannotRunError(
             f"the package {error.name} is missing: install `robovast[cluster]`."
         ) from None
+
+
+def _lines(chunks: Iterable[bytes]) -> Iterator[str]:
+    rest = b""
+    for chunk in chunks:
+        *lines, rest = (rest + chunk).split(b"\n")
+        yield from (line.decode(errors="replace") for line in lines)
+    if rest:
+        yield rest.decode(errors="replace")
 
 
 def _with(labels: Mapping[str, str]) -> dict[str, str]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from robovast.base.errors import InputError
 from robovast.kubeapi.resources import CampaignSpec, Source
+from robovast.kubeapi.source_files import Files, config_map_files, inline_files
 from robovast.model.packs import CampaignPlan, Entry
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api, ApiError
@@ -17,10 +18,7 @@ from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.store import Store
 from robovast_operator.memory import InputsCache
 from robovast_operator.planning.accept import (
-    Files,
     accept,
-    config_map_files,
-    inline_files,
     same_document,
     source_changed,
 )

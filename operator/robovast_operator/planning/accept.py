@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 import binascii
 import hashlib
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from pydantic import ValidationError
 
@@ -20,21 +19,26 @@ from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
 from robovast.kubeapi.pod_contract.messages import Composed
 from robovast.kubeapi.resources import CampaignSpec
 from robovast.kubeapi.secret_names import refusal
+from robovast.kubeapi.source_files import Files, check_paths
 from robovast.model.document.loader import Document, check_source
-from robovast.model.document.model import Vast
+from robovast.model.document.model import Execution, Resources, Vast
 from robovast.model.document.source import Source
 from robovast.model.expansion import Variant, compose, select_any
 from robovast.model.expansion.expand import DEFAULT_ENTRY
 from robovast.model.packs import RUNS_LIMIT, CampaignPlan, Entry, format_breaks, is_breaks
 from robovast.model.plan import breaks
-from robovast.model.quantities import cpus, memory
-from robovast.model.variations.loader import is_pure
+from robovast.model.quantities import (
+    cpus,
+    disk,
+    gpu_resource,
+    memory,
+    resolve_per_context,
+    shared_memory,
+)
+from robovast.model.variations.loader import all_pure
 from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.planning.campaign import Accepted, Rejected
 from robovast_operator.settings import Settings
-
-Files = Mapping[str, bytes]
-"""Input files by path relative to the document; None if only pods can read them."""
 
 
 def accept(obj: Object, files: Files | None, settings: Settings) -> Accepted | Rejected:
@@ -77,49 +81,6 @@ def _digests(files: Files, document: str) -> dict[str, str]:
     """SHA-256 of the files beside a document, which stands in the plan itself."""
     others = {path: content for path, content in files.items() if path != document}
     return {path: hashlib.sha256(content).hexdigest() for path, content in others.items()}
-
-
-def inline_files(spec: Mapping[str, object]) -> Files:
-    """The inline files of a Campaign.
-
-    Raises:
-        ValueError: a path leaves the folder, or content is no base64.
-    """
-    source = CampaignSpec.model_validate(spec).source
-    if source.inline is None:
-        return {}
-    found = {path: text.encode() for path, text in source.inline.files.items()}
-    for path, data in source.inline.binary_files.items():
-        try:
-            found[path] = base64.b64decode(data, validate=True)
-        except binascii.Error as error:
-            raise ValueError(f"spec.source.inline.binaryFiles[{path}] is no base64") from error
-    check_paths(found)
-    return found
-
-
-NAME_BYTES = 255
-"""Longest name of a file or folder on common file systems [byte]."""
-
-
-def check_paths(files: Iterable[str]) -> None:
-    """Check that files can be written into one folder.
-
-    Raises:
-        ValueError: a path leaves the folder, is too long, or a file is a folder, too.
-    """
-    paths = [PurePosixPath(path) for path in files]
-    for path in paths:
-        if not path.parts or path.is_absolute() or ".." in path.parts or "\0" in str(path):
-            raise ValueError(f"the file `{path}` leaves the document's folder; use a relative path")
-        if max(len(part.encode(errors="replace")) for part in path.parts) > NAME_BYTES:
-            raise ValueError(f"a name in the path `{path}` is longer than {NAME_BYTES} bytes")
-    folders = {folder for path in paths for folder in path.parents}
-    both = next((path for path in paths if path in folders), None)
-    if both is not None:
-        raise ValueError(f"`{both}` is a file, and a folder of other files; rename one of them")
-    if len(set(paths)) < len(paths):
-        raise ValueError("two of the files have one path, spelt in two ways")
 
 
 def _spec_message(error: ValidationError) -> str:
@@ -165,7 +126,7 @@ def _checked(
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(content)
     name = spec.document or f"{identity.name}.vast"
-    if not _is_pure(spec):
+    if not all_pure(spec.vast):
         return _accepted(identity, spec, Vast.model_validate(spec.vast), text, settings)
     try:
         document = check_source(Source(folder / name, text))
@@ -174,19 +135,6 @@ def _checked(
     except RobovastError as error:
         reason = "InvalidDocument" if isinstance(error, DocumentError) else "Invalid"
         return Rejected(reason, str(error).replace(f"{folder}/", ""))
-
-
-def _is_pure(spec: CampaignSpec) -> bool:
-    """Whether all variation types of a document are pure, so that no user's code is executed."""
-    entries = (e for e in _items(spec.vast.get("configuration")) if isinstance(e, dict))
-    calls = (call for entry in entries for call in _items(entry.get("variations")))
-    pairs = ([*call.items()] if isinstance(call, dict) else [(call, {})] for call in calls)
-    return all(is_pure(str(name), parameters or {}) for call in pairs for name, parameters in call)
-
-
-def _items(value: object) -> list[object]:
-    """A list as it is; anything else, which checking the document refuses, as none."""
-    return value if isinstance(value, list) else []
 
 
 def _expanded(document: Document, accepted: Accepted) -> Accepted | Rejected:
@@ -229,11 +177,7 @@ def _accepted(
         return Rejected(
             "InvalidName", f"the Campaign's name is longer than {CAMPAIGN_NAME_LIMIT} characters"
         )
-    containers = [("execution", vast.execution.resources)]
-    containers += [(s.name, s.resources) for s in vast.execution.secondary_containers]
-    for name, resources in containers:
-        cpus(resources.cpu, f"resources.cpu of {name}", spec.cluster or "")
-        memory(resources.memory, f"resources.memory of {name}", spec.cluster or "")
+    _check_amounts(vast.execution, spec.cluster or "", settings)
     return Accepted(
         identity=identity,
         spec=spec,
@@ -244,6 +188,24 @@ def _accepted(
         default_endpoint=settings.endpoint,
         default_region=settings.region,
     )
+
+
+def _check_amounts(execution: Execution, context: str, settings: Settings) -> None:
+    """Make sure that a pod can be asked for.
+
+    Raises:
+        InputError: an amount is none, there is none for this cluster, or it is not allowed.
+    """
+    main, kubernetes = execution.resources, execution.kubernetes
+    containers: list[tuple[str, Resources]] = [("execution", main)]
+    containers += [(s.name, s.resources) for s in execution.secondary_containers]
+    for name, resources in containers:
+        cpus(resources.cpu, f"resources.cpu of {name}", context)
+        memory(resources.memory, f"resources.memory of {name}", context)
+        resolve_per_context(resources.gpu, context, f"resources.gpu of {name}")
+    shared_memory(main.shm_size, main.memory, context)
+    gpu_resource(kubernetes.gpu_resource, context)
+    disk(kubernetes.ephemeral_storage, context, settings.work_limit)
 
 
 DOCUMENT_CHANGED = Rejected(
@@ -281,19 +243,6 @@ def _without_runs(vast: Mapping[str, object]) -> dict[str, object]:
     if not isinstance(execution, Mapping):
         return dict(vast)
     return {**vast, "execution": {k: v for k, v in execution.items() if k != "runs"}}
-
-
-def config_map_files(config_map: Object, paths: Mapping[str, str]) -> Files:
-    """The files in a ConfigMap.
-
-    Args:
-        config_map: the object.
-        paths: file by key; without any, each key is a file name.
-    """
-    found = {key: text.encode() for key, text in (config_map.get("data") or {}).items()}
-    for key, data in (config_map.get("binaryData") or {}).items():
-        found[key] = base64.b64decode(data)
-    return {paths[k]: v for k, v in found.items() if k in paths} if paths else found
 
 
 def with_composition(

@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 from pydantic import ValidationError
 
 from robovast.base.errors import InputError
+from robovast.kubeapi.source_files import Files
 from robovast.model.packs import RUNS_LIMIT, Entry
 from robovast_operator.kube.objects import Object
-from robovast_operator.planning.accept import Files, accept
+from robovast_operator.planning.accept import accept
 from robovast_operator.planning.campaign import Accepted, Rejected
 from robovast_operator.planning.configurations import added_entries, entry_name, reference
 from robovast_operator.planning.revisions import Addition, Planned

@@ -8,9 +8,10 @@ from robovast.execution.compat import INCOMPATIBLE
 from robovast.kubeapi.notice import Order
 from robovast.kubeapi.pod_contract.exit_codes import USELESS, AgentExit
 from robovast.kubeapi.pod_contract.mounts import DOCUMENT_FILE, PLAN_FILE
+from robovast.kubeapi.pod_contract.pack_request import PackRequest
 from robovast.kubeapi.pod_contract.pods import failure_policy, on_exit
 from robovast.kubeapi.pod_contract.sightings import FILE, Sightings
-from robovast.kubeapi.resources import ROLE_LABEL, SHARD_LABEL, Scheduling
+from robovast.kubeapi.resources import ROLE_LABEL, SHARD_LABEL, SHARD_ROLE, Scheduling
 from robovast.model.packs import Bundle, CampaignPlan, Entry, GitSource, PlanSpec
 from robovast.model.quantities import cpus, memory
 from robovast.storage.bucket_names import BUNDLES_BUCKET
@@ -40,11 +41,9 @@ _QUIET = {"argocd.argoproj.io/ignore-resource-updates": "true"}
 
 def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Object:
     """The Indexed Job of a shard: a completion index for each pack."""
-    arguments = ["--first-pack", str(shard.first_pack), "--attempt", str(shard.attempt)]
-    if shard.repeat:
-        arguments += ["--repeat", shard.repeat]
-    job = _job(accepted.identity, shard.job, "shard", {SHARD_LABEL: str(shard.index)})
-    pod = run_pod(accepted, settings, shard.plan, arguments)
+    request = PackRequest(shard.first_pack, attempt=shard.attempt, repeat=shard.repeat or None)
+    job = _job(accepted.identity, shard.job, SHARD_ROLE, {SHARD_LABEL: str(shard.index)})
+    pod = run_pod(accepted, settings, shard.plan, request)
     queue = accepted.spec.queue_name
     job["spec"] |= {
         "completionMode": "Indexed",

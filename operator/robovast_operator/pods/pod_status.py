@@ -10,13 +10,12 @@ from signal import SIGKILL, SIGTERM
 from robovast.execution.compat import INCOMPATIBLE
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
 from robovast.kubeapi.pod_contract.messages import error_in
+from robovast.kubeapi.pod_contract.pack_request import INDEX_ANNOTATION, RUN
 from robovast.kubeapi.pod_contract.sightings import Sightings
 from robovast_operator.kube.lenient import LARGEST, mapping, number, ranges, text
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.times import parse_time
 from robovast_operator.pods.findings import Trouble
-
-INDEX_ANNOTATION = "batch.kubernetes.io/job-completion-index"
 
 _WAITING = {
     "ImagePullBackOff": "ImagePull",
@@ -186,10 +185,6 @@ def ending_of(pod: Object, container: str) -> Object:
         if status["name"] == container:
             return mapping(mapping(status.get("state")).get("terminated"))
     return {}
-
-
-RUN = "robovast"
-"""The container of the runs."""
 
 
 def sighted(pod: Object) -> Sightings:

@@ -7,6 +7,7 @@ secondaries beside our `agent`. Only our own containers see credentials; nobody 
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from robovast.agent.silence import SILENT
@@ -15,6 +16,7 @@ from robovast.execution.compat import COMPAT_SCRIPT
 from robovast.execution.contract import CONFIG, OUT
 from robovast.kubeapi.notice import NOTICE_VARIABLE, Order
 from robovast.kubeapi.pod_contract.mounts import SECRET_MODE, Mount
+from robovast.kubeapi.pod_contract.pack_request import FETCH, PackRequest
 from robovast.kubeapi.pod_contract.pods import (
     BESIDE_RUNS,
     OWN_USER,
@@ -22,19 +24,29 @@ from robovast.kubeapi.pod_contract.pods import (
     confined,
     confined_pod,
     own_container,
+    spread,
 )
 from robovast.kubeapi.pod_contract.sightings import FILE
-from robovast.kubeapi.resources import Scheduling
+from robovast.kubeapi.resources import ROLE_LABEL, SHARD_ROLE, UID_LABEL, Scheduling
 from robovast.kubeapi.secret_names import may_be_named, refusal
 from robovast.model.document.model import Nodes, Resources
 from robovast.model.expansion.limit import VARIABLE
-from robovast.model.quantities import cpus, memory, resolve_per_context
+from robovast.model.quantities import (
+    cpus,
+    disk,
+    gpu_resource,
+    memory,
+    resolve_per_context,
+    shared_memory,
+)
 from robovast_operator.kube.objects import Object
 from robovast_operator.planning.campaign import Accepted
 from robovast_operator.settings import Settings
 
 CAMPAIGN = (Mount.PLAN, Mount.FILES, Mount.CREDENTIALS)
 """What our own containers see of a campaign."""
+
+SHM = "/dev/shm"  # noqa: S108
 
 DEADLINE_MARGIN = 3600
 """Beside the runs themselves: pulling images, fetching, storing [s]."""
@@ -43,29 +55,34 @@ GRACE_SECONDS = 60
 """For runs that are told to end, and for what is just being stored."""
 
 
-def run_pod(
-    accepted: Accepted, settings: Settings, plan: str, fetch_arguments: Sequence[str]
-) -> Object:
+def run_pod(accepted: Accepted, settings: Settings, plan: str, request: PackRequest) -> Object:
     """The pod spec of a pack of runs.
 
     Args:
         accepted: the campaign.
         settings: of the installation.
         plan: name of the ConfigMap with the plan.
-        fetch_arguments: which runs, as the command `fetch` takes them.
+        request: which runs.
     """
     execution = accepted.vast.execution
     spec = _pod(accepted, plan, execution.kubernetes.jobs)
     spec["initContainers"] = [
         _compat(accepted, settings),
-        _own(settings, "fetch", ["fetch", *fetch_arguments], CAMPAIGN),
+        _own(settings, FETCH, [FETCH, *request.arguments], CAMPAIGN),
         *_secondaries(accepted, settings),
     ]
+    asked = disk(execution.kubernetes.ephemeral_storage, accepted.spec.cluster or "", "")
+    if asked is not None:
+        settings = replace(settings, work_request=str(asked), work_limit=str(asked))
     spec["containers"] = [
         _run_container(accepted, settings, "robovast", [], execution.resources),
         _agent(settings),
     ]
-    spec["volumes"] = [_work(settings), *spec["volumes"]]
+    spec["volumes"] = [_work(settings), *_shared_memory(accepted), *spec["volumes"]]
+    labels = {UID_LABEL: accepted.identity.uid, ROLE_LABEL: SHARD_ROLE}
+    spread_over = spread(accepted.spec.scheduling, labels)
+    if spread_over:
+        spec["topologySpreadConstraints"] = spread_over
     if execution.timeout is not None:
         longest = (execution.timeout + GRACE_SECONDS) * execution.runs_per_job
         spec["activeDeadlineSeconds"] = longest + DEADLINE_MARGIN
@@ -219,13 +236,26 @@ def _run_container(
         "name": name,
         "image": accepted.image,
         "command": ["bash", f"{CONFIG}/start.sh", *arguments],
-        "resources": container_resources(resources, accepted.spec.cluster or ""),
+        "resources": container_resources(accepted, resources),
         "securityContext": confined(settings.restricted_runs),
         "volumeMounts": [
             {"name": str(Mount.WORK), "mountPath": CONFIG, "subPath": "config", "readOnly": True},
             {"name": str(Mount.WORK), "mountPath": OUT, "subPath": "out"},
+            *({"name": volume["name"], "mountPath": SHM} for volume in _shared_memory(accepted)),
         ],
     }
+
+
+def _shared_memory(accepted: Accepted) -> list[Object]:
+    """The volume that all containers of a run have as `/dev/shm`, where the document wants one.
+
+    What is in it counts to the memory of the container that wrote it.
+    """
+    resources = accepted.vast.execution.resources
+    size = shared_memory(resources.shm_size, resources.memory, accepted.spec.cluster or "")
+    if size is None:
+        return []
+    return [{"name": "shm", "emptyDir": {"medium": "Memory", "sizeLimit": str(size)}}]
 
 
 def _work(settings: Settings) -> Object:
@@ -273,17 +303,19 @@ def _agent(settings: Settings) -> Object:
     }
 
 
-def container_resources(resources: Resources, context: str) -> Object:
+def container_resources(accepted: Accepted, resources: Resources) -> Object:
     """Requests and limits of a container; what a document does not limit is not limited.
 
     Raises:
         InputError: a value is none, or there is none for this cluster.
     """
+    context = accepted.spec.cluster or ""
     gpu = resolve_per_context(resources.gpu, context, "execution.resources.gpu")
+    gpu_name = gpu_resource(accepted.vast.execution.kubernetes.gpu_resource, context)
     amounts: dict[str, Any] = {
         "cpu": _cpu(cpus(resources.cpu, "execution.resources.cpu", context)),
         "memory": memory(resources.memory, "execution.resources.memory", context),
-        "nvidia.com/gpu": gpu or None,
+        gpu_name: gpu or None,
     }
     limits = {name: str(value) for name, value in amounts.items() if value is not None}
     return {"requests": limits, "limits": limits} if limits else {}

@@ -17,6 +17,7 @@ from robovast.base.file_errors import sentence
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit, exit_code_of_error
 from robovast.kubeapi.pod_contract.messages import write_error
 from robovast.kubeapi.pod_contract.mounts import Mount
+from robovast.kubeapi.pod_contract.pack_request import ATTEMPT, FIRST_PACK, REPEAT, PackRequest
 from robovast.storage.endpoint import Endpoint
 
 INDEX = "JOB_COMPLETION_INDEX"
@@ -56,7 +57,8 @@ def _carry_out(options: argparse.Namespace, folders: Folders) -> AgentExit:
     arguments: list[object] = [folders]
     index = int(os.environ.get(INDEX, "0"))
     if options.command == "fetch":
-        arguments.append(module.Request(options.first_pack, index, options.attempt, options.repeat))
+        asked = options.first_pack, index, options.attempt, options.repeat
+        arguments.append(PackRequest(*asked))
     elif options.command == "agent":
         arguments.append(options.silence)
     elif options.command == "notify":
@@ -98,9 +100,9 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_runs(fetch: argparse.ArgumentParser) -> None:
-    fetch.add_argument("--first-pack", type=int, default=0, help=f"the pack or group of ${INDEX} 0")
-    fetch.add_argument("--attempt", type=int, default=1, help="which repetition it is, from 1")
-    fetch.add_argument("--repeat", help="name of the list of runs that are repeated")
+    fetch.add_argument(FIRST_PACK, type=int, default=0, help=f"the pack or group of ${INDEX} 0")
+    fetch.add_argument(ATTEMPT, type=int, default=1, help="which repetition it is, from 1")
+    fetch.add_argument(REPEAT, help="name of the list of runs that are repeated")
 
 
 def _add_results(share: argparse.ArgumentParser) -> None:

@@ -17,6 +17,7 @@ from robovast.agent.mounts import Folders
 from robovast.agent.sources import copy_inputs
 from robovast.base.backoff import REPEATABLE
 from robovast.base.errors import InputError
+from robovast.base.ranges import Span
 from robovast.campaign.configurations import read_variants, variants_digest
 from robovast.campaign.layout import CONFIGURATIONS, Layout
 from robovast.kubeapi.pod_contract.exit_codes import PlanError
@@ -25,6 +26,7 @@ from robovast.model.expansion import Composition, Variant, compose, select_any
 from robovast.model.expansion.containers import refuse_containers
 from robovast.model.naming import CONFIG
 from robovast.model.packs import CampaignPlan, PlanSpec
+from robovast.model.repetition import list_key, parse_list
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
 
@@ -87,6 +89,24 @@ def read_plan(path: Path) -> CampaignPlan:
         ) from None
 
 
+def bad_runs(store: ObjectStore, bucket: str, name: str) -> list[Span]:
+    """The runs that are repeated, as `finish` stored them.
+
+    Args:
+        store: where the bucket is.
+        bucket: the campaign's.
+        name: of the list.
+
+    Raises:
+        ValueError: they are not there, or not as they were stored.
+        StorageError: the bucket cannot be read.
+    """
+    content = store.read(bucket, list_key(name))
+    if content is None:
+        raise ValueError(f"the bucket has no {list_key(name)}, which names them")
+    return parse_list(name, content)
+
+
 def load_inputs(campaign: Campaign) -> Document:
     """Load the document with its files into the pod.
 
@@ -104,29 +124,36 @@ def load_inputs(campaign: Campaign) -> Document:
     return load_document(document)
 
 
-def expand(campaign: Campaign, document: Document, message: Callable[[str], None]) -> Composition:
+def expand(
+    plan: CampaignPlan, document: Document, scratch: Path, message: Callable[[str], None]
+) -> Composition:
     """Expand a document, and return the variants that the campaign selects.
+
+    Args:
+        plan: the campaign's.
+        document: with its files.
+        scratch: a folder that is made anew.
+        message: is given what there is to say.
 
     Raises:
         InputError: it cannot be expanded, or nothing is selected.
     """
-    scratch = campaign.folders.scratch
     shutil.rmtree(scratch, ignore_errors=True)
     scratch.mkdir(parents=True)
     composition = compose(document, scratch, message, refuse_containers)
-    chosen = select_any(composition.variants, campaign.plan.select)
-    _check_expansion(campaign, chosen)
+    chosen = select_any(composition.variants, plan.select)
+    _check_expansion(plan, chosen)
     return Composition(tuple(chosen), composition.input_files, composition.transient_files)
 
 
-def _check_expansion(campaign: Campaign, variants: Sequence[Variant]) -> None:
+def _check_expansion(plan: CampaignPlan, variants: Sequence[Variant]) -> None:
     first = 0
-    for entry in campaign.plan.entries:
+    for entry in plan.entries:
         found = variants[first : first + entry.variants]
         first += entry.variants
         if entry.digest is not None and variants_digest(found) != entry.digest:
             raise InputError(
-                f"{campaign.plan.document}: the configuration `{entry.name}` does not expand to "
+                f"{plan.document}: the configuration `{entry.name}` does not expand to "
                 "the variants that its runs were planned with. Were operator and agent updated "
                 "while it ran? Create another Campaign for what is left."
             )

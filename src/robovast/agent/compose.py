@@ -35,7 +35,7 @@ def compose(folders: Folders) -> AgentExit:
     campaign = open_campaign(folders, connections=SIDE_BY_SIDE)
     campaign.bucket.claim()
     document = load_inputs(campaign)
-    composition = expand(campaign, document, print)
+    composition = expand(campaign.plan, document, campaign.folders.scratch, print)
     found = Counter(variant.entry for variant in composition.variants)
     entries = document.vast.configuration or [DEFAULT_ENTRY]
     message = Composed(

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from robovast.agent.campaign import (
     Campaign,
+    bad_runs,
     expand,
     fetch_variant_files,
     load_inputs,
@@ -20,37 +22,23 @@ from robovast.agent.job_files import prepare_output, write_environment
 from robovast.agent.mounts import Folders
 from robovast.agent.pack import Pack
 from robovast.agent.results import Results
-from robovast.base.ranges import Span
 from robovast.execution.contract import contract_files
 from robovast.execution.generate import copy_file
 from robovast.execution.job_config import build_config_folder, job_environment
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit, PlanError
+from robovast.kubeapi.pod_contract.pack_request import PackRequest
 from robovast.model.document import Document
 from robovast.model.document.model import merge_pairs
 from robovast.model.expansion import Variant
 from robovast.model.inputs import container_files
 from robovast.model.plan import Job, Run, planned_run
 from robovast.model.quantities import machine_cpus, machine_memory
-from robovast.model.repetition import list_key, parse_list, retry_groups
 from robovast.model.scenario import read_scenario
 
 START = Path(__file__).with_name("start.sh")
 
 
-@dataclasses.dataclass(frozen=True)
-class Request:
-    """Which runs a pod is for."""
-
-    first_pack: int
-    """The pack of completion index 0."""
-    index: int
-    """The pod's completion index."""
-    attempt: int = 1
-    repeat: str | None = None
-    """Name of the list of bad runs that are repeated, in groups; whole packs when None."""
-
-
-def fetch(folders: Folders, request: Request) -> AgentExit:
+def fetch(folders: Folders, request: PackRequest) -> AgentExit:
     """Prepare the first job of a pod, or end the pod if nothing is left to run.
 
     Raises:
@@ -84,39 +72,22 @@ def fetch(folders: Folders, request: Request) -> AgentExit:
     return AgentExit.PASSED
 
 
-def _chosen(campaign: Campaign, request: Request) -> tuple[int, Sequence[int]]:
+def _chosen(campaign: Campaign, request: PackRequest) -> tuple[int, Sequence[int]]:
     """Number of the pod's pack, and the ids of its runs."""
-    plan = campaign.packs
-    number = request.first_pack + request.index
+    bad = partial(bad_runs, campaign.store, campaign.plan.bucket)
     try:
-        if request.repeat is None:
-            return number, plan.pack(number)
-        ids = retry_groups(plan, _bad_runs(campaign, request.repeat))[number]
-        return plan.pack_of(ids[0]), ids
+        return request.chosen(campaign.packs, bad)
     except (IndexError, ValueError) as error:
         raise PlanError(
             f"completion index {request.index}: the plan has no such runs: {error}"
         ) from error
 
 
-def _bad_runs(campaign: Campaign, name: str) -> list[Span]:
-    """The runs that are repeated, as `finish` stored them.
-
-    Raises:
-        ValueError: they are not there, or not as they were stored.
-        StorageError: the bucket cannot be read.
-    """
-    content = campaign.store.read(campaign.plan.bucket, list_key(name))
-    if content is None:
-        raise ValueError(f"the bucket has no {list_key(name)}, which names them")
-    return parse_list(name, content)
-
-
 def _variants(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
     if campaign.plan.expansion == "composed":
         return open_composed(campaign)
     document = load_inputs(campaign)
-    return document, expand(campaign, document, print).variants
+    return document, expand(campaign.plan, document, campaign.folders.scratch, print).variants
 
 
 def _run(campaign: Campaign, variants: Sequence[Variant], id_: int) -> Run:
@@ -130,7 +101,7 @@ def _run(campaign: Campaign, variants: Sequence[Variant], id_: int) -> Run:
 
 
 def _pack(
-    campaign: Campaign, document: Document, request: Request, number: int, runs: Sequence[Run]
+    campaign: Campaign, document: Document, request: PackRequest, number: int, runs: Sequence[Run]
 ) -> Pack:
     plan, execution = campaign.plan, document.vast.execution
     bucket = campaign.bucket

@@ -66,7 +66,7 @@ def _complete_inputs(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
         document, variants = open_composed(campaign)
         return document, variants.outlines() if isinstance(variants, Composed) else variants
     document = load_inputs(campaign)
-    composition = expand(campaign, document, print)
+    composition = expand(campaign.plan, document, campaign.folders.scratch, print)
     store_inputs(campaign, document, composition)
     return document, composition.variants
 

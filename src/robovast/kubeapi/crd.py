@@ -13,7 +13,14 @@ from pydantic import BaseModel
 
 from robovast.base.serialization import dump_yaml
 from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
-from robovast.kubeapi.resources import GROUP, ONE_ADDRESS, VERSION, CampaignSpec, ConfigurationSpec
+from robovast.kubeapi.resources import (
+    COMPARED_VALUES,
+    GROUP,
+    ONE_ADDRESS,
+    VERSION,
+    CampaignSpec,
+    ConfigurationSpec,
+)
 from robovast.kubeapi.status import CampaignStatus, ConfigurationStatus
 from robovast.model.document.model import Vast
 
@@ -60,6 +67,14 @@ def campaign_crd() -> Schema:
     spec["properties"]["notifications"]["items"]["x-kubernetes-validations"] = [
         {"rule": "has(self.url) != has(self.urlFrom)", "message": ONE_ADDRESS}
     ]
+    compared = {
+        "rule": "(self.operator in ['Exists', 'DoesNotExist']) == "
+        "(!has(self.values) || self.values.size() == 0)",
+        "message": COMPARED_VALUES,
+    }
+    nodes = spec["properties"]["scheduling"]["properties"]["nodeAffinity"]["properties"]
+    for kind in ("required", "preferred"):
+        nodes[kind]["items"]["x-kubernetes-validations"] = [compared]
     return _crd(
         kind="Campaign",
         short_names=["vcamp"],

@@ -25,6 +25,8 @@ UID_LABEL = f"{GROUP}/campaign-uid"
 ROLE_LABEL = f"{GROUP}/role"
 """What our Jobs and their pods do: `shard`, `compose`, `finish`, `process`, `purge`, `notify` or
 `share`."""
+SHARD_ROLE = "shard"
+"""Of the Jobs that execute runs, and of their pods."""
 SHARD_LABEL = f"{GROUP}/shard"
 """Number of the shard, on its Job and its pods."""
 MANAGED_LABEL = "app.kubernetes.io/managed-by"
@@ -162,6 +164,55 @@ class Toleration(_Spec):
     """How long `NoExecute` is tolerated [s]."""
 
 
+class NodeRequirement(_Spec):
+    """What a label of a node must be."""
+
+    key: Annotated[str, Field(pattern=LABEL_KEY, max_length=317)]
+    """Key of the label."""
+    operator: Literal["In", "NotIn", "Exists", "DoesNotExist", "Gt", "Lt"] = "In"
+    """How it is compared with `values`."""
+    values: Annotated[list[Annotated[str, Field(max_length=63)]], Field(max_length=50)] = Field(
+        default_factory=list
+    )
+    """Values, of which one must match; none for `Exists` and `DoesNotExist`."""
+
+    @model_validator(mode="after")
+    def _values_are_compared(self) -> NodeRequirement:
+        if (self.operator in ("Exists", "DoesNotExist")) != (not self.values):
+            raise ValueError(COMPARED_VALUES)
+        return self
+
+
+COMPARED_VALUES = "`Exists` and `DoesNotExist` have no `values`; all other operators need some"
+
+
+class NodePreference(NodeRequirement):
+    """What a label of a node should be."""
+
+    weight: Annotated[int, Field(ge=1, le=100)] = 1
+    """How much it counts beside others."""
+
+
+class NodeAffinity(_Spec):
+    """Which nodes pods may be on."""
+
+    required: Annotated[list[NodeRequirement], Field(max_length=20)] = Field(default_factory=list)
+    """What holds for every node that they may be on, all of it."""
+    preferred: Annotated[list[NodePreference], Field(max_length=20)] = Field(default_factory=list)
+    """What holds for nodes that are taken first."""
+
+
+class TopologySpread(_Spec):
+    """Over what the pods of the campaign's runs are spread."""
+
+    topology_key: Annotated[str, Field(pattern=LABEL_KEY, max_length=317)]
+    """Label of nodes: all with one value of it are one place."""
+    max_skew: Annotated[int, Field(ge=1, le=10_000)] = 1
+    """Most pods that one place may have more than another."""
+    when_unsatisfiable: Literal["DoNotSchedule", "ScheduleAnyway"] = "ScheduleAnyway"
+    """Whether pods wait when it cannot be kept."""
+
+
 class SecretReference(_Spec):
     """A Secret of the namespace."""
 
@@ -180,6 +231,12 @@ class Scheduling(_Spec):
     """Priority class of the pods."""
     runtime_class_name: ObjectName | None = None
     """Runtime class of the pods."""
+    node_affinity: NodeAffinity = Field(default_factory=NodeAffinity)
+    """Nodes that pods may be on, or rather should be on."""
+    topology_spread: Annotated[list[TopologySpread], Field(max_length=5)] = Field(
+        default_factory=list
+    )
+    """How the pods of runs are spread over nodes or zones."""
     image_pull_secrets: Annotated[list[SecretReference], Field(max_length=20)] = Field(
         default_factory=list
     )

@@ -205,10 +205,14 @@ def _check_context(document: Document, context: str | None) -> None:
 def _amounts(document: Document) -> Iterator[tuple[str, Any]]:
     """The resource amounts of containers, each with its key."""
     execution = document.vast.execution
-    asked = {"execution.resources": execution.resources}
-    asked |= {f"resources of {c.name}": c.resources for c in execution.secondary_containers}
-    for key, resources in asked.items():
-        yield from ((f"{key}, {name}", v) for name, v in resources.model_dump().items())
+    asked = [("execution.resources", execution.resources.model_dump())]
+    asked += [
+        (f"resources of {c.name}", c.resources.model_dump()) for c in execution.secondary_containers
+    ]
+    of_pods = {"gpu_resource", "ephemeral_storage"}
+    asked.append(("execution.kubernetes", execution.kubernetes.model_dump(include=of_pods)))
+    for key, amounts in asked:
+        yield from ((f"{key}, {name}", value) for name, value in amounts.items())
 
 
 def _input_files(document: Document, select: str | None) -> dict[str, InputFile]:

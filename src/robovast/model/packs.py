@@ -130,6 +130,20 @@ class PlanSpec(_Data):
             first += block.size
         raise IndexError(f"run {id_} of {self.total}")
 
+    def id_of(self, variant: int, number: int) -> int:
+        """Run id of a variant index and a run number.
+
+        Raises:
+            IndexError: there is no such run.
+        """
+        first = 0
+        for block in self.blocks:
+            place, run = variant - block.first_variant, number - block.first_run
+            if 0 <= place < block.variants and 0 <= run < block.runs:
+                return first + place * block.runs + run
+            first += block.size
+        raise IndexError(f"run {number} of variant {variant}")
+
     def stretch_of(self, id_: int) -> int:
         """Index of the stretch, i.e. of runs that may all share a pack, that contains a run id.
 

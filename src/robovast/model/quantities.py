@@ -11,6 +11,9 @@ from robovast.base.errors import InputError
 LOCAL_CONTEXT = "local"
 """Key for local runs in per-cluster lists."""
 
+EXTENDED_RESOURCE = r"^[a-z0-9]([-a-z0-9.]*[a-z0-9])?/[A-Za-z0-9]([-A-Za-z0-9_.]*[A-Za-z0-9])?$"
+"""Name of what nodes have beside CPU and memory, such as `amd.com/gpu`."""
+
 _UNITS = {
     "": 1,
     "k": 10**3,
@@ -66,6 +69,65 @@ def memory(value: Any, key: str, context: str = LOCAL_CONTEXT) -> int | None:
             f"{key}: `{resolved}` is not an amount of memory; write `8Gi` or `4096Mi`."
         )
     return int(float(match[1]) * _UNITS[match[2]])
+
+
+def shared_memory(size: Any, memory_limit: Any, context: str = LOCAL_CONTEXT) -> int | None:
+    """Size of `/dev/shm` [byte]; None without a value.
+
+    Args:
+        size: `execution.resources.shm_size`.
+        memory_limit: `execution.resources.memory`, which what is in `/dev/shm` counts to.
+        context: of the cluster.
+
+    Raises:
+        InputError: it is no amount, or more than the memory.
+    """
+    key = "execution.resources.shm_size"
+    found = memory(size, key, context)
+    most = memory(memory_limit, "execution.resources.memory", context)
+    if found is not None and (found <= 0 or found > (most or found)):
+        raise InputError(
+            f"{key}: `/dev/shm` is memory of the container: its size must be more than nothing, "
+            "and no more than `memory`."
+        )
+    return found
+
+
+def gpu_resource(value: Any, context: str) -> str:
+    """Name of the resource that the number of GPUs counts.
+
+    Args:
+        value: `execution.kubernetes.gpu_resource`.
+        context: of the cluster.
+
+    Raises:
+        InputError: it is no such name.
+    """
+    key = "execution.kubernetes.gpu_resource"
+    found = str(resolve_per_context(value, context, key))
+    if not re.fullmatch(EXTENDED_RESOURCE, found):
+        raise InputError(f"{key}: `{found}` is no name of a resource, such as `nvidia.com/gpu`.")
+    return found
+
+
+def disk(value: Any, context: str, most: str) -> int | None:
+    """Disk of a pod [byte]; None without a value.
+
+    Args:
+        value: `execution.kubernetes.ephemeral_storage`.
+        context: of the cluster.
+        most: what the installation allows; anything when empty.
+
+    Raises:
+        InputError: it is no amount, or more than that.
+    """
+    key = "execution.kubernetes.ephemeral_storage"
+    found = memory(value, key, context)
+    limit = memory(most, "agent.diskLimit") if most else None
+    if found is not None and (found <= 0 or found > (limit or found)):
+        allowed = f" and no more than {most}, which this installation allows" if most else ""
+        raise InputError(f"{key}: a pod's disk must be more than nothing{allowed}.")
+    return found
 
 
 def machine_cpus() -> int:

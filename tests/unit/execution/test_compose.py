@@ -39,6 +39,14 @@ def test_without_limits_nothing_is_limited() -> None:
     assert not {"cpus", "mem_limit", "deploy"} & set(model()["robovast"])
 
 
+def test_shared_memory_is_the_main_containers_and_others_share_it() -> None:
+    services = model(limits=Limits(shm=2**30), secondaries={"nav": Limits()})
+    assert services["robovast"]["shm_size"] == 2**30
+    assert services["nav"]["ipc"] == "service:robovast"
+    assert "shm_size" not in services["nav"]
+    assert f"--shm-size={2**30}" in run_options(services["robovast"])
+
+
 def test_the_name_is_left_to_compose_when_none_is_given() -> None:
     assert "container_name" not in model(name=None)["robovast"]
 

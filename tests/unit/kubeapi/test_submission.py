@@ -115,11 +115,20 @@ def test_only_what_a_user_says_stands_beside_the_document(document: Document) ->
     }
 
 
-def test_the_context_counts_when_values_are_given_per_cluster(folder: Path) -> None:
+@pytest.mark.parametrize(
+    "given",
+    [
+        "resources: {cpu: [{gcp-c4: 4}, {local: 8}]}",
+        "resources: {shm_size: [{gcp-c4: 1Gi}, {local: 2Gi}]}",
+        "kubernetes: {gpu_resource: [{gcp-c4: nvidia.com/mig-1g.5gb}]}",
+        "kubernetes: {ephemeral_storage: [{gcp-c4: 8Gi}]}",
+    ],
+)
+def test_the_context_counts_when_values_are_given_per_cluster(folder: Path, given: str) -> None:
     path = folder / "drive.vast"
     options = SubmitOptions(context="gcp-c4")
     assert "cluster" not in spec_of(load_document(path), options)
-    path.write_text(DOCUMENT + "  resources: {cpu: [{gcp-c4: 4}, {local: 8}]}\n")
+    path.write_text(f"{DOCUMENT}  {given}\n")
     document = load_document(path)
     assert needs_context(document)
     assert spec_of(document, options)["cluster"] == "gcp-c4"

@@ -7,7 +7,8 @@ from pathlib import Path
 import yaml
 from support.kube.fake_cluster import SETTINGS
 
-from robovast_operator.planning.accept import accept, inline_files
+from robovast.kubeapi.source_files import inline_files
+from robovast_operator.planning.accept import accept
 from robovast_operator.planning.campaign import Accepted
 
 PAGE = Path(__file__).parents[3] / "docs" / "kubernetes.md"
@@ -15,8 +16,10 @@ PAGE = Path(__file__).parents[3] / "docs" / "kubernetes.md"
 
 def test_the_documented_campaign_is_accepted_and_has_four_runs() -> None:
     blocks = PAGE.read_text(encoding="utf-8").split("```yaml\n")[1:]
-    obj, _source, notifying = (yaml.safe_load(block.partition("```")[0]) for block in blocks)
-    obj["spec"] |= notifying["spec"]
+    shown = [yaml.safe_load(block.partition("```")[0]) for block in blocks]
+    obj, _source, needing, placed, notifying = shown
+    obj["spec"] |= {**placed["spec"], **notifying["spec"]}
+    obj["spec"]["vast"]["execution"] |= needing["execution"]
     obj["metadata"] |= {
         "namespace": "default",
         "uid": "0123-4567",

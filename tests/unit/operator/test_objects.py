@@ -10,8 +10,10 @@ from typing import Any
 import pytest
 from support.kube.fake_cluster import SCENARIO, SETTINGS, accepted, campaign
 
+from robovast.kubeapi.pod_contract.pack_request import PackRequest
+from robovast.kubeapi.source_files import inline_files
 from robovast.model.packs import CampaignPlan, Owner
-from robovast_operator.planning.accept import accept, inline_files, same_document, source_changed
+from robovast_operator.planning.accept import accept, same_document, source_changed
 from robovast_operator.planning.campaign import Accepted, Rejected
 from robovast_operator.planning.configurations import own_configurations
 from robovast_operator.planning.revisions import next_revision
@@ -125,6 +127,33 @@ def test_scheduling_reaches_the_pod_and_nothing_else_does() -> None:
     assert "spec.scheduling.hostNetwork" in wrong.message
 
 
+def test_pods_are_on_the_nodes_that_a_campaign_requires_and_spread_over_them() -> None:
+    zone, fast = {"key": "zone", "values": ["a", "b"]}, {"key": "fast", "operator": "Exists"}
+    affinity = {"required": [zone], "preferred": [fast | {"weight": 5}]}
+    spreads = [{"topologyKey": "kubernetes.io/hostname", "maxSkew": 2}]
+    made = accepted(scheduling={"nodeAffinity": affinity, "topologySpread": spreads})
+    pod = job_of(made)["spec"]["template"]["spec"]
+    assert pod["affinity"]["nodeAffinity"] == {
+        "requiredDuringSchedulingIgnoredDuringExecution": {
+            "nodeSelectorTerms": [{"matchExpressions": [zone | {"operator": "In"}]}]
+        },
+        "preferredDuringSchedulingIgnoredDuringExecution": [
+            {"weight": 5, "preference": {"matchExpressions": [fast]}}
+        ],
+    }
+    (spread,) = pod["topologySpreadConstraints"]
+    labels = job_of(made)["spec"]["template"]["metadata"]["labels"]
+    assert spread.pop("labelSelector")["matchLabels"].items() <= labels.items()
+    assert spread == {**spreads[0], "whenUnsatisfiable": "ScheduleAnyway"}
+    task = task_job(made, SETTINGS, "finish", "finish", "plan")["spec"]["template"]["spec"]
+    assert "affinity" in task
+    assert "topologySpreadConstraints" not in task
+    plain = job_of(accepted())["spec"]["template"]["spec"]
+    assert not {"affinity", "topologySpreadConstraints"} & set(plain)
+    none = {"nodeAffinity": {"required": [{"key": "zone"}]}}
+    assert "need some" in rejected(lambda o: o["spec"].update(scheduling=none)).message
+
+
 def test_resources_are_those_of_the_cluster() -> None:
     obj = campaign(cluster="gcp")
     obj["spec"]["vast"]["execution"]["resources"] = {
@@ -139,6 +168,67 @@ def test_resources_are_those_of_the_cluster() -> None:
     refused = accept(obj, FILES, SETTINGS)
     assert isinstance(refused, Rejected)
     assert "azure" in refused.message
+
+
+def asking(execution: dict[str, Any], cluster: str = "gcp") -> dict[str, Any]:
+    obj = campaign(cluster=cluster)
+    obj["spec"]["vast"]["execution"] |= execution
+    return obj
+
+
+def test_containers_of_a_run_share_as_much_memory_as_the_document_says() -> None:
+    obj = asking({"secondary_containers": ["sim"], "resources": {"shm_size": [{"gcp": "1Gi"}]}})
+    made = accept(obj, FILES, SETTINGS)
+    assert isinstance(made, Accepted)
+    job = job_of(made)
+    volume = {"name": "shm", "emptyDir": {"medium": "Memory", "sizeLimit": str(2**30)}}
+    assert volume in job["spec"]["template"]["spec"]["volumes"]
+    mounted = {
+        name
+        for name, container in containers(job).items()
+        if {"name": "shm", "mountPath": "/dev/shm"} in container.get("volumeMounts", ())
+    }
+    assert mounted == {"robovast", "sim"}
+    assert "/dev/shm" not in json.dumps(job_of(accepted()))
+
+
+def test_gpus_are_counted_by_the_name_that_the_cluster_has_for_them() -> None:
+    names = {"gpu_resource": [{"gcp": "nvidia.com/mig-1g.5gb"}, {"rke2": "amd.com/gpu"}]}
+    execution = {"resources": {"gpu": 2}, "kubernetes": names}
+    for cluster, name in (("gcp", "nvidia.com/mig-1g.5gb"), ("rke2", "amd.com/gpu")):
+        made = accept(asking(execution, cluster), FILES, SETTINGS)
+        assert isinstance(made, Accepted)
+        assert containers(job_of(made))["robovast"]["resources"]["limits"] == {name: "2"}
+    assert isinstance(accept(asking(execution, "azure"), FILES, SETTINGS), Rejected)
+
+
+def test_a_document_says_how_much_disk_a_pod_needs_within_what_is_allowed() -> None:
+    obj = asking({"kubernetes": {"ephemeral_storage": "6Gi"}})
+    made = accept(obj, FILES, replace(SETTINGS, work_request="1Gi", work_limit="8Gi"))
+    assert isinstance(made, Accepted)
+    job = job_of(made)
+    amount = str(6 * 2**30)
+    work = {"name": "work", "emptyDir": {"sizeLimit": amount}}
+    assert work in job["spec"]["template"]["spec"]["volumes"]
+    assert containers(job)["agent"]["resources"]["requests"]["ephemeral-storage"] == amount
+    refused = accept(obj, FILES, replace(SETTINGS, work_limit="5Gi"))
+    assert isinstance(refused, Rejected)
+    assert "no more than 5Gi, which this installation allows" in refused.message
+
+
+@pytest.mark.parametrize(
+    ("execution", "message"),
+    [
+        ({"resources": {"shm_size": "2Gi", "memory": "1Gi"}}, "no more than `memory`"),
+        ({"resources": {"shm_size": 0}}, "more than nothing"),
+        ({"kubernetes": {"gpu_resource": [{"gcp": "memory"}]}}, "no name of a resource"),
+        ({"kubernetes": {"ephemeral_storage": "much"}}, "not an amount"),
+    ],
+)
+def test_what_no_pod_can_have_is_refused(execution: dict[str, Any], message: str) -> None:
+    refused = accept(asking(execution), FILES, SETTINGS)
+    assert isinstance(refused, Rejected)
+    assert message in refused.message
 
 
 def test_the_plan_says_what_pods_need_and_is_fixed() -> None:
@@ -252,7 +342,7 @@ def test_the_disk_of_a_runs_pod_is_limited() -> None:
 def test_a_runs_pod_asks_for_room_on_the_disk_when_that_is_set() -> None:
     """By one container, and no limit of any: that would count what runs write to the volume."""
     (plain, asking) = (
-        run_pod(accepted(), replace(SETTINGS, work_request=request), "plan-0", [])
+        run_pod(accepted(), replace(SETTINGS, work_request=request), "plan-0", PackRequest(0))
         for request in ("", "5Gi")
     )
 
@@ -349,7 +439,7 @@ def test_a_config_map_is_copied_as_far_as_it_is_wanted() -> None:
     assert copy is not None
     assert (copy["data"], copy["binaryData"]) == ({"scenario": SCENARIO}, {})
     assert (copy["immutable"], copy["metadata"]["name"]) == (True, made.identity.files)
-    mounted = run_pod(made, SETTINGS, "plan-0", [])["volumes"]
+    mounted = run_pod(made, SETTINGS, "plan-0", PackRequest(0))["volumes"]
     (source,) = next(v["projected"]["sources"] for v in mounted if v["name"] == "files")
     assert source["configMap"] == {"name": made.identity.files, "items": items}
 

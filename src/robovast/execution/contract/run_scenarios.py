@@ -7,6 +7,7 @@ unchanged but for what a pack needs:
 
 - Each test.xml appears, complete, as soon as its scenario has ended. scenario-execution itself
   writes all of them after the last one, so that a crash in run 17 of 20 would lose 16 verdicts.
+- A line of the log, `[robovast] run FOLDER`, says which run the lines after it belong to.
 - What a scenario started is shut down before the next one begins.
 - The post command (`--post-run`) runs once per run, with that run's folder.
 - ROBOVAST_SEED is that of the run, for all that it starts (scenario.seeds.json has them all).
@@ -196,8 +197,13 @@ class Pack:
         """Set a scenario up; the one before is over, and a verdict of an earlier attempt goes."""
         gc.enable()
         finish_runs(self)
-        set_seed(current_output_dir or self.output_dir)
-        verdict = os.path.join(current_output_dir or self.output_dir, "test.xml")
+        folder = current_output_dir or self.output_dir
+        run = os.path.relpath(folder, self.output_dir)
+        if run != ".":
+            sys.stdout.write(f"[robovast] run {run}\n")
+            sys.stdout.flush()
+        set_seed(folder)
+        verdict = os.path.join(folder, "test.xml")
         if os.path.exists(verdict):
             os.remove(verdict)
         original.setup(self, scenario, current_output_dir=current_output_dir, **kwargs)

@@ -74,7 +74,8 @@ def run_options(service: Mapping[str, Any]) -> list[str]:
 
     Compose does the same, but doubles the time to start the container.
     """
-    limits = {"--cpus": service.get("cpus"), "--memory": service.get("mem_limit")}
+    keys = {"--cpus": "cpus", "--memory": "mem_limit", "--shm-size": "shm_size"}
+    limits = {option: service.get(key) for option, key in keys.items()}
     program, *arguments = service["entrypoint"]
     single = {
         "--name": service["container_name"],
@@ -104,6 +105,8 @@ def _limits(limits: Limits) -> dict[str, Any]:
         result["cpus"] = limits.cpus
     if limits.memory is not None:
         result["mem_limit"] = limits.memory
+    if limits.shm is not None:
+        result["shm_size"] = limits.shm
     if limits.gpus:
         device = {"driver": "nvidia", "count": limits.gpus, "capabilities": ["gpu"]}
         result["deploy"] = {"resources": {"reservations": {"devices": [device]}}}

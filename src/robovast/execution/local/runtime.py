@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -17,6 +17,13 @@ class Limits:
     memory: int | None = None
     """[byte]"""
     gpus: int | None = None
+    shm: int | None = None
+    """Size of `/dev/shm`, shared by all containers of a job [byte]; None: the engine's own."""
+
+    @property
+    def unenforced(self) -> Limits:
+        """What is given to a container whose CPU and memory are not limited."""
+        return replace(self, cpus=None, memory=None)
 
 
 @dataclass(frozen=True)

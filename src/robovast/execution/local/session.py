@@ -6,7 +6,7 @@ import hashlib
 import os
 import socket
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from robovast.model.quantities import (
     machine_memory,
     memory,
     resolve_per_context,
+    shared_memory,
 )
 from robovast.model.scenario import Scenario, read_scenario
 
@@ -57,7 +58,9 @@ class Session:
     @cached_property
     def limits(self) -> Limits:
         """Limits of the main container."""
-        return _limits(self.document.vast.execution.resources, "execution.resources")
+        resources = self.document.vast.execution.resources
+        shm = shared_memory(resources.shm_size, resources.memory)
+        return replace(_limits(resources, "execution.resources"), shm=shm)
 
     @cached_property
     def secondaries(self) -> dict[str, Limits]:
@@ -99,9 +102,9 @@ class Session:
             job=own,
             environment=self._environment(job, config, out),
             user=f"{self.user_id}:{self.user_id if self.user_id != os.getuid() else os.getgid()}",
-            limits=Limits(gpus=self.limits.gpus) if unlimited else self.limits,
+            limits=self.limits.unenforced if unlimited else self.limits,
             secondaries={
-                name: Limits(gpus=limits.gpus) if unlimited else limits
+                name: limits.unenforced if unlimited else limits
                 for name, limits in self.secondaries.items()
             },
         )

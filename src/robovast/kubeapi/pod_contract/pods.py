@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from robovast.kubeapi.pod_contract.mounts import Mount, Object
-from robovast.kubeapi.resources import Scheduling
+from robovast.kubeapi.resources import NodeAffinity, NodeRequirement, Scheduling
 
 AGENT = ("python", "-m", "robovast.agent")
 
@@ -53,9 +53,43 @@ def confined_pod(
             "seccompProfile": {"type": "RuntimeDefault"},
         },
     }
-    given = scheduling.model_dump(by_alias=True, exclude_none=True)
+    own = {"node_affinity", "topology_spread"}
+    given = scheduling.model_dump(by_alias=True, exclude_none=True, exclude=own)
     given["nodeSelector"] = {**(node_labels or {}), **given["nodeSelector"]}
+    given["affinity"] = _affinity(scheduling.node_affinity)
     return spec | {name: value for name, value in given.items() if value}
+
+
+def _affinity(nodes: NodeAffinity) -> Object:
+    """The affinity of a pod; empty when it may be on any node."""
+    found: Object = {}
+    if nodes.required:
+        terms = [{"matchExpressions": [_expression(item) for item in nodes.required]}]
+        found["requiredDuringSchedulingIgnoredDuringExecution"] = {"nodeSelectorTerms": terms}
+    if nodes.preferred:
+        found["preferredDuringSchedulingIgnoredDuringExecution"] = [
+            {"weight": item.weight, "preference": {"matchExpressions": [_expression(item)]}}
+            for item in nodes.preferred
+        ]
+    return {"nodeAffinity": found} if found else {}
+
+
+def _expression(item: NodeRequirement) -> Object:
+    values = {"values": item.values} if item.values else {}
+    return {"key": item.key, "operator": item.operator, **values}
+
+
+def spread(scheduling: Scheduling, labels: Mapping[str, str]) -> list[Object]:
+    """How pods are spread over nodes.
+
+    Args:
+        scheduling: what the author of their campaign asks for.
+        labels: of the pods that are counted.
+    """
+    return [
+        item.model_dump(by_alias=True) | {"labelSelector": {"matchLabels": dict(labels)}}
+        for item in scheduling.topology_spread
+    ]
 
 
 def own_container(

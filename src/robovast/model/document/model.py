@@ -23,6 +23,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
+from robovast.model.quantities import EXTENDED_RESOURCE
 from robovast.model.seeds import LARGEST_SEED
 
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$"
@@ -169,6 +170,13 @@ class Resources(Section):
     """Number of GPUs, or a list of `context: value` pairs."""
 
 
+class MainResources(Resources):
+    """Limits of the main container, and what all containers of a job share."""
+
+    shm_size: Quantity | PerCluster | None = None
+    """Size of `/dev/shm`, such as `1Gi` (64 MiB when omitted), or `context: value` pairs."""
+
+
 class SecondaryContainer(Section):
     """A container beside the main one, in the same network namespace, with the same image."""
 
@@ -236,6 +244,10 @@ class Kubernetes(Section):
     """The pods that execute runs."""
     control: Nodes = Field(default_factory=Nodes)
     """The pods that compose a campaign and process its results."""
+    gpu_resource: Annotated[str, Field(pattern=EXTENDED_RESOURCE)] | PerCluster = "nvidia.com/gpu"
+    """What `gpu` counts, such as `amd.com/gpu`, or a list of `context: value` pairs."""
+    ephemeral_storage: Quantity | PerCluster | None = None
+    """Disk that a pod of runs asks for and may fill; as the installation says when omitted."""
 
 
 class Output(BaseModel):
@@ -318,7 +330,7 @@ class Execution(Section):
     """Glob patterns of files that the container needs, relative to the .vast file."""
     env: list[Pair] = Field(default_factory=list)
     """Environment variables of the container, one `NAME: value` pair an item."""
-    resources: Resources = Field(default_factory=Resources)
+    resources: MainResources = Field(default_factory=MainResources)
     """Limits of the main container."""
     secondary_containers: list[Secondary] = Field(default_factory=list)
     """Containers that run beside the main one."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -51,3 +52,20 @@ def most_of_each(name: str, parameters: Any, folder: str | Path) -> int:
         return load_variation(name, folder).most_of_each(parameters, str(folder)) or 1
     except (RobovastError, ValueError, TypeError):
         return 1  # making them reports the error
+
+
+def all_pure(document: Mapping[str, object]) -> bool:
+    """Whether all variation types of a document are pure, so that no user's code is executed.
+
+    Args:
+        document: plain data, which need not be a valid document.
+    """
+    entries = (e for e in _items(document.get("configuration")) if isinstance(e, dict))
+    calls = (call for entry in entries for call in _items(entry.get("variations")))
+    pairs = ([*call.items()] if isinstance(call, dict) else [(call, {})] for call in calls)
+    return all(is_pure(str(name), parameters or {}) for call in pairs for name, parameters in call)
+
+
+def _items(value: object) -> list[object]:
+    """A list as it is; anything else, which checking the document refuses, as none."""
+    return value if isinstance(value, list) else []

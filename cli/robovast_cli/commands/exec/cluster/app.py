@@ -32,6 +32,24 @@ ConfigOption = Annotated[
     ),
 ]
 
+RunWords = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[CAMPAIGN] RUN",
+        help="The run by its folder, as `hall-1/0`; its campaign where there are several.",
+        show_default=False,
+    ),
+]
+Secondary = Annotated[
+    str | None,
+    typer.Option(
+        "--secondary",
+        metavar="NAME",
+        help="The secondary container of this name; the main one when omitted.",
+        show_default=False,
+    ),
+]
+
 app = new_app("Run on a Kubernetes cluster.", no_args_is_help=True)
 
 
@@ -121,6 +139,48 @@ def monitor(
     from robovast_cli.commands.exec.cluster import monitor as cluster_monitor
 
     cluster_monitor.monitor(context, namespace, interval=interval, once=once)
+
+
+@app.command()
+def logs(
+    words: RunWords = None,
+    follow: Annotated[
+        bool, typer.Option("-f", "--follow", help="Wait for the run, print what comes.")
+    ] = False,
+    secondary: Secondary = None,
+    tail: Annotated[
+        int | None,
+        typer.Option(
+            "--tail", metavar="N", min=0, help="Only the last N lines.", show_default=False
+        ),
+    ] = None,
+    failed: Annotated[
+        bool, typer.Option("--failed", help="Of all failed and errored runs, one after the other.")
+    ] = False,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> None:
+    """Print the log of a run, whether it runs or is stored; say why it waits.
+
+    Where several runs share a pod, it is that run's part of the log.
+    """
+    from robovast_cli.commands.exec.cluster import logs as cluster_logs
+
+    how = cluster_logs.How(follow, secondary, tail)
+    cluster_logs.logs(context, namespace, words or [], how, failed=failed)
+
+
+@app.command()
+def shell(
+    words: RunWords = None,
+    secondary: Secondary = None,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> int:
+    """Open a shell in the container of a run that is executed; needs kubectl."""
+    from robovast_cli.commands.exec.cluster import shell as cluster_shell
+
+    return cluster_shell.shell(context, namespace, words or [], secondary)
 
 
 @app.command()

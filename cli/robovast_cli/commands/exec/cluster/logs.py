@@ -1,0 +1,219 @@
+"""`vast exec cluster logs`: the log of a run that waits, runs or is stored."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from itertools import islice
+
+from robovast.base.errors import InputError
+from robovast.campaign.job_log import has_parts, log_path, part_of
+from robovast.campaign.run_record import RunRecord
+from robovast.kubeapi.pod_contract.pack_request import RUN
+from robovast_cli.commands.results.downloading import named_results
+from robovast_cli.kube.api import Kubernetes, connect
+from robovast_cli.kube.api_errors import NotFoundError
+from robovast_cli.kube.pods import check_container, has_begun, waiting_reason
+from robovast_cli.kube.runs import CampaignRuns, Executor
+from robovast_cli.kube.status import CampaignState, lookup
+from robovast_cli.kube.store import place_of
+from robovast_cli.ui.output import say_data
+from robovast_cli.ui.report import tell
+
+INTERVAL = 2.0
+"""Time between two looks at a run that waits [s]."""
+
+
+@dataclass(frozen=True)
+class How:
+    """How logs are shown."""
+
+    follow: bool = False
+    secondary: str | None = None
+    """Name of a secondary container; the main one when None."""
+    tail: int | None = None
+    """Most lines; all when None."""
+
+    def last(self, lines: Iterable[str]) -> Sequence[str]:
+        """The lines to show of those that are there."""
+        return deque(lines, self.tail)
+
+
+def logs(
+    context: str | None, namespace: str | None, words: Sequence[str], how: How, *, failed: bool
+) -> None:
+    """Print the log of a run, or those of all runs that failed.
+
+    Args:
+        context: of the kubeconfig; the current one when None.
+        namespace: the context's when None.
+        words: the campaign, which may be left out, and the run.
+        how: it is shown.
+        failed: all failed and errored runs, and `words` has no run.
+
+    Raises:
+        InputError: there is no such campaign, run or container.
+    """
+    if failed:
+        if how.follow or len(words) > 1:
+            raise InputError("`--failed` takes at most a campaign, and follows nothing.")
+        with opened_runs(context, namespace, next(iter(words), None)) as (kube, runs):
+            for run in runs.bad():
+                RunLog(kube, runs, run, how).show_titled()
+        return
+    campaign, run = campaign_and_run(words)
+    with opened_runs(context, namespace, campaign) as (kube, runs):
+        RunLog(kube, runs, run, how).show()
+
+
+def campaign_and_run(words: Sequence[str]) -> tuple[str | None, str]:
+    """The campaign, if it is named, and the run.
+
+    Raises:
+        InputError: no run is named.
+    """
+    if len(words) not in (1, 2):
+        raise InputError(
+            "name a run by its folder, as `hall-1/0`, and before it its campaign where the "
+            "namespace has several."
+        )
+    return (words[0] if len(words) == 2 else None), words[-1]
+
+
+@contextmanager
+def opened_runs(
+    context: str | None, namespace: str | None, name: str | None
+) -> Iterator[tuple[Kubernetes, CampaignRuns]]:
+    """The runs of a campaign: the named one, else the only one, else the only unfinished one.
+
+    Raises:
+        InputError: there is no such campaign.
+    """
+    with connect(context, namespace) as kube, ExitStack() as stack:
+        known = [CampaignState(item) for item in kube.campaigns()]
+        campaign = _only(kube, known) if name is None else lookup(known, name)
+        if campaign is None and name is not None:
+            results = named_results(kube, known, name)
+            yield kube, CampaignRuns(kube, None, results.bucket, results.place, stack)
+        elif campaign is not None:
+            place = place_of(campaign)
+            yield kube, CampaignRuns(kube, campaign, campaign.status.bucket, place, stack)
+
+
+def _only(kube: Kubernetes, known: Sequence[CampaignState]) -> CampaignState:
+    unfinished = [campaign for campaign in known if not campaign.finished]
+    for found in (known, unfinished):
+        if len(found) == 1:
+            return found[0]
+    names = ", ".join(campaign.name for campaign in known) or "none"
+    raise InputError(f"name a campaign before the run; the namespace {kube.namespace} has {names}.")
+
+
+class RunLog:
+    """The log of one run."""
+
+    def __init__(self, kube: Kubernetes, runs: CampaignRuns, run: str, how: How) -> None:
+        self._kube = kube
+        self._runs = runs
+        self._run = run
+        self._how = how
+
+    def show(self) -> None:
+        """Print it, or why there is none yet; with `follow`, wait until there is."""
+        told = ""
+        while True:
+            executor = self._runs.executor(self._run)
+            if executor is not None and self._show_live(executor):
+                return
+            record = self._runs.record(self._run)
+            if record is not None:
+                self._show_stored(record)
+                return
+            reason = self._waiting(executor)
+            if reason != told:
+                tell(f"{self._run} waits: {reason}.")
+                told = reason
+            if not self._how.follow:
+                return
+            time.sleep(INTERVAL)
+
+    def show_titled(self) -> None:
+        """Print it below a line that says what became of the run."""
+        record = self._runs.record(self._run)
+        if record is None:
+            _print([f"==> {self._run}: errored: it was never stored <=="])
+            return
+        _print([f"==> {self._run}: {record.verdict}: {record.reason} <=="])
+        self._show_stored(record)
+        _print([""])
+
+    def _show_live(self, executor: Executor) -> bool:
+        """Print it from a pod, and what comes; False when the pod has none of the run."""
+        container = self._how.secondary or RUN
+        check_container(executor.pod, container)
+        if not has_begun(executor.pod, container):
+            return False
+        try:
+            lines = list(self._kube.log(executor.name, container))
+        except NotFoundError:  # the pod has gone meanwhile
+            return False
+        shared = executor.runs > 1 and container == RUN
+        parts = has_parts(lines) if shared else False
+        begun = list(part_of(lines, self._run)) if parts else []
+        elsewhere = parts and not begun
+        if parts is None or elsewhere or (shared and not parts and self._is_stored(executor)):
+            return False
+        shown = begun or self._whole(lines, executor.runs)
+        _print(self._how.last(shown))
+        if self._how.follow:
+            coming = self._kube.log(executor.name, container, follow=True)
+            grown = part_of(coming, self._run) if parts else coming
+            _print(islice(grown, len(shown), None))
+        return True
+
+    def _is_stored(self, executor: Executor) -> bool:
+        """Whether an earlier pod has stored the run that a pod's log does not name."""
+        record = self._runs.record(self._run)
+        return record is not None and record.attempt >= executor.attempt
+
+    def _show_stored(self, record: RunRecord) -> None:
+        path = log_path(self._how.secondary)
+        with self._runs.stored_log(record.job, path) as file:
+            text = file.read_text(encoding="utf-8", errors="replace")
+        lines = text.removesuffix("\n").split("\n")
+        part = list(part_of(lines, self._run))
+        runs = 1 if part else self._runs.runs_of_job(record.job)
+        _print(self._how.last(part or self._whole(lines, runs)))
+
+    def _whole(self, lines: Sequence[str], runs: int) -> Sequence[str]:
+        """All lines of a job's log, with a word where other runs are in it."""
+        if runs > 1:
+            tell(f"{self._run}: this log does not tell it from the {runs} runs of its job.")
+        return lines
+
+    def _waiting(self, executor: Executor | None) -> str:
+        """Why a run is neither executed nor stored."""
+        campaign = self._runs.campaign
+        if executor is not None and has_begun(executor.pod, RUN):
+            return f"its pod {executor.name} has not come to it yet"
+        if executor is not None:
+            return waiting_reason(executor.pod)
+        if campaign is None or campaign.finished:
+            raise InputError(f"`{self._run}` is not among the stored runs of the campaign.")
+        if campaign.suspended:
+            return f"the campaign is stopped; `vast exec cluster resume -i {campaign.name}`"
+        if campaign.messages:
+            return "; ".join(campaign.messages).rstrip(".")
+        if self._runs.planned is None:
+            return "the campaign is not planned yet"
+        return f"it has no pod yet ({campaign.counts()})"
+
+
+def _print(lines: Iterable[str]) -> None:
+    for line in lines:
+        say_data(f"{line}\n")
+        sys.stdout.flush()

@@ -1,0 +1,136 @@
+"""The runs of a campaign by folder and by id, as its plan in the cluster has them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+from pydantic import ValidationError
+
+from robovast.base.errors import InputError
+from robovast.base.ranges import ids, merge, parse_ranges
+from robovast.base.yaml_files import parse_yaml
+from robovast.kubeapi.names import child_name
+from robovast.kubeapi.pod_contract.mounts import DOCUMENT_FILE, PLAN_FILE
+from robovast.kubeapi.resources import UID_LABEL, CampaignSpec
+from robovast.kubeapi.source_files import Files, check_paths, config_map_files, inline_files
+from robovast.model.document import load_document
+from robovast.model.packs import CampaignPlan, PlanSpec
+from robovast.model.variations.loader import all_pure
+from robovast_cli.kube.api import Json, Kubernetes, cluster_extra
+from robovast_cli.kube.status import CampaignState
+
+if TYPE_CHECKING:
+    from robovast.storage.s3 import ObjectStore
+
+
+@dataclass(frozen=True)
+class PlannedRuns:
+    """Which run is which."""
+
+    plan: PlanSpec
+    names: Sequence[str]
+    """Of all variants, in the plan's order."""
+
+    def id_of(self, run: str) -> int:
+        """Id of a run, by `<variant>/<number>`.
+
+        Raises:
+            InputError: there is no such run.
+        """
+        variant, _, number = run.rpartition("/")
+        try:
+            return self.plan.id_of(self.names.index(variant), int(number))
+        except (ValueError, IndexError):
+            raise InputError(
+                f"the campaign has no run `{run}`; it has {self.plan.total}, each by the name of "
+                f"its folder, from {self.path_of(0)} to {self.path_of(self.plan.total - 1)}."
+            ) from None
+
+    def path_of(self, id_: int) -> str:
+        """Folder of a run, `<variant>/<number>`."""
+        variant, number = self.plan.run(id_)
+        return f"{self.names[variant]}/{number}"
+
+    def paths_of(self, *ranges: str) -> list[str]:
+        """Folders of the runs in some ranges of ids."""
+        spans = merge(span for text in ranges for span in parse_ranges(text))
+        return [self.path_of(id_) for id_ in ids(spans)]
+
+
+def planned_runs(
+    kube: Kubernetes, campaign: CampaignState, store: Callable[[], ObjectStore]
+) -> PlannedRuns | None:
+    """The runs of a campaign; None before they are planned.
+
+    Args:
+        kube: the cluster.
+        campaign: which.
+        store: opens the store with its bucket, where plugins have made its variants.
+
+    Raises:
+        InputError: its variants cannot be found out.
+        StorageError: the bucket with them cannot be read.
+    """
+    maps = kube.config_maps({UID_LABEL: campaign.uid})
+    plans = [found for found in map(_plan_of, maps) if found is not None]
+    newest = max(plans, key=lambda found: found[0].total, default=None)
+    if newest is None:
+        return None
+    spec, plan, text = newest
+    with TemporaryDirectory() as folder:
+        if plan.expansion == "composed":
+            return PlannedRuns(spec, _composed(plan, store(), Path(folder)))
+        files = _files(kube, campaign)
+        return PlannedRuns(spec, _expanded(plan, text, files, Path(folder)))
+
+
+def _plan_of(config_map: Json) -> tuple[PlanSpec, CampaignPlan, str] | None:
+    """A plan and its document; None of a ConfigMap that has none."""
+    data = config_map.get("data") or {}
+    try:
+        plan = CampaignPlan.model_validate_json(data[PLAN_FILE])
+        return (plan.plan, plan, data[DOCUMENT_FILE]) if plan.plan is not None else None
+    except (KeyError, ValidationError):
+        return None
+
+
+def _files(kube: Kubernetes, campaign: CampaignState) -> Files:
+    """The files of a document that the operator itself expands."""
+    given = CampaignSpec.model_validate(campaign.resource["spec"]).source.config_map
+    if given is None:
+        return inline_files(campaign.resource["spec"])
+    copy = kube.config_map(child_name(campaign.name, campaign.uid, "files")) or {}
+    return config_map_files(copy, {item.key: item.path for item in given.items})
+
+
+def _expanded(plan: CampaignPlan, text: str, files: Files, folder: Path) -> list[str]:
+    """Names of the variants of a document, in whose making no code of others has a part."""
+    from robovast.agent.campaign import expand
+
+    try:
+        check_paths(files)
+        if not all_pure(parse_yaml(text)):
+            raise ValueError("its variations need plugins, and are not made here")
+    except ValueError as error:
+        raise InputError(f"the plan of the campaign makes no sense: {error}.") from error
+    for path, content in {**files, plan.document: text.encode()}.items():
+        target = folder / "inputs" / path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(content)
+    document = load_document(folder / "inputs" / plan.document)
+    made = expand(plan, document, folder / "made", lambda _: None)
+    return [variant.name for variant in made.variants]
+
+
+def _composed(plan: CampaignPlan, store: ObjectStore, folder: Path) -> list[str]:
+    """Names of the variants that the compose Job has stored."""
+    with cluster_extra():
+        from robovast.agent.campaign import Campaign, open_composed
+        from robovast.agent.mounts import Folders
+
+    _, variants = open_composed(Campaign(plan, Folders(work=folder), store))
+    return [variant.name for variant in variants]

@@ -1,0 +1,62 @@
+"""What the pod of a run says of itself. Pure functions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from robovast.base.errors import InputError
+from robovast_cli.kube.api import Json
+
+
+def is_live(pod: Json) -> bool:
+    """Whether a pod is there to execute its runs."""
+    going = pod["metadata"].get("deletionTimestamp")
+    return not going and (pod.get("status") or {}).get("phase") in (None, "Pending", "Running")
+
+
+def has_begun(pod: Json, container: str) -> bool:
+    """Whether a container has a log."""
+    states = (s.get("state") or {} for s in _statuses(pod) if s["name"] == container)
+    return any("running" in state or "terminated" in state for state in states)
+
+
+def check_container(pod: Json, name: str) -> None:
+    """Make sure that a pod has a container.
+
+    Raises:
+        InputError: it has none of this name.
+    """
+    kinds = (pod["spec"].get(kind) or () for kind in ("initContainers", "containers"))
+    names = [container["name"] for kind in kinds for container in kind]
+    if name not in names:
+        raise InputError(
+            f"the pod {pod['metadata']['name']} has no container `{name}`; it has "
+            f"{', '.join(names)}."
+        )
+
+
+def waiting_reason(pod: Json) -> str:
+    """Why the runs of a pod have not begun, as Kubernetes says."""
+    name = pod["metadata"]["name"]
+    return f"its pod {name} {next(_reasons(pod), 'is just starting')}"
+
+
+def _reasons(pod: Json) -> Iterator[str]:
+    for condition in (pod.get("status") or {}).get("conditions") or ():
+        if condition["type"] == "PodScheduled" and condition["status"] == "False":
+            yield f"has no node: {condition.get('message') or condition.get('reason')}"
+    for container in _statuses(pod):
+        state = container.get("state") or {}
+        waiting = state.get("waiting") or {}
+        if waiting.get("message"):
+            told = f"{waiting.get('reason')}: {waiting['message']}"
+            yield f"waits for its container {container['name']}: {told}"
+    for container in _statuses(pod):
+        if "running" in (container.get("state") or {}):
+            yield f"is being prepared by its container {container['name']}"
+
+
+def _statuses(pod: Json) -> Iterator[Json]:
+    status = pod.get("status") or {}
+    yield from status.get("initContainerStatuses") or ()
+    yield from status.get("containerStatuses") or ()

@@ -1,0 +1,149 @@
+"""The runs of a campaign on a cluster: who executes them, and what of them is stored."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+from robovast.base.errors import InputError
+from robovast.base.ranges import Span
+from robovast.campaign.layout import INDEX, JOBS, LOGS, RUN_RECORD, parameters_key
+from robovast.campaign.run_record import RunRecord, parse_run_record
+from robovast.kubeapi.pod_contract.pack_request import PackRequest
+from robovast.kubeapi.resources import ROLE_LABEL, SHARD_ROLE, UID_LABEL
+from robovast_cli.kube.api import Json, Kubernetes
+from robovast_cli.kube.planned_runs import PlannedRuns, planned_runs
+from robovast_cli.kube.pods import is_live
+from robovast_cli.kube.status import CampaignState
+from robovast_cli.kube.store import StorePlace, open_store
+
+if TYPE_CHECKING:
+    from robovast.storage.s3 import ObjectStore
+
+
+@dataclass(frozen=True)
+class Executor:
+    """A pod that is there for a run."""
+
+    pod: Json
+    runs: int
+    """How many runs it is for."""
+    attempt: int
+
+    @property
+    def name(self) -> str:
+        """Of the pod."""
+        return str(self.pod["metadata"]["name"])
+
+
+class CampaignRuns:
+    """The runs of a campaign; what is known of them is asked for when it is needed."""
+
+    def __init__(
+        self,
+        kube: Kubernetes,
+        campaign: CampaignState | None,
+        bucket: str,
+        place: StorePlace,
+        stack: ExitStack,
+    ) -> None:
+        """
+        Args:
+            kube: the cluster.
+            campaign: None when it was removed, and only its bucket is left.
+            bucket: of its results; empty before it has one.
+            place: the bucket's server.
+            stack: ends with what is opened here.
+        """
+        self._kube = kube
+        self.campaign = campaign
+        self._bucket = bucket
+        self._place = place
+        self._stack = stack
+
+    @cached_property
+    def _store(self) -> ObjectStore:
+        return self._stack.enter_context(open_store(self._kube, self._place))
+
+    @cached_property
+    def planned(self) -> PlannedRuns | None:
+        """Which runs there are; None when that is not known yet, or any more."""
+        if self.campaign is None:
+            return None
+        return planned_runs(self._kube, self.campaign, lambda: self._store)
+
+    def executor(self, run: str) -> Executor | None:
+        """The pod that is there for a run; None when there is none.
+
+        Raises:
+            InputError: the campaign has no such run.
+        """
+        if self.campaign is None or self.planned is None:
+            return None
+        id_ = self.planned.id_of(run)
+        for pod in reversed(
+            self._kube.pods({UID_LABEL: self.campaign.uid, ROLE_LABEL: SHARD_ROLE})
+        ):
+            request = PackRequest.of_pod(pod)
+            if request is not None and is_live(pod):
+                ids = self._ids_of(request, self.planned)
+                if id_ in ids:
+                    return Executor(pod, len(ids), request.attempt)
+        return None
+
+    def _ids_of(self, request: PackRequest, planned: PlannedRuns) -> Sequence[int]:
+        """Ids of a pod's runs; none of one that is not as the plan says."""
+        try:
+            return request.chosen(planned.plan, self._bad_runs)[1]
+        except (IndexError, ValueError):
+            return ()
+
+    def _bad_runs(self, name: str) -> list[Span]:
+        from robovast.agent.campaign import bad_runs
+
+        return bad_runs(self._store, self._bucket, name)
+
+    def record(self, run: str) -> RunRecord | None:
+        """The record of a run; None when it is not stored."""
+        content = self._store.read(self._bucket, f"{run}/{RUN_RECORD}") if self._bucket else None
+        return None if content is None else parse_run_record(content)
+
+    def bad(self) -> list[str]:
+        """Failed and errored runs by folder: those of the index, else of the status so far."""
+        if self._bucket and (self.campaign is None or self.campaign.finished):
+            index = self._store.read(self._bucket, INDEX)
+            if index is not None:
+                runs = json.loads(index)["runs"]
+                return [f"{r['variant']}/{r['run']}" for r in runs if r["verdict"] != "passed"]
+        if self.campaign is None or self.planned is None:
+            return []
+        status = self.campaign.status
+        return self.planned.paths_of(status.failed_runs, status.errored_runs)
+
+    def runs_of_job(self, job: str) -> int:
+        """How many runs a job was begun for; 1 when nobody knows."""
+        found = self._store.read(self._bucket, parameters_key(job)) or b""
+        return found.count(b"_output_dir:") or 1
+
+    @contextmanager
+    def stored_log(self, job: str, path: str) -> Iterator[Path]:
+        """A stored log of a job, brought here as long as the context lasts.
+
+        Raises:
+            InputError: there is none of this name.
+        """
+        prefix = f"{JOBS}/{job}/"
+        there = {o.key: o for o in self._store.objects(self._bucket, f"{prefix}{LOGS}/")}
+        if prefix + path not in there:
+            names = ", ".join(key.removeprefix(prefix) for key in there) or "none"
+            raise InputError(f"{job} has no stored log `{path}`; of its logs there are: {names}.")
+        with TemporaryDirectory() as folder:
+            target = Path(folder) / "log"
+            self._store.get_file(self._bucket, there[prefix + path], target)
+            yield target
