@@ -81,7 +81,7 @@ def _no_column(fault: _Fault) -> str:
 
 def _near(name: str, known: Iterable[str]) -> str:
     folded = {one.casefold(): one for one in known}
-    near = get_close_matches(name.casefold(), folded, 1)
+    near = get_close_matches(name.casefold(), folded, 1, 0.65)  # `passed` is not meant as `seed`
     return f"Did you mean `{folded[near[0]]}`?" if near else ""
 
 

@@ -18,7 +18,7 @@ from robovast.base.serialization import dump_yaml
 from robovast.base.version import __version__
 from robovast.base.yaml_files import read_mapping
 from robovast.campaign.configurations import read_configurations, variant_of
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import CONFIGURATIONS, PARTS, POSTPROCESSING, Layout
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.execution.generate import write_execution
 from robovast.execution.local.campaign import execute_campaign
@@ -32,13 +32,16 @@ from robovast.model.expansion import Variant
 from robovast.model.naming import CONFIG
 from robovast.model.packs import Block, PlanSpec
 from robovast.model.plan import plan_runs
+from robovast.storage.bucket_ownership import OWNER
 
 OWN_RUNTIME = "same"
 """The runtime that executed the run."""
 
 _OF_EXECUTION = (
-    "job*", "bad-runs-*", "configurations.yaml", "owner.json", "postprocessing.yaml", "variants",
-)  # fmt: skip
+    "job*",
+    "bad-runs-*",
+    *(Path(path).name for path in (CONFIGURATIONS, OWNER, PARTS, POSTPROCESSING)),
+)
 """Names in `_transient` of what belongs to the campaign's execution."""
 
 
