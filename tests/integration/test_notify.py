@@ -112,6 +112,7 @@ def test_ntfy_gets_title_priority_and_tags_as_headers_and_the_text_as_body(
     assert {name: got.headers.get(name) for name in wanted} == wanted
     assert got.body.splitlines() == [
         "3 runs: 2 passed, 1 failed, 0 errored after 1 h 5 min",
+        "33 % did not pass (95 % interval 6.1 – 79 %)",
         "2 of 3 runs passed; needed are 1 of all",
         "Not passed: hall-1/2",
         "vast results download -n lab -i drive",

@@ -20,6 +20,7 @@ from robovast.base.statistics import (
     normal_p,
     normal_p_of_pairs,
     paired_interval,
+    percent,
     wilson,
 )
 
@@ -124,3 +125,9 @@ def test_the_approximation_for_plans_is_near_the_exact_tests() -> None:
     assert normal_p(10, 100, 25, 100) == pytest.approx(fisher_exact(10, 90, 25, 75), abs=0.005)
     assert normal_p_of_pairs(40, 20) == pytest.approx(mcnemar_exact(40, 20), abs=0.005)
     assert normal_p(0, 5, 0, 5) == normal_p_of_pairs(0, 0) == 1
+
+
+def test_a_share_has_as_many_digits_as_people_read() -> None:
+    shares = (0, 1e-17, 0.001, 0.0749, 0.0996, 0.12345, 1)
+    told = ["0 %", "0 %", "0.1 %", "7.5 %", "10 %", "12 %", "100 %"]
+    assert [percent(share) for share in shares] == told

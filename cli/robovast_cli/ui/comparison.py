@@ -9,12 +9,12 @@ from dataclasses import asdict
 from typing import Literal
 
 from robovast.base.errors import ExitCode
+from robovast.base.statistics import percent
 from robovast.campaign.junit import Case, Outcome, Suite, report_text
 from robovast.evaluation.compare import Comparison, VariantDifference
 from robovast.evaluation.rates import MOST_RUNS, Sample
 from robovast_cli.ui.listing import format_table
 from robovast_cli.ui.output import say_data
-from robovast_cli.ui.summary import percent
 
 Format = Literal["text", "json"]
 

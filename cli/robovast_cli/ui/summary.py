@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from robovast.base.statistics import LEVEL
+from robovast.base.statistics import LEVEL, interval_text, percent
 from robovast.campaign.failure_groups import FailureGroup
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.effects import Effect, Side
@@ -52,17 +52,6 @@ def print_summary(findings: Findings, output: Format, worst: int) -> None:
         worst: number of configurations, and of causes, in the text; 0 means all.
     """
     say_data(_json(findings) if output == "json" else _text(findings, worst))
-
-
-def percent(share: float) -> str:
-    """A share as people read it: `7.5 %`, `12 %`."""
-    value = 100 * share
-    return f"{value:.1f} %" if 0 < value < 10 else f"{value:.0f} %"
-
-
-def interval_text(low: float, high: float) -> str:
-    """An interval of shares: `3.6 – 62 %`."""
-    return f"{percent(low).removesuffix(' %')} – {percent(high)}"
 
 
 def _json(findings: Findings) -> str:
@@ -135,7 +124,7 @@ def _row(variant: VariantRate) -> list[str]:
         variant.state,
         f"{rate.failed + rate.errored} of {rate.runs}",
         "–" if rate.rate is None else percent(rate.rate),
-        interval_text(*rate.interval),
+        interval_text(rate.interval),
         _more_runs(variant),
         variant.reason[:WIDEST_CELL],
     ]
@@ -167,7 +156,7 @@ def _overall(rate: Rate) -> str:
         return "No run has a verdict."
     return (
         f"{percent(rate.rate)} of the runs did not pass "
-        f"(95 % interval {interval_text(*rate.interval)})"
+        f"(95 % interval {interval_text(rate.interval)})"
     )
 
 

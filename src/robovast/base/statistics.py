@@ -110,6 +110,18 @@ def log_choose(n: float, k: float) -> float:
     return lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1)
 
 
+def percent(share: float) -> str:
+    """A share as people read it: `7.5 %`, `12 %`."""
+    value = 100 * share
+    return f"{value:.1f} %" if 0.05 <= value < 9.95 else f"{value:.0f} %"
+
+
+def interval_text(interval: Interval) -> str:
+    """An interval of shares as people read it: `3.6 – 62 %`."""
+    low, high = interval
+    return f"{percent(low).removesuffix(' %')} – {percent(high)}"
+
+
 def least(enough: Callable[[int], bool], most: int) -> int | None:
     """The least number from 1 to `most` that is enough; None if none is.
 

@@ -11,6 +11,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.alias_generators import to_camel
 
+from robovast.base.statistics import anytime, interval_text, percent, wilson
 from robovast.kubeapi.resources import Notification
 from robovast.kubeapi.status import Runs
 
@@ -90,7 +91,8 @@ class Notice(_Model):
         campaign = f"-n {self.campaign.namespace} -i {self.campaign.name}"
         over = self.event in {"Finished", "GivenUp"}
         then = f"vast results download {campaign}" if over else "vast exec cluster monitor"
-        lines = [self._numbers(), _cut(self.message, _LONGEST_TEXT // 2), self._failing(), then]
+        why = _cut(self.message, _LONGEST_TEXT // 2)
+        lines = [self._numbers(), self._rate() if over else "", why, self._failing(), then]
         return _cut("\n".join(filter(None, lines)), _LONGEST_TEXT)
 
     def payload(self) -> dict[str, Any]:
@@ -105,6 +107,15 @@ class Notice(_Model):
         counts = f"{runs.passed} passed, {runs.failed} failed, {runs.errored} errored"
         took = "" if self.seconds is None else f" after {_duration(self.seconds)}"
         return f"{runs.total} runs: {counts}{took}"
+
+    def _rate(self) -> str:
+        """How often runs do not pass; the interval holds anytime if they are not all over."""
+        decided, bad = self.runs.decided, self.runs.failed + self.runs.errored
+        if not decided:
+            return ""
+        interval = wilson if decided == self.runs.total else anytime
+        told = interval_text(interval(bad, decided))
+        return f"{percent(bad / decided)} did not pass (95 % interval {told})"
 
     def _failing(self) -> str:
         named = self.failing[:_MOST_NAMED]

@@ -93,6 +93,7 @@ def test_the_end_is_told_once_with_its_verdict() -> None:
     assert (sent.event, sent.verdict, sent.runs.passed) == ("Finished", "Passed", 6)
     assert sent.title == "drive has passed"
     assert "6 runs: 6 passed, 0 failed, 0 errored after" in sent.text
+    assert "\n0 % did not pass (95 % interval 0 – 39 %)\n" in sent.text
 
 
 def test_results_that_could_not_be_worked_up_are_told_beside_the_verdict() -> None:
