@@ -241,3 +241,24 @@ def _layout(campaign: Path) -> Any:
     from robovast.campaign.layout import Layout
 
     return Layout(campaign)
+
+
+def test_a_failure_map_from_metrics_without_code(tmp_path: Path) -> None:
+    extra = """\
+  strategy: boundary
+  strategy_parameters: {initial: 2}
+  extract:
+    metrics:
+      height: {table: out, column: y, over_time: max, over_runs: mean}
+      asked: {sql: "SELECT config, max(y) AS y FROM out GROUP BY config"}
+  objectives: [{name: failure_rate}]
+  per_batch: 2
+  budget: [{batches: 2}]
+"""
+    summary, recorder = search(tmp_path, extra)
+    assert summary.report is not None, recorder.messages
+    assert len(summary.report.evaluations) == 4, recorder.messages
+    for evaluation in summary.report.evaluations:
+        x = evaluation.params.values["x"]
+        assert evaluation.measures["height"] == evaluation.measures["asked"] == x
+    assert 0 <= summary.report.extra["failing_low"] <= summary.report.extra["failing_high"] <= 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from robovast.campaign.layout import Layout
 from robovast.campaign.run_record import read_run_record
@@ -42,7 +42,7 @@ class Extractor(ABC):
         del params
         return None
 
-    TABLES: ClassVar[bool] = False
+    TABLES: bool = False
     """Whether the campaign's tables must be up to date before it is called."""
 
 

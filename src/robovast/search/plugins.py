@@ -49,13 +49,13 @@ def make_extractor(document: Document) -> Extractor:
     Raises:
         InputError: it cannot be loaded or made.
     """
-    extract = search_of(document).extract
-    kind = load_search_plugin(extract.plugin, EXTRACTORS, document.folder)
+    name, params = search_of(document).extract.call
+    kind = load_search_plugin(name, EXTRACTORS, document.folder)
     try:
-        made = kind(**extract.params)
+        made = kind(**params)
     except Exception as error:
-        raise _cannot_be_made(document, f"the extractor `{extract.plugin}`", error) from error
-    extractor: Extractor = _checked(made, Extractor, extract.plugin, "extractor")
+        raise _cannot_be_made(document, f"the extractor `{name}`", error) from error
+    extractor: Extractor = _checked(made, Extractor, name, "extractor")
     return extractor
 
 

@@ -28,6 +28,10 @@ COMMANDS: Mapping[str, Lazy] = {
         "robovast_cli.commands.results.junit:app",
         "Merge the test results of all runs into one JUnit report.",
     ),
+    "search": Lazy(
+        "robovast_cli.commands.results.search:app",
+        "Say what a search found: its sets, its progress, where it begins to fail.",
+    ),
     "download": Lazy(
         "robovast_cli.commands.results.download:app",
         "Download results from the cluster's storage, or from the share.",

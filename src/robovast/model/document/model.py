@@ -450,6 +450,34 @@ class SearchObjective(Section):
     """Direction of the optimization."""
 
 
+SearchAggregate = Literal["min", "max", "mean", "median", "sum", "first", "last"]
+
+
+class SearchMetric(Section):
+    """A number about a configuration: of a column, or of a query."""
+
+    table: str | None = None
+    """Name of a CSV file of each run, without `.csv`."""
+    column: str | None = None
+    """A column of the table."""
+    over_time: SearchAggregate | None = None
+    """What a run's rows come to."""
+    over_runs: SearchAggregate = "mean"
+    """What the runs of a configuration come to."""
+    sql: str | None = None
+    """A query whose rows are the name of a configuration and its number; in place of the others."""
+
+    @model_validator(mode="after")
+    def _check_kind(self) -> Self:
+        column = {"table", "column", "over_time"}
+        given = self.model_fields_set
+        if given != {"sql"} and not (column <= given and "sql" not in given):
+            raise PydanticCustomError(
+                "search_metric", "needs `table`, `column` and `over_time`, or `sql` alone"
+            )
+        return self
+
+
 class SearchExtract(Section):
     """The step that turns a configuration's results into objectives and measures."""
 
@@ -457,6 +485,23 @@ class SearchExtract(Section):
     """Name or file reference of the plugin."""
     params: dict[str, Any] = Field(default_factory=dict)
     """Its parameters."""
+    metrics: dict[str, SearchMetric] = Field(default_factory=dict)
+    """Numbers by name, in place of a plugin; `failure_rate` is always among them."""
+
+    @model_validator(mode="after")
+    def _check_one(self) -> Self:
+        if self.metrics and self.model_fields_set & {"plugin", "params"}:
+            raise PydanticCustomError(
+                "search_extract", "`metrics` and `plugin` cannot stand together"
+            )
+        return self
+
+    @property
+    def call(self) -> tuple[str, dict[str, Any]]:
+        """The extractor's name and parameters."""
+        if not self.metrics:
+            return self.plugin, self.params
+        return "metrics", {n: m.model_dump(exclude_unset=True) for n, m in self.metrics.items()}
 
 
 def _shorthand(field: str, kinds: type | tuple[type, ...]) -> BeforeValidator:
@@ -565,7 +610,7 @@ class Search(Section):
     """Closed-loop search in place of a fixed list of configurations."""
 
     strategy: str
-    """Strategy plugin: `random`, or an entry point's name, or a file reference."""
+    """Strategy plugin: `random`, `boundary`, or an entry point's name, or a file reference."""
     search_space: Annotated[dict[str, SearchDimension], Field(min_length=1)]
     """Typed dimensions by name."""
     postprocessing: list[Plugin] = Field(default_factory=list)

@@ -143,39 +143,26 @@ def _check_extract(parts: Parts, search: Search) -> Iterator[Problem]:
     """The extractor, and names that it never gives."""
     given = "extract" in parts.source.data["search"]
     base = (*_BASE, "extract") if given else _BASE
+    plugin, params = search.extract.call
     try:
-        kind = load_search_plugin(search.extract.plugin, EXTRACTORS, parts.folder)
+        kind = load_search_plugin(plugin, EXTRACTORS, parts.folder)
     except InputError as error:
         yield parts.source.problem(base, str(error))
         return
     try:
-        kind(**search.extract.params)
-        known = _names(kind, search.extract.params)
-    except ValidationError as error:
-        params = (*base, "params") if search.extract.params else base
-        yield from problems_of(error, parts.source, kind.PARAMS_MODEL, params)
-        return
+        kind(**params)
+        known = _names(kind, params)
     except Exception as error:
-        yield parts.source.problem(base, f"`{search.extract.plugin}` cannot be made: {error}")
+        yield parts.source.problem(base, f"`{plugin}` cannot be made: {error}")
         return
-    for path, name in _named(search):
-        if known is not None and name not in known:
-            yield parts.source.problem(
-                (*_BASE, *path), f"`extract` gives no `{name}`", suggest(name, known)
-            )
+    for position, objective in enumerate(search.objectives):
+        if known is not None and objective.name not in known:
+            path = (*_BASE, "objectives", position, "name")
+            remedy = suggest(objective.name, known)
+            yield parts.source.problem(path, f"`extract` gives no `{objective.name}`", remedy)
 
 
 def _names(kind: Any, params: dict[str, Any]) -> frozenset[str] | None:
     names = getattr(kind, "names", None)
     found: frozenset[str] | None = names(params) if names else None
     return found
-
-
-def _named(search: Search) -> Iterator[tuple[KeyPath, str]]:
-    """Path and name of every number that the search needs from its runs."""
-    for position, objective in enumerate(search.objectives):
-        yield ("objectives", position, "name"), objective.name
-    archive = search.strategy_parameters.get("archive")
-    measures = archive.get("measures") if isinstance(archive, dict) else None
-    for name in measures if search.strategy == "qd" and isinstance(measures, dict) else ():
-        yield ("strategy_parameters", "archive", "measures", name), str(name)

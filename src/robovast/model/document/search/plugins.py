@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
+from robovast.base.optional_deps import needing
 from robovast.base.plugins import load_plugin, plugins_of, split_file_reference
 from robovast.model.document.problems import suggest
 
@@ -14,8 +15,14 @@ STRATEGIES = "robovast.search_strategies"
 EXTRACTORS = "robovast.extractors"
 
 BUILT_IN = {
-    STRATEGIES: {"random": "robovast.search.strategies.random_sampling:RandomStrategy"},
-    EXTRACTORS: {"failure_rate": "robovast.search.extractors.failure_rate:FailureRate"},
+    STRATEGIES: {
+        "boundary": "robovast.search.strategies.boundary:BoundaryStrategy",
+        "random": "robovast.search.strategies.random_sampling:RandomStrategy",
+    },
+    EXTRACTORS: {
+        "failure_rate": "robovast.search.extractors.failure_rate:FailureRate",
+        "metrics": "robovast.search.extractors.columns:Columns",
+    },
 }
 
 
@@ -28,7 +35,8 @@ def load_search_plugin(reference: str, group: str, folder: Path) -> Any:
     """
     built_in, installed = BUILT_IN[group], plugins_of(group)
     if reference in built_in and reference not in installed:
-        return EntryPoint(reference, built_in[reference], group).load()
+        with needing("search", ("numpy", "scipy"), f"The strategy `{reference}`"):
+            return EntryPoint(reference, built_in[reference], group).load()
     if split_file_reference(reference) is None and reference not in installed:
         hint = suggest(reference, [*built_in, *installed])
         raise InputError(

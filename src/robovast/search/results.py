@@ -1,0 +1,105 @@
+"""What a stored search found, as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import astuple
+from pathlib import Path
+from typing import Any
+
+from robovast.analysis.tables.query import Answer
+from robovast.base.errors import InputError
+from robovast.campaign.configurations import read_configurations
+from robovast.campaign.layout import Layout
+from robovast.model.document import Document, load_document
+from robovast.model.document.search.space import holds
+from robovast.search.history import Batch, History
+from robovast.search.plugins import make_strategy, search_of
+from robovast.search.strategy import SearchStrategy
+
+
+class StoredSearch:
+    """A search, finished or under way.
+
+    Args:
+        campaign: its folder.
+
+    Raises:
+        InputError: the folder is no search, or nothing of it was scored yet.
+    """
+
+    def __init__(self, campaign: Path) -> None:
+        layout = Layout(campaign)
+        name = str(read_configurations(layout).get("vast"))
+        self.document: Document = load_document(layout.config / name)
+        self.search = search_of(self.document)
+        self.history = History(layout)
+        if not self.history.finished:
+            raise InputError(f"{campaign}: no batch of the search is finished yet.")
+
+    def strategy(self) -> SearchStrategy:
+        """The strategy after all batches that were scored."""
+        made = make_strategy(self.document)
+        for batch in self.history.finished:
+            evaluations = self.history.evaluations(batch)
+            made.replay(batch.proposal.asked, batch.proposal.sets, evaluations)
+        return made
+
+    def sets(self) -> Answer:
+        """All evaluated sets, a row each time that one was proposed."""
+        scores = [score for score in self.history.scores().values() if not score.error]
+        numbers = sorted({name for s in scores for name in (*s.objectives, *s.measures)})
+        columns = ["batch", "config", *self.search.search_space, *numbers, "n_samples", "error"]
+        rows = [row for batch in self.history.finished for row in self._rows(batch, numbers)]
+        return Answer(columns, rows)
+
+    def _rows(self, batch: Batch, numbers: list[str]) -> list[tuple[Any, ...]]:
+        scores = {score.id: score for score in batch.outcome.scores} if batch.outcome else {}
+        rows = []
+        for params, config in zip(batch.proposal.sets, batch.proposal.configs, strict=True):
+            score = scores[params.id]
+            given = {**score.measures, **score.objectives}
+            values = [params.values[name] for name in self.search.search_space]
+            found = [given.get(name) for name in numbers]
+            rows.append((batch.number, config, *values, *found, score.n_samples, score.error))
+        return rows
+
+    def report(self) -> Answer:
+        """The numbers of the strategy's report after each batch."""
+        outcomes = [(b.number, b.outcome) for b in self.history.finished if b.outcome is not None]
+        names = list(dict.fromkeys(name for _, o in outcomes for name in o.metrics))
+        rows = [
+            (number, *(o.metrics.get(name) for name in names), o.elapsed) for number, o in outcomes
+        ]
+        return Answer(["batch", *names, "elapsed"], rows)
+
+    def critical(self, fixed: Mapping[str, Any]) -> Answer:
+        """The critical value of each number, the other parameters being fixed.
+
+        Raises:
+            InputError: the strategy makes no failure map, or a fixed value is not in the space.
+        """
+        for name, value in fixed.items():
+            if name not in self.search.search_space:
+                raise InputError(f"`{name}` is no dimension of the search space.")
+            if not holds(self.search.search_space[name], value):
+                raise InputError(f"{name} = {value!r} is not in the search space.")
+        columns = ["parameter", "critical", "low", "high", "crossing"]
+        return Answer(columns, [astuple(item) for item in self._map().critical(fixed)])
+
+    def map(self) -> Answer:
+        """The rate of failures at points all over the space, each with its 95 % interval.
+
+        Raises:
+            InputError: the strategy makes no failure map.
+        """
+        columns = [*self.search.search_space, "failure_rate", "low", "high"]
+        return Answer(columns, list(self._map().rows()))
+
+    def _map(self) -> Any:
+        strategy = self.strategy()
+        if not hasattr(strategy, "map"):
+            raise InputError(
+                f"the strategy `{self.search.strategy}` makes no failure map; `boundary` does."
+            )
+        return strategy.map()

@@ -1,0 +1,114 @@
+"""The failure map: it finds the border with fewer sets than chance, and says how sure it is."""
+
+from __future__ import annotations
+
+from random import Random
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.special import expit
+
+from robovast.model.document.model import Search
+from robovast.search.strategies.boundary import BoundaryParameters, BoundaryStrategy
+from robovast.search.strategies.failure_process import Array
+from robovast.search.strategy import SearchStrategy
+from robovast.search.types import Evaluation, ParamSet
+
+SPACE = {
+    "speed": {"type": "float", "low": 1.0, "high": 5.0},
+    "load": {"type": "int", "low": 0, "high": 10},
+    "surface": {"type": "choice", "values": ["dry", "wet"]},
+}
+
+
+def strategy(seed: int = 0, **keys: Any) -> BoundaryStrategy:
+    given = {"search_space": SPACE, "objectives": [{"name": "failure_rate"}], "seed": seed}
+    cfg = Search.model_validate({"strategy": "boundary", "budget": [{"batches": 9}], **given})
+    return BoundaryStrategy(cfg, BoundaryParameters(**keys))
+
+
+def chance(values: dict[str, Any]) -> float:
+    """On a wet surface it fails above about 3, on a dry one above about 4; load counts little."""
+    limit = (3.0 if values["surface"] == "wet" else 4.0) - 0.05 * values["load"]
+    return float(expit(12.0 * (values["speed"] - limit)))
+
+
+def evaluate(params: ParamSet, runs: int = 3) -> Evaluation:
+    generator = Random(params.id)  # noqa: S311
+    count = params.n_reps or runs
+    failures = sum(generator.random() < chance(params.values) for _ in range(count))
+    return Evaluation(params, {"failure_rate": failures / count}, {}, count)
+
+
+def execute(made: SearchStrategy, batches: int) -> list[list[ParamSet]]:
+    asked = []
+    for _ in range(batches):
+        asked.append(made.ask(6))
+        made.tell([evaluate(params) for params in asked[-1]])
+    return asked
+
+
+def share_wrong(made: BoundaryStrategy) -> float:
+    generator = np.random.default_rng(1)
+    units: Array = generator.random((400, 3))
+    units[:, 2] = np.where(units[:, 2] < 0.5, 0.25, 0.75)
+    names = ["dry", "wet"]
+    truth = [
+        chance({"speed": 1 + 4 * u[0], "load": 10 * u[1], "surface": names[int(u[2] > 0.5)]}) > 0.5
+        for u in units
+    ]
+    assert made.process is not None
+    mean, _ = made.process.predict(units)
+    return float(np.mean((mean > 0) != truth))
+
+
+def test_the_map_is_better_than_one_of_random_sets_and_knows_the_critical_values() -> None:
+    made, filled = strategy(), strategy(initial=48)
+    execute(made, 8)
+    execute(filled, 8)
+    assert share_wrong(made) <= 0.05
+    assert share_wrong(made) <= share_wrong(filled)
+    numbers = made.map().numbers()
+    assert numbers["failing_low"] <= 0.41 <= numbers["failing_high"]
+    assert numbers["misjudged"] < 0.1
+    for surface, limit in (("wet", 2.75), ("dry", 3.75)):
+        speed = made.map().critical({"surface": surface, "load": 5})[0]
+        assert speed.name == "speed"
+        assert speed.low is not None
+        assert speed.high is not None
+        assert speed.low - 0.1 <= limit <= speed.high + 0.1
+        assert speed.high - speed.low < 1.0
+
+
+def test_it_is_a_function_of_seed_and_history() -> None:
+    whole, rebuilt = strategy(), strategy()
+    asked = execute(whole, 3)
+    for sets in asked:
+        rebuilt.replay(6, sets, [evaluate(params) for params in sets])
+    assert rebuilt.ask(6) == whole.ask(6)
+    assert execute(strategy(seed=1), 1) != asked[:1]
+
+
+def test_noise_is_answered_with_more_runs_of_known_sets() -> None:
+    """A small space has few sets; where the coin is fair, they are run more often."""
+    cfg = Search.model_validate(
+        {
+            "strategy": "boundary",
+            "search_space": {"load": {"type": "int", "low": 0, "high": 3}},
+            "objectives": [{"name": "failure_rate"}],
+            "budget": [{"batches": 9}],
+        }
+    )
+    made = BoundaryStrategy(cfg, BoundaryParameters())
+    sets = made.ask(4)
+    made.tell([Evaluation(p, {"failure_rate": 0.5}, {}, 2) for p in sets])
+    again = [params for _ in range(3) for params in made.ask(4)]
+    assert any(params.n_reps == 4 for params in again)
+
+
+def test_an_objective_that_is_no_rate_is_refused() -> None:
+    made = strategy()
+    (params, *_) = made.ask(1)
+    with pytest.raises(ValueError, match="needs a rate between 0 and 1"):
+        made.tell([Evaluation(params, {"failure_rate": 7.0}, {}, 1)])
