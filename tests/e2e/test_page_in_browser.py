@@ -339,6 +339,23 @@ def test_a_campaign_that_runs_needs_no_reload(page: Page, tmp_path: Path) -> Non
         expect(page.get_by_role("heading", level=1)).to_contain_text("finished")
 
 
+def test_a_campaign_says_that_it_was_stopped_or_removed(page: Page, tmp_path: Path) -> None:
+    root = write_campaign(tmp_path, outputs=False)
+    shutil.rmtree(root / "hall-1" / "1")
+    (root / "hall-1" / "0" / "run.json").write_text("{")
+    with browsing(page, tmp_path) as address:
+        page.goto(f"{address}#/campaign/{NAME}")
+        expect(page.get_by_role("main")).to_contain_text("1 not executed")
+        expect(page.locator(".command code")).to_contain_text(f"--resume={root}")
+        page.get_by_role("link", name="hall-1/0").click()
+        expect(page.get_by_role("heading", level=1)).to_contain_text("errored")
+        expect(page.locator(".reason")).to_contain_text("run.json cannot be read")
+        page.go_back()
+        expect(page.get_by_role("heading", level=1)).to_contain_text("incomplete")
+        shutil.rmtree(root)
+        expect(page.get_by_role("alert")).to_contain_text(re.compile(f"There is no .*{NAME}"))
+
+
 def test_a_configuration_is_drawn_on_its_map(page: Page, server: ShownPage) -> None:
     page.goto(f"{server.address}{SCREENS['map']}")
     picture = page.get_by_role("img", name="Map of hall-9")

@@ -32,6 +32,8 @@ export interface ActiveJob {
 export interface Columns {
   summary: Summary;
   active: ActiveJob[];
+  /** Command that executes what is missing; empty when there is none. */
+  resume: string;
   verdicts: Verdict[];
   reasons: string[];
   /** What reasons have in common, and for each reason its place in that. */
@@ -72,6 +74,8 @@ export interface Bag {
 export interface RunAnswer {
   details: RunDetails;
   siblings: [number, Verdict][];
+  /** Null while the run is not in the list yet. */
+  result: { verdict: Verdict; reason: string } | null;
 }
 
 /** Messages over time, in equal parts. */

@@ -12,11 +12,12 @@ import { Chooser, useMeasure } from "./measure";
 import { Notebooks } from "./notebooks";
 import { Maps } from "./player/maps";
 import { Parallel } from "./parallel";
-import { Export, Mark, State, Tabs, VerdictBar, Waiting } from "./parts";
+import { Copy, Export, Mark, State, Tabs, VerdictBar, Waiting } from "./parts";
 import { choose, link } from "./route";
 
 const MOST_COLUMNS = 8;
 
+/** Also of a campaign that was removed: to ask again says so. */
 export function isStale(data: Columns, versions: Versions): boolean {
   const version = versions[data.summary.name];
   return version !== undefined && version !== data.summary.version;
@@ -59,6 +60,15 @@ function Head({ data }: { data: Columns }) {
             </a>
           ))}
         </p>
+      )}
+      {data.resume && (
+        <div class="command">
+          <span id="resume">Continue</span>
+          <code tabIndex={0} aria-labelledby="resume">
+            {data.resume}
+          </code>
+          <Copy text={data.resume} label="Copy" />
+        </div>
       )}
       <dl class="facts">
         {facts.map(([key, value]) => (

@@ -9,7 +9,7 @@ import { choose, link } from "./route";
 export function isStale(data: Campaigns, versions: Versions): boolean {
   const names = new Set([...Object.keys(versions), ...Object.keys(data.campaigns)]);
   return [...names].some(
-    (name) => !data.faults[name] && versions[name] !== data.campaigns[name]?.version,
+    (name) => !data.faults[name] && (versions[name] ?? undefined) !== data.campaigns[name]?.version,
   );
 }
 

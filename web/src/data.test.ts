@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { Columns } from "./api";
-import { axis, cells, csv, matcher, parameters, sorted, variantMatcher } from "./data";
+import { axis, cells, csv, matcher, parameters, show, sorted, variantMatcher } from "./data";
 import { failedFor, failures } from "./failures";
 
 function campaign(values: Record<string, unknown[]>, verdicts: string[]): Columns {
@@ -9,6 +9,7 @@ function campaign(values: Record<string, unknown[]>, verdicts: string[]): Column
   return {
     summary: {} as Columns["summary"],
     active: [],
+    resume: "",
     verdicts: names as Columns["verdicts"],
     reasons: ["", "goal not reached"],
     causes: ["no reason is known", "goal not reached"],
@@ -121,6 +122,15 @@ describe("matrix", () => {
     expect(labels).toHaveLength(10);
     for (const place of labels.keys()) expect(group.filter((one) => one === place)).toHaveLength(50);
   });
+});
+
+it("shows different times as different", () => {
+  expect([1795341641.895, 1795341641.926, 0.1 + 0.2, 1 / 3].map(show)).toEqual([
+    "1795341641.895",
+    "1795341641.926",
+    "0.3",
+    "0.333333",
+  ]);
 });
 
 it("writes CSV that keeps commas, quotes and lines", () => {

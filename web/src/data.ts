@@ -57,7 +57,9 @@ export function show(value: unknown): string {
 }
 
 function shortNumber(value: number): string {
-  return Number.isInteger(value) ? String(value) : String(Number(value.toPrecision(6)));
+  if (Number.isInteger(value)) return String(value);
+  // Of times since 1970, six digits would be the same for months.
+  return String(Number(Math.abs(value) < 1000 ? value.toPrecision(6) : value.toFixed(3)));
 }
 
 /** Numbers by size, text by its numbers and letters; what is missing comes last. */

@@ -2,7 +2,8 @@
 import { useEffect, useState } from "preact/hooks";
 import { ask, type Launch } from "./api";
 
-export type Versions = Record<string, number>;
+/** By campaign; null for one that was removed. */
+export type Versions = Record<string, number | null>;
 
 /** A campaign that was started from here, and what it has printed from line `first` on. */
 export interface Launched {
@@ -32,12 +33,7 @@ function start(): void {
   if (source) return;
   source = new EventSource("api/events");
   source.onmessage = (event) => {
-    const next = { ...versions };
-    for (const [name, version] of Object.entries(JSON.parse(event.data) as Versions)) {
-      if (version === null) delete next[name];
-      else next[name] = version;
-    }
-    versions = next;
+    versions = { ...versions, ...(JSON.parse(event.data) as Versions) };
     connected = true;
     listeners.forEach((tell) => tell());
   };

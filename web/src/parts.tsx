@@ -31,7 +31,8 @@ export function VerdictBar({ summary }: { summary: Summary }) {
   const shares = VERDICTS.filter((verdict) => counts[verdict] > 0);
   const done = VERDICTS.reduce((sum, verdict) => sum + counts[verdict], 0);
   const text = [...shares.map((verdict) => `${count(counts[verdict])} ${verdict}`)];
-  if (planned > done) text.push(`${count(planned - done)} to come`);
+  const missing = `${count(planned - done)} ${summary.state === "running" ? "to come" : "not executed"}`;
+  if (planned > done) text.push(missing);
   return (
     <div class="verdicts">
       <div class="bar" role="img" aria-label={text.join(", ") || "no runs"}>
@@ -51,7 +52,7 @@ export function VerdictBar({ summary }: { summary: Summary }) {
             <span class="hidden"> {verdict}</span>
           </span>
         ))}
-        {planned > done && <span class="quiet">{count(planned - done)} to come</span>}
+        {planned > done && <span class="quiet">{missing}</span>}
       </span>
     </div>
   );

@@ -44,7 +44,7 @@ export function RunPage({ campaign, variant, run, query }: RunProps) {
   const player = data.recorded.length > 0 && playerOf({ campaign, variant, run }, answer.data.siblings, query);
   return (
     <>
-      <Head data={data} title={`${variant}/${run}`} target={{ campaign, variant, run }} />
+      <Head data={data} result={answer.data.result} title={`${variant}/${run}`} target={{ campaign, variant, run }} />
       <Siblings {...{ campaign, variant, run }} siblings={answer.data.siblings} />
       <Tabs
         tabs={[...tabsOf(data, query, player), ...(data.on_map ? [mapOf(campaign, variant)] : []), notebooksOf({ campaign, variant, run })]}
@@ -81,7 +81,14 @@ function Siblings({ campaign, variant, run, siblings }: SiblingsProps) {
   );
 }
 
-function Head({ data, title, target }: { data: RunDetails; title: string; target: Target }) {
+interface HeadProps {
+  data: RunDetails;
+  result: RunAnswer["result"];
+  title: string;
+  target: Target;
+}
+
+function Head({ data, result, title, target }: HeadProps) {
   const { record } = data;
   const text = (key: string) => show(record[key] === "" ? null : record[key]);
   const facts: [string, string][] = [
@@ -98,9 +105,9 @@ function Head({ data, title, target }: { data: RunDetails; title: string; target
   return (
     <div class="head">
       <h1>
-        {title} {typeof record.verdict === "string" && <Mark verdict={record.verdict as Verdict} />}
+        {title} {result && <Mark verdict={result.verdict} />}
       </h1>
-      {record.reason ? <p class="reason">{String(record.reason)}</p> : null}
+      {result?.reason && <p class="reason">{result.reason}</p>}
       <Missing files={record.missing} />
       {data.failure && (
         <details>

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,8 @@ from typing import Any
 from pydantic import TypeAdapter
 from pydantic_core import from_json
 
-from robovast.base.safe_paths import read_file
-from robovast.campaign.layout import RUN_RECORD
+from robovast.base.safe_paths import read_file, status
+from robovast.campaign.layout import RUN_RECORD, TEST_RESULT
 from robovast.campaign.run_files import FileList, MissingFile, with_unknown, with_unknown_apart
 from robovast.campaign.verdict import TestResult, Verdict, read_test_result
 
@@ -145,14 +145,19 @@ def _parse(text: str | bytes) -> Any:
 def result_without_record(folder: Path) -> TestResult:
     """The result of a run without a readable record, from its test.xml.
 
-    If a newer version wrote the record, the run counts as errored, whatever test.xml says.
+    If a newer version wrote the record, the run counts as errored, whatever test.xml says. If there
+    is one that cannot be read, the reason says so, even of a run that passed.
     """
     with suppress(OSError, ValueError, TypeError, KeyError, RecursionError):
         if json.loads(read_file(folder / RUN_RECORD, folder.parent))["schema"] > SCHEMA:
             return TestResult(
                 Verdict.ERRORED, f"{RUN_RECORD} was written by a newer version of RoboVAST"
             )
-    return read_test_result(folder)
+    result = read_test_result(folder)
+    if status(folder / RUN_RECORD, folder.parent) is None:
+        return result
+    note = f"{RUN_RECORD} cannot be read, so {TEST_RESULT} decides"
+    return replace(result, reason="; ".join(filter(None, (result.reason, note))))
 
 
 @cache

@@ -70,6 +70,12 @@ def test_the_seed_is_in_tables_metadata_and_graph_when_the_record_has_one(tmp_pa
 def test_without_a_record_all_readers_tell_by_the_test_result(tmp_path: Path, content: str) -> None:
     campaign = finished_campaign(tmp_path, 3)
     (campaign / "c-1/0/run.json").write_text(content)
+    assert told(campaign) == {("passed", "run.json cannot be read, so test.xml decides")}
+
+
+def test_a_run_that_has_no_record_needs_no_note(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 3)
+    (campaign / "c-1/0/run.json").unlink()
     assert told(campaign) == {("passed", "")}
 
 

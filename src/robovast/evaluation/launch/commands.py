@@ -11,6 +11,7 @@ from typing import Any
 
 from robovast.base.errors import InputError
 from robovast.evaluation.inside import resolved
+from robovast.evaluation.summaries import CampaignSummary
 from robovast.model.naming import CONFIG
 
 RUNTIMES = ("auto", "docker", "podman", "process")
@@ -98,6 +99,14 @@ def repeat_words(
     elif image:
         words.append(f"--image={image}")
     return words
+
+
+def resume_words(results: Path, summary: CampaignSummary) -> list[str]:
+    """Arguments that execute what is missing of a campaign; empty if it is no one of this machine,
+    or nothing is missing."""
+    if summary.state != "incomplete" or summary.execution.get("execution_type") != "local":
+        return []
+    return ["exec", "local", "run", f"--resume={results / summary.name}"]
 
 
 def as_shell(words: Sequence[str]) -> str:

@@ -22,6 +22,7 @@ from robovast.evaluation.bag_timeline import read_timeline
 from robovast.evaluation.columns import columns
 from robovast.evaluation.compare import compare
 from robovast.evaluation.inside import OutsideError, open_inside
+from robovast.evaluation.launch.commands import as_shell, resume_words
 from robovast.evaluation.launch.launcher import BusyError
 from robovast.evaluation.library import Library
 from robovast.evaluation.logs import LogQuestion, read_log
@@ -131,9 +132,11 @@ class Pages:
         """One campaign with all its runs as columns."""
         name = request.path_params["campaign"]
         index = self._library.campaign(name)
+        summary = self._library.summary(name)
         return Data(
             {
-                "summary": self._library.summary(name),
+                "summary": summary,
+                "resume": as_shell(resume_words(self._library.results, summary)),
                 "active": index.active or (),
                 **columns(index.variants),
             }
@@ -155,7 +158,12 @@ class Pages:
         index = self._library.campaign(names["campaign"])
         runs = next((v.runs for v in index.variants if v.name == names["variant"]), ())
         siblings = [(run.number, run.verdict) for run in runs]
-        return Data({"details": found, "siblings": siblings})
+        own = next((run for run in runs if run.number == names["run"]), None)
+        result = own and {
+            "verdict": own.verdict,
+            "reason": found.record.get("reason") or own.reason,  # lists have the beginning of it
+        }
+        return Data({"details": found, "siblings": siblings, "result": result})
 
     def map(self, request: Request) -> Response:
         """A configuration drawn on its map."""
