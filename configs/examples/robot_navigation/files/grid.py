@@ -88,6 +88,7 @@ def run(cells) -> int:
 
 def way(blocked, start: tuple[int, int], goal: tuple[int, int]) -> list[tuple[int, int]]:
     """The shortest way over cells that are not blocked (A*); empty where there is none."""
+    free = (~np.pad(blocked, 1, constant_values=True)).tolist()
     best = {start: 0.0}
     before: dict[tuple[int, int], tuple[int, int]] = {}
     queue = [(math.dist(start, goal), start)]
@@ -102,13 +103,7 @@ def way(blocked, start: tuple[int, int], goal: tuple[int, int]) -> list[tuple[in
         for up, right in NEIGHBOURS:
             there = here[0] + up, here[1] + right
             cost = best[here] + math.hypot(up, right)
-            if not is_blocked(blocked, there) and cost < best.get(there, math.inf):
+            if free[there[0] + 1][there[1] + 1] and cost < best.get(there, math.inf):
                 best[there], before[there] = cost, here
                 heapq.heappush(queue, (cost + math.dist(there, goal), there))
     return []
-
-
-def is_blocked(blocked, cell: tuple[int, int]) -> bool:
-    row, column = cell
-    height, width = blocked.shape
-    return not (0 <= row < height and 0 <= column < width) or bool(blocked[row, column])

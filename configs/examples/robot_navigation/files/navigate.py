@@ -18,7 +18,7 @@ from pathlib import Path
 import rclpy
 from follower import Follower
 from grid import Grid
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
 from recorder import Recorder
 from simulator import Simulator
 from world import STEP, World
@@ -45,7 +45,7 @@ def main() -> int:
     recorder = Recorder(output / "rosbag2")
     follower = Follower(goal, radius + float(given["margin"]), float(given["speed"]))
     simulator = Simulator(grid, world, goal, float(given["limit"]), float(given["pace"]))
-    executor = SingleThreadedExecutor()
+    executor = EventsExecutor()
     for node in (recorder, follower, simulator):
         executor.add_node(node)
     try:

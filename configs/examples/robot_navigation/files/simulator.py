@@ -6,6 +6,7 @@ import hashlib
 import math
 import struct
 import time
+from array import array
 
 from geometry_msgs.msg import TransformStamped, TwistStamped
 from grid import Grid
@@ -96,7 +97,7 @@ class Simulator(Node):
             angle_max=float(ANGLES[-1]),
             angle_increment=float(ANGLES[1] - ANGLES[0]),
             range_max=RANGE,
-            ranges=self.world.ranges().astype("float32"),
+            ranges=array("f", self.world.ranges()),
         )
         self.scan.publish(scan)
 
