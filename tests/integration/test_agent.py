@@ -236,11 +236,14 @@ def test_a_container_ends_with_its_agent(make: Make) -> None:
     pod = Pod(campaign)
     pod.fetch()
     script = pod.work / "config/start.sh"
-    script.write_text(script.read_text().replace("silence=120", "silence=10"))
+    script.write_text(script.read_text().replace("silence=120", "silence=14"))
     container, agent = pod.start_run(), pod.command("agent")
     eventually(lambda: "Executing scenario" in pod.log("start"))
+    heartbeat = pod.work / "config/heartbeat"
+    before = heartbeat.read_text()
+    eventually(lambda: heartbeat.read_text() != before)
     pod.kill(agent)
-    assert container.wait(60) == 0
+    assert container.wait(20) == 0  # not a second silence after the run's end
 
 
 @one_server

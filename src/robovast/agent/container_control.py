@@ -57,7 +57,7 @@ class RunContainer:
 
     def _beat(self) -> None:
         while True:
-            _rewrite(self._config / "heartbeat", str(time.monotonic_ns()))
+            _rewrite(self._config / "heartbeat", f"{time.clock_gettime(time.CLOCK_BOOTTIME):.0f}")
             time.sleep(HEARTBEAT)
 
     def started(self, job: int) -> Stopwatch | None:

@@ -2,8 +2,8 @@
 # In a container of a run's pod: runs the jobs that the agent orders, one after the other. With an
 # argument it is the secondary container of that name. Needs what entrypoint.sh needs.
 #
-# The agent orders by the files order (`run N`, `stop N`, `end`) and heartbeat (changes while the
-# agent lives) beside this script, and reads the answers in $ROBOVAST_OUT_DIR/.job:
+# The agent orders by the files order (`run N`, `stop N`, `end`) beside this script, writes the time
+# into heartbeat while it lives [s after the machine], and reads the answers in $ROBOVAST_OUT_DIR/.job:
 #   lock             held while the main container lives
 #   N.started.UPTIME job N has begun, so long after the machine [s]
 #   N.oom            the kernel has killed processes of job N for lack of memory
@@ -19,7 +19,7 @@ here=${BASH_SOURCE[0]%/*}
 silence=120 # how long the agent may be silent [s]
 grace=10    # how long a job may take to end when it is told to [s]
 
-word='' number='' job=0 child='' beat='' heard=0 terminated='' held=''
+word='' number='' job=0 child='' begun=0 terminated='' held=''
 
 read_order() { read -r word number <"$here/order"; }
 
@@ -41,11 +41,10 @@ read_kills() {
 } 2>/dev/null
 
 agent_lives() {
-    local now='' uptime
-    read -r now <"$here/heartbeat"
+    local beat='' uptime
+    read -r beat <"$here/heartbeat"
     read_uptime
-    [[ $now == "$beat" ]] || { beat=$now heard=$uptime; }
-    ((uptime - heard < silence))
+    ((uptime - ${beat:-$begun} < silence))
 }
 
 # Sets job; false when there is no other.
@@ -94,10 +93,10 @@ watch_orders() {
 }
 
 run_job() {
-    local watcher code begun kills before
+    local watcher code uptime kills before
     read_kills
     before=$kills
-    [[ $held ]] && { read -r begun _ </proc/uptime; answer "$job.started.$begun"; }
+    [[ $held ]] && { read -r uptime _ </proc/uptime; answer "$job.started.$uptime"; }
     set -m # a process group of its own for the job
     enter_job &
     child=$!
@@ -127,7 +126,7 @@ main() {
     local answers uptime
     trap terminate TERM INT
     read_uptime
-    heard=$uptime
+    begun=$uptime
     read_order
     [[ $word == end ]] && exit
     # shellcheck source=/dev/null
