@@ -253,6 +253,8 @@ def test_a_cause_filters_everything_and_a_verdict_no_rate(page: Page, tmp_path: 
         cells = page.get_by_role("region", name="Matrix of configurations").get_by_role("button")
         shares = ["1/4", "2/4", "0/4", "2/4"]
         expect(cells.locator("small")).to_have_text(shares)
+        intervals = ["4.6 – 70 %", "15 – 85 %", "0 – 49 %", "15 – 85 %"]
+        expect(cells.locator(".sure")).to_have_text(intervals)
         for chip in page.get_by_role("group", name="Verdicts").get_by_role("button").all():
             chip.click()
             expect(status).to_contain_text(" of 16 runs")

@@ -62,7 +62,8 @@ function Result({ data, later, a, b, query }: ResultProps) {
       <Interval found={data.overall} />
       <p>
         Of {plural(data.variants.length, "configuration")} in both, {worse} got worse and {better} got
-        better beyond chance (Fisher’s exact test for each, Holm’s correction for their number, 5 % level).
+        better beyond chance (McNemar’s exact test for runs of equal seeds, else Fisher’s, for each; Holm’s correction for their
+        number, 5 % level).
         {data.only_a.length > 0 && ` ${plural(data.only_a.length, "configuration")} only before.`}
         {data.only_b.length > 0 && ` ${plural(data.only_b.length, "configuration")} only after.`}
       </p>

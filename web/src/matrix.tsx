@@ -5,6 +5,7 @@ import type { Columns } from "./api";
 import { axis, cells, parameters, show, type Axis, type Cell, type Run, type Shown } from "./data";
 import { percent, plural } from "./format";
 import { Export, Select } from "./parts";
+import { intervalFor, intervalText, type Interval } from "./rates";
 import { choose } from "./route";
 
 /** The parameters of a campaign, and those that an address chooses for the axes. */
@@ -60,10 +61,11 @@ export function Matrix(props: MatrixProps) {
     () => cells(data, runs, across, down, props.measure?.of, isBad),
     [data, runs, across, down, props.measure, isBad],
   );
+  const intervalOf = intervalFor(data.summary.state);
   const scale = scaleOf(found.flat(), measure, signed);
   const options: [string, string][] = [["", "(all together)"], ...names.map((n): [string, string] => [n, n])];
   const rows = () => [
-    [y || "all", x || "all", "runs", "not passed", "failure rate", measure && `mean ${measure}`],
+    [y || "all", x || "all", "runs", "not passed", "failure rate", "from", "to", measure && `mean ${measure}`],
     ...found.flatMap((row, j) =>
       row.map((cell, i) => [
         down.labels[j],
@@ -71,6 +73,7 @@ export function Matrix(props: MatrixProps) {
         cell.runs,
         cell.bad,
         cell.runs ? cell.bad / cell.runs : null,
+        ...intervalOf(cell.bad, cell.runs),
         measure && mean(cell),
       ]),
     ),
@@ -112,6 +115,7 @@ export function Matrix(props: MatrixProps) {
                     id={`${i},${j}`}
                     place={[across.labels[i]!, down.labels[j]!]}
                     measure={measure}
+                    interval={intervalOf(cell.bad, cell.runs)}
                     share={scale.share(cell)}
                     signed={signed}
                     chosen={chosen === `${i},${j}`}
@@ -132,19 +136,24 @@ interface CellProps {
   id: string;
   place: [string, string];
   measure: string;
+  /** Of the share of runs that did not pass. */
+  interval: Interval;
   share: number | null;
   signed: boolean;
   chosen: boolean;
   tabbable: boolean;
 }
 
-function CellOf({ cell, id, place, measure, share, signed, chosen, tabbable }: CellProps) {
+function CellOf({ cell, id, place, measure, interval, share, signed, chosen, tabbable }: CellProps) {
   const value = measure ? mean(cell) : cell.runs ? cell.bad / cell.runs : null;
   const number = value === null ? "" : show(Number(value.toPrecision(3)));
   const plus = signed && value !== null && value > 0 ? "+" : "";
   const text = value === null ? "" : measure ? plus + number : percent(value);
   const where = place.filter(Boolean).join(", ");
-  const title = `${where}: ${plural(cell.runs, "run")}, ${cell.bad} not passed`;
+  const sure = cell.runs ? ` (95 % interval ${intervalText(interval)})` : "";
+  const title = `${where}: ${plural(cell.runs, "run")}, ${cell.bad} not passed${sure}`;
+  const colour = share === null ? undefined : { "--share": inPercent(Math.abs(share)), "--sure": "100%" };
+  if (colour && !measure) colour["--sure"] = inPercent(1 - PALEST * (interval[1] - interval[0]));
   return (
     <td class={chosen ? "chosen" : undefined}>
       <button
@@ -154,19 +163,29 @@ function CellOf({ cell, id, place, measure, share, signed, chosen, tabbable }: C
         aria-pressed={chosen}
         title={title}
         class={share === null ? "empty" : signed ? (share < 0 ? "better" : "worse") : undefined}
-        style={share === null ? undefined : { "--share": `${(100 * Math.abs(share)).toFixed(1)}%` }}
+        style={colour}
         onClick={() => choose({ cell: chosen ? "" : id })}
       >
         <span class="hidden">{where}: </span>
         {text || <span class="hidden">no runs</span>}
         {!measure && cell.runs > 0 && (
-          <small>
-            {cell.bad}/{cell.runs}
-          </small>
+          <>
+            <small>
+              {cell.bad}/{cell.runs}
+            </small>
+            <span class="sure">{intervalText(interval)}</span>
+          </>
         )}
       </button>
     </td>
   );
+}
+
+/** How much of its colour a cell loses of whose rate nothing is known. */
+const PALEST = 0.7;
+
+function inPercent(share: number): string {
+  return `${(100 * share).toFixed(1)}%`;
 }
 
 interface Scale {
