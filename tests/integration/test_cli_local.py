@@ -43,10 +43,14 @@ def test_a_campaign_passes_from_init_to_results(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("script", "code", "verdict"), [(FAIL_SECOND, 1, "failed"), (NO_RESULT_SECOND, 4, "errored")]
+    ("script", "code", "verdict", "reason"),
+    [
+        (FAIL_SECOND, 1, "failed", "run_process: bash step.sh 2 failed with 1"),
+        (NO_RESULT_SECOND, 4, "errored", "the run wrote no test.xml; it was ended by SIGKILL"),
+    ],
 )
 def test_runs_that_do_not_pass_are_named_with_their_log(
-    tmp_path: Path, script: str, code: int, verdict: str
+    tmp_path: Path, script: str, code: int, verdict: str, reason: str
 ) -> None:
     file = make_campaign(tmp_path / "in", script)
     result = vast(
@@ -54,8 +58,8 @@ def test_runs_that_do_not_pass_are_named_with_their_log(
     )  # fmt: skip
     assert result.returncode == code, result.stdout
     summary = result.stdout.partition("\n\n")[2].splitlines()
-    assert summary[0].startswith(f"{verdict:<11}  one-2/0: ")
-    log = tmp_path / summary[1].strip()
+    assert summary[0].startswith(f"{verdict:<8}   1 × {reason}")
+    log = tmp_path / summary[0].partition("  one-2/0 (")[2].removesuffix(")")
     assert log.name == "system.log"
     assert log.is_file()
     assert summary[-2] == f"3 runs: 2 passed, 1 {verdict}."
@@ -180,7 +184,7 @@ def test_a_configuration_in_the_place_of_the_folder_is_asked_about(tmp_path: Pat
     file = make_campaign(tmp_path / "in", PASS)
     command = [VAST, "-V", file, "exec", "local", "run", "one-2", "--runtime", "process"]
     refused = subprocess.run(command, cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True)
-    assert (refused.returncode, b"`--config one-2` runs" in refused.stderr) == (2, True)
+    assert (refused.returncode, b"`--config 'one-2'` runs" in refused.stderr) == (2, True)
     assert not (tmp_path / "one-2").exists()
     for answer, total in ((b"\n", b"1 run:"), (b"n\n", b"3 runs:")):
         main, other = pty.openpty()

@@ -26,8 +26,8 @@ _LONGEST_LINE = 4000
 _EXECUTOR = "scenario_execution"
 _STARTED = "Executing scenario '"
 """What the executor logs at the start of each run of a pack."""
-_TREE_BEGINS = "-^- "
-"""In the line of the executor's log that ends a run that failed."""
+_TREE_BEGINS = re.compile(r"(?:^| )(?:-\^-|\{-\}|\[-\]|/_/) ")
+"""The root of a behaviour tree, in the line of the executor's log that ends a run that failed."""
 _OURS = re.compile(r"\[robovast\] |/config/(?:secondary_)?entrypoint\.sh: line \d+:")
 _CLOCKS_DIFFER = 1.0
 """Most that a start in the log may be later than in test.xml [s]."""
@@ -143,7 +143,7 @@ def _messages(lines: Sequence[str]) -> Iterator[tuple[Message, bool]]:
         if _OURS.match(line):
             continue
         said = parse_line(line)
-        if _TREE_BEGINS in said.text and said.source == _EXECUTOR:
+        if said.source == _EXECUTOR and _TREE_BEGINS.search(said.text):
             return
         if not said.text:
             continue
