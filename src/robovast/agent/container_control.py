@@ -95,11 +95,9 @@ class RunContainer:
         return safe_paths.status(self._answers / answer, self._out) is not None
 
     def is_gone(self, job: int) -> bool:
-        """True when the container was killed before it could end a job.
-
-        Whoever starts the first job holds the lock.
-        """
-        return self.started(1) is not None and self._is_free() and self.exit_code(job) is None
+        """True when the container was killed before it could end a job, or before it began one."""
+        held = self._says("held") or self.started(1) is not None
+        return held and self._is_free() and self.exit_code(job) is None
 
     def _is_free(self) -> bool:
         """True if nobody holds the lock; a run that removed it is not protected."""

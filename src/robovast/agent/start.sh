@@ -5,6 +5,7 @@
 # The agent orders by the files order (`run N`, `stop N`, `end`) beside this script, writes the time
 # into heartbeat while it lives [s after the machine], and reads the answers in $ROBOVAST_OUT_DIR/.job:
 #   lock             held while the main container lives
+#   held             the lock was taken
 #   N.started.UPTIME job N has begun, so long after the machine [s]
 #   N.oom            the kernel has killed processes of job N for lack of memory
 #   N.code.CODE      it has ended with this exit code
@@ -63,7 +64,7 @@ await_job() {
 hold_lock() {
     exec 8>>"$answers/lock" &&
         { flock 8 || python3 -I -S -c 'import fcntl; fcntl.flock(8, fcntl.LOCK_EX)'; } 2>/dev/null &&
-        held=1
+        answer held && held=1
 }
 
 answer() { # WHAT

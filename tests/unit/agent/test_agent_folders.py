@@ -118,6 +118,17 @@ def test_a_container_is_gone_when_its_lock_is_free_and_it_left_no_code(folders: 
     assert not container.is_gone(1), "it ended"
 
 
+def test_a_container_that_was_killed_before_its_first_order_is_gone(folders: Folders) -> None:
+    container = RunContainer(folders)
+    container.prepare()
+    with (folders.answers / "lock").open("w") as lock:
+        assert not container.is_gone(1), "it may be just about to take the lock"
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        (folders.answers / "held").touch()
+        assert not container.is_gone(1), "it waits for its first order"
+    assert container.is_gone(1)
+
+
 def test_whatever_a_run_makes_of_the_answers_hangs_nobody(folders: Folders, tmp_path: Path) -> None:
     container = RunContainer(folders)
     container.prepare()
