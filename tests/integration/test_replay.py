@@ -16,6 +16,7 @@ from support.campaigns.local import Recorder, make_campaign, resume, run
 from robovast.base.errors import InputError
 from robovast.campaign.merge import merge_campaigns
 from robovast.execution.local import LocalOptions, replay_run
+from robovast.execution.local.process_environment import process_environment
 from robovast.execution.local.replay import find_run
 
 VAST = Path(sys.executable).with_name("vast")
@@ -158,3 +159,23 @@ def test_another_version_is_told_of(tmp_path: Path) -> None:
     options = LocalOptions(runtime="same")
     replay_run(find_run(folder), tmp_path / "replays", 1, options, recorder)
     assert any(text.endswith("; then it was 0.0.1.") for text in recorder.messages)
+
+
+def test_a_run_is_replayed_in_the_environment_that_executed_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual = process_environment(lambda _: None)
+    other = tmp_path / "cache" / "robovast" / "other"
+    other.parent.mkdir(parents=True)
+    other.symlink_to(usual)
+    monkeypatch.setenv("ROBOVAST_PROCESS_ENV", str(other))
+    folder = executed(tmp_path, NOISY)
+    assert json.loads((folder / "run.json").read_text())["image"] == "process:other"
+    monkeypatch.delenv("ROBOVAST_PROCESS_ENV")
+    code, said = replay(folder)
+    assert (code, said.count("was executed in the environment other, which is not here")) == (3, 1)
+    assert not (tmp_path / "replays").exists()
+    assert "same verdict" in replay(folder, "--runtime", "process")[1]
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    code, said = replay(folder)
+    assert (code, "same verdict (passed), same out.csv" in said) == (0, True)

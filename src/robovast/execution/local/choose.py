@@ -34,7 +34,7 @@ def choose_runtime(
     if options.runtime not in RUNTIMES:
         raise InputError(f"`{options.runtime}` is not a runtime; there are {', '.join(RUNTIMES)}.")
     if options.runtime == "process":
-        return ProcessRuntime(message)
+        return ProcessRuntime(message, options.process_environment)
     if options.runtime == "auto":
         return _first_available(image, options, message)
     if image is None:
@@ -50,10 +50,10 @@ def _first_available(
 ) -> Runtime:
     if image is None:
         message("Running as plain processes: no container image is named.")
-        return ProcessRuntime(message)
+        return ProcessRuntime(message, options.process_environment)
     for engine in ENGINES:
         if engine_answers(engine):
             message(f"Running in {engine} with {image}.")
             return ContainerRuntime(engine, image, options, message)
     message(f"Running as plain processes: no Docker or Podman answers, so {image} is not used.")
-    return ProcessRuntime(message)
+    return ProcessRuntime(message, options.process_environment)

@@ -46,6 +46,8 @@ class LocalOptions:
     """docker, podman, process or auto."""
     image: str | None = None
     """Container image; None means ROBOVAST_IMAGE or the document's."""
+    process_environment: Path | None = None
+    """Environment of plain processes; None means the usual one."""
     gui: bool = True
     """Show windows on this machine's display, if there is one."""
     network_host: bool = False

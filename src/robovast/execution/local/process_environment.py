@@ -26,19 +26,20 @@ VARIABLE = "ROBOVAST_PROCESS_ENV"
 VERSION_FILE = Path("etc") / "robovast_compat_version"
 
 
-def process_environment(message: Callable[[str], None]) -> Path:
+def process_environment(message: Callable[[str], None], chosen: Path | None = None) -> Path:
     """Folder of the environment, which is created if necessary.
 
     Args:
         message: receives progress messages.
+        chosen: an existing environment, in place of the usual one.
 
     Raises:
         CannotRunError: it cannot be created, or the user's environment is not usable.
     """
-    own = os.environ.get(VARIABLE)
+    own = os.environ.get(VARIABLE) if chosen is None else chosen
     if own:
         return _checked(Path(own).absolute())
-    folder = cache_folder() / f"process-{_key()}"
+    folder = cache_folder() / usual_name()
     if not (folder / VERSION_FILE).is_file():
         with _locked(folder):
             if not (folder / VERSION_FILE).is_file():
@@ -50,8 +51,18 @@ def process_environment(message: Callable[[str], None]) -> Path:
 def existing_environment() -> Path | None:
     """Folder of the existing environment, the user's or ours, or None."""
     own = os.environ.get(VARIABLE)
-    folder = Path(own) if own else cache_folder() / f"process-{_key()}"
+    folder = Path(own) if own else cache_folder() / usual_name()
     return folder if (folder / "bin" / "scenario_execution").is_file() else None
+
+
+def named_environment(name: str) -> Path | None:
+    """The existing environment of a name, the user's or one in our cache; None if there is none."""
+    own = os.environ.get(VARIABLE)
+    folders = [Path(own)] if own else []
+    if name and name == Path(name).name:
+        folders.append(cache_folder() / name)
+    executable = Path("bin") / "scenario_execution"
+    return next((f for f in folders if f.name == name and (f / executable).is_file()), None)
 
 
 def cache_folder() -> Path:
@@ -73,10 +84,11 @@ def _checked(folder: Path) -> Path:
     return folder
 
 
-def _key() -> str:
+def usual_name() -> str:
+    """Name of the environment in our cache, by what is in it."""
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     content = REQUIREMENTS.read_bytes() + f"{version} {COMPAT_VERSION}".encode()
-    return f"py{version}-{hashlib.sha256(content).hexdigest()[:12]}"
+    return f"process-py{version}-{hashlib.sha256(content).hexdigest()[:12]}"
 
 
 @contextmanager

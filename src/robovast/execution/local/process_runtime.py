@@ -27,7 +27,8 @@ class ProcessRuntime:
 
     name = "process"
 
-    def __init__(self, message: Callable[[str], None]) -> None:
+    def __init__(self, message: Callable[[str], None], chosen: Path | None = None) -> None:
+        self._chosen = chosen
         self.config_dir: str | None = None
         self.out_dir: str | None = None
         self._message = message
@@ -37,7 +38,7 @@ class ProcessRuntime:
 
     def check(self) -> Identity:
         """Check that the environment exists and has our version of the contract."""
-        folder = process_environment(self._message)
+        folder = process_environment(self._message, self._chosen)
         check_compat(str(folder), _read_version(folder))
         self._environment = folder
         self._isolate(folder)

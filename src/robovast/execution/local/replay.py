@@ -13,7 +13,7 @@ from typing import Any
 
 from robovast.base.atomic import sync_folder, sync_tree
 from robovast.base.containers import ENGINES, check_engine, fetch_image
-from robovast.base.errors import InputError
+from robovast.base.errors import CannotRunError, InputError
 from robovast.base.serialization import dump_yaml
 from robovast.base.version import __version__
 from robovast.base.yaml_files import read_mapping
@@ -24,6 +24,11 @@ from robovast.execution.generate import write_execution
 from robovast.execution.local.campaign import execute_campaign
 from robovast.execution.local.choose import choose_runtime
 from robovast.execution.local.events import LocalOptions, Observer, Summary
+from robovast.execution.local.process_environment import (
+    VARIABLE,
+    named_environment,
+    usual_name,
+)
 from robovast.execution.local.runtime import Identity, Runtime
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, make_campaign_folder
@@ -160,7 +165,27 @@ def _as_then(run: StoredRun, options: LocalOptions) -> LocalOptions:
     runtime = own if options.runtime == OWN_RUNTIME else options.runtime
     in_container = run.record.runtime != "process"
     image = options.image or (run.image if in_container else None)
-    return dataclasses.replace(options, runtime=runtime, image=image)
+    then = dataclasses.replace(options, runtime=runtime, image=image)
+    if in_container or options.runtime != OWN_RUNTIME:
+        return then
+    return dataclasses.replace(then, process_environment=_environment(run))
+
+
+def _environment(run: StoredRun) -> Path | None:
+    """The environment in which a plain process was executed; None if it is the usual one.
+
+    Raises:
+        CannotRunError: it is not here.
+    """
+    name = run.record.image.removeprefix("process:")
+    found = named_environment(name)
+    if found is None and name not in {"", usual_name()}:
+        raise CannotRunError(
+            f"{run.folder}: was executed in the environment {name}, which is not here. Name it in "
+            f"{VARIABLE} (for examples with ROS: `export {VARIABLE}=$(scripts/ros-environment)`), "
+            "or replay the run in today's: `--runtime process`."
+        )
+    return found
 
 
 def _check(
