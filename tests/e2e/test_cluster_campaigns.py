@@ -134,10 +134,10 @@ def test_the_log_of_a_run_is_followed_from_its_start_to_the_end_of_its_part(lab:
     )  # fmt: skip
     assert shell.returncode == 0, shell.stderr
     assert shell.stdout.split() == ["/out", "1M-blocks", "96M"]
-    out = follower.stdout.read()
     assert follower.stderr is not None
-    err = follower.stderr.read()
-    assert follower.wait(60) == 0, err
+    with follower:
+        out, err = follower.stdout.read(), follower.stderr.read()
+    assert follower.returncode == 0, err
     assert "one-2/0 waits: " in err
     assert "hello 2" in out
     assert "hello 1" not in out
