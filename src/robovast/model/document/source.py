@@ -10,7 +10,7 @@ import yaml
 
 from robovast.base.errors import DocumentError, InputError, Place, Problem
 from robovast.base.file_errors import reading
-from robovast.base.yaml_files import YamlLoader
+from robovast.base.yaml_files import YamlLoader, check_depth
 
 KeyPath = tuple[Hashable, ...]
 """Path of a value in the document: keys and list indexes from the root."""
@@ -88,6 +88,7 @@ class Source:
         self._open: set[int] = set()
         self._scalars = yaml.constructor.SafeConstructor()
         try:
+            check_depth(text)
             nodes = yaml.compose_all(text, Loader=YamlLoader)
             node = next(nodes, None)
             self.is_followed = next(nodes, None) is not None
