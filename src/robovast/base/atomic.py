@@ -20,7 +20,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from robovast.base.errors import StorageError
-from robovast.base.file_errors import cause
+from robovast.base.file_errors import cause, writing
 from robovast.base.safe_paths import create_file
 
 _PART = re.compile(r"\..+\.[0-9]+(-[0-9a-f]{8})?\.part", re.DOTALL)
@@ -47,6 +47,19 @@ def write_atomically(path: Path, text: str, *, lasting: bool = True) -> None:
         with create_file(part) as file:
             file.write(text.encode())
         put_in_place(part, path, lasting=lasting)
+
+
+def write_report(path: Path, text: str) -> None:
+    """Write a file that a user has named; what a link leads to is replaced, not the link.
+
+    Raises:
+        StorageError: it cannot be written, or something else than a file is there.
+    """
+    with writing(path):
+        target = path.resolve() if path.is_symlink() else path
+        if os.path.lexists(target) and not target.is_file():
+            raise StorageError(f"{path}: is a folder, device or pipe. Name a file.")
+        write_atomically(target, text, lasting=False)
 
 
 @contextmanager

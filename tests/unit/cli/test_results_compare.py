@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -120,6 +121,20 @@ REPORT = """<?xml version="1.0"?>
 <testsuites><testsuite tests="2"><testcase name="drive" time="1.5"/>
 <testcase name="dock"><failure message="no dock">tree\x1b</failure></testcase>
 </testsuite></testsuites>"""
+
+
+def test_a_report_replaces_files_alone(vast, results, tmp_path) -> None:
+    pipe, link = tmp_path / "pipe", tmp_path / "link"
+    os.mkfifo(pipe)
+    link.symlink_to(tmp_path / "real.xml")
+    for command in (("junit", BASE, pipe), ("compare", BASE, BASE, "--markdown", pipe)):
+        outcome = vast("results", *command)
+        assert (outcome.code, f"{pipe}: is a folder, device or pipe" in outcome.err) == (5, True)
+        assert pipe.is_fifo()
+    for _ in range(2):
+        assert vast("results", "junit", BASE, link).code == 0
+        assert link.is_symlink()
+        assert (tmp_path / "real.xml").read_text().startswith("<?xml")
 
 
 def test_all_runs_are_one_report(vast, results, tmp_path) -> None:

@@ -52,9 +52,8 @@ def compare(
     Exit code 0: not worse (or, without `--fail-on unclear`, unclear); 1: a configuration or all
     together got worse; 6: unclear, with `--fail-on unclear`; 2: nothing can be compared.
     """
-    from robovast.base.atomic import write_atomically
+    from robovast.base.atomic import write_report
     from robovast.base.errors import InputError
-    from robovast.base.file_errors import writing
     from robovast.evaluation import compare as comparison
     from robovast_cli.commands.results.options import named_campaign, read_campaign
     from robovast_cli.ui.comparison import exit_code, junit_report, markdown_text, print_comparison
@@ -74,7 +73,6 @@ def compare(
     reports = ((junit, junit_report), (markdown, markdown_text))
     for path, report in reports:
         if path is not None:
-            with writing(path):
-                write_atomically(path, report(a.name, b.name, found), lasting=False)
+            write_report(path, report(a.name, b.name, found))
     print_comparison(a.name, b.name, found, output)
     raise typer.Exit(exit_code(found, fail_on))

@@ -27,9 +27,8 @@ def junit(
     Each configuration is a suite, and each test of each run a case. A run whose own report does
     not say what became of it has a case that does: an error, or skipped when it was interrupted.
     """
-    from robovast.base.atomic import write_atomically
+    from robovast.base.atomic import write_report
     from robovast.base.errors import InputError
-    from robovast.base.file_errors import writing
     from robovast.campaign.junit import merged_suites, report_text
     from robovast.campaign.layout import Layout
     from robovast_cli.commands.results.options import named_campaign
@@ -39,8 +38,7 @@ def junit(
     suites = merged_suites(Layout(folder))
     if not suites:
         raise InputError(f"{folder.name} has no stored run yet: there is nothing to report.")
-    with writing(file):
-        write_atomically(file, report_text(folder.name, suites), lasting=False)
+    write_report(file, report_text(folder.name, suites))
     cases = [case for suite in suites for case in suite.cases]
     bad = sum(case.outcome in {"failure", "error"} for case in cases)
     say(f"{file}: {len(cases)} cases of {len(suites)} configurations, {bad} failed or errored")
