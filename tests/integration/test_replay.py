@@ -179,3 +179,25 @@ def test_a_run_is_replayed_in_the_environment_that_executed_it(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     code, said = replay(folder)
     assert (code, "same verdict (passed), same out.csv" in said) == (0, True)
+
+
+@pytest.mark.parametrize("pattern", ["", ".", "/etc/passwd", "\udcff"])
+def test_what_cannot_be_compared_is_refused_before_anything_runs(
+    tmp_path: Path, pattern: str
+) -> None:
+    code, said = replay(executed(tmp_path, NOISY), "--compare", pattern)
+    assert (code, said.count("must be a glob pattern of files in the run's folder")) == (2, 1)
+    assert not (tmp_path / "replays").exists()
+
+
+def test_a_replay_is_kept_out_of_its_campaign_and_files_without_topics_have_none(
+    tmp_path: Path,
+) -> None:
+    folder = executed(tmp_path, NOISY)
+    before = content(folder.parent.parent)
+    for place in (folder, folder.parent, folder.parent.parent / "deeper"):
+        code, said = replay(folder, "--out", str(place))
+        assert (code, said.count("which a replay leaves as it is")) == (2, 1)
+    code, said = replay(folder, "--compare", "*:/odom")
+    assert (code, "same verdict (passed)" in said) == (0, True)
+    assert content(folder.parent.parent) == before

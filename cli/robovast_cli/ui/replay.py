@@ -6,8 +6,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from robovast.analysis.replay.report import Replayed, ReplayReport, report_replays
-from robovast.base.errors import ExitCode
+from robovast.base.errors import ExitCode, InputError
 from robovast.execution.local import LocalOptions, replay_run
 from robovast.execution.local.replay import find_run
 from robovast.model.document import load_document
@@ -31,7 +33,7 @@ def replayed(
     document = load_document(run.layout.config / str(run.configurations["vast"]))
     compared: Sequence[Output] | None = document.vast.execution.compare
     if patterns:
-        compared = [Output(pattern=pattern) for pattern in patterns]
+        compared = [_output(pattern) for pattern in patterns]
     with view() as shows:
         summary = replay_run(run, output, times, LocalOptions(**options), shows)
     if summary.interrupted:
@@ -101,3 +103,13 @@ def _told(report: ReplayReport) -> Iterator[str]:
         yield f"Chancy: it depends on the seed how it ends ({others})."
     elif report.chancy is False:
         yield f"Not chancy so far: other seeds give the same verdict ({others})."
+
+
+def _output(pattern: str) -> Output:
+    try:
+        return Output(pattern=pattern)
+    except ValidationError:
+        raise InputError(
+            f"--compare {pattern!a}: must be a glob pattern of files in the run's folder, as "
+            "`out/*.csv`, or of bags with a topic, as `*.mcap:/odom`."
+        ) from None

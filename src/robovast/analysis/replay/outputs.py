@@ -22,6 +22,8 @@ from robovast.model.document.model import Output
 ALL_TABLES = (Output(pattern="*.csv"),)
 """What is compared when nobody says what."""
 
+_BAGS = (".mcap", ".mcap.zstd", ".db3", ".db3.zstd")
+"""Endings of files that have topics."""
 _BLOCK = 1 << 20
 _LONGEST = 60
 """Longest value in a message [characters]."""
@@ -69,7 +71,8 @@ def compare_outputs(before: Path, now: Path, outputs: Sequence[Output]) -> Compa
 
 
 def _matches(path: str, output: Output) -> bool:
-    return PurePosixPath(path).match(output.files)
+    is_bag = path.endswith(_BAGS)
+    return PurePosixPath(path).match(output.files) and (is_bag or not output.topic)
 
 
 def _files(run: Path) -> frozenset[str]:

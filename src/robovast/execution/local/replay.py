@@ -128,6 +128,7 @@ def replay_run(
         CannotRunError: the runtime is not usable, or the image is gone.
         StorageError: `output` cannot be written.
     """
+    _refuse_inside(output, run.layout.root)
     document = load_document(run.layout.config / str(run.configurations["vast"]))
     options = _as_then(run, options)
     runtime = choose_runtime(document, options, observer.message)
@@ -156,6 +157,15 @@ def replay_run(
     copied = load_document(layout.config / document.path.name)
     session = Session(copied, layout, options, runtime, identity)
     return execute_campaign(session, plan, runs, observer)
+
+
+def _refuse_inside(output: Path, campaign: Path) -> None:
+    """Refuse a place for replays where they would change the campaign that is replayed."""
+    if output.resolve().is_relative_to(campaign.resolve()):
+        raise InputError(
+            f"{output}: is in the campaign {campaign}, which a replay leaves as it is. Name a "
+            "folder outside of it: `--out PATH`."
+        )
 
 
 def _as_then(run: StoredRun, options: LocalOptions) -> LocalOptions:

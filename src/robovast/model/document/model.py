@@ -260,6 +260,16 @@ class Output(BaseModel):
     tolerance: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0
     """Largest difference of two numbers in a table."""
 
+    @field_validator("pattern")
+    @classmethod
+    def _names_files(cls, value: str) -> str:
+        files = value.partition(":/")[0]
+        if files.strip("./ ") and value.isprintable() and not files.startswith("/"):
+            return value
+        raise PydanticCustomError(
+            "output_pattern", "must be a glob pattern of files in the run's folder, as `out/*.csv`"
+        )
+
     @property
     def files(self) -> str:
         """The pattern of the files."""
