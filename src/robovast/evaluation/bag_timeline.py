@@ -14,7 +14,8 @@ from struct import Struct
 from typing import BinaryIO
 
 from robovast.base.errors import InputError
-from robovast.evaluation.database import opened
+from robovast.evaluation.bounds import Bound, is_record
+from robovast.evaluation.database import opened, require_tables
 from robovast.evaluation.inside import MissingError, open_inside, resolved
 
 BINS = 150
@@ -85,6 +86,7 @@ def _binned(ticks: Ticks) -> Timeline:
 
 def _read_sqlite(root: Path, relative: str) -> Ticks:
     with opened(root, relative) as connection:
+        require_tables(connection, relative, "messages", "topics")
         rows = connection.execute(
             f"SELECT t.name, m.timestamp / {_TICK}, count(*) "  # noqa: S608
             "FROM messages m JOIN topics t ON t.id = m.topic_id "
@@ -98,7 +100,7 @@ def _read_mcap(file: BinaryIO, name: str) -> Ticks:
         raise InputError(f"{name} is no MCAP file.")
     topics: dict[int, str] = {}
     ticks: Counter[tuple[int, int]] = Counter()
-    for opcode, body in _records(file):
+    for opcode, body in _records(file, name):
         if opcode == _IS_CHANNEL and len(body) >= _CHANNEL.size:
             channel, _, length = _CHANNEL.unpack_from(body)
             text = body[_CHANNEL.size : _CHANNEL.size + length]
@@ -114,15 +116,25 @@ def _read_mcap(file: BinaryIO, name: str) -> Ticks:
     return Counter({(topics[c], tick): n for (c, tick), n in ticks.items() if c in topics})
 
 
-def _records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
-    """Opcode and content of the records that matter, of messages the beginning alone."""
+def _records(file: BinaryIO, name: str) -> Iterator[tuple[int, bytes]]:
+    """Opcode and content of the records that matter, of messages the beginning alone.
+
+    Raises:
+        InputError: there are too many.
+    """
+    bound = Bound()
     size = os.fstat(file.fileno()).st_size
     place = file.tell()
     while len(header := file.read(_RECORD.size)) == _RECORD.size:
         opcode, length = _RECORD.unpack(header)
         place += _RECORD.size + length
-        if place > size:  # the recorder was killed here
+        if place > size or not is_record(opcode):  # the recorder was killed here
             return
+        if bound.reached():
+            raise InputError(
+                f"{name} has too many records to be counted for a timeline. Convert it with "
+                "`vast results postprocess`, or record fewer topics."
+            )
         if opcode == _IS_MESSAGE:
             yield opcode, file.read(min(length, _MESSAGE.size))
         elif opcode in (_IS_CHANNEL, _IS_INDEX) and length <= _LARGEST:

@@ -36,3 +36,17 @@ def opened(root: Path, relative: str) -> Iterator[sqlite3.Connection]:
             yield connection
     except (sqlite3.Error, OverflowError) as error:
         raise InputError(f"{relative} cannot be read: {error}.") from None
+
+
+def require_tables(connection: sqlite3.Connection, relative: str, *names: str) -> None:
+    """Refuse views and virtual tables, which can have rows without end.
+
+    Raises:
+        InputError: one of some names is not that of a table.
+    """
+    rows = connection.execute(
+        "SELECT name FROM sqlite_master WHERE type = 'table' AND rootpage > 0"
+    )
+    missing = sorted(set(names) - {name for (name,) in rows})
+    if missing:
+        raise InputError(f"{relative} is no bag: it has no table {', '.join(missing)}.")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -10,7 +13,13 @@ from support.campaigns.bags import START, Bag
 
 from robovast.base.errors import InputError
 from robovast.evaluation.bag_timeline import BINS, Timeline, read_timeline
+from robovast.evaluation.bounds import Bound
 
+ENDLESS = """
+CREATE TABLE topics (id, name, type, serialization_format);
+CREATE VIEW messages AS WITH RECURSIVE n(i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n)
+SELECT 1 AS topic_id, i AS timestamp, x'00' AS data FROM n;
+"""
 STRING = "std_msgs/msg/String"
 
 
@@ -63,3 +72,29 @@ def test_what_is_no_bag_is_an_error_in_words(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="no folder"):
         read_timeline(tmp_path, "file")
+
+
+def test_zeros_after_the_messages_end_the_count(tmp_path: Path) -> None:
+    (path,) = record(tmp_path).glob("*.mcap")
+    with path.open("r+b") as file:
+        file.truncate(path.stat().st_size // 2)
+    whole = read_timeline(tmp_path, "rosbag2")
+    os.truncate(path, 300 << 30)
+    assert read_timeline(tmp_path, "rosbag2") == whole
+
+
+def test_more_records_than_can_be_counted_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record(tmp_path)
+    monkeypatch.setattr("robovast.evaluation.bag_timeline.Bound", lambda: Bound(records=3))
+    with pytest.raises(InputError, match="too many records"):
+        read_timeline(tmp_path, "rosbag2")
+
+
+def test_a_view_without_end_is_no_table(tmp_path: Path) -> None:
+    (tmp_path / "rosbag2").mkdir()
+    with closing(sqlite3.connect(tmp_path / "rosbag2" / "0.db3")) as database:
+        database.executescript(ENDLESS)
+    with pytest.raises(InputError, match="no table messages"):
+        read_timeline(tmp_path, "rosbag2")

@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import math
+import os
+import sqlite3
+import struct
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
+from threading import Event
 
 import pytest
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
@@ -14,6 +20,7 @@ from support.campaigns.drives import DriveBag, around, record_drive
 from robovast.base.errors import InputError
 from robovast.evaluation.drive.drives import Drive, Drives
 from robovast.evaluation.drive.part import Part
+from robovast.evaluation.drive.recording import Recording
 
 SECOND = 1_000_000_000
 
@@ -253,3 +260,62 @@ def test_what_is_no_bag_is_an_error_in_words(
     spoil(tmp_path / "bag")
     with pytest.raises(InputError, match=message):
         opened(tmp_path / "bag")
+
+
+def test_zeros_after_the_messages_are_said(tmp_path: Path) -> None:
+    folder = record_drive(tmp_path / "bag", 30.0)
+    (path,) = folder.glob("*.mcap")
+    os.truncate(path, path.stat().st_size // 2)
+    os.truncate(path, 300 << 30)
+    assert "it is damaged at byte" in remarks_of(opened(folder))
+
+
+def test_records_without_end_are_read_no_further(tmp_path: Path) -> None:
+    folder = record_drive(tmp_path / "bag", 2.0)
+    empty = struct.pack("<BQQQQIIQ", 6, 40, 1, 2, 0, 0, 0, 0)
+    (path,) = folder.glob("*.mcap")
+    magic, content = path.read_bytes()[:8], path.read_bytes()[8:]
+    path.write_bytes(magic + empty * 250_000 + content)
+    assert "too many records" in remarks_of(opened(folder))
+
+
+@pytest.mark.parametrize("number", ["abc", None, b"x"])
+def test_a_topic_without_a_number_is_left_out(tmp_path: Path, number: object) -> None:
+    folder = record_drive(tmp_path / "bag", 2.0, storage=StoragePlugin.SQLITE3)
+    (path,) = folder.glob("*.db3")
+    with closing(sqlite3.connect(path)) as database, database:
+        rows = database.execute(
+            "SELECT id, name, type, serialization_format FROM topics"
+        ).fetchall()
+        database.execute("DROP TABLE topics")
+        database.execute("CREATE TABLE topics (id, name, type, serialization_format)")
+        rows.append((number, "/odd", "std_msgs/msg/String", "cdr"))
+        database.executemany("INSERT INTO topics VALUES (?, ?, ?, ?)", rows)
+    assert len(parts_of(opened(folder))[0].times) == 20
+
+
+def test_a_bag_that_takes_long_holds_no_other_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slow, quick = record_drive(tmp_path / "slow", 2.0), record_drive(tmp_path / "quick", 2.0)
+    begun, end = Event(), Event()
+
+    def read(root: Path, bag: str) -> Recording:
+        if bag == slow.name:
+            begun.set()
+            assert end.wait(20)
+        return Recording(root, bag)
+
+    monkeypatch.setattr("robovast.evaluation.drive.drives.Recording", read)
+    monkeypatch.setattr("robovast.evaluation.drive.drives._PATIENCE", 0.1)
+    kept = Drives(tmp_path.resolve())
+    with ThreadPoolExecutor() as pool:
+        try:
+            first = pool.submit(kept.drive, slow.name, {})
+            assert begun.wait(20)
+            assert pool.submit(kept.drive, quick.name, {}).result(20)
+            with pytest.raises(InputError, match="still being searched"):
+                pool.submit(kept.drive, slow.name, {}).result(20)
+        finally:
+            end.set()
+        assert first.result(20)

@@ -24,6 +24,7 @@ from mcap.records import Channel, Schema
 
 from robovast.analysis.bags.mcap_file import MAGIC
 from robovast.base.errors import InputError
+from robovast.evaluation.bounds import Bound, is_record
 
 _RECORD = Struct("<BQ")
 """Opcode, length."""
@@ -37,6 +38,7 @@ _INDEX = Struct("<HI")
 _HEAD = _RECORD.size + 16
 _LARGEST = 64 << 20
 """Largest block, compressed or not [bytes]."""
+_MOST_BLOCKS = 200_000
 _TOGETHER = 1 << 20
 """Size of a block of messages outside of chunks [bytes]."""
 _WRONG = (struct.error, McapError, ValueError, IndexError, RuntimeError, zstandard.ZstdError)
@@ -78,8 +80,9 @@ class McapBlocks:
         descriptor = file.fileno()
         if os.pread(descriptor, len(MAGIC), 0) != MAGIC:
             raise InputError(f"{name} is no MCAP file.")
-        self._scan(descriptor, os.fstat(descriptor).st_size)
-        self._complete(descriptor)
+        bound = Bound()
+        self._scan(descriptor, os.fstat(descriptor).st_size, bound)
+        self._complete(descriptor, bound)
 
     def messages(self, file: BinaryIO, block: Block, channels: set[int]) -> Iterator[Read]:
         """The messages of some channels in a block, as far as it can be read."""
@@ -94,13 +97,16 @@ class McapBlocks:
                 if channel in channels:
                     yield channel, time, body[_MESSAGE_SIZE:]
 
-    def _scan(self, descriptor: int, size: int) -> None:
+    def _scan(self, descriptor: int, size: int, bound: Bound) -> None:
         place, loose = len(MAGIC), None
         while place + _RECORD.size <= size:
             head = os.pread(descriptor, _HEAD, place)
             opcode, length = _RECORD.unpack_from(head)
             after = place + _RECORD.size + length
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                return
+            if fault := self._end_of_scan(opcode, place, bound):
+                self._fault(fault)
                 return
             if opcode == Opcode.MESSAGE and len(head) == _HEAD:
                 loose = self._add_message(loose, head, place, min(after, size))
@@ -113,6 +119,14 @@ class McapBlocks:
                 self._define(opcode, os.pread(descriptor, length, place + _RECORD.size))
             place = after
         self._fault("it has no end: its recorder was stopped while writing")
+
+    def _end_of_scan(self, opcode: int, place: int, bound: Bound) -> str:
+        """Why the file is read no further; empty if it is."""
+        if not is_record(opcode):
+            return f"it is damaged at byte {place}; the rest is left out"
+        if bound.reached() or len(self.blocks) > _MOST_BLOCKS:
+            return f"it has too many records; those after byte {place} are left out"
+        return ""
 
     def _add_message(self, loose: Block | None, head: bytes, place: int, after: int) -> Block:
         channel, _, time = _MESSAGE.unpack_from(head, _RECORD.size)
@@ -130,9 +144,12 @@ class McapBlocks:
             if length:
                 self.blocks[-1].channels.add(channel)
 
-    def _complete(self, descriptor: int) -> None:
+    def _complete(self, descriptor: int, bound: Bound) -> None:
         """Find channels that only chunks define, and those of chunks without an index."""
         for block in self.blocks:
+            if bound.late():
+                self._fault("its channels could not all be searched for in time")
+                return
             if block.chunk and (not block.channels or not block.channels <= set(self.channels)):
                 try:
                     content = self._content(descriptor, block)
@@ -209,7 +226,7 @@ def _records(data: memoryview) -> Iterator[tuple[int, memoryview]]:
     while place + _RECORD.size <= end:
         opcode, length = _RECORD.unpack_from(data, place)
         after = place + _RECORD.size + length
-        if after > end:
+        if after > end or not is_record(opcode):
             return
         yield opcode, data[place + _RECORD.size : after]
         place = after

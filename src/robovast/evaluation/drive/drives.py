@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from threading import Lock
@@ -31,6 +31,8 @@ _CLOSE = 100
 _MOST_FIXED = 2000
 _KEPT = 4
 """Recordings whose index is kept."""
+_PATIENCE = 30.0
+"""How long a request waits for another that opens the same bag [s]."""
 
 
 @dataclass(frozen=True)
@@ -135,12 +137,20 @@ def _bounds(end: float, size: int) -> list[float]:
     return [round(end * number / count, 3) for number in range(count + 1)]
 
 
+@dataclass
+class _Kept:
+    """A drive that is opened once, by the first who asks."""
+
+    lock: Lock = field(default_factory=Lock)
+    drive: Drive | None = None
+
+
 class Drives:
     """Recorded drives of a results folder; thread-safe."""
 
     def __init__(self, results: Path) -> None:
         self._results = results
-        self._kept: OrderedDict[tuple[object, ...], Drive] = OrderedDict()
+        self._kept: OrderedDict[tuple[object, ...], _Kept] = OrderedDict()
         self._lock = Lock()
 
     def drive(self, bag: str, named: Mapping[str, str]) -> Drive:
@@ -157,13 +167,22 @@ class Drives:
         files = sorted(folder.iterdir()) if folder.is_dir() else []
         states = tuple((file.name, *_state(file)) for file in files)
         key = (bag, tuple(sorted(named.items())), states)
-        with self._lock:  # several parts are asked for at once
-            found = self._kept.get(key) or Drive(Recording(self._results, bag), named)
-            self._kept[key] = found
+        kept = self._keep(key)
+        if not kept.lock.acquire(timeout=_PATIENCE):  # several parts are asked for at once
+            raise InputError(f"{bag} is still being searched for another request. Try again later.")
+        try:
+            kept.drive = kept.drive or Drive(Recording(self._results, bag), named)
+            return kept.drive
+        finally:
+            kept.lock.release()
+
+    def _keep(self, key: tuple[object, ...]) -> _Kept:
+        with self._lock:
+            kept = self._kept.setdefault(key, _Kept())
             self._kept.move_to_end(key)
             while len(self._kept) > _KEPT:
                 self._kept.popitem(last=False)
-        return found
+            return kept
 
 
 def _state(file: Path) -> tuple[int, int]:

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 from robovast.analysis.bags.definitions import Definition
 from robovast.analysis.bags.sqlite_file import read_definitions
 from robovast.base.errors import InputError
-from robovast.evaluation.database import opened
+from robovast.evaluation.database import opened, require_tables
 from robovast.evaluation.drive.blocks import Block, McapBlocks
 from robovast.evaluation.drive.clock import LONGEST_PAUSE, SECOND
 from robovast.evaluation.inside import MissingError, open_inside, resolved
@@ -200,11 +200,15 @@ class _SqliteStore:
     def __init__(self, root: Path, relative: str) -> None:
         self._root, self._relative = root, relative
         with opened(root, relative) as connection:
+            require_tables(connection, relative, "messages", "topics")
             first, last = connection.execute(
                 "SELECT min(timestamp), max(timestamp) FROM messages "
                 "WHERE typeof(timestamp) = 'integer'"
             ).fetchone()
-            rows = connection.execute("SELECT id, name, type, serialization_format FROM topics")
+            rows = connection.execute(
+                "SELECT id, name, type, serialization_format FROM topics "
+                "WHERE typeof(id) = 'integer'"
+            )
             described = rows.fetchall()
             definitions = read_definitions(connection)
         self._numbers = {str(name): int(number) for number, name, _, _ in described}
@@ -229,7 +233,7 @@ class _SqliteStore:
             rows = connection.execute(
                 "SELECT topic_id, timestamp, data FROM messages "  # noqa: S608  # numbers
                 f"WHERE timestamp >= ? AND timestamp < ? AND topic_id IN ({numbers}) "
-                "ORDER BY timestamp",
+                "AND typeof(timestamp) = 'integer' ORDER BY timestamp",
                 (start, end),
             )
             for number, time, data in rows:
@@ -242,6 +246,7 @@ class _SqliteStore:
         with opened(self._root, self._relative) as connection:
             rows = connection.execute(
                 "SELECT min(timestamp) FROM messages WHERE topic_id = ? AND timestamp >= 0 "
+                "AND typeof(timestamp) = 'integer' "
                 "GROUP BY timestamp / ?",
                 (self._numbers[topic], max(1, (self.end - self.start) // 200)),
             )
