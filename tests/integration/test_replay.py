@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -201,3 +202,80 @@ def test_a_replay_is_kept_out_of_its_campaign_and_files_without_topics_have_none
     code, said = replay(folder, "--compare", "*:/odom")
     assert (code, "same verdict (passed)" in said) == (0, True)
     assert content(folder.parent.parent) == before
+
+
+def test_a_run_beside_the_working_folder_is_found(tmp_path: Path) -> None:
+    folder = executed(tmp_path, NOISY)
+    command = [VAST, "replay", "../0", "--out", tmp_path / "replays"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert (done.returncode, "one-1/0 (seed 1311306635): same verdict" in done.stdout) == (0, True)
+    done = subprocess.run([VAST, "replay", "."], cwd=folder, capture_output=True, text=True)
+    assert (done.returncode, "which a replay leaves as it is" in done.stderr) == (2, True)
+
+
+def swapped(path: Path, elsewhere: Path) -> None:
+    """Put a link to the same content in place of a file or folder."""
+    path.rename(elsewhere)
+    path.symlink_to(elsewhere)
+
+
+def sparse(path: Path, _: Path) -> None:
+    os.truncate(path, 0)
+    os.truncate(path, 2**40)
+
+
+def piped(path: Path, _: Path) -> None:
+    os.mkfifo(path / "pipe")
+
+
+def test_inputs_that_are_no_plain_files_are_refused(tmp_path: Path) -> None:
+    folder = executed(tmp_path, NOISY)
+    link, behind = "is a link, which is not followed", "a part of its path is a link, or no folder"
+    for number, (place, spoil, why) in enumerate(
+        (
+            ("_config", swapped, link),
+            ("_config/files", swapped, link),
+            ("_config/files/step.sh", swapped, link),
+            ("_transient", swapped, behind),
+            ("_transient/configurations.yaml", swapped, link),
+            ("_execution", swapped, behind),
+            ("one-1/_config", swapped, link),
+            ("one-1/_config/config.yaml", swapped, link),
+            ("_config/files/step.sh", sparse, f"{2**40} of its {2**40} bytes were never written"),
+            ("_config/files", piped, "is not a regular file"),
+        )
+    ):
+        spoilt = tmp_path / f"spoilt-{number}"
+        shutil.copytree(folder.parent.parent, spoilt, symlinks=True)
+        spoil(spoilt / place, tmp_path / f"elsewhere-{number}")
+        with pytest.raises(InputError, match=f"{place}.*: cannot be replayed from: {why}"):
+            find_run(spoilt / "one-1/0")
+
+
+def test_a_damaged_record_of_configurations_is_one_message(tmp_path: Path) -> None:
+    folder = executed(tmp_path, NOISY)
+    path = folder.parent.parent / "_transient/configurations.yaml"
+    sound = yaml.safe_load(path.read_text())
+    item = sound["configs"][0]
+    itself: list[object] = []
+    itself.append(itself)
+    cyclic = {"name": "one-1", "config": {"x": itself}}
+    inside = "must be the path of a file in the campaign's `_config`"
+    for change, said in (
+        ({"vast": None}, "`vast`: "),
+        ({"vast": "/tmp/x.vast"}, f"`vast`: {inside}"),
+        ({"vast": "../x.vast"}, f"`vast`: {inside}"),
+        ({"configs": [None]}, "`configs[0]`: "),
+        ({"configs": itself}, "`configs[0]`: "),
+        ({"configs": [cyclic]}, "a value contains itself"),
+        ({"configs": [{**item, "_config_files": ["../../x"]}]}, f"_config_files[0]`: {inside}"),
+        ({"_input_files": 5}, "`_input_files`: "),
+        ({"_run_files": ["/nonexistent/x"]}, f"`_run_files[0]`: {inside}"),
+    ):
+        path.write_text(yaml.safe_dump({**sound, **change}))
+        with pytest.raises(InputError, match=r"configurations.yaml: is damaged: ") as error:
+            find_run(folder)
+        assert said in str(error.value)
+    path.write_text("vast: [\n")
+    code, text = replay(folder)
+    assert (code, text.count("error: ")) == (2, 1)

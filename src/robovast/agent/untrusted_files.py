@@ -17,7 +17,7 @@ from typing import BinaryIO, TypeVar
 
 from robovast.agent.bucket import Bucket
 from robovast.base.errors import StorageError
-from robovast.base.safe_paths import extents, has_holes
+from robovast.base.safe_paths import refuse_holes
 from robovast.campaign.layout import TEST_RESULT
 from robovast.campaign.run_files import ROOM, Missing, escaped, room_of
 
@@ -27,8 +27,6 @@ SIDE_BY_SIDE = 8
 """How many files are stored at once, and how many connections that takes."""
 DEEPEST = 200
 """Most levels of folders that are read; each takes an open file."""
-MOST_HOLES = 2**30
-"""Largest size of a file's holes, which were never written [byte]."""
 LINK = "it is a link, which is not followed"
 """Why a link is not stored."""
 
@@ -99,7 +97,7 @@ def _opened(folder: int, name: str, levels: int) -> BinaryIO | int:
     file = os.fdopen(_open(folder, name, _FILE), "rb", buffering=0)
     try:
         _refuse_others(os.fstat(file.fileno()).st_mode)
-        _refuse_holes(file)
+        refuse_holes(file)
     except OSError:
         file.close()
         raise
@@ -111,15 +109,6 @@ def _refuse_others(kind: int) -> None:
         raise OSError(errno.ELOOP, LINK)
     if not stat.S_ISREG(kind):
         raise OSError(errno.EINVAL, "it is not a regular file")
-
-
-def _refuse_holes(file: BinaryIO) -> None:
-    """Refuse sparse files, which take little of the disk but would fill the storage."""
-    if has_holes(file):
-        size = os.fstat(file.fileno()).st_size
-        holes = size - sum(end - begin for begin, end in extents(file))
-        if holes > MOST_HOLES:
-            raise OSError(errno.EFBIG, f"{holes} of its {size} bytes were never written")
 
 
 def _open(folder: int, name: str, flags: int) -> int:

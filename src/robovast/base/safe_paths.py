@@ -26,6 +26,8 @@ MOST_OF_ALL = 1 << 30
 """Largest file whose size grows with the number of runs [bytes]."""
 DEEPEST = 200
 """Most levels of folders that are copied."""
+MOST_HOLES = 1 << 30
+"""Largest size of a file's holes, which were never written [bytes]."""
 
 _FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
 _BELOW = _FOLDER | os.O_NOFOLLOW
@@ -92,6 +94,19 @@ def extents(file: BinaryIO) -> Iterator[tuple[int, int]]:
             return
         end = os.lseek(file.fileno(), begin, os.SEEK_HOLE)
         yield begin, end
+
+
+def refuse_holes(file: BinaryIO) -> None:
+    """Refuse a sparse file, which takes little of the disk but much of whoever reads all of it.
+
+    Raises:
+        OSError: more than `MOST_HOLES` of it were never written.
+    """
+    if has_holes(file):
+        size = os.fstat(file.fileno()).st_size
+        holes = size - sum(end - begin for begin, end in extents(file))
+        if holes > MOST_HOLES:
+            raise OSError(errno.EFBIG, f"{holes} of its {size} bytes were never written")
 
 
 def status(path: Path, root: Path) -> os.stat_result | None:

@@ -10,11 +10,11 @@ from hashlib import blake2b
 from itertools import zip_longest
 from math import isclose
 from pathlib import Path, PurePosixPath
-from typing import BinaryIO
+from typing import BinaryIO, TextIO
 
 from robovast.analysis.provenance.reading import list_files
 from robovast.base.optional_deps import ROS, needing
-from robovast.base.safe_paths import open_file, read_text
+from robovast.base.safe_paths import MOST, open_file, read_text, refuse_holes
 from robovast.base.yaml_files import parse_yaml
 from robovast.campaign.layout import OWN_NAMES, POSTPROCESSING
 from robovast.model.document.model import Output
@@ -97,11 +97,14 @@ def _derived(run: Path) -> Iterator[str]:
 def _difference(before: Path, now: Path, path: str, output: Output) -> str | None:
     """The first difference of two outputs; None when they are the same."""
     try:
+        for folder in (before, now):
+            with open_file(folder / path, folder) as file:
+                refuse_holes(file)
         if output.topic:
             return _first_message(before / path, now / path, output.topic)
         return _first_in_files((before, now), path, output.tolerance)
     except (OSError, csv.Error) as error:
-        return f"cannot be compared: {error}"
+        return f"cannot be compared: {getattr(error, 'strerror', None) or error}"
 
 
 def _first_in_files(folders: tuple[Path, Path], path: str, tolerance: float) -> str | None:
@@ -114,7 +117,7 @@ def _first_in_files(folders: tuple[Path, Path], path: str, tolerance: float) -> 
         return f"differs from byte {byte}"
     old, new = (io.TextIOWrapper(open_file(f / path, f), "utf-8", "replace", "") for f in folders)
     with old, new:
-        return _first_cell(csv.reader(old), csv.reader(new), tolerance)
+        return _first_cell(_rows(old), _rows(new), tolerance)
 
 
 def _first_byte(one: BinaryIO, other: BinaryIO) -> int | None:
@@ -128,6 +131,27 @@ def _first_byte(one: BinaryIO, other: BinaryIO) -> int | None:
         if not left:
             return None
         offset += len(left)
+
+
+def _rows(file: TextIO) -> Iterator[list[str]]:
+    """The rows of a table.
+
+    Raises:
+        csv.Error: one has more than `MOST` characters, or is no row.
+    """
+    room = MOST
+
+    def lines() -> Iterator[str]:
+        nonlocal room
+        while line := file.readline(room + 1):
+            room -= len(line)
+            if room < 0:
+                raise csv.Error(f"a row has more than {MOST} characters")
+            yield line
+
+    for row in csv.reader(lines()):
+        yield row
+        room = MOST
 
 
 def _first_cell(

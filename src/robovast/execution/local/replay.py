@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import shutil
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
@@ -17,8 +17,8 @@ from robovast.base.errors import CannotRunError, InputError
 from robovast.base.serialization import dump_yaml
 from robovast.base.version import __version__
 from robovast.base.yaml_files import read_mapping
-from robovast.campaign.configurations import read_configurations, variant_of
-from robovast.campaign.layout import CONFIGURATIONS, PARTS, POSTPROCESSING, Layout
+from robovast.campaign.configurations import variant_of
+from robovast.campaign.layout import Layout
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.execution.generate import write_execution
 from robovast.execution.local.campaign import execute_campaign
@@ -32,22 +32,14 @@ from robovast.execution.local.process_environment import (
 from robovast.execution.local.runtime import Identity, Runtime
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, make_campaign_folder
+from robovast.execution.local.stored_inputs import check_inputs, copy_inputs, read_inputs
 from robovast.model.document import load_document
 from robovast.model.expansion import Variant
-from robovast.model.naming import CONFIG
 from robovast.model.packs import Block, PlanSpec
 from robovast.model.plan import plan_runs
-from robovast.storage.bucket_ownership import OWNER
 
 OWN_RUNTIME = "same"
 """The runtime that executed the run."""
-
-_OF_EXECUTION = (
-    "job*",
-    "bad-runs-*",
-    *(Path(path).name for path in (CONFIGURATIONS, OWNER, PARTS, POSTPROCESSING)),
-)
-"""Names in `_transient` of what belongs to the campaign's execution."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +76,7 @@ def find_run(folder: Path) -> StoredRun:
     Raises:
         InputError: there is no run with a result, or files of its campaign are missing.
     """
-    folder = folder.absolute()
+    folder = Path(os.path.realpath(folder))  # `..` leads out of the run's folder, not of a link
     record = read_run_record(folder)
     if record is None or not folder.name.isdecimal():
         raise InputError(
@@ -94,28 +86,9 @@ def find_run(folder: Path) -> StoredRun:
     if not record.finished:
         raise InputError(f"{folder}: was interrupted, so that there is nothing to compare with.")
     layout, name = Layout(folder.parent.parent), folder.parent.name
-    data = read_configurations(layout)
-    items = [item for item in data["configs"] if item.get("name") == name]
-    if not items:
-        raise InputError(f"{layout.configurations}: has no configuration `{name}`.")
-    run = StoredRun(
-        layout, variant_of(layout, items[0]), record, int(folder.name), {**data, "configs": items}
-    )
-    _check_files(run)
-    return run
-
-
-def _check_files(run: StoredRun) -> None:
-    data = run.configurations
-    named = [*(data.get("_input_files") or ()), *(data.get("_run_files") or ())]
-    wanted = [run.layout.config / str(name) for name in named]
-    wanted += [file.source for file in run.variant.files]
-    gone = sorted({path.relative_to(run.layout.root) for path in wanted if not path.is_file()})
-    if gone:
-        raise InputError(
-            f"{run.folder}: cannot be replayed, since files of its campaign are gone: "
-            f"{', '.join(map(str, gone))}. Put them back, or download the campaign again."
-        )
+    data = read_inputs(layout, name)
+    check_inputs(folder, data)
+    return StoredRun(layout, variant_of(layout, data["configs"][0]), record, int(folder.name), data)
 
 
 def replay_run(
@@ -136,7 +109,9 @@ def replay_run(
     started = datetime.now().astimezone()
     layout = make_campaign_folder(output, f"{document.vast.campaign_name}-replay", started)
     with explained(layout.root):
-        _copy_inputs(run, layout)
+        copy_inputs(run.layout, run.variant.name, layout)
+        layout.transient.mkdir(exist_ok=True)
+        layout.configurations.write_text(dump_yaml(run.configurations), encoding="utf-8")
         write_execution(
             layout,
             document,
@@ -222,14 +197,3 @@ def _check(
     if record.seed is None:
         message("No seed was recorded: what differs may differ by chance.")
     return identity
-
-
-def _copy_inputs(run: StoredRun, layout: Layout) -> None:
-    """Copy what the run was made from into a new campaign's folder; links stay links."""
-    shutil.copytree(run.layout.config, layout.config, symlinks=True)
-    ignored = shutil.ignore_patterns(*_OF_EXECUTION)
-    shutil.copytree(run.layout.transient, layout.transient, symlinks=True, ignore=ignored)
-    layout.configurations.write_text(dump_yaml(run.configurations), encoding="utf-8")
-    own = run.layout.variant_config(run.variant.name)
-    if own.is_dir():
-        shutil.copytree(own, layout.variant(run.variant.name) / CONFIG, symlinks=True)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import tracemalloc
 from pathlib import Path
 
 import pytest
 from support.campaigns.bags import Bag
 
 from robovast.analysis.replay.outputs import ALL_TABLES, Compared, compare_outputs
+from robovast.base.safe_paths import MOST
 from robovast.model.document.model import Output
 
 TABLE = "step,x\n0,1.5\n1,2.5\n"
@@ -80,6 +83,31 @@ def test_what_is_missing_new_derived_or_a_link_is_told(tmp_path: Path) -> None:
     ]
     assert "secret" not in str(found)
     assert found.same == ()
+
+
+def sized(tmp_path: Path, size: int, content: bytes = b"") -> Compared:
+    """Compare a table of one row with one of this size, whose end was never written."""
+    for name, begin in (("before", content), ("now", b"x\n")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "out.csv").write_bytes(begin)
+    os.truncate(tmp_path / "before/out.csv", size)
+    return compare_outputs(tmp_path / "before", tmp_path / "now", ALL_TABLES)
+
+
+def test_a_sparse_file_is_not_read(tmp_path: Path) -> None:
+    said = f"out.csv cannot be compared: {2**43} of its {2**43} bytes were never written"
+    assert sized(tmp_path, 2**43).differences == (said,)
+
+
+@pytest.mark.parametrize("content", [b"", (b'"' + b"y" * 999 + b'\n",') * 20_000])
+def test_a_row_without_end_takes_little_memory(tmp_path: Path, content: bytes) -> None:
+    tracemalloc.start()
+    found = sized(tmp_path, 2**29, content)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    said = f"out.csv cannot be compared: a row has more than {MOST} characters"
+    assert found.differences == (said,)
+    assert peak < 2**29
 
 
 def bag(folder: Path, values: list[float], topic: str = "/odom", late: float = 0.0) -> None:
