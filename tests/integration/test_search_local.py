@@ -153,7 +153,7 @@ class Odd(Extractor):
         (value, *_) = {int(run.joinpath("out.csv").read_text().split(",")[-1])
                        for run in completed_run_dirs(config_dir)}
         if value == 60:
-            raise RuntimeError("no 60s")
+            raise SystemExit("no 60s")
         return ExtractResult({"score": float("nan") if value == 10 else value * self.params["by"]})
 
 
@@ -203,7 +203,7 @@ def test_errors_of_an_extractor_are_the_sets_and_the_search_goes_on(tmp_path: Pa
     assert summary.report is not None
     assert summary.report.extra["seen"] == [6.0]
     told = " ".join(recorder.messages)
-    assert "RuntimeError: no 60s" in told
+    assert "SystemExit: no 60s" in told
     assert "`score` must be a finite number, not nan" in told
     scores = History(_layout(summary.campaign)).scores()
     assert sum("no 60s" in score.trace for score in scores.values()) == 1

@@ -116,7 +116,7 @@ def exit_code(summary: Summary) -> ExitCode:
         return ExitCode.INTERRUPTED
     if isinstance(summary, SearchSummary):
         gave_up = summary.stop is not None and summary.stop.kind == "errors"
-        return ExitCode.RUN_ERRORED if gave_up else ExitCode.OK
+        return ExitCode.RUN_ERRORED if gave_up or not summary.scored else ExitCode.OK
     if Verdict.FAILED in verdicts:
         return ExitCode.TEST_FAILED
     if verdicts - {Verdict.PASSED} or len(summary.records) < summary.total:

@@ -16,8 +16,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+from robovast.base import safe_paths
 from robovast.base.atomic import make_folder, write_atomically
 from robovast.base.errors import InputError
 from robovast.campaign.layout import Layout
@@ -26,11 +29,15 @@ from robovast.model.packs import Block
 from robovast.search.types import Evaluation, ParamSet
 
 FOLDER = f"{EXECUTION}/search"
+_EXACT = ConfigDict(extra="forbid", allow_inf_nan=False)
+_RESTORE = "It is written once and never changed: restore it from a copy, or start a new search."
 
 
 @dataclass(frozen=True)
 class Proposal:
     """The sets of a batch."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = _EXACT
 
     asked: int
     """Number of sets that the strategy was asked for."""
@@ -51,6 +58,8 @@ class Proposal:
 class Scored:
     """The evaluation of a set, or why there is none."""
 
+    __pydantic_config__: ClassVar[ConfigDict] = _EXACT
+
     id: str
     objectives: Mapping[str, float] = field(default_factory=dict)
     measures: Mapping[str, float] = field(default_factory=dict)
@@ -67,6 +76,8 @@ class Scored:
 @dataclass(frozen=True)
 class Outcome:
     """The end of a batch."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = _EXACT
 
     scores: tuple[Scored, ...]
     elapsed: float
@@ -168,33 +179,48 @@ class History:
 
     def _read(self) -> Iterator[Batch]:
         for number in count():
-            data = self._load(number, "")
-            if data is None:
-                return
-            batch = Batch(number, _proposal(data))
-            again, outcome = self._load(number, ".again"), self._load(number, ".result")
-            if again is not None:
-                batch.again = _blocks(again)
-            if outcome is not None:
-                scores = tuple(Scored(**score) for score in outcome.pop("scores"))
-                batch.outcome = Outcome(scores, **outcome)
-            yield batch
+            proposal = self._load(number, "", Proposal)
+            if proposal is None:
+                break
+            yield Batch(
+                number,
+                self._checked(number, proposal),
+                self._load(number, ".again", tuple[Block, ...]),
+                self._scores(number, proposal),
+            )
+        later = sorted(self._folder.glob("batch-*.json"))
+        if later and later[-1].name >= f"batch-{number:04d}":
+            raise InputError(
+                f"{self._path(number, '')}: is missing, but {later[-1].name} is there. {_RESTORE}"
+            )
 
-    def _load(self, number: int, part: str) -> Any:
+    def _checked(self, number: int, proposal: Proposal) -> Proposal:
+        if len(proposal.configs) != len(proposal.sets):
+            raise self._wrong(number, "", "has not one name in `configs` for each of its `sets`")
+        for name in proposal.configs:
+            if name in {"", ".", ".."} or Path(name).name != name or "\0" in name:
+                raise self._wrong(number, "", f"`{name}` in `configs` is no configuration's name")
+        return proposal
+
+    def _scores(self, number: int, proposal: Proposal) -> Outcome | None:
+        outcome: Outcome | None = self._load(number, ".result", Outcome)
+        if outcome and not {p.id for p in proposal.sets} <= {s.id for s in outcome.scores}:
+            raise self._wrong(number, ".result", "`scores` lacks a set of the batch")
+        return outcome
+
+    def _load(self, number: int, part: str, kind: Any) -> Any:
         path = self._path(number, part)
         try:
-            return json.loads(path.read_text(encoding="utf-8"))
+            data = json.loads(safe_paths.read_text(path))
+            return TypeAdapter(kind).validate_python(data)
         except FileNotFoundError:
             return None
-        except (OSError, ValueError) as error:
-            raise InputError(f"{path}: cannot be read: {error}. Restore it from a copy.") from error
+        except ValidationError as error:
+            first = error.errors()[0]
+            place = ".".join(map(str, first["loc"])) or "the file"
+            raise self._wrong(number, part, f"`{place}`: {first['msg']}") from error
+        except (OSError, ValueError, RecursionError) as error:
+            raise self._wrong(number, part, str(error)) from error
 
-
-def _proposal(data: dict[str, Any]) -> Proposal:
-    sets = tuple(ParamSet(**params) for params in data.pop("sets"))
-    blocks = _blocks(data.pop("blocks"))
-    return Proposal(sets=sets, blocks=blocks, configs=tuple(data.pop("configs")), **data)
-
-
-def _blocks(data: Sequence[Mapping[str, Any]]) -> tuple[Block, ...]:
-    return tuple(Block.model_validate(block) for block in data)
+    def _wrong(self, number: int, part: str, why: str) -> InputError:
+        return InputError(f"{self._path(number, part)}: cannot be used: {why}. {_RESTORE}")

@@ -48,6 +48,8 @@ class SearchSummary(Summary):
     stop: Stop | None = None
     """Why it ended; None if it was interrupted."""
     report: SearchReport | None = None
+    scored: bool = True
+    """False if every set was left out."""
 
 
 def execute_document(
@@ -153,8 +155,15 @@ def _search(session: Session, observer: Observer) -> SearchSummary:
         stop = rounds.run()
         report = rounds.report()
     records = [record for _, record in sorted(campaign.records.items())]
+    scores = history.scores().values()
     return SearchSummary(
-        layout.root, campaign.total, records, campaign.interrupted, stop=stop, report=report
+        layout.root,
+        campaign.total,
+        records,
+        campaign.interrupted,
+        stop=stop,
+        report=report,
+        scored=not scores or any(not score.error for score in scores),
     )
 
 

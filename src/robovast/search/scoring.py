@@ -46,7 +46,9 @@ def _score(search: Search, extractor: Extractor, folder: Path, id_: str, count: 
     try:
         result = extractor.extract(folder)
         objectives, measures = _numbers(search, result)
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # even `sys.exit` is the set's error
         return Scored(id_, n_samples=count, error=raised(error), trace=trace(error))
     return Scored(id_, objectives, measures, count)
 
