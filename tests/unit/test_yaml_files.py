@@ -34,6 +34,11 @@ DEEP = {
     "indentation without columns of its own": "".join(
         f"{' ' * level}a:\n{' ' * level}-\n" for level in range(3000)
     ),
+    **{
+        f"dashes after {mark!a}": f"a:{mark}{'- ' * 50_000}a"
+        for mark in ("\r", "\x85", "\u2028", "\u2029")
+    },
+    "dashes after a byte order mark": "\ufeff" + "- " * 50_000 + "a",
     "a second document": "a: 1\n---\n" + "[" * 100_000 + "]" * 100_000,
 }
 
@@ -45,6 +50,9 @@ def test_deep_nesting_is_refused_and_ends_no_process(text: str, tmp_path: Path) 
         parse_yaml(text)
     with pytest.raises(DocumentError, match="nested too deeply, more than 1,000 levels"):
         Source(tmp_path / "deep.vast", text)
+    for encoding in ("utf-8", "utf-16"):
+        with pytest.raises(ValueError, match="nested too deeply, more than 1,000 levels"):
+            parse_yaml(text.encode(encoding))
 
 
 def test_wide_and_long_texts_are_not_deep() -> None:

@@ -21,8 +21,9 @@ _FAULTS = (yaml.YAMLError, RecursionError, ArithmeticError, AttributeError, Look
 
 MOST_LEVELS = 1000
 """Most levels of nesting; libyaml's parser of trees ends the process at some 20,000."""
-_MAY_BE_DEEP = re.compile(rf"^[ \-?:\0]{{{MOST_LEVELS // 2}}}", re.MULTILINE)
-"""A line that begins so far right, or with so many indicators, as deep blocks need."""
+_MAY_BE_DEEP = re.compile(rf"(?<![ \-?:\0])[ \-?:\0]{{{MOST_LEVELS // 2}}}")
+"""So many spaces and indicators as deep blocks need before a value, wherever YAML sees a new line:
+also after a lone carriage return, U+0085, U+2028, U+2029 and a byte order mark."""
 
 
 def check_depth(content: str | bytes) -> None:
