@@ -12,6 +12,7 @@ from robovast.analysis.provenance.query import Answer, Graphs, query_names, read
 from robovast.analysis.provenance.vocabulary import PREFIXES
 from robovast.base.errors import InputError
 from robovast.base.file_errors import reading
+from robovast.base.printable import printable_json
 from robovast.campaign.finding import find_campaigns
 from robovast_cli.ui.listing import format_table
 from robovast_cli.ui.output import say_data
@@ -61,7 +62,7 @@ def _print_json(answer: Answer, graphs: Graphs) -> None:
         json.dumps(dict(zip(answer.columns, row, strict=True)), ensure_ascii=False)
         for row in answer
     )
-    say_data("[\n" + ",\n".join(lines) + "\n]\n")
+    say_data(printable_json("[\n" + ",\n".join(lines) + "\n]\n"))
 
 
 def _print_table(answer: Answer, graphs: Graphs) -> None:

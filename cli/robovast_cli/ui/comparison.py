@@ -9,6 +9,7 @@ from dataclasses import asdict
 from typing import Literal
 
 from robovast.base.errors import ExitCode
+from robovast.base.printable import printable_json
 from robovast.base.statistics import percent
 from robovast.campaign.junit import Case, Outcome, Suite, report_text
 from robovast.evaluation.compare import Comparison, VariantDifference
@@ -72,7 +73,7 @@ def _outcome(change: str) -> Outcome:
 
 def _json(base: str, new: str, found: Comparison) -> str:
     data = {"base": base, "new": new, "result": found.result, **asdict(found)}
-    return json.dumps(data, indent=1, ensure_ascii=False) + "\n"
+    return printable_json(json.dumps(data, indent=1, ensure_ascii=False)) + "\n"
 
 
 def _text(base: str, new: str, found: Comparison) -> str:

@@ -12,7 +12,7 @@ from itertools import zip_longest
 from textwrap import wrap
 from typing import Any, Literal
 
-from robovast.base.printable import one_line
+from robovast.base.printable import one_line, printable_json
 from robovast.base.serialization import dump_yaml
 from robovast.campaign.configurations import configuration_record
 from robovast.model.document import Document
@@ -78,7 +78,7 @@ def _names(variants: Sequence[Variant], internal: bool) -> str:
 
 def _json(variants: Sequence[Variant], internal: bool) -> str:
     lines = (_to_json(record(variant, internal=internal)) for variant in variants)
-    return "[\n" + ",\n".join(lines) + "\n]\n"
+    return printable_json("[\n" + ",\n".join(lines) + "\n]\n")
 
 
 def _yaml(variants: Sequence[Variant], internal: bool) -> str:

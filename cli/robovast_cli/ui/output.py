@@ -40,8 +40,12 @@ def _coloured(found: re.Match[str]) -> str:
 
 
 def say_data(text: str) -> None:
-    """Print what programs read: as it is, but to a terminal as it can be shown there."""
-    sys.stdout.write(printable(text) if sys.stdout.isatty() else text)
+    """Print what programs read: to a terminal as it can be shown there, otherwise as it is.
+
+    Lone surrogates, which no encoding has, are written as `\\ud800` everywhere.
+    """
+    encodable = text.encode("utf-8", "backslashreplace").decode()
+    sys.stdout.write(printable(text) if sys.stdout.isatty() else encodable)
 
 
 def asked(question: str, *, default: bool) -> bool:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal
 
 from robovast.analysis.tables.query import Answer
+from robovast.base.printable import printable_json
 from robovast_cli.ui.listing import format_table
 from robovast_cli.ui.output import say_data
 
@@ -45,7 +46,7 @@ def _print_json(answer: Answer) -> None:
         )
         for row in answer.rows
     )
-    say_data("[\n" + ",\n".join(lines) + "\n]\n")
+    say_data(printable_json("[\n" + ",\n".join(lines) + "\n]\n"))
 
 
 def _jsonable(value: Any) -> Any:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+from robovast.base.printable import printable_json
 from robovast.base.statistics import LEVEL, interval_text, percent
 from robovast.campaign.failure_groups import FailureGroup
 from robovast.campaign.verdict import Verdict
@@ -69,7 +70,7 @@ def _json(findings: Findings) -> str:
         "effects": [asdict(effect) for effect in findings.effects],
         "configurations": [asdict(variant) for variant in rates.configurations],
     }
-    return json.dumps(data, indent=1, ensure_ascii=False) + "\n"
+    return printable_json(json.dumps(data, indent=1, ensure_ascii=False)) + "\n"
 
 
 def _text(findings: Findings, worst: int) -> str:

@@ -113,3 +113,23 @@ def test_several_campaigns_must_be_named_and_one_without_runs_says_nothing(vast,
     empty = vast("results", "summary", "other-2026-03-05-132444")
     assert empty.code == 2
     assert "other-2026-03-05-132444 has no stored run yet" in empty.err
+
+
+HOSTILE = "cut \ud800, cleared \x9b2J, turned \u202e round"
+
+
+@pytest.mark.parametrize("is_terminal", [False, True])
+def test_a_hostile_reason_is_shown_and_not_obeyed(
+    vast, results, monkeypatch: pytest.MonkeyPatch, is_terminal: bool
+) -> None:
+    for number in range(30):
+        file = results / NAME / "hall-3" / str(number) / "run.json"
+        file.write_text(json.dumps(json.loads(file.read_text()) | {"reason": HOSTILE}))
+    monkeypatch.setattr("sys.stdout.isatty", lambda: is_terminal)
+    text, data = (vast("results", "summary", NAME, "-o", form) for form in ("text", "json"))
+    assert (text.code, data.code) == (0, 0)
+    for out in (text.out, data.out):
+        assert not {"\ud800", "\x9b", "\u202e"} & set(out)
+    assert json.loads(data.out)["configurations"][0]["reason"] == HOSTILE
+    assert vast("results", "junit", NAME, "report.xml").code == 0
+    assert vast("results", "compare", NAME, NAME, "--markdown", "report.md").code == 0
