@@ -13,7 +13,7 @@ from robovast.agent.bucket import Bucket
 from robovast.agent.container_control import RunContainer
 from robovast.agent.job_files import prepare_later_job
 from robovast.agent.mounts import Folders
-from robovast.agent.pack import Pack, PodJob, read_pack
+from robovast.agent.pack import Pack, PodStart, read_pack
 from robovast.agent.pod_process import follow_job
 from robovast.agent.results import Results
 from robovast.agent.silence import SILENT, Silence
@@ -110,7 +110,7 @@ class _Keeper:
     def run_over(self, ended: EndedRun) -> None:
         self._background.do(lambda: self._store_run(ended, self._folders.out / JOBS))
 
-    def job_over(self, job: PodJob, folder: Path, last: EndedRun | None) -> None:
+    def job_over(self, job: PodStart, folder: Path, last: EndedRun | None) -> None:
         self._background.do(lambda: self._results.store_job(job, folder))
         if last is not None:
             self._background.do(lambda: self._store_run(last, None))

@@ -18,13 +18,13 @@ from robovast.base.ranges import format_ranges, spans
 from robovast.campaign.records import EndedRun
 from robovast.campaign.verdict import TestResult, Verdict
 from robovast.execution.job_config import parameter_documents
-from robovast.model.plan import Job
+from robovast.model.plan import PackStart
 
 MOST_STARTS = 20
 """How many pods may start a run without storing it."""
 
 
-def claim_job(bucket: Bucket, pack: Pack, job: Job) -> int:
+def claim_job(bucket: Bucket, pack: Pack, job: PackStart) -> int:
     """Claim a job for this pod alone, and return its number.
 
     Raises:
@@ -63,5 +63,5 @@ def hopeless(bucket: Bucket, pack: Pack) -> EndedRun | None:
     return EndedRun(last, job.runs[0], Path(), result, (now, now), None)
 
 
-def _task(pack: Pack, job: Job) -> str:
+def _task(pack: Pack, job: PackStart) -> str:
     return f"attempt {pack.attempt}, runs {format_ranges(spans(run.id for run in job.runs))}"

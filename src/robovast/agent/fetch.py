@@ -31,7 +31,7 @@ from robovast.model.document import Document
 from robovast.model.document.model import merge_pairs
 from robovast.model.expansion import Variant
 from robovast.model.inputs import container_files
-from robovast.model.plan import Job, Run, planned_run
+from robovast.model.plan import PackStart, Run, planned_run
 from robovast.model.quantities import machine_cpus, machine_memory
 from robovast.model.scenario import read_scenario
 
@@ -149,7 +149,7 @@ def _without_files(run: Run) -> Run:
     return dataclasses.replace(run, variant=light)
 
 
-def _environment(campaign: Campaign, document: Document, job: Job) -> dict[str, str]:
+def _environment(campaign: Campaign, document: Document, job: PackStart) -> dict[str, str]:
     plan, execution = campaign.plan, document.vast.execution
     return job_environment(
         job,
@@ -176,4 +176,4 @@ def _build_config(campaign: Campaign, document: Document, pack: Pack, left: Sequ
         copy_file(document.folder / path, common / path)
     for script in (*contract_files(), START):
         copy_file(script, common / script.name)
-    build_config_folder(folders.config, common, Job(0, tuple(left)), pack.scenario)
+    build_config_folder(folders.config, common, PackStart(0, tuple(left)), pack.scenario)

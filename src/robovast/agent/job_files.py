@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Mapping
 
 from robovast.agent.mounts import Folders
-from robovast.agent.pack import Pack, PodJob
+from robovast.agent.pack import Pack, PodStart
 from robovast.base import safe_paths
 from robovast.campaign.layout import JOBS, LOGS, Layout
 from robovast.execution.job_config import (
@@ -20,7 +20,7 @@ from robovast.execution.job_config import (
 ENVIRONMENT_FILE = "environment.sh"
 
 
-def prepare_output(folders: Folders, job: PodJob) -> None:
+def prepare_output(folders: Folders, job: PodStart) -> None:
     """Create the folders that a job writes to, in place of those of earlier jobs."""
     out = folders.out
     out.mkdir(parents=True, exist_ok=True)
@@ -36,7 +36,7 @@ def write_environment(folders: Folders, environment: Mapping[str, str]) -> None:
     (folders.config / ENVIRONMENT_FILE).write_text("".join(lines), encoding="utf-8")
 
 
-def prepare_later_job(folders: Folders, pack: Pack, job: PodJob) -> None:
+def prepare_later_job(folders: Folders, pack: Pack, job: PodStart) -> None:
     """Replace the inputs of the job before by those of this one."""
     parameters = parameter_documents(job, pack.scenario)
     (folders.config / PARAMETER_FILE).write_text(parameters, encoding="utf-8")

@@ -11,12 +11,12 @@ from typing import Any
 from robovast.campaign.verdict import Verdict
 from robovast.model.expansion.variant import Variant
 from robovast.model.packs import Owner
-from robovast.model.plan import Job, Run
+from robovast.model.plan import PackStart, Run
 from robovast.model.scenario import Scenario, ScenarioParameter
 
 
 @dataclass(frozen=True, slots=True)
-class PodJob(Job):
+class PodStart(PackStart):
     """Runs of a pack that one start of the entrypoint executes."""
 
     own_name: str = ""
@@ -61,18 +61,18 @@ class Pack:
         return tuple(run for run in self.runs if run.id not in self.done)
 
     @property
-    def first(self) -> PodJob | None:
+    def first(self) -> PodStart | None:
         """The first job; None when nothing is left to run."""
         return self.job(1, self.left) if self.left else None
 
-    def job(self, number: int, runs: tuple[Run, ...]) -> PodJob:
+    def job(self, number: int, runs: tuple[Run, ...]) -> PodStart:
         """A job of the pod.
 
         Args:
             number: 1, 2, … in the pod.
             runs: what it executes.
         """
-        return PodJob(number, runs, self.job_name(self.first_job + number - 1))
+        return PodStart(number, runs, self.job_name(self.first_job + number - 1))
 
     def job_name(self, number: int) -> str:
         """Name of the `number`-th job of the pack."""

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from robovast.agent.container_control import RunContainer
 from robovast.agent.mounts import Folders
-from robovast.agent.pack import PodJob
+from robovast.agent.pack import PodStart
 from robovast.agent.silence import Silence
 from robovast.base import safe_paths
 from robovast.base.backoff import wait_until
@@ -18,8 +18,8 @@ from robovast.base.stopwatch import Stopwatch
 from robovast.campaign.judge import Ending
 from robovast.campaign.layout import JOBS, RUNNING, SYSTEM_LOG, Layout
 from robovast.campaign.records import EndedRun
-from robovast.execution.progress import JobOutput, keep_the_rest
-from robovast.execution.watch import POLL, JobWatch
+from robovast.execution.progress import PackOutput, keep_the_rest
+from robovast.execution.watch import POLL, PackWatch
 from robovast.model.plan import Run
 
 START_PATIENCE = 300.0
@@ -40,7 +40,7 @@ class Receiver(Protocol):
     def run_over(self, ended: EndedRun) -> None:
         """A run is finished, its job continues."""
 
-    def job_over(self, job: PodJob, folder: Path, last: EndedRun | None) -> None:
+    def job_over(self, job: PodStart, folder: Path, last: EndedRun | None) -> None:
         """A job is finished: its output outside of runs, and its last run."""
 
     def check(self) -> None:
@@ -106,7 +106,7 @@ class PodProcess:
 
 def follow_job(
     folders: Folders,
-    job: PodJob,
+    job: PodStart,
     timeout: int | None,
     secondaries: tuple[str, ...],
     receiver: Receiver,
@@ -117,7 +117,7 @@ def follow_job(
 
     Returns None if this pod cannot continue.
     """
-    output = JobOutput(folders.out, Layout(folders.out).job(job.name), folders.out)
+    output = PackOutput(folders.out, Layout(folders.out).job(job.name), folders.out)
 
     def check() -> None:
         receiver.check()
@@ -125,7 +125,7 @@ def follow_job(
 
     container, stored = RunContainer(folders), folders.stored / job.name
     process = PodProcess(container, job.index, is_stopping, check)
-    watch = JobWatch(process, job, output, stored, timeout, receiver.run_over)
+    watch = PackWatch(process, job, output, stored, timeout, receiver.run_over)
     ending = watch.follow()
     silence.end()
     if ending.interrupted:
@@ -136,7 +136,7 @@ def follow_job(
     return None if watch.left and container.exit_code(job.index) is None else watch.left
 
 
-def _keep(folders: Folders, output: JobOutput, kept: Path) -> Path:
+def _keep(folders: Folders, output: PackOutput, kept: Path) -> Path:
     """Move the output of a finished job outside of runs out of the next job's reach."""
     safe_paths.make_folder(output.own, folders.out)  # the job may have removed it
     safe_paths.move(output.own, folders.out, kept, folders.work)

@@ -24,7 +24,7 @@ from robovast.campaign.records import Circumstances, EndedRun, make_record
 from robovast.campaign.run_files import MOST_TOLD, StoredFile, Writer, escaped
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
-from robovast.model.plan import Job
+from robovast.model.plan import PackStart
 
 RUNTIME = "kubernetes"
 """Name of this runtime in run.json."""
@@ -103,7 +103,7 @@ class Results:
         )
         return make_record(ended, circumstances)
 
-    def store_job(self, job: Job, folder: Path) -> None:
+    def store_job(self, job: PackStart, folder: Path) -> None:
         """Store what a finished job left beside its runs, and remove its folder."""
         prefix = f"{JOBS}/{self._name(job)}/"
         there = Keys(item.key for item in self._bucket.store.objects(self._bucket.name, prefix))
@@ -117,7 +117,7 @@ class Results:
             self._bucket.store.put_bytes(self._bucket.name, prefix + MISSING, told.encode())
         _remove(folder)
 
-    def store_snapshot(self, job: Job, folder: Path) -> None:
+    def store_snapshot(self, job: PackStart, folder: Path) -> None:
         """Store the small files of a running job periodically."""
         if time.monotonic() < self._next_snapshot:
             return
@@ -130,7 +130,7 @@ class Results:
                     self._bucket.store.put(self._bucket.name, prefix + escaped(path), file)
         self._next_snapshot = time.monotonic() + SNAPSHOT_INTERVAL
 
-    def _name(self, job: Job) -> str:
+    def _name(self, job: PackStart) -> str:
         """Name of a job in the bucket: `fetch` has claimed the pod's first one."""
         if job.index == 1:
             return job.name

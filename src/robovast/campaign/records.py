@@ -8,14 +8,14 @@ from pathlib import Path
 
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import TestResult
-from robovast.model.plan import Job, Run
+from robovast.model.plan import PackStart, Run
 
 
 @dataclass(frozen=True)
 class EndedRun:
     """A run that is over, out of its job's reach."""
 
-    job: Job
+    job: PackStart
     run: Run
     folder: Path
     """What it wrote; need not exist."""

@@ -11,7 +11,7 @@ from typing import Any
 
 from robovast.base.serialization import dump_yaml_documents
 from robovast.campaign.layout import JOBS
-from robovast.model.plan import Job, Run
+from robovast.model.plan import PackStart, Run
 from robovast.model.scenario import SEED, Scenario
 
 PARAMETER_FILE = "scenario.params.yaml"
@@ -20,23 +20,23 @@ SEEDS_FILE = "scenario.seeds.json"
 SEED_VARIABLE = "ROBOVAST_SEED"
 
 
-def is_pack(job: Job) -> bool:
+def is_pack(job: PackStart) -> bool:
     """Whether a job has several runs, each with its own output folder."""
     return len(job.runs) > 1
 
 
-def parameter_documents(job: Job, scenario: Scenario) -> str:
+def parameter_documents(job: PackStart, scenario: Scenario) -> str:
     """One YAML document per run: `{scenario: {parameter: value, _output_dir: …}}`."""
     return dump_yaml_documents({scenario.name: _parameters(job, run, scenario)} for run in job.runs)
 
 
-def _parameters(job: Job, run: Run, scenario: Scenario) -> dict[str, Any]:
+def _parameters(job: PackStart, run: Run, scenario: Scenario) -> dict[str, Any]:
     given = {k: v for k, v in run.variant.parameters.items() if not k.startswith("_")}
     seed = {SEED: run.seed} if scenario.takes_seed and run.seed is not None else {}
     return {**seed, **given, "_output_dir": run.path if is_pack(job) else "."}
 
 
-def build_config_folder(folder: Path, common: Path, job: Job, scenario: Scenario) -> None:
+def build_config_folder(folder: Path, common: Path, job: PackStart, scenario: Scenario) -> None:
     """Fill a job's config folder with links to shared files and copies of its variants' files.
 
     Args:
@@ -65,7 +65,7 @@ def link_or_copy(source: str, target: str) -> None:
 
 
 def job_environment(
-    job: Job,
+    job: PackStart,
     *,
     campaign: str,
     scenario_file: str,
@@ -108,7 +108,7 @@ def job_environment(
     return environment | {name: value for name, value in settings.items() if value}
 
 
-def own_environment(job: Job, out_dir: str) -> dict[str, str]:
+def own_environment(job: PackStart, out_dir: str) -> dict[str, str]:
     """The part of a job's environment that is not that of all jobs: output folders and seed.
 
     What serves several runs, such as a secondary container, has none of their seeds.

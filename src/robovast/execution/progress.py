@@ -17,7 +17,7 @@ _LOG_END = 256 << 10
 
 
 @dataclass(frozen=True)
-class JobOutput:
+class PackOutput:
     """A job's output, which it may change at any time; links in it are never followed."""
 
     out: Path

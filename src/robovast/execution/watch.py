@@ -11,8 +11,8 @@ from robovast.base.stopwatch import Stopwatch
 from robovast.campaign.judge import Ending, judge
 from robovast.campaign.records import EndedRun
 from robovast.campaign.verdict import Verdict, read_test_result
-from robovast.execution.progress import JobOutput
-from robovast.model.plan import Job, Run
+from robovast.execution.progress import PackOutput
+from robovast.model.plan import PackStart, Run
 
 POLL = 0.1
 """Interval of checking a running job [s]."""
@@ -56,12 +56,12 @@ def final_ending(
 
 
 @dataclass
-class JobWatch:
+class PackWatch:
     """Watches one job from its start to its end."""
 
     process: Process
-    job: Job
-    output: JobOutput
+    job: PackStart
+    output: PackOutput
     stored: Path
     """Folder for finished runs that the job cannot access."""
     timeout: int | None

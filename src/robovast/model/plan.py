@@ -35,8 +35,8 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
-    """A pack: runs that are executed one after the other by one start of the containers."""
+class PackStart:
+    """Runs of a pack that one start of its containers executes, one after the other."""
 
     index: int
     runs: tuple[Run, ...]
@@ -96,11 +96,11 @@ def block_runs(
     return [planned_run(plan, variants, first + i, seed) for i in range(block.size)]
 
 
-def pack_runs(plan: PlanSpec, runs: Iterable[Run], first_job: int = 0) -> list[Job]:
-    """Group runs of a plan, in order, into jobs: each executes one pack."""
+def pack_runs(plan: PlanSpec, runs: Iterable[Run], first_job: int = 0) -> list[PackStart]:
+    """Group runs of a plan, in order, into packs, each to be started once."""
     by_id = {run.id: run for run in runs}
     packs = enumerate(plan.packed(by_id), first_job)
-    return [Job(index, tuple(map(by_id.__getitem__, pack))) for index, pack in packs]
+    return [PackStart(index, tuple(map(by_id.__getitem__, pack))) for index, pack in packs]
 
 
 def breaks(variants: Sequence[Variant]) -> list[int]:

@@ -16,7 +16,7 @@ from robovast.agent.container_control import RunContainer
 from robovast.agent.fetch import START
 from robovast.agent.job_files import prepare_output, write_environment
 from robovast.agent.mounts import Folders
-from robovast.agent.pack import Pack, PodJob, read_pack
+from robovast.agent.pack import Pack, PodStart, read_pack
 from robovast.agent.pod_process import follow_job
 from robovast.agent.silence import Silence
 from robovast.campaign.records import EndedRun
@@ -158,7 +158,7 @@ class Received:
     def run_over(self, ended: EndedRun) -> None:
         self.ended.append(ended)
 
-    def job_over(self, job: PodJob, folder: Path, last: EndedRun | None) -> None:
+    def job_over(self, job: PodStart, folder: Path, last: EndedRun | None) -> None:
         self.ended += [last] if last else []
 
     def check(self) -> None: ...

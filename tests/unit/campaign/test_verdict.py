@@ -9,7 +9,7 @@ import pytest
 from robovast.campaign.records import Circumstances, EndedRun, make_record
 from robovast.campaign.verdict import Verdict, read_test_result
 from robovast.model.expansion import Variant
-from robovast.model.plan import Job, Run
+from robovast.model.plan import PackStart, Run
 
 SUITE = '<testsuite errors="{e}" failures="{f}" tests="1" time="1.5">{case}</testsuite>'
 START = '<property name="start_time" value="1772634122.5"/>'
@@ -186,7 +186,7 @@ def test_times_that_are_large_can_be_added(tmp_path: Path) -> None:
     circumstances = Circumstances("c", 1, "job-0", "docker", "i", "", "h")
     run = Run(0, Variant("v", "v", {}), 0)
     result = result_of(tmp_path, suite)
-    ended = EndedRun(Job(0, (run,)), run, tmp_path, result, (0.0, 1.0), 0)
+    ended = EndedRun(PackStart(0, (run,)), run, tmp_path, result, (0.0, 1.0), 0)
     record = make_record(ended, circumstances)
     assert record.finished_at.startswith("2514-")
 

@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from robovast.execution.progress import JobOutput, keep_the_rest
+from robovast.execution.progress import PackOutput, keep_the_rest
 from robovast.model.expansion import Variant
 from robovast.model.plan import Run
 
@@ -29,7 +29,7 @@ def take_all(root: Path, modes: dict[str, int]) -> str:
     for name, mode in modes.items():
         (root / name).chmod(mode)
     run = Run(0, Variant("a", "a", {}), 0)
-    taken = JobOutput(out, own, own).take(run, stored)
+    taken = PackOutput(out, own, own).take(run, stored)
     keep_the_rest(out, own)
     assert (own / "out" / "rest").is_file()
     (taken / "job").symlink_to("own")
@@ -63,6 +63,6 @@ def test_runs_that_a_job_never_came_to_have_not_begun_for_the_next(
         if wrote:
             (out / run.path / "deep" / wrote).touch()
     keep_the_rest(out, own)
-    following = JobOutput(out, out / "_jobs" / "job-0-2", out)
+    following = PackOutput(out, out / "_jobs" / "job-0-2", out)
     assert not any(following.has_begun(run) for run in runs)
     assert not following.is_over(runs, 0)

@@ -9,7 +9,7 @@ import pytest
 
 from robovast.execution.job_config import own_environment, parameter_documents
 from robovast.model.expansion.variant import Variant
-from robovast.model.plan import Job, Run, plan_runs, plan_variants
+from robovast.model.plan import PackStart, Run, plan_runs, plan_variants
 from robovast.model.scenario import Scenario, read_scenario
 from robovast.model.seeds import LARGEST_SEED, draw_seed, run_seed
 
@@ -53,22 +53,22 @@ def scenario(tmp_path: Path, parameter: str) -> Scenario:
 
 @pytest.mark.parametrize("declared", ["seed: int = 1", "seed: uint", "seed: float = 0.5"])
 def test_a_scenario_that_declares_a_seed_gets_it(tmp_path: Path, declared: str) -> None:
-    job = Job(0, (Run(0, HALL, 0, 42),))
+    job = PackStart(0, (Run(0, HALL, 0, 42),))
     assert "seed: 42\n" in parameter_documents(job, scenario(tmp_path, declared))
 
 
 @pytest.mark.parametrize("declared", ["speed: float = 1.0", "seed: string", "seed: list of int"])
 def test_no_other_scenario_gets_one(tmp_path: Path, declared: str) -> None:
-    job = Job(0, (Run(0, HALL, 0, 42),))
+    job = PackStart(0, (Run(0, HALL, 0, 42),))
     assert "seed" not in parameter_documents(job, scenario(tmp_path, declared))
 
 
 def test_a_seed_that_the_document_sets_stays(tmp_path: Path) -> None:
-    job = Job(0, (Run(0, Variant("a", "a", {"seed": 5}), 0, 42),))
+    job = PackStart(0, (Run(0, Variant("a", "a", {"seed": 5}), 0, 42),))
     assert "seed: 5\n" in parameter_documents(job, scenario(tmp_path, "seed: int = 1"))
 
 
 def test_what_serves_several_runs_has_the_seed_of_none() -> None:
     runs = (Run(0, HALL, 0, 42), Run(1, HALL, 1, 0))
-    assert "ROBOVAST_SEED" not in own_environment(Job(0, runs), "/out")
-    assert own_environment(Job(0, runs[1:]), "/out")["ROBOVAST_SEED"] == "0"
+    assert "ROBOVAST_SEED" not in own_environment(PackStart(0, runs), "/out")
+    assert own_environment(PackStart(0, runs[1:]), "/out")["ROBOVAST_SEED"] == "0"

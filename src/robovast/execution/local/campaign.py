@@ -21,12 +21,12 @@ from robovast.execution.contract import contract_files
 from robovast.execution.generate import copy_file
 from robovast.execution.local.controller_log import logged
 from robovast.execution.local.events import Observer, Summary
-from robovast.execution.local.job_execution import JobExecution
+from robovast.execution.local.pack_execution import PackExecution
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, finished_runs
 from robovast.model.inputs import container_files
 from robovast.model.packs import PlanSpec
-from robovast.model.plan import Job, Run, pack_runs
+from robovast.model.plan import PackStart, Run, pack_runs
 
 
 def execute_campaign(
@@ -131,7 +131,7 @@ class _CampaignExecution:
         self._drain = Event()
         self._lock = Lock()
         self._next_job = _first_free_job(session.layout)
-        self._jobs: deque[Job] = deque()
+        self._jobs: deque[PackStart] = deque()
         self._add(todo)
         self._failure: BaseException | None = None
         self._interrupted = False
@@ -168,7 +168,7 @@ class _CampaignExecution:
 
     def _work(self) -> None:
         while (job := self._take()) is not None:
-            execution = JobExecution(
+            execution = PackExecution(
                 self._session, job, self._stop, self._report_started, self._report_finished
             )
             try:
@@ -180,7 +180,7 @@ class _CampaignExecution:
             if left and not self._stop.is_set():
                 self._add(left)
 
-    def _take(self) -> Job | None:
+    def _take(self) -> PackStart | None:
         with self._lock:
             if self._stop.is_set() or self._drain.is_set() or not self._jobs:
                 return None

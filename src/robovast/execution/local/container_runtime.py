@@ -19,7 +19,7 @@ from robovast.execution.contract import CONFIG, OUT
 from robovast.execution.local import process_tree
 from robovast.execution.local.docker_compose import MAIN, compose_model, run_options
 from robovast.execution.local.events import LocalOptions
-from robovast.execution.local.runtime import Identity, JobSpec
+from robovast.execution.local.runtime import Identity, StartSpec
 
 X11_SOCKETS = Path("/tmp/.X11-unix")  # noqa: S108  # where X servers listen
 LABEL = "robovast.job"
@@ -53,7 +53,7 @@ class ContainerRuntime:
         check_compat(self._image, result.output.strip() if result.ok else None)
         return Identity(self._image, image_digest(self.name, self._image))
 
-    def start(self, spec: JobSpec, console: Path) -> subprocess.Popen[bytes]:
+    def start(self, spec: StartSpec, console: Path) -> subprocess.Popen[bytes]:
         """Start the job's containers; the process ends with the main container's exit code."""
         model = self._model(spec)
         if _is_alone(spec):
@@ -74,7 +74,7 @@ class ContainerRuntime:
         self._started[spec.token] = process
         return process
 
-    def stop(self, spec: JobSpec, process: subprocess.Popen[bytes], grace: float) -> None:
+    def stop(self, spec: StartSpec, process: subprocess.Popen[bytes], grace: float) -> None:
         """Stop the job's containers."""
         if _is_alone(spec):
             call([self.name, "stop", "--time", str(int(grace)), spec.token])
@@ -83,7 +83,7 @@ class ContainerRuntime:
         if not process_tree.wait(process, grace):
             process_tree.stop(process, 0)
 
-    def clean_up(self, spec: JobSpec) -> None:
+    def clean_up(self, spec: StartSpec) -> None:
         """Remove the job's containers; the engine removes single containers itself."""
         process = self._started.pop(spec.token, None)
         if not _is_alone(spec):
@@ -109,7 +109,7 @@ class ContainerRuntime:
             f"the compose plugin, or use `--runtime process`."
         )
 
-    def _model(self, spec: JobSpec) -> dict[str, Any]:
+    def _model(self, spec: StartSpec) -> dict[str, Any]:
         volumes = [
             f"{spec.config}:/config:ro",
             f"{spec.out}:/out",
@@ -132,19 +132,19 @@ class ContainerRuntime:
             labels={LABEL: spec.token.partition(".")[0]},
         )
 
-    def _run_compose(self, spec: JobSpec, *command: str) -> None:
+    def _run_compose(self, spec: StartSpec, *command: str) -> None:
         call([*self._project(spec), *command])
 
-    def _project(self, spec: JobSpec) -> list[str]:
+    def _project(self, spec: StartSpec) -> list[str]:
         """The compose command line for a job's project."""
         name = spec.token.replace(".", "-")
         return [*self._compose, "-p", name, "-f", str(self._compose_file(spec))]
 
-    def _compose_file(self, spec: JobSpec) -> Path:
+    def _compose_file(self, spec: StartSpec) -> Path:
         return spec.work / "compose.yaml"
 
 
-def _is_alone(spec: JobSpec) -> bool:
+def _is_alone(spec: StartSpec) -> bool:
     """Whether a job has a single container, which needs no compose."""
     return not spec.secondaries and not spec.limits.gpus
 

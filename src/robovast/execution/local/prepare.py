@@ -28,7 +28,7 @@ from robovast.execution.local.variants import campaign_seed, choose_variants
 from robovast.model.document import Document
 from robovast.model.inputs import container_files
 from robovast.model.naming import campaign_prefix
-from robovast.model.plan import Job, pack_runs, plan_runs, plan_variants
+from robovast.model.plan import PackStart, pack_runs, plan_runs, plan_variants
 
 _TEMPLATE = Path(__file__).with_name("run.sh.in")
 
@@ -92,7 +92,7 @@ def _make_room(output: Path) -> None:
 
 
 def _write_jobs(
-    document: Document, options: LocalOptions, output: Path, jobs: list[Job], scratch: Path
+    document: Document, options: LocalOptions, output: Path, jobs: list[PackStart], scratch: Path
 ) -> None:
     common = scratch / "common"
     for path in container_files(document):
@@ -110,7 +110,7 @@ def _write_jobs(
         (folder / "compose.yaml").write_text(compose_file, encoding="utf-8")
 
 
-def _compose_model(session: Session, job: Job, folder: Path) -> dict[str, Any]:
+def _compose_model(session: Session, job: PackStart, folder: Path) -> dict[str, Any]:
     """The job's compose file; values that `run.sh` determines are variables."""
     spec = session.spec(job, folder)
     model = compose_model(

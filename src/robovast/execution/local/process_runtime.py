@@ -13,7 +13,7 @@ from robovast.execution.compat import check_compat
 from robovast.execution.contract import CONFIG, OUT
 from robovast.execution.local import process_tree
 from robovast.execution.local.process_environment import VERSION_FILE, process_environment
-from robovast.execution.local.runtime import Identity, JobSpec
+from robovast.execution.local.runtime import Identity, StartSpec
 from robovast.execution.local.sandbox import Sandbox, find_sandbox
 
 _INHERITED = ("HOME", "LANG", "LC_ALL", "LOGNAME", "TMPDIR", "TZ", "USER")
@@ -44,7 +44,7 @@ class ProcessRuntime:
         self._isolate(folder)
         return Identity(image=f"process:{folder.name}", digest="")
 
-    def start(self, spec: JobSpec, console: Path) -> subprocess.Popen[bytes]:
+    def start(self, spec: StartSpec, console: Path) -> subprocess.Popen[bytes]:
         """Start the main entrypoint, and one for each secondary container."""
         if self._sandbox is None:
             _localize_scenario(spec)
@@ -67,12 +67,12 @@ class ProcessRuntime:
         ]
         return main
 
-    def stop(self, spec: JobSpec, process: subprocess.Popen[bytes], grace: float) -> None:
+    def stop(self, spec: StartSpec, process: subprocess.Popen[bytes], grace: float) -> None:
         """End the main process; `clean_up` ends the rest."""
         del spec
         self._end(process, grace)
 
-    def clean_up(self, spec: JobSpec) -> None:
+    def clean_up(self, spec: StartSpec) -> None:
         """End the secondary processes and everything that the scenario left running."""
         for process in self._secondaries.pop(spec.token, []):
             self._end(process, grace=2.0)
@@ -102,7 +102,7 @@ class ProcessRuntime:
         )
 
     def _spawn(
-        self, spec: JobSpec, script: str, environment: Mapping[str, str], console: Path
+        self, spec: StartSpec, script: str, environment: Mapping[str, str], console: Path
     ) -> subprocess.Popen[bytes]:
         command = ["bash", f"{environment['ROBOVAST_CONFIG_DIR']}/{script}"]
         if self._sandbox is not None:
@@ -124,7 +124,7 @@ class ProcessRuntime:
         else:
             process_tree.stop_launched(process, grace)
 
-    def _process_environment(self, spec: JobSpec) -> dict[str, str]:
+    def _process_environment(self, spec: StartSpec) -> dict[str, str]:
         assert self._environment is not None, "check() comes first"  # noqa: S101
         path = f"{self._environment}/bin:{os.environ.get('PATH', os.defpath)}"
         inherited = {name: os.environ[name] for name in _INHERITED if name in os.environ}
@@ -138,7 +138,7 @@ class ProcessRuntime:
         }
 
 
-def _mounts(spec: JobSpec) -> dict[str, Path]:
+def _mounts(spec: StartSpec) -> dict[str, Path]:
     """Mounts of a job's processes, which share memory like the containers of a pod."""
     shared = {"/dev/shm": _shared_memory(spec.token)} if spec.secondaries else {}  # noqa: S108
     return {CONFIG: spec.config, OUT: spec.out, spec.environment["OUTPUT_DIR"]: spec.job, **shared}
@@ -148,7 +148,7 @@ def _shared_memory(token: str) -> Path:
     return _SHARED_MEMORY / token
 
 
-def _localize_scenario(spec: JobSpec) -> None:
+def _localize_scenario(spec: StartSpec) -> None:
     """Replace `/config` and `/out` in a scenario by the actual paths."""
     scenario = spec.config / spec.environment["SCENARIO_FILE"]
     folders = {"config": str(spec.config), "out": str(spec.out)}

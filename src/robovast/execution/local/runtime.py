@@ -27,7 +27,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class JobSpec:
+class StartSpec:
     """Everything that is needed to start a job."""
 
     token: str
@@ -74,13 +74,13 @@ class Runtime(Protocol):
             CannotRunError: runs cannot be started; the message gives cause and remedy.
         """
 
-    def start(self, spec: JobSpec, console: Path) -> subprocess.Popen[bytes]:
+    def start(self, spec: StartSpec, console: Path) -> subprocess.Popen[bytes]:
         """Start a job; the returned process ends with the job's main container."""
 
-    def stop(self, spec: JobSpec, process: subprocess.Popen[bytes], grace: float) -> None:
+    def stop(self, spec: StartSpec, process: subprocess.Popen[bytes], grace: float) -> None:
         """Stop all processes of a running job."""
 
-    def clean_up(self, spec: JobSpec) -> None:
+    def clean_up(self, spec: StartSpec) -> None:
         """Remove everything that a job left running, however it ended."""
 
     def clean_up_campaign(self, prefix: str) -> None:

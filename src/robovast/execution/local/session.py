@@ -13,10 +13,10 @@ from pathlib import Path
 from robovast.campaign.layout import Layout
 from robovast.execution.job_config import job_environment
 from robovast.execution.local.events import LocalOptions
-from robovast.execution.local.runtime import Identity, JobSpec, Limits, Runtime
+from robovast.execution.local.runtime import Identity, Limits, Runtime, StartSpec
 from robovast.model.document import Document
 from robovast.model.document.model import Resources, merge_pairs
-from robovast.model.plan import Job
+from robovast.model.plan import PackStart
 from robovast.model.quantities import (
     cpus,
     machine_cpus,
@@ -90,11 +90,11 @@ class Session:
             return self.document.vast.execution.run_as_user
         return os.getuid() or DEFAULT_USER
 
-    def spec(self, job: Job, work: Path) -> JobSpec:
+    def spec(self, job: PackStart, work: Path) -> StartSpec:
         """The specification for starting a job in its work folder."""
         config, out, own = work / "config", work / "out", self.layout.job(job.name)
         unlimited = not self.options.enforce_resources
-        return JobSpec(
+        return StartSpec(
             token=f"{self.token}.{job.name}",
             work=work,
             config=config,
@@ -109,7 +109,7 @@ class Session:
             },
         )
 
-    def _environment(self, job: Job, config: Path, out: Path) -> Mapping[str, str]:
+    def _environment(self, job: PackStart, config: Path, out: Path) -> Mapping[str, str]:
         execution = self.document.vast.execution
         flags = {"-t": self.options.log_tree, "-d": self.options.debug}
         return job_environment(

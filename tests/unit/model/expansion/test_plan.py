@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from robovast.base.errors import InputError
 from robovast.model.expansion.variant import ConfigFile, Variant
-from robovast.model.plan import Job, pack_runs, plan_runs, plan_variants
+from robovast.model.plan import PackStart, pack_runs, plan_runs, plan_variants
 
 
 def variants(count: int) -> list[Variant]:
@@ -22,7 +22,7 @@ def test_runs_of_a_variant_stay_together() -> None:
     assert [run.id for run in runs] == list(range(6))
 
 
-def packed(some: list[Variant], runs: int, size: int, first_job: int = 0) -> list[Job]:
+def packed(some: list[Variant], runs: int, size: int, first_job: int = 0) -> list[PackStart]:
     plan = plan_variants(some, runs, size)
     return pack_runs(plan, plan_runs(plan, some), first_job)
 

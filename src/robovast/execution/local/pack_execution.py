@@ -18,12 +18,12 @@ from robovast.campaign.records import EndedRun
 from robovast.campaign.run_record import RunRecord
 from robovast.execution.job_config import build_config_folder, is_pack, parameter_documents
 from robovast.execution.local.process_tree import wait
-from robovast.execution.local.runtime import JobSpec, Runtime
+from robovast.execution.local.runtime import Runtime, StartSpec
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, store_run
-from robovast.execution.progress import JobOutput, keep_the_rest
-from robovast.execution.watch import JobWatch
-from robovast.model.plan import Job, Run
+from robovast.execution.progress import PackOutput, keep_the_rest
+from robovast.execution.watch import PackWatch
+from robovast.model.plan import PackStart, Run
 
 GRACE = 10.0
 """Time for a job to end by itself after a request [s]."""
@@ -40,7 +40,7 @@ class _Process:
     """What the runtime has started for a job."""
 
     runtime: Runtime
-    spec: JobSpec
+    spec: StartSpec
     stopping: Event
     popen: Popen[bytes]
     stopwatch: Stopwatch = field(default_factory=Stopwatch)
@@ -64,11 +64,11 @@ class _Process:
         wait(self.popen, seconds)
 
 
-class JobExecution:
+class PackExecution:
     """One execution of a job in its own work folder."""
 
     def __init__(
-        self, session: Session, job: Job, stop: Event, started: Started, finished: Finished
+        self, session: Session, job: PackStart, stop: Event, started: Started, finished: Finished
     ) -> None:
         self._session = session
         self._job = job
@@ -98,19 +98,19 @@ class JobExecution:
             self._keep_the_rest()
         return watch.left
 
-    def _watch(self) -> JobWatch:
+    def _watch(self) -> PackWatch:
         """Start the job."""
         runtime, spec = self._session.runtime, self._spec
         self._started(self._job.runs[0])
         process = _Process(runtime, spec, self._stop, runtime.start(spec, self._console))
-        output = JobOutput(spec.out, spec.job, spec.job, self._console)
+        output = PackOutput(spec.out, spec.job, spec.job, self._console)
         timeout = self._session.document.vast.execution.timeout
 
         def run_over(ended: EndedRun) -> None:
             self._store(ended)
             self._started(watch.left[0])
 
-        watch = JobWatch(process, self._job, output, self._work / "stored", timeout, run_over)
+        watch = PackWatch(process, self._job, output, self._work / "stored", timeout, run_over)
         return watch
 
     def _store(self, ended: EndedRun) -> None:

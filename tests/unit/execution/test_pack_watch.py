@@ -11,10 +11,10 @@ from robovast.base.stopwatch import Stopwatch
 from robovast.campaign.judge import Ending
 from robovast.campaign.records import EndedRun
 from robovast.campaign.verdict import Verdict
-from robovast.execution.progress import FINISHED_RUNS, JobOutput
-from robovast.execution.watch import JobWatch, final_ending
+from robovast.execution.progress import FINISHED_RUNS, PackOutput
+from robovast.execution.watch import PackWatch, final_ending
 from robovast.model.expansion import Variant
-from robovast.model.plan import Job, Run
+from robovast.model.plan import PackStart, Run
 
 RUNS = tuple(Run(number, Variant("v", "v", {}), number) for number in range(3))
 
@@ -55,9 +55,11 @@ class Place:
         self.own.mkdir()
         self.over: list[EndedRun] = []
 
-    def watch(self, process: Scripted, timeout: int | None = None) -> JobWatch:
-        output = JobOutput(self.out, self.own, self.own)
-        return JobWatch(process, Job(0, RUNS), output, self.stored, timeout, self.over.append)
+    def watch(self, process: Scripted, timeout: int | None = None) -> PackWatch:
+        output = PackOutput(self.out, self.own, self.own)
+        return PackWatch(
+            process, PackStart(0, RUNS), output, self.stored, timeout, self.over.append
+        )
 
     def writes(self, number: int, failed: bool = False) -> None:
         folder = self.out / RUNS[number].path
