@@ -2,15 +2,19 @@
 """How sure the statements about campaigns are, and how long a summary of a large one takes.
 
     python tests/bench/confidence.py [--campaigns 2000] [--runs 100000] [--pairs 400]
+                                      [--sequential 1000]
 
 Simulates campaigns whose true rates are known. Coverage: how often an interval that is looked at
 after every 5 of 100 runs misses the truth at least once, the anytime interval beside Wilson's.
 Gate: two campaigns of 20 configurations, 20 runs each, of which 70 % hardly fail, 10 % always and
 the others sometimes; in the second one each fails more often by 0, 5, 10 or 20 points. How often
 the gate says "worse": by Fisher's test, and by pairs where the seed decides what happens in nine of
-ten runs; and how often "more failed than before". Summary: `vast results summary` of a stored
-campaign of so many runs, beside reading its records alone (open, read, close), in turns; wall and
-CPU time.
+ten runs; and how often "more failed than before". Sequential: campaigns of 100 configurations, of
+which 70 are sound, 10 always fail and 20 fail in 5 to 20 % of all runs; how many runs a sequential
+test between 5 and 20 % saves beside 50 for each, and how often it is wrong about those that are
+sound or broken; and the same for robots exactly at the two rates. Summary: `vast results summary`
+of a stored campaign of so many runs, beside reading its records alone (open, read, close), in
+turns; wall and CPU time.
 """
 
 from __future__ import annotations
@@ -28,6 +32,7 @@ from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from robovast.base.sequential import SequentialTest, State
 from robovast.base.statistics import anytime, wilson
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.compare import compare
@@ -98,6 +103,52 @@ def found_worse(pairs: int, rise: float, rng: random.Random) -> dict[str, float]
         said["equal seeds"] += compare(base, alike).result == "worse"
         said["more failed"] += by_fisher.overall.b.bad > by_fisher.overall.a.bad
     return {method: count / pairs for method, count in said.items()}
+
+
+TEST = SequentialTest(good=0.05, bad=0.2, error=0.05, least=3, most=50)
+
+
+def runs_needed(campaigns: int, sound: float, rng: random.Random) -> dict[str, float]:
+    """Shares of runs saved, of wrong decisions, and of configurations that stay undecided.
+
+    Args:
+        campaigns: how many.
+        sound: highest rate of a sound configuration.
+        rng: of the campaigns.
+    """
+    runs, ends = 0, dict.fromkeys(State, 0)
+    wrong = {State.BROKEN: 0, State.SOUND: 0}
+    for _ in range(campaigns):
+        rates = [rng.uniform(0, sound) for _ in range(70)] + [1.0] * 10
+        rates += [rng.uniform(TEST.good, TEST.bad) for _ in range(20)]
+        for place, rate in enumerate(rates):
+            end = TEST.decide(rng.random() < rate for _ in range(50))
+            runs, ends[end.state] = runs + end.runs, ends[end.state] + 1
+            wrong[State.BROKEN] += place < 70 and end.state is State.BROKEN
+            wrong[State.SOUND] += 70 <= place < 80 and end.state is State.SOUND
+    return {
+        "runs saved": 1 - runs / campaigns / 100 / 50,
+        "sound called broken": wrong[State.BROKEN] / campaigns / 70,
+        "broken called sound": wrong[State.SOUND] / campaigns / 10,
+        "undecided": ends[State.UNDECIDED] / campaigns / 100,
+    }
+
+
+def wrong_at(rate: float, state: State, robots: int, rng: random.Random) -> float:
+    """Share of robots of a rate whose test ends in a state."""
+    ends = (TEST.decide(rng.random() < rate for _ in range(50)).state for _ in range(robots))
+    return sum(end is state for end in ends) / robots
+
+
+def measure_sequential(campaigns: int, rng: random.Random) -> None:
+    """Print what a sequential test saves, and how often it is wrong."""
+    print(f"{campaigns} campaigns with a sequential test; goals: 60 % saved, 5 % wrong")
+    for sound in (0.0, 0.01, 0.02, 0.05):
+        shares = runs_needed(campaigns, sound, rng).items()
+        told = ", ".join(f"{what} {share:.2%}" for what, share in shares)
+        print(f"sound ones fail in up to {sound:.0%}: {told}")
+    for rate, state in ((TEST.good, State.BROKEN), (TEST.bad, State.SOUND)):
+        print(f"{rate:.0%} called {state}: {wrong_at(rate, state, 100 * campaigns, rng):.2%}")
 
 
 def write_campaign(results: Path, variants: int, runs: int, rng: random.Random) -> Path:
@@ -185,6 +236,7 @@ def main() -> None:
     parser.add_argument("--campaigns", type=int, default=2000)
     parser.add_argument("--runs", type=int, default=100_000)
     parser.add_argument("--pairs", type=int, default=400)
+    parser.add_argument("--sequential", type=int, default=1000)
     arguments = parser.parse_args()
     rng = random.Random(1)  # noqa: S311
     print(f"{arguments.campaigns} campaigns looked at after every 5 of 100 runs; goal 5 %")
@@ -195,6 +247,7 @@ def main() -> None:
         shares = found_worse(arguments.pairs, points / 100, rng).items()
         told = ", ".join(f"{method} {share:.1%}" for method, share in shares)
         print(f"{points:2} points: {told}")
+    measure_sequential(arguments.sequential, rng)
     print(f"summary of {arguments.runs} runs; goal 2 s")
     measure_summary(arguments.runs, rng)
 

@@ -1,0 +1,106 @@
+"""Wald's sequential test: as many runs as it takes to tell a sound robot from a broken one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+from math import ceil, log
+
+
+class State(StrEnum):
+    """What runs show of a robot's failure rate."""
+
+    BROKEN = "broken"
+    UNDECIDED = "undecided"
+    SOUND = "sound"
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What a test says after some runs."""
+
+    state: State
+    runs: int
+    """Runs that it is based on."""
+    further: int
+    """Further runs that are needed whatever becomes of them; 0 when the test has ended."""
+
+    @property
+    def is_over(self) -> bool:
+        """Whether no further run is needed."""
+        return not self.further
+
+
+@dataclass(frozen=True, slots=True)
+class SequentialTest:
+    """Tells whether runs fail in at most `good` or in at least `bad` of all cases.
+
+    After each run it compares the likelihoods of the two rates and stops when one is more than
+    1 / `error` times the other. Under either rate the other's ratio is a martingale (below `good`
+    and above `bad` it sinks), so that by Ville's inequality it ever gets so large with a
+    probability of at most `error`: the error is kept however late the test may begin to stop, and
+    where it is cut off, which only turns decisions into `undecided`. Wald's own limits,
+    (1 - error) / error, would be narrower, and keep the sum of both errors only.
+    """
+
+    good: float
+    """Failure rate up to which a robot is sound."""
+    bad: float
+    """Failure rate from which on it is broken."""
+    error: float
+    """Probability of a wrong decision, for a sound robot as for a broken one."""
+    least: int = 1
+    """Runs before which nothing is decided."""
+    most: int | None = None
+    """Runs after which it is given up; None: never."""
+
+    def decide(self, outcomes: Iterable[bool | None]) -> Decision:
+        """The decision by the first runs that suffice, or by all of them.
+
+        Args:
+            outcomes: whether each run failed, by run number; None is no evidence.
+        """
+        runs = failed = passed = 0
+        decision = self.after(0, 0, 0)
+        for runs, outcome in enumerate(outcomes, 1):
+            if decision.is_over:
+                break
+            failed += outcome is True
+            passed += outcome is False
+            decision = self.after(runs, failed, passed)
+        return decision
+
+    def shortest(self, outcome: bool) -> int:
+        """Runs that it takes if all of them end alike: no decision of that kind is quicker."""
+        return self._least(outcome, 0.0)
+
+    def after(self, runs: int, failed: int, passed: int) -> Decision:
+        """The decision after runs of which so many failed and passed."""
+        weight = failed * self._failure - passed * self._success
+        if runs >= self.least and abs(weight) >= self._limit:
+            return Decision(State.BROKEN if weight > 0 else State.SOUND, runs, 0)
+        quickest = min(self._least(True, weight), self._least(False, weight))
+        further = max(1, self.least - runs, quickest)
+        if self.most is not None:
+            further = min(further, self.most - runs)
+        return Decision(State.UNDECIDED, runs, further)
+
+    def _least(self, outcome: bool, weight: float) -> int:
+        """Runs of one outcome that it takes from a logarithm of the ratio on."""
+        step = self._failure if outcome else self._success
+        return ceil((self._limit - (weight if outcome else -weight)) / step)
+
+    @property
+    def _limit(self) -> float:
+        return log(1 / self.error)
+
+    @property
+    def _failure(self) -> float:
+        """What a failure adds to the logarithm of the ratio."""
+        return log(self.bad / self.good)
+
+    @property
+    def _success(self) -> float:
+        """What a success takes off."""
+        return log((1 - self.good) / (1 - self.bad))
