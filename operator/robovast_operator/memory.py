@@ -127,6 +127,8 @@ class Memory:
     inputs: InputsCache = field(default_factory=InputsCache)
     pods: PodsCache = field(default_factory=PodsCache)
     queue: QueueCache = field(default_factory=QueueCache)
+    taken: set[str] = field(default_factory=set)
+    """Of `effects.job_maker`: names of the campaign's Jobs that others have taken."""
     witnessed: set[str] = field(default_factory=set)
     """Of `effects.witness`: uids of ended Jobs whose pods were read."""
     undelivered: set[str] = field(default_factory=set)

@@ -20,6 +20,7 @@ from robovast_operator.decide import (
 )
 from robovast_operator.effects.diagnose import PATIENCE, Diagnosis
 from robovast_operator.effects.inputs import Inputs
+from robovast_operator.effects.job_maker import JobMaker
 from robovast_operator.effects.notifier import Notifier
 from robovast_operator.effects.purge import Purge
 from robovast_operator.effects.queues import Queues
@@ -67,6 +68,7 @@ class Reconciler:
         self._notifier = Notifier(api, queue, settings, self._diagnosis)
         self._statuses = Statuses(api, store, queue, settings, self._notifier)
         self._queues = Queues(api, store, settings)
+        self._job_maker = JobMaker(api, store)
         self._purge = Purge(api, settings, self._diagnosis)
 
     def forget(self) -> None:
@@ -177,7 +179,8 @@ class Reconciler:
         await self._carry_out(obj, accepted, decision, memory)
         told = decision.status
         await self._show_configurations(obj, accepted, revisions[-1], told, additions.problems)
-        for delay in (snapshot.pods.again, snapshot.queue.again, decision.again):
+        foreign = REFUSED_DELAY if memory.taken else None  # no watch tells of others' Jobs
+        for delay in (snapshot.pods.again, snapshot.queue.again, decision.again, foreign):
             if delay is not None:
                 self._queue.add(accepted.identity.key, delay)
 
@@ -196,6 +199,7 @@ class Reconciler:
         suspended = accepted.spec.suspend
         motion = memory.pods.motion
         queue = await self._queues.findings(memory.queue, motion, jobs, suspended=suspended)
+        foreign = await self._job_maker.look_again(accepted.identity, memory.taken)
         return Snapshot(
             accepted=accepted,
             generation=obj["metadata"]["generation"],
@@ -205,6 +209,8 @@ class Reconciler:
             now=now(),
             pods=pods,
             queue=queue,
+            taken=frozenset(memory.taken),
+            foreign=foreign,
             withdrawn=await self._inputs.withdrawn(accepted, revisions, memory.inputs),
         )
 
@@ -248,14 +254,16 @@ class Reconciler:
             plan = identity.child("plan-compose")
             await self._inputs.prepare_composing(accepted, plan)
             name = tries.next_name
-            await self._create_job(task_job(accepted, self._settings, "compose", name, plan))
+            composing = task_job(accepted, self._settings, "compose", name, plan)
+            await self._job_maker.create(identity, composing, memory.taken)
         for job in tries.old:
             await self._api.delete(f"{paths.jobs(identity.namespace)}/{job.name}")
         pods = await self._diagnosis.findings(accepted, memory.pods, jobs)
         again = pods.again or self._settings.stall_seconds
-        self._queue.add(identity.key, again)
+        self._queue.add(identity.key, REFUSED_DELAY if memory.taken else again)
         speechless = Trouble(NO_WORD, tries.told) if ended and tries.told else None
-        await self._statuses.composing(obj, accepted, speechless or pods.trouble)
+        foreign = await self._job_maker.look_again(identity, memory.taken)
+        await self._statuses.composing(obj, accepted, foreign or speechless or pods.trouble)
         return None
 
     async def _composition(self, accepted: Accepted, job: JobState) -> Accepted | Rejected | None:
@@ -283,15 +291,16 @@ class Reconciler:
         namespace = accepted.identity.namespace
         match action:
             case CreateShard(shard):
-                await self._create_job(shard_job(accepted, self._settings, shard))
+                made = shard_job(accepted, self._settings, shard)
+                await self._job_maker.create(accepted.identity, made, memory.taken)
             case CreateTask("finish") if await self._diagnosis.hold_back(
                 accepted.identity, memory.pods
             ):
                 self._queue.add((namespace, accepted.identity.name), PAUSE)
             case CreateTask(command, name, plan):
                 seen = await self._witness.kept(accepted) if command == "finish" else ()
-                job = task_job(accepted, self._settings, command, name, plan, seen)
-                await self._create_job(job)
+                made = task_job(accepted, self._settings, command, name, plan, seen)
+                await self._job_maker.create(accepted.identity, made, memory.taken)
             case SuspendJob(job, suspend):
                 await self._suspend(accepted, job, suspend, memory)
             case ResizeJob(job, parallelism):
@@ -307,10 +316,6 @@ class Reconciler:
         if name in jobs and not await self._queues.park(jobs[name], memory.queue, parked=suspend):
             patch: Object = {"spec": {"suspend": suspend}}
             self._saw(await self._api.patch(f"{paths.jobs(identity.namespace)}/{name}", patch))
-
-    async def _create_job(self, job: Object) -> None:
-        """Make a Job and know it at once, as if it had been seen."""
-        self._saw(await self._api.create(paths.jobs(job["metadata"]["namespace"]), job))
 
     def _saw(self, job: Object | None) -> None:
         if job is not None:

@@ -34,6 +34,10 @@ class Snapshot:
     now: datetime
     pods: PodFindings = field(default_factory=PodFindings)
     queue: QueueFindings = field(default_factory=QueueFindings)
+    taken: frozenset[str] = frozenset()
+    """Names of the campaign's Jobs under which others have made theirs."""
+    foreign: Trouble | None = None
+    """What that is in the way of."""
     withdrawn: frozenset[str] = frozenset()
     """Configurations that are gone, by uid: nothing more is executed of their runs."""
 
@@ -91,8 +95,8 @@ class Snapshot:
     @cached_property
     def trouble(self) -> Trouble | None:
         """What is in the way now."""
-        if self.pods.trouble is not None:
-            return self.pods.trouble
+        if self.pods.trouble is not None or self.foreign is not None:
+            return self.pods.trouble or self.foreign
         if self.repetition_due and self.all_known and not self.repeats:
             return Trouble(
                 "NoList",
@@ -148,7 +152,8 @@ class Snapshot:
         """Shards that have no Job yet and may have one: as many as the status can tell of."""
         begun = next((n for n, shard in enumerate(self.shards) if not self.ended(shard)), 0)
         near = self.shards[: begun + SHARDS_LIMIT]
-        return [shard for shard in near if self.job(shard) is None and not self.ended(shard)]
+        waiting = [s for s in near if self.job(s) is None and not self.ended(s)]
+        return [shard for shard in waiting if shard.job not in self.taken]
 
     @cached_property
     def held(self) -> Waiting | None:

@@ -200,6 +200,35 @@ def test_malformed_objects_leave_nothing_and_hinder_nobody(
     assert after <= before + 10 * MIB
 
 
+def test_a_job_of_others_that_has_the_name_of_a_shard_is_told_until_it_is_gone(
+    fake_cluster: Cluster, namespace: str, new_operator: NewOperator
+) -> None:
+    operator = new_operator()
+    fake_cluster.apply(campaign("hunted", namespace, 3, 2))
+    uid = fake_cluster.kubectl(
+        "get", "campaign", "hunted", f"--namespace={namespace}", "--output=jsonpath={.metadata.uid}"
+    )
+    job = next(malformed_jobs(namespace))
+    name = job["metadata"]["name"] = f"hunted-{uid[:4]}-0"
+    job["metadata"]["labels"] = {}
+    fake_cluster.apply(job)
+    operator.start()
+
+    def told() -> bool:
+        found = condition(status(fake_cluster, namespace, "hunted"), "Stalled")
+        remedy = f"`kubectl delete job -n {namespace} {name}` removes them."
+        return found.get("reason") == "NameTaken" and remedy in found.get("message", "")
+
+    eventually(told, 60, operator.told)
+    fake_cluster.kubectl("delete", "job", name, f"--namespace={namespace}")
+
+    def succeeded() -> bool:
+        found = condition(status(fake_cluster, namespace, "hunted"), "Succeeded")
+        return found.get("status") == "True"
+
+    eventually(succeeded, 90, operator.told)
+
+
 def test_a_config_map_that_has_the_name_of_a_plan_is_told_and_others_go_on(
     fake_cluster: Cluster, namespace: str, new_operator: NewOperator
 ) -> None:

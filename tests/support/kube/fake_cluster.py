@@ -151,6 +151,8 @@ class World:
         self.lists: dict[str, str] = {}
         """Lists of bad runs by name, as in the bucket."""
         self.withdrawn: frozenset[str] = frozenset()
+        self.taken: frozenset[str] = frozenset()
+        """Names of Jobs that others have taken."""
         self.now = datetime(2026, 11, 21, 8, tzinfo=UTC)
         self.plan_more()
 
@@ -192,6 +194,7 @@ class World:
             jobs={name: replace(job.state(), ended=job.ended) for name, job in self.jobs.items()},
             now=self.now,
             withdrawn=self.withdrawn,
+            taken=self.taken,
             pods=PodFindings(
                 reports={name: self._reports(job) for name, job in self.jobs.items()},
                 finals={

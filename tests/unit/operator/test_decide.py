@@ -376,6 +376,23 @@ def test_a_large_campaign_keeps_a_window_of_shards_open() -> None:
     assert len(world.jobs) == shards_module.WINDOW + 1
 
 
+def test_a_name_that_others_have_taken_holds_no_other_shard() -> None:
+    world = World(accepted(runs=100, parallelism=8))
+    names = [shard.job for shard in world.snapshot().shards]
+    world.taken = frozenset(names[:1])
+    for _ in range(1000):
+        world.look()
+        if not world.work() and set(world.created) >= set(names[1:]):
+            break
+    assert names[0] not in world.created
+    assert world.status.state != "Finished"
+    world.taken = frozenset()
+    while world.status.state != "Finished":
+        world.look()
+        world.work()
+    assert len(world.executed) == len(world.stored)
+
+
 def test_jobs_whose_verdicts_are_in_the_status_go_but_for_the_last_few() -> None:
     world = World(accepted(runs=100, parallelism=8))
     most = 0

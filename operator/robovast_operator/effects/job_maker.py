@@ -1,0 +1,49 @@
+"""Makes a campaign's Jobs, and notices those whose names others have taken."""
+
+from __future__ import annotations
+
+from robovast_operator.kube import paths
+from robovast_operator.kube.api import Api
+from robovast_operator.kube.objects import Identity, Object
+from robovast_operator.kube.store import JobState, Store
+from robovast_operator.pods.findings import Trouble
+
+
+class JobMaker:
+    """Makes Jobs; those made are known at once, as if they had been seen."""
+
+    def __init__(self, api: Api, store: Store) -> None:
+        self._api = api
+        self._store = store
+
+    async def create(self, identity: Identity, job: Object, taken: set[str]) -> None:
+        """Make a Job, or add its name to those that others have taken."""
+        made = await self._api.create(paths.jobs(identity.namespace), job)
+        if made is not None:
+            self._store.put_job(JobState.of(made))
+        else:
+            await self._look(identity, job["metadata"]["name"], taken)
+
+    async def look_again(self, identity: Identity, taken: set[str]) -> Trouble | None:
+        """Forget the names that are free again; say what the others are in the way of."""
+        for name in sorted(taken):
+            taken.discard(name)
+            await self._look(identity, name, taken)
+        if not taken:
+            return None
+        names = " ".join(sorted(taken))
+        return Trouble(
+            "NameTaken",
+            f"others have made Jobs under names that this campaign needs, and it waits: {names}. "
+            f"`kubectl delete job -n {identity.namespace} {names}` removes them.",
+        )
+
+    async def _look(self, identity: Identity, name: str, taken: set[str]) -> None:
+        """Know a Job that is there already, or add its name to those that others have taken."""
+        where = paths.jobs(identity.namespace)
+        async for found in self._api.list(where, fieldSelector=f"metadata.name={name}"):
+            job = JobState.of(found)
+            if (job.key, job.campaign_uid) == (identity.key, identity.uid):
+                self._store.put_job(job)
+            else:
+                taken.add(job.name)
