@@ -117,9 +117,9 @@ def test_a_failing_run_is_found_and_explained(assistant: Assistant) -> None:
     campaigns = assistant.call("list_campaigns")
     assert campaigns == {"campaigns": [NAME, TABLED], "total": 2}
     where = assistant.call("inspect_campaign", campaign=NAME)
-    rates = {item["value"]: item["not_passed"] for item in where["by_parameter"]["speed"]}
+    rates = {item["value"]: item["not_passed"] for item in where["by_factor"]["speed"]}
     assert rates == {"1.0": 0, "2.0": 2}
-    low, high = where["by_parameter"]["speed"][1]["interval"]
+    low, high = where["by_factor"]["speed"][1]["interval"]
     assert 0.3 < low < 0.4
     assert high == 1
     causes = [(one["cause"], one["verdicts"], one["runs"]) for one in where["causes"]]

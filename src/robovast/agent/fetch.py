@@ -145,7 +145,7 @@ def _claimed(campaign: Campaign, pack: Pack) -> Pack:
 
 
 def _without_files(run: Run) -> Run:
-    light = Variant(run.variant.name, run.variant.entry, run.variant.parameters)
+    light = dataclasses.replace(run.variant, files=(), variations=(), extra={})
     return dataclasses.replace(run, variant=light)
 
 

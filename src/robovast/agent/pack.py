@@ -109,5 +109,7 @@ def _scenario(data: Mapping[str, Any]) -> Scenario:
 
 def _run(data: Mapping[str, Any]) -> Run:
     variant = data["variant"]
-    known = Variant(variant["name"], variant["entry"], variant["parameters"])
-    return Run(data["id"], known, data["number"], data["seed"])
+    keys = ("name", "entry", "parameters", "factors")
+    return Run(
+        data["id"], Variant(**{key: variant[key] for key in keys}), data["number"], data["seed"]
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from robovast.base.errors import InputError
@@ -12,8 +13,9 @@ from robovast.base.serialization import fingerprint
 from robovast.base.yaml_files import read_mapping
 from robovast.campaign.layout import Layout
 from robovast.model.expansion.variant import ConfigFile, Variant, VariationRecord
+from robovast.model.variations.factors import FACTORS
 
-_OWN_KEYS = frozenset({"name", "config", "_config_name", "_config_files", "_variations"})
+_OWN_KEYS = frozenset({"name", "config", "_config_name", "_config_files", "_variations", FACTORS})
 
 
 def read_configurations(layout: Layout) -> dict[str, Any]:
@@ -61,15 +63,20 @@ def configuration_record(variant: Variant, *, timings: bool) -> dict[str, Any]:
             else {"name": r.name}
             for r in variant.variations
         ],
+        **({FACTORS: dict(variant.factors)} if variant.factors else {}),
         **variant.extra,
     }
 
 
 def variants_digest(variants: Iterable[Variant]) -> str:
-    """SHA-256 of variants; equal variants have equal digests in all versions that expand alike."""
+    """SHA-256 of variants; equal variants have equal digests in all versions that expand alike.
+
+    Factors, which describe a variant and change nothing in it, do not count.
+    """
     whole = hashlib.sha256()
     for variant in variants:
-        whole.update(fingerprint(configuration_record(variant, timings=False)).encode())
+        record = configuration_record(replace(variant, factors={}), timings=False)
+        whole.update(fingerprint(record).encode())
     return whole.hexdigest()
 
 
@@ -89,4 +96,5 @@ def variant_of(layout: Layout, item: Mapping[str, Any]) -> Variant:
             for v in item.get("_variations") or ()
         ),
         extra={key: value for key, value in item.items() if key not in _OWN_KEYS},
+        factors=item.get(FACTORS) or {},
     )

@@ -59,6 +59,7 @@ def make_record(ended: EndedRun, circumstances: Circumstances) -> RunRecord:
         exit_code=ended.exit_code,
         seed=run.seed,
         parameters=dict(run.variant.parameters),
+        factors=dict(run.variant.factors),
         **asdict(circumstances),
     )
 

@@ -58,6 +58,8 @@ class RunRecord:
     seed: int | None = None
     """Seed of the run's random numbers; None if an older version began the campaign."""
     parameters: dict[str, Any] = field(default_factory=dict)
+    factors: dict[str, Any] = field(default_factory=dict)
+    """What was varied, as `{name: {value, unit}}`; empty if it is just the parameters."""
     files: FileList | None = None
     """In a bucket: reference to the list of files; None if the files are beside the record."""
     missing: tuple[MissingFile, ...] = ()
@@ -84,7 +86,7 @@ class RunRecord:
         data["missing"] = [file.data() for file in self.missing]
         if data[PLACE]:
             data[PLACE] = with_unknown(data[PLACE])
-        left_out = {key for key in (PLACE, "missing", "pod") if not data[key]}
+        left_out = {key for key in (PLACE, "missing", "pod", "factors") if not data[key]}
         if self.seed is None:
             left_out.add("seed")
         return {key: value for key, value in data.items() if key not in left_out}

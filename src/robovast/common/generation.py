@@ -40,6 +40,7 @@ def generate_scenario_variations(
         )
     from robovast.model.document import load_document
     from robovast.model.expansion import Variant, expand
+    from robovast.model.variations.factors import FACTORS
     from robovast.model.variations.loader import load_variation
 
     document = load_document(Path(variation_file))
@@ -56,6 +57,7 @@ def generate_scenario_variations(
                 {"name": r.name, "started_at": r.started_at, "duration": r.duration}
                 for r in variant.variations
             ],
+            **({FACTORS: dict(variant.factors)} if variant.factors else {}),
             **variant.extra,
         }
 

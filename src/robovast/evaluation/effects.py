@@ -89,7 +89,7 @@ def effects(variants: Iterable[VariantRuns]) -> list[Effect]:
     """
     seen = [(variant, own) for variant in variants if (own := _count(variant)).runs]
     counts = [own for _, own in seen]
-    columns = _columns([variant.parameters for variant, _ in seen])
+    columns = _columns([variant.factors for variant, _ in seen])
     splits = {name: cuts for name, values in columns.items() if (cuts := _splits(values))}
     total = _total(counts)
     if not splits or not 0 < total.bad < total.runs:

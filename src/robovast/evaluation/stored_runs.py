@@ -11,10 +11,11 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from robovast.campaign.layout import RUN_RECORD, SCENARIO_CONFIG
+from robovast.campaign.layout import RUN_RECORD, SCENARIO_CONFIG, VARIANT_RECORD
 from robovast.campaign.run_record import RunRecord, parse_run_record, result_without_record
 from robovast.evaluation.summaries import RunSummary, VariantRuns
 from robovast.evaluation.untrusted import mapping, plain, read_yaml
+from robovast.model.variations.factors import factor_units, factor_values
 
 LARGEST = 1 << 20
 """Largest record that is read [bytes]."""
@@ -38,10 +39,11 @@ def read_variant(results: Path, campaign: str, name: str) -> VariantRuns:
         records = [(number, _read_record(variant, number)) for number in numbers]
     first = next((record for _, record in records if record is not None), None)
     if first is not None:
-        parameters = _bounded(first.parameters)
+        parameters, factors = _bounded(first.parameters), _bounded(first.factors)
     else:
         scenarios = read_yaml(results, f"{campaign}/{name}/{SCENARIO_CONFIG}")
         parameters = next(map(mapping, scenarios.values()), {})
+        factors = mapping(read_yaml(results, f"{campaign}/{name}/{VARIANT_RECORD}").get("factors"))
     runs = [
         _from_record(number, record)
         if record is not None
@@ -49,7 +51,8 @@ def read_variant(results: Path, campaign: str, name: str) -> VariantRuns:
         for number, record in records
     ]
     entry = first.entry if first is not None else ""
-    return VariantRuns(name, entry or name, parameters, tuple(runs))
+    stated, units = factor_values(factors), factor_units(factors)
+    return VariantRuns(name, entry or name, parameters, tuple(runs), stated, units)
 
 
 def seconds(value: Any) -> float | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from robovast.campaign.verdict import Verdict
@@ -32,6 +32,15 @@ class VariantRuns:
     entry: str
     parameters: Mapping[str, Any]
     runs: tuple[RunSummary, ...]
+    stated: Mapping[str, Any] = field(default_factory=dict)
+    """Values of its factors, if its variation types state other ones than the parameters."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Of the stated factors that have one."""
+
+    @property
+    def factors(self) -> Mapping[str, Any]:
+        """What was varied: stated factors, otherwise the parameters."""
+        return self.stated or self.parameters
 
 
 @dataclass(frozen=True, slots=True)

@@ -109,7 +109,8 @@ def _write_variant(layout: Layout, variant: Variant, scenario: str, identity: An
     for path in (own, f"{own}/{CONFIG}"):
         with contextlib.suppress(FileExistsError):
             os.mkdir(path)
-    _write_text(f"{own}/{VARIANT_RECORD}", dump_yaml(identity))
+    factors = {"factors": dict(variant.factors)} if variant.factors else {}
+    _write_text(f"{own}/{VARIANT_RECORD}", dump_yaml({**identity, **factors}))
     _write_text(f"{own}/{SCENARIO_CONFIG}", dump_yaml({scenario: dict(variant.parameters)}))
     for file in variant.files:
         copy_file(file.source, Path(own, CONFIG, file.name))

@@ -64,11 +64,11 @@ class CampaignTools:
         return fitted({**asdict(summary), "active_jobs": active or ()})
 
     def inspect_campaign(self, campaign: str) -> Any:
-        """Compute where a campaign fails: by parameter value and by cause.
+        """Compute where a campaign fails: by value of what was varied (its factors) and by cause.
 
         A cause is a reason without the numbers in which it differs between runs. Interrupted runs
         do not count in the rates, which have their 95 % intervals. `explained_by` has the clearest
-        split of each parameter; `p` is how often chance alone shows one as clear.
+        split of each factor; `p` is how often chance alone shows one as clear.
         """
         interval_of = interval_for(self._library.summary(campaign))
         variants = self._library.campaign(campaign).variants
@@ -78,7 +78,7 @@ class CampaignTools:
         return fitted(
             {
                 "all_runs": _rate(variants, interval_of),
-                "by_parameter": _by_parameter(variants, interval_of),
+                "by_factor": _by_factor(variants, interval_of),
                 "explained_by": [asdict(effect) for effect in effects(variants)[:_MOST_EFFECTS]],
                 "causes": [_cause(group) for group in groups[:_MOST_CAUSES]],
             }
@@ -104,10 +104,15 @@ class CampaignTools:
         )
 
     def list_configurations(self, campaign: str, offset: int = 0) -> dict[str, Any]:
-        """List the configurations of a campaign with parameters, failure rates, 95 % intervals."""
+        """List the configurations of a campaign: what was varied, failure rates, 95 % intervals."""
         interval_of = interval_for(self._library.summary(campaign))
         items = [
-            {"configuration": v.name, "parameters": v.parameters, **_rate([v], interval_of)}
+            {
+                "configuration": v.name,
+                "factors": v.factors,
+                "parameters": v.parameters,
+                **_rate([v], interval_of),
+            }
             for v in self._library.campaign(campaign).variants
         ]
         return page(items, offset, name="configurations")
@@ -188,9 +193,9 @@ def _rate(variants: Sequence[VariantRuns], interval_of: IntervalOf) -> dict[str,
     }
 
 
-def _by_parameter(variants: Sequence[VariantRuns], interval_of: IntervalOf) -> dict[str, Any]:
-    """Failure rates of the values of each parameter that has more than one."""
-    names = dict.fromkeys(name for variant in variants for name in variant.parameters)
+def _by_factor(variants: Sequence[VariantRuns], interval_of: IntervalOf) -> dict[str, Any]:
+    """Failure rates of the values of each factor that has more than one."""
+    names = dict.fromkeys(name for variant in variants for name in variant.factors)
     groups = {name: _grouped(variants, name) for name in names}
     return {
         name: [{"value": value, **_rate(members, interval_of)} for value, members in found.items()]
@@ -202,5 +207,5 @@ def _by_parameter(variants: Sequence[VariantRuns], interval_of: IntervalOf) -> d
 def _grouped(variants: Sequence[VariantRuns], name: str) -> dict[str, list[VariantRuns]]:
     groups: dict[str, list[VariantRuns]] = {}
     for variant in variants:
-        groups.setdefault(str(variant.parameters.get(name)), []).append(variant)
+        groups.setdefault(str(variant.factors.get(name)), []).append(variant)
     return groups

@@ -45,8 +45,8 @@ class QueryTools:
     def query_run_data(self, sql: str, campaign: str = "") -> dict[str, Any]:
         """Query the tables of campaigns with SQL (DuckDB); nothing can be changed.
 
-        `runs` has a row for each run: campaign, config, run, parameters (`param_…`), verdict,
-        times, metrics. Each CSV name of the runs is a table of its own.
+        `runs` has a row for each run: campaign, config, run, parameters (`param_…`), factors
+        (`factor_…`), verdict, times, metrics. Each CSV name of the runs is a table of its own.
 
         Args:
             sql: one statement.

@@ -67,6 +67,13 @@ class _Plan:
     base: Path | None = None
     """The model that it was drawn from."""
 
+    @property
+    def factors(self) -> dict[str, str]:
+        """What was varied."""
+        if self.base is None:
+            return {"floor_plan": self.name}
+        return {"floor_plan": self.base.stem, "drawn_plan": self.name}
+
 
 class _FloorplanVariation(NavigationVariation):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -187,6 +194,7 @@ class _FloorplanVariation(NavigationVariation):
             dict(zip(self.parameters.name, files, strict=False)),
             artefacts.files,
             with_record(config, map_file=artefacts.map_file, floorplan=record),
+            plan.factors,
         )
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
+from robovast.model.variations import Factor
 from robovast.navigation.base import (
     RECORD,
     Config,
@@ -129,7 +131,9 @@ class ObstacleVariation(NavigationVariation):
                 for number in range(self.parameters.count):
                     rng = self.generator(self.parameters.seed, skip, _identity(choice), number)
                     placed = place(costmap, rng, course, kinds)
-                    yield self._with_obstacles(config, course, kinds, placed)
+                    factors = {**_factors(choice), **self._trigger_factors(skip)}
+                    factors["placement"] = str(number + 1)
+                    yield self._with_obstacles(config, course, kinds, placed, factors)
 
     def _skips(self) -> list[float]:
         """Lengths of the path's beginning without obstacles [m], one for each combination."""
@@ -168,7 +172,12 @@ class ObstacleVariation(NavigationVariation):
         return Kind(amount or 0, radius_of(settings.xacro_arguments), max_distance)
 
     def _with_obstacles(
-        self, config: Config, course: Course, kinds: list[Kind], placed: list[Placed]
+        self,
+        config: Config,
+        course: Course,
+        kinds: list[Kind],
+        placed: list[Placed],
+        factors: Factors,
     ) -> Config:
         owners = [index for index, kind in enumerate(kinds) for _ in range(kind.amount)]
         settings = [self.parameters.obstacle_configs[index] for index in owners]
@@ -194,7 +203,12 @@ class ObstacleVariation(NavigationVariation):
             self.parameters.name.removeprefix("@"): obstacles,
             **self._trigger(course, placed),
         }
-        return self.update_config(config, values, other_values=with_record(config, **record))
+        others = with_record(config, **record)
+        return self.update_config(config, values, other_values=others, factors=factors)
+
+    def _trigger_factors(self, skip: float) -> Factors:
+        del skip
+        return {}
 
     def _trigger(self, course: Course, placed: list[Placed]) -> dict[str, Any]:
         del course, placed
@@ -230,6 +244,9 @@ class ObstacleVariationWithDistanceTrigger(ObstacleVariation):
         path = measured_path(costmap, start, (goal,))
         return Course(path.points, (start.point, goal.point), skip)
 
+    def _trigger_factors(self, skip: float) -> Factors:
+        return {"trigger_distance": Factor(skip, "m")}
+
     def _pose(self, config: Config, pointer: Pointer | None) -> Pose | None:
         return None if pointer is None else self.given_pose(config, pointer)
 
@@ -244,6 +261,7 @@ class ObstacleVariationWithDistanceTrigger(ObstacleVariation):
         return {point_name: value, threshold_name: course.skip}
 
 
+Factors = dict[str, Factor | str]
 Choice = tuple[ObstacleKindConfig, float | None, float | None]
 
 
@@ -252,6 +270,28 @@ def _choices(settings: ObstacleKindConfig) -> list[Choice]:
     amounts = [None] if settings.amount_per_m is None else as_list(settings.amount_per_m)
     distances = [None] if settings.max_distance is None else as_list(settings.max_distance)
     return [(settings, *pair) for pair in itertools.product(amounts, distances)]
+
+
+def _factors(choice: tuple[Choice, ...]) -> Factors:
+    """What was varied of the obstacles; names of several kinds end with the kind's model."""
+    found: Factors = {}
+    for kind, amount_per_m, distance in choice:
+        model = PurePosixPath(kind.model).name.partition(".")[0]
+        suffix = f"_{model}" if len(choice) > 1 else ""
+        for name, factor in _of_kind(kind, amount_per_m, distance):
+            found[f"{name}{suffix}"] = factor
+    return found
+
+
+def _of_kind(
+    kind: ObstacleKindConfig, amount_per_m: float | None, distance: float | None
+) -> Iterator[tuple[str, Factor]]:
+    if amount_per_m is not None:
+        yield "clutter", Factor(amount_per_m, "1/m")
+    if kind.amount is not None:
+        yield "number_of_obstacles", Factor(kind.amount)
+    if distance is not None:
+        yield "obstacle_distance", Factor(distance, "m")
 
 
 def _identity(choice: tuple[Choice, ...]) -> list[tuple[Any, ...]]:

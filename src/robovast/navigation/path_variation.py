@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field, model_validator
 
 from robovast.model.variation_config import get_validated_config
+from robovast.model.variations import Factor
 from robovast.navigation.base import (
     Config,
     NavigationConfig,
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
     from robovast.navigation.paths import Path, Wish
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+Factors = dict[str, Factor | int | str]
 
 
 class _PathConfig(NavigationConfig):
@@ -98,14 +102,15 @@ class _PathVariation(NavigationVariation):
         for config in in_configs:
             costmap = self.costmap(config, self.parameters.map_file, self.parameters.robot_diameter)
             try:
-                for path in self._paths(config, costmap):
-                    made.append(self._with_path(config, path))
+                for path, factors in self._paths(config, costmap):
+                    made.append(self._with_path(config, path, factors))
             except NoPathError as error:
                 map_name = self.map_name(config, self.parameters.map_file)
                 raise self.error(config, f"{map_name}: {error}") from None
         return made
 
-    def _paths(self, config: Config, costmap: Costmap) -> Iterator[Path]:
+    def _paths(self, config: Config, costmap: Costmap) -> Iterator[tuple[Path, Factors]]:
+        """The paths, each with what was varied."""
         raise NotImplementedError
 
     def _goals_parameter_name(self) -> str:
@@ -118,7 +123,7 @@ class _PathVariation(NavigationVariation):
             own.reverse()
         return next(filter(self.has_parameter, own), own[0])
 
-    def _with_path(self, config: Config, path: Path) -> Config:
+    def _with_path(self, config: Config, path: Path, factors: Factors) -> Config:
         values: dict[str, Any] = {}
         start = self.reference(self.parameters.start_pose)
         if start is not None:
@@ -134,7 +139,8 @@ class _PathVariation(NavigationVariation):
             "path": [[round(x, 4), round(y, 4)] for x, y in path.points],
             "path_length": round(path.length, 4),
         }
-        return self.update_config(config, values, other_values=with_record(config, **record))
+        others = with_record(config, **record)
+        return self.update_config(config, values, other_values=others, factors=factors)
 
     def _goals_parameter(self, name: str, path: Path) -> Any:
         poses = [goal.parameter() for goal in path.goals]
@@ -159,7 +165,7 @@ class PathVariationRandom(_PathVariation):
         del base_path
         return get_validated_config(parameters, PathVariationRandomConfig).num_paths
 
-    def _paths(self, config: Config, costmap: Costmap) -> Iterator[Path]:
+    def _paths(self, config: Config, costmap: Costmap) -> Iterator[tuple[Path, Factors]]:
         from robovast.navigation.paths import draw_path
 
         lengths = as_list(self.parameters.path_length)
@@ -168,7 +174,8 @@ class PathVariationRandom(_PathVariation):
             for length, count in zip(lengths, goals, strict=True):
                 for number in range(self.parameters.num_paths):
                     rng = self.generator(self.parameters.seed, length, number)
-                    yield draw_path(costmap, rng, self._wish(config, length, count))
+                    factors = {**_length(length), "goals": count, "path": str(number + 1)}
+                    yield draw_path(costmap, rng, self._wish(config, length, count)), factors
 
     def _wish(self, config: Config, length: float, goals: int) -> Wish:
         from robovast.navigation.paths import Wish
@@ -197,7 +204,7 @@ class PathVariationRasterized(_PathVariation):
 
     CONFIG_CLASS = PathVariationRasterizedConfig
 
-    def _paths(self, config: Config, costmap: Costmap) -> Iterator[Path]:
+    def _paths(self, config: Config, costmap: Costmap) -> Iterator[tuple[Path, Factors]]:
         from robovast.navigation.paths import Wish
         from robovast.navigation.raster import Raster, raster_paths
 
@@ -212,4 +219,9 @@ class PathVariationRasterized(_PathVariation):
                 goals=self.parameters.num_goal_poses,
                 start=start,
             )
-            yield from raster_paths(costmap, raster, wish)
+            for number, path in enumerate(raster_paths(costmap, raster, wish), 1):
+                yield path, {**_length(length), "path": str(number)}
+
+
+def _length(length: float) -> Factors:
+    return {"path_length": Factor(length, "m")}

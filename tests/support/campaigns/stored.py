@@ -21,6 +21,8 @@ MOVES = {
     "obstacles": [{"x": 2.0, "y": 2.0, "radius": 0.2}],
 }
 
+Factors = Callable[[Mapping[str, Any]], Mapping[str, Any]]
+"""What was varied, `{name: {value, unit}}`, by parameters."""
 Judge = Callable[[Mapping[str, Any], int], str]
 """Verdict of a run, by parameters and number."""
 
@@ -44,6 +46,7 @@ def write_campaign(
     runs: int = 2,
     judge: Judge = lambda parameters, number: "passed",
     outputs: bool = True,
+    factors: Factors | None = None,
 ) -> Path:
     """Write a campaign of `variants` × `runs`; returns its folder.
 
@@ -60,7 +63,8 @@ def write_campaign(
         variant = f"hall-{place + 1}"
         write(root / variant / "_config" / "config.yaml", "config_identifier: abc\n")
         for number in range(runs):
-            write_run(root, variant, number, place * runs + number, parameters, judge, outputs)
+            index = place * runs + number
+            write_run(root, variant, number, index, parameters, judge, outputs, factors)
     return root
 
 
@@ -72,6 +76,7 @@ def write_run(
     parameters: Mapping[str, Any],
     judge: Judge,
     outputs: bool = True,
+    factors: Factors | None = None,
 ) -> Path:
     """Write one run and, with `outputs`, its job; returns its folder."""
     verdict = judge(parameters, number)
@@ -96,6 +101,7 @@ def write_run(
         "image_digest": "",
         "host": "bench",
         "parameters": dict(parameters),
+        **({"factors": factors(parameters)} if factors else {}),
         "schema": 1,
     }
     if outputs:

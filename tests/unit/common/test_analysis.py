@@ -14,6 +14,7 @@ from robovast.common.analysis import (
     calculate_speeds_from_poses,
     for_each_run,
     get_behavior_info,
+    get_factors,
     get_run_status,
     get_scenario_parameter,
     print_bag_topics,
@@ -174,6 +175,11 @@ def test_what_is_not_there_is_a_file_that_is_not_found(campaign: Path) -> None:
 def test_parameters_and_each_run(campaign: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert get_scenario_parameter(campaign / "b" / "0", "label") == "x"
     assert get_scenario_parameter(campaign / "b", "none") is None
+
+    assert get_factors(campaign / "a-1" / "0") == {"rate": 0.5, "goal": {"x": 1.0, "y": 2.0}}
+    record = "config_identifier: abc\nfactors: {clutter: {value: 0.25, unit: 1/m}}\n"
+    (campaign / "b" / "_config" / "config.yaml").write_text(record)
+    assert get_factors(campaign / "b") == {"clutter": 0.25}
 
     def named(run: Path) -> str:
         return {"0": "first"}[run.name]

@@ -30,7 +30,8 @@ def folder(tmp_path: Path) -> Path:
     path.mkdir()
     (path / "scenario.osc").write_text(SCENARIO)
     written = write_files(PAGE, "yaml", path) + write_files(PAGE, "python", path)
-    assert written == ["doors.vast", "widths.py", "clearance.py", "laboratory.py", "reasons.py"]
+    names = ["doors.vast", "widths.py", "doors.py", "clearance.py", "laboratory.py", "reasons.py"]
+    assert written == names
     return path
 
 
@@ -42,6 +43,18 @@ def test_the_variation_type_is_applied(folder: Path, tmp_path: Path) -> None:
         ("corridor-3", 1.0),
         ("corridor-4", 1.2),
     ]
+
+
+def test_parameters_that_follow_from_factors_are_none(folder: Path, tmp_path: Path) -> None:
+    document = folder / "doors.vast"
+    text = document.read_text().replace("  variations:\n", "  variations:\n  - DOORS\n")
+    document.write_text(text.replace("DOORS", "doors.py:DoorVariation: {widths: [0.7]}"))
+    first = robovast.expand(robovast.load_document(document), tmp_path)[0]
+    assert {name: factor["value"] for name, factor in first.factors.items()} == {
+        "door_width": 0.7,
+        "wall": "brick",
+        "width": 0.6,
+    }
 
 
 def test_a_mistake_is_told_as_the_page_promises(folder: Path) -> None:

@@ -219,3 +219,22 @@ def test_a_library_forgets_campaigns_that_are_gone(root: Path) -> None:
 def test_only_a_folder_of_the_results_is_a_campaign(root: Path, name: str) -> None:
     with pytest.raises(InputError):
         Library(root.parent).summary(name)
+
+
+def test_what_was_varied_is_read_from_runs_and_before_the_first_one(tmp_path: Path) -> None:
+    factors = {"clutter": {"value": 0.25, "unit": "1/m"}, "broken": 7}
+    root = write_campaign(tmp_path, runs=1, outputs=False, factors=lambda _: factors)
+    write(root / "hall-3" / "_config" / "scenario.config", "drive: {speed: 3.0}\n")
+    text = "config_identifier: abc\nfactors: {clutter: {value: 0.5, unit: 1/m}}\n"
+    write(root / "hall-3" / "_config" / "config.yaml", text)
+    found = Library(tmp_path).campaign(NAME).variants
+    assert [variant.factors for variant in found] == [
+        {"clutter": 0.25},
+        {"clutter": 0.25},
+        {"clutter": 0.5},
+    ]
+    assert found[2].units == {"clutter": "1/m"}
+
+
+def test_parameters_stand_for_factors_of_older_campaigns(index: CampaignIndex) -> None:
+    assert [variant.factors for variant in index.variants] == [{"speed": 1.0}, {"speed": 2.0}]

@@ -27,9 +27,9 @@ def query(
 ) -> None:
     """Ask the tables of campaigns with SQL.
 
-    `runs` has a row for each run: parameters (`param_…`), verdict, times, metrics. Each CSV name of
-    the runs is a table of its own. Nothing can be changed. A query may take any time; Ctrl-C ends
-    it.
+    `runs` has a row for each run: parameters (`param_…`), factors (`factor_…`), verdict, times,
+    metrics. Each CSV name of the runs is a table of its own. Nothing can be changed. A query may
+    take any time; Ctrl-C ends it.
 
     Example: vast results query "SELECT config, avg(duration) FROM runs GROUP BY config"
     """

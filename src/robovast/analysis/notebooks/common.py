@@ -14,10 +14,11 @@ import pandas as pd
 import yaml
 
 from robovast.base.safe_paths import open_file, read_file
-from robovast.base.yaml_files import parse_yaml
-from robovast.campaign.layout import RUN_RECORD, SCENARIO_CONFIG, TEST_RESULT
+from robovast.base.yaml_files import parse_yaml, read_mapping
+from robovast.campaign.layout import RUN_RECORD, SCENARIO_CONFIG, TEST_RESULT, VARIANT_RECORD
 from robovast.campaign.run_record import read_run_record
 from robovast.campaign.verdict import Verdict, read_test_result
+from robovast.model.variations.factors import factor_values
 
 _SHORTEST_STEP = 1e-6
 """Shorter steps have no speed [s]."""
@@ -174,10 +175,29 @@ def get_scenario_parameter(data_dir: str | Path, parameter_name: str) -> Any:
     Raises:
         FileNotFoundError: there is no `_config/scenario.config` at or above the folder.
     """
+    return _read_scenario_parameters(_config_dir(data_dir)).get(parameter_name)
+
+
+def get_factors(data_dir: str | Path) -> dict[str, Any]:
+    """What was varied in a folder's configuration: its factors, otherwise its scenario parameters.
+
+    Args:
+        data_dir: folder of a run or a configuration.
+
+    Raises:
+        FileNotFoundError: there is no `_config/scenario.config` at or above the folder.
+    """
+    config_dir = _config_dir(data_dir)
+    stated = factor_values(read_mapping(config_dir / VARIANT_RECORD).get("factors"))
+    return stated or dict(_read_scenario_parameters(config_dir))
+
+
+def _config_dir(data_dir: str | Path) -> Path:
+    """The folder of the configuration that a folder belongs to."""
     folder = Path(data_dir).absolute()
     for candidate in (folder, *folder.parents[:2]):
         if (candidate / SCENARIO_CONFIG).is_file():
-            return _read_scenario_parameters(candidate).get(parameter_name)
+            return candidate
     raise FileNotFoundError(f"{folder}: no {SCENARIO_CONFIG} here or in the folders above")
 
 

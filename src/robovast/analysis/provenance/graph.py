@@ -32,6 +32,7 @@ from robovast.analysis.provenance.vocabulary import (
 )
 from robovast.campaign.layout import CONFIGURATIONS, EXECUTION_RECORD, SCENARIO_CONFIG
 from robovast.model.naming import CONFIG
+from robovast.model.variations.factors import factor_units, factor_values
 
 GENERATION = "config_generation"
 POSTPROCESSING = "postprocessing/"
@@ -264,6 +265,7 @@ class Graph:
                 "references": files,
                 "variations": [activity for activity, _ in self._applied(entry)],
                 "config_identifier": entry.get("config_identifier"),
+                "factor": _factors(entry.get("factors")),
             }
         )
 
@@ -387,6 +389,22 @@ def _plain_contribution(found: Any) -> tuple[list[Node], Node, list[str]]:
         plain_node(found.scenario_properties),
         [plain_iri(iri) for iri in found.run_used_iris],
     )
+
+
+def _factors(factors: Any) -> list[Node]:
+    """What was varied; structured values as JSON text."""
+    units = factor_units(factors)
+    return [
+        compact(
+            {
+                "@type": "robovast:Factor",
+                "name": name,
+                "value": json.dumps(value) if isinstance(value, dict | list) else value,
+                "unit": units.get(name),
+            }
+        )
+        for name, value in factor_values(factors).items()
+    ]
 
 
 def _kind(record: dict[str, Any]) -> str:

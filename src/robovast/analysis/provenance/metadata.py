@@ -20,6 +20,7 @@ from robovast.campaign.layout import (
     is_variant,
 )
 from robovast.model.naming import CONFIG, TRANSIENT
+from robovast.model.variations.factors import FACTORS
 
 
 def collect_metadata(
@@ -134,6 +135,7 @@ def _describe_configuration(
         "sub_identifier": identity.get("sub_identifier") or {},
         "variations": variations,
         "parameters": {key: value for key, value in config.items() if not key.startswith("_")},
+        **({"factors": item[FACTORS]} if isinstance(item.get(FACTORS), dict) else {}),
         "transient_files": list(list_files(str(folder / TRANSIENT), f"{name}/{TRANSIENT}/")),
     }
     added = hooks.metadata(applied_variations(entry), {**item, **entry})

@@ -13,6 +13,7 @@ from robovast.base.yaml_files import read_mapping_leniently
 from robovast.campaign.configurations import read_configurations
 from robovast.campaign.layout import SCENARIO_CONFIG, Layout
 from robovast.campaign.run_record import read_run_record, result_without_record
+from robovast.model.variations.factors import FACTORS, factor_values
 
 COLUMNS = {
     "config": "VARCHAR",
@@ -35,6 +36,8 @@ COLUMNS = {
 """Columns of all campaigns with their types; times are UTC, `duration` in seconds."""
 PARAMETER = "param_"
 """Prefix of columns with scenario parameters."""
+FACTOR = "factor_"
+"""Prefix of columns with what was varied, in campaigns whose variation types state it."""
 
 Row = dict[str, Any]
 
@@ -46,9 +49,13 @@ def run_rows(layout: Layout, runs: Iterable[str]) -> Iterator[Row]:
     are used.
     """
     configurations = _configurations(layout)
+    states = any(FACTORS in item for item in configurations.values())
     for run in runs:
         variant, _, number = run.rpartition("/")
-        yield _row(layout.run(run), variant, int(number), configurations.get(variant, {}))
+        configuration = configurations.get(variant, {})
+        row, parameters = _row(layout.run(run), variant, int(number), configuration)
+        factors = factor_values(configuration.get(FACTORS)) or parameters
+        yield {**row, **(_columns(FACTOR, factors) if states else {})}
 
 
 def _configurations(layout: Layout) -> dict[str, dict[str, Any]]:
@@ -59,7 +66,10 @@ def _configurations(layout: Layout) -> dict[str, dict[str, Any]]:
     return {str(item.get("name")): item for item in items if isinstance(item, dict)}
 
 
-def _row(folder: Path, variant: str, number: int, configuration: Mapping[str, Any]) -> Row:
+def _row(
+    folder: Path, variant: str, number: int, configuration: Mapping[str, Any]
+) -> tuple[Row, Mapping[str, Any]]:
+    """A run's values, including its parameters, and the parameters alone."""
     record = read_run_record(folder)
     row: Row = {**dict.fromkeys(COLUMNS), "config": variant, "run": number}
     if record is None:
@@ -70,9 +80,13 @@ def _row(folder: Path, variant: str, number: int, configuration: Mapping[str, An
         row.update(known, config=variant, run=number, verdict=str(record.verdict))
         row.update(started_at=_utc(record.started_at), finished_at=_utc(record.finished_at))
         parameters = record.parameters or configuration.get("config") or {}
-    if isinstance(parameters, Mapping):
-        row.update({PARAMETER + str(k): _cell(v) for k, v in parameters.items()})
-    return row
+    if not isinstance(parameters, Mapping):
+        return row, {}
+    return {**row, **_columns(PARAMETER, parameters)}, parameters
+
+
+def _columns(prefix: str, values: Mapping[str, Any]) -> Row:
+    return {prefix + str(name): _cell(value) for name, value in values.items()}
 
 
 def _judged(folder: Path) -> Row:

@@ -1,6 +1,7 @@
 """Variation types, for plugins."""
 
 from robovast.model.variations import (
+    Factor,
     OneOfVariation,
     ParameterVariationDistributionGaussian,
     ParameterVariationDistributionUniform,
@@ -10,6 +11,7 @@ from robovast.model.variations import (
 )
 
 __all__ = [
+    "Factor",
     "OneOfVariation",
     "ParameterVariationDistributionGaussian",
     "ParameterVariationDistributionUniform",

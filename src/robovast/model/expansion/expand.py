@@ -21,6 +21,7 @@ from robovast.model.expansion.limit import refuse_too_many, too_many, variant_li
 from robovast.model.expansion.variant import ConfigFile, Variant, VariationRecord
 from robovast.model.scenario import Scenario, read_scenario
 from robovast.model.variations import Variation
+from robovast.model.variations.factors import FACTORS, all_factors
 from robovast.model.variations.loader import load_variation
 
 _log = logging.getLogger(__name__)
@@ -30,7 +31,7 @@ Progress = Callable[[str], None]
 DEFAULT_ENTRY = ConfigurationEntry(name="config1")
 """Entry of a document without configurations: the scenario with its own defaults."""
 
-_OWN_KEYS = frozenset({"name", "config", "_config_files"})
+_OWN_KEYS = frozenset({"name", "config", "_config_files", FACTORS})
 
 
 @dataclass(frozen=True)
@@ -203,7 +204,9 @@ def _variant(
     files = tuple(_config_file(name, item) for item in config.get("_config_files") or ())
     extra = {key: value for key, value in config.items() if key not in _OWN_KEYS}
     try:
-        return Variant(name, entry.name, to_plain(parameters), files, records, to_plain(extra))
+        values = to_plain(parameters)
+        factors = all_factors(config.get(FACTORS) or {}, values)
+        return Variant(name, entry.name, values, files, records, to_plain(extra), to_plain(factors))
     except TypeError as error:
         raise InputError(f"configuration `{name}`: {error}") from error
 

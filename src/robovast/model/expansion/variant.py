@@ -45,3 +45,5 @@ class Variant:
     """The variations that were applied, in order."""
     extra: Mapping[str, Any] = field(default_factory=dict)
     """Further keys that variation types set; most begin with `_`."""
+    factors: Mapping[str, Any] = field(default_factory=dict)
+    """What was varied, as `{name: {value, unit}}`; empty if it is just the parameters."""

@@ -1,6 +1,7 @@
 """Variation types: their base class and the built-in ones."""
 
 from robovast.model.variations.base_variation import ProvContribution, Variation
+from robovast.model.variations.factors import Factor
 from robovast.model.variations.one_of_variation import OneOfVariation
 from robovast.model.variations.parameter_variation import (
     ParameterVariationDistributionGaussian,
@@ -18,6 +19,7 @@ BUILT_IN_TYPES = (
 
 __all__ = [
     "BUILT_IN_TYPES",
+    "Factor",
     "OneOfVariation",
     "ParameterVariationDistributionGaussian",
     "ParameterVariationDistributionUniform",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -12,6 +12,7 @@ from pydantic import BaseModel
 
 from robovast.model.scenario import scenario_defaults
 from robovast.model.variation_config import get_validated_config
+from robovast.model.variations.factors import Factor, Scalar, note_factors
 
 ConfigFiles = Sequence[tuple[str, str]]
 """Pairs of a name relative to the config folder and an absolute path."""
@@ -114,6 +115,7 @@ class Variation:
         scenario_values: dict[str, Any] | None,
         config_files: ConfigFiles | None = None,
         other_values: dict[str, Any] | None = None,
+        factors: Mapping[str, Factor | Scalar] | None = None,
     ) -> dict[str, Any]:
         """A copy of a configuration with additional values.
 
@@ -122,6 +124,8 @@ class Variation:
             scenario_values: scenario parameters to set.
             config_files: additional files of the configuration.
             other_values: additional keys of the configuration.
+            factors: what a person varied, if it is not `scenario_values` themselves but they
+                follow from it; a name that is taken gets a number.
 
         Returns:
             The copy; its name is the parent's followed by the number of this child, from 1.
@@ -130,6 +134,7 @@ class Variation:
         self._children[name] += 1
         child: dict[str, Any] = _copy(config)
         child["name"] = f"{name}-{self._children[name]}"
+        note_factors(child, scenario_values or {}, factors)
         child.setdefault("config", {}).update(_copy(scenario_values or {}))
         child.setdefault("_config_files", []).extend(config_files or ())
         child.update(_copy(other_values or {}))

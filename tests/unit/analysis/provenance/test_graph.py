@@ -15,6 +15,8 @@ from support.campaigns.described import DATASET, NAME, RECORD, make_old_campaign
 
 from robovast.analysis.provenance import PluginFaultsError, describe, write_graph, write_metadata
 from robovast.analysis.provenance.vocabulary import PREFIXES, ROBOVAST
+from robovast.base.serialization import dump_yaml
+from robovast.base.yaml_files import parse_yaml
 from robovast.campaign.verdict import Verdict
 
 SHAPES = Path(__file__).with_name("prov-constraints.ttl")
@@ -266,3 +268,22 @@ def test_the_same_variation_twice_is_two_activities(tmp_path: Path) -> None:
         iri("hall-1-1/variations/ParameterVariationList-2"),
     ]
     assert violations(graph) == ""
+
+
+def test_what_was_varied_is_in_the_graph(campaign: Path) -> None:
+    path = campaign / "_transient" / "configurations.yaml"
+    listed = parse_yaml(path.read_text())
+    factors = {"clutter": {"value": 0.25, "unit": "1/m"}, "poses": {"value": [1]}}
+    listed["configs"][0]["_factors"] = factors
+    path.write_text(dump_yaml(listed))
+    describe(campaign)
+    graph = load(campaign)
+    found = {
+        (str(graph.value(node, vocabulary.name)), str(graph.value(node, vocabulary.value)))
+        for vocabulary in [rdflib.Namespace(ROBOVAST)]
+        for node in graph.objects(iri("hall-1-1/"), vocabulary.factor)
+    }
+    assert found == {("clutter", "0.25"), ("poses", "[1]")}
+    assert violations(graph) == ""
+    metadata = parse_yaml((campaign / "metadata.yaml").read_text())
+    assert metadata["configurations"][0]["factors"] == factors

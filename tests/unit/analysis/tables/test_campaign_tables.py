@@ -18,6 +18,8 @@ from robovast.analysis.tables.query_errors import explained
 from robovast.analysis.tables.sqlite_tables import update_sqlite
 from robovast.analysis.tables.staging import wider
 from robovast.base.errors import InputError, StorageError
+from robovast.base.serialization import dump_yaml
+from robovast.base.yaml_files import parse_yaml
 from robovast.campaign.layout import Layout
 
 
@@ -467,3 +469,15 @@ def test_a_sqlite_file_of_another_version_is_made_anew(tmp_path: Path) -> None:
         )
     update(campaign)
     assert sqlite_rows(campaign, "SELECT config_name, v FROM out") == [("c-1", 0)]
+
+
+def test_what_was_varied_has_columns_where_it_is_stated(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 2)
+    update(campaign)
+    assert not [name for name in ask([campaign], "FROM runs").columns if "factor_" in name]
+    path = campaign / "_transient" / "configurations.yaml"
+    listed = parse_yaml(path.read_text())
+    listed["configs"][0]["_factors"] = {"clutter": {"value": 0.25, "unit": "1/m"}}
+    path.write_text(dump_yaml(listed))
+    update(campaign, c_1_0="2", c_1_1="2")
+    assert rows(campaign, "SELECT DISTINCT factor_clutter FROM runs") == [(0.25,)]
