@@ -18,7 +18,15 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 from robovast_testbed import debian
 from support.campaigns.drives import record_drive
 from support.campaigns.local import make_campaign
-from support.campaigns.stored import NAME, SYSTEM_LOG, add_map, write, write_campaign, write_run
+from support.campaigns.stored import (
+    NAME,
+    START,
+    SYSTEM_LOG,
+    add_map,
+    write,
+    write_campaign,
+    write_run,
+)
 from support.servers.page import VAST, ShownPage, shown
 
 WEB = Path(__file__).parents[2] / "web"
@@ -317,6 +325,43 @@ def test_a_log_is_searched_and_filtered(page: Page, server: ShownPage) -> None:
     page.get_by_label("Search").fill("GOAL NOT")
     expect(lines).to_have_count(1)
     expect(lines.locator("mark")).to_have_text("goal not")
+
+
+def test_a_log_opens_at_its_first_error_with_seconds_since_the_start(
+    page: Page, tmp_path: Path
+) -> None:
+    root = write_campaign(tmp_path, judge=lambda *_: "failed")
+    lines = [f"[INFO] [{START + i / 1000:.3f}] [robot]: line {i}" for i in range(5000)]
+    lines[90] = f"[ERROR] [{START + 0.09:.3f}] [robot]: collision"
+    write(root / "_jobs" / "job-0" / "logs" / "system.log", "\n".join(lines))
+    with browsing(page, tmp_path) as address:
+        page.goto(f"{address}#/campaign/{NAME}/hall-1/0")
+        log = page.get_by_role("region", name="Lines of the log").get_by_role("listitem")
+        wrong = log.filter(has_text="collision")
+        expect(wrong).to_be_in_viewport()
+        expect(wrong.locator(".when")).to_have_text("0.090 s")
+        expect(wrong.locator(".said")).to_have_text("[ERROR] [robot]: collision")
+        page.get_by_role("button", name="The end").click()
+        expect(log.last.locator(".when")).to_have_text("4.999 s")
+        page.get_by_role("button", name="First error").click()
+        expect(wrong).to_be_in_viewport()
+
+
+def test_plots_show_places_over_the_seconds_since_the_start(page: Page, tmp_path: Path) -> None:
+    run = write_campaign(tmp_path) / "hall-1" / "0"
+    rows = (f"{START + i:.0f},0,{i},{i}" for i in range(1, 9))
+    header = "stamp,pose.covariance[0],pose.covariance[1],pose.position.x"
+    write(run / "odom.csv", "\n".join([header, *rows]))
+    with browsing(page, tmp_path) as address:
+        page.goto(f"{address}#/campaign/{NAME}/hall-1/0?tab=plots")
+        expect(page.get_by_role("combobox", name="Table")).to_have_value(re.compile("poses.csv$"))
+        page.get_by_role("combobox", name="Table").select_option("odom.csv")
+        plot = page.get_by_role("img", name=re.compile("^Columns of the table"))
+        expect(plot).to_have_accessible_name(
+            re.compile(r"pose.position.x, .*over time since the start \[s\]$")
+        )
+        plot.locator(".u-over").hover(position={"x": 2, "y": 20})
+        expect(plot.locator(".u-value").first).to_have_text("1")
 
 
 def test_a_campaign_that_runs_needs_no_reload(page: Page, tmp_path: Path) -> None:

@@ -107,6 +107,8 @@ export interface LogPage {
   matches: number;
   total: number;
   counts: Record<string, number>;
+  /** Number of the first error, whatever was searched for. */
+  error: number | null;
   /** Which part of the file they are of [bytes]. */
   begin: number;
   end: number;

@@ -5,6 +5,7 @@ import { address, ask, fileAddress, type LogPage } from "./api";
 import { bytes, count, plural } from "./format";
 import { Select, Waiting } from "./parts";
 import { choose } from "./route";
+import { stamped } from "./times";
 
 const LEVELS = ["debug", "info", "warn", "error", "fatal"];
 
@@ -13,6 +14,10 @@ interface LogProps {
   query: URLSearchParams;
   /** When the run took place [s since the epoch]; its job's log may tell of other runs too. */
   period: [number, number] | null;
+  /** When the run started, which times are counted from [s since the epoch]. */
+  start?: number | null;
+  /** Whether it opens at its first error. */
+  failed?: boolean;
   /** Whether it does tell of others. */
   packed?: boolean;
   /** Whether it grows: read again and again, and kept at its end. */
@@ -22,7 +27,10 @@ interface LogProps {
 /** How often a growing log is read [ms]. */
 const PERIOD = 1500;
 
-export function Log({ paths, query, period, packed = false, live = false }: LogProps) {
+/** Lines after the first error that are shown at once, where not all can be. */
+const AFTER = 1000;
+
+export function Log({ paths, query, period, start = null, failed = false, packed = false, live = false }: LogProps) {
   const path = query.get("log") ?? paths[0] ?? "";
   const text = query.get("find") ?? "";
   const levels = query.get("levels") ?? "";
@@ -40,6 +48,8 @@ export function Log({ paths, query, period, packed = false, live = false }: LogP
     until: only ? period[1] : undefined,
   };
   const url = address(["log"], question);
+  const [jumps, setJumps] = useState(0);
+  const opened = useRef("");
   useEffect(() => setEnd(0), [url]);
   useEffect(() => setBefore(0), [url, end]);
   useEffect(() => {
@@ -57,6 +67,8 @@ export function Log({ paths, query, period, packed = false, live = false }: LogP
           (found) => {
             setPage(found);
             setError(null);
+            if (failed && !live && !text && !levels && opened.current !== url) toError(found);
+            opened.current = url;
           },
           (cause: Error) => !controller.signal.aborted && setError(cause.message),
         ),
@@ -67,6 +79,12 @@ export function Log({ paths, query, period, packed = false, live = false }: LogP
       controller.abort();
     };
   }, [url, before, end, round]);
+  const toError = ({ error, lines }: LogPage) => {
+    if (error === null) return;
+    const isShown = lines.length > 0 && lines[0]![0] <= error && error <= lines.at(-1)![0];
+    if (!isShown) setBefore(error + AFTER);
+    setJumps((one) => one + 1);
+  };
   if (!path) return <p class="hint">The run left no log.</p>;
   const chosen = new Set(levels.split(",").filter(Boolean));
   const toggle = (level: string) => {
@@ -105,6 +123,11 @@ export function Log({ paths, query, period, packed = false, live = false }: LogP
         <a class="button" href={fileAddress(path)} download>
           Save
         </a>
+        {page && page.error !== null && !text && !levels && (
+          <button type="button" onClick={() => toError(page)}>
+            First error
+          </button>
+        )}
         <span class="quiet" role="status">
           {page && (page.matches === page.total ? plural(page.total, "line") : `${count(page.matches)} of ${plural(page.total, "line")}`)}
           {page && page.end - page.begin < page.size && `, of ${part(page)}`}
@@ -123,7 +146,7 @@ export function Log({ paths, query, period, packed = false, live = false }: LogP
       {error !== null || !page ? (
         <Waiting error={error} />
       ) : (
-        <Lines page={page} text={text} before={before} onPage={setBefore} live={live} />
+        <Lines {...{ page, text, before, live, start, jumps }} onPage={setBefore} />
       )}
     </>
   );
@@ -145,7 +168,13 @@ interface LinesProps {
   before: number;
   onPage: (before: number) => void;
   live: boolean;
+  start: number | null;
+  /** How often one wanted to see the first error. */
+  jumps: number;
 }
+
+/** Pixels above the line that is jumped to. */
+const ABOVE = 70;
 
 /** Attributes of what is scrolled: it stays at its end as it grows, unless one has scrolled up. */
 export function useEnd(content: unknown, live = true) {
@@ -161,9 +190,16 @@ export function useEnd(content: unknown, live = true) {
   return { ref: frame, onScroll };
 }
 
-function Lines({ page, text, before, onPage, live }: LinesProps) {
+function Lines({ page, text, before, onPage, live, start, jumps }: LinesProps) {
   const end = useEnd(page, live);
+  const wanted = useRef<HTMLLIElement>(null);
+  const jumped = useRef(0);
   const first = page.lines[0]?.[0] ?? 0;
+  useLayoutEffect(() => {
+    if (jumped.current === jumps || !wanted.current || !end.ref.current) return;
+    jumped.current = jumps;
+    end.ref.current.scrollTop = wanted.current.offsetTop - ABOVE;
+  }, [page, jumps]);
   if (!page.lines.length) return <p class="hint">No line is like that.</p>;
   return (
     <div
@@ -186,14 +222,18 @@ function Lines({ page, text, before, onPage, live }: LinesProps) {
         </p>
       )}
       <ol>
-        {page.lines.map(([number, level, line]) => (
-          <li key={number} value={number} class={level}>
-            <span class="at" aria-hidden="true">
-              {number}
-            </span>
-            <span class="said">{marked(line, text)}</span>
-          </li>
-        ))}
+        {page.lines.map(([number, level, line]) => {
+          const said = start === null ? { at: "", text: line } : stamped(line, start);
+          return (
+            <li key={number} value={number} class={level} ref={number === page.error ? wanted : null}>
+              <span class="at" aria-hidden="true">
+                {number}
+              </span>
+              {start !== null && <span class="when">{said.at && `${said.at} s`}</span>}
+              <span class="said">{marked(said.text, text)}</span>
+            </li>
+          );
+        })}
       </ol>
     </div>
   );

@@ -11,8 +11,6 @@ export interface Curve {
 interface PlotProps {
   label: string;
   x: Curve;
-  /** Whether x is a time [s since the epoch]. */
-  time?: boolean;
   curves: Curve[];
   format?: (value: number) => string;
   /** Let the axis begin at 0. */
@@ -22,7 +20,7 @@ interface PlotProps {
 
 const DASHES = [[], [8, 4], [2, 3], [10, 3, 2, 3]];
 
-export function Plot({ label, x, time = false, curves, format, fromZero = false, height = 260 }: PlotProps) {
+export function Plot({ label, x, curves, format, fromZero = false, height = 260 }: PlotProps) {
   const frame = useRef<HTMLDivElement>(null);
   useEffect(() => {
     const element = frame.current!;
@@ -32,7 +30,7 @@ export function Plot({ label, x, time = false, curves, format, fromZero = false,
     const build = () => {
       plot?.destroy();
       plot = new uPlot(
-        { ...options(element, x.label, curves, time, fromZero, format), width: width(), height },
+        { ...options(element, x.label, curves, fromZero, format), width: width(), height },
         [x.values as number[], ...curves.map((curve) => curve.values)],
         element,
       );
@@ -50,11 +48,15 @@ export function Plot({ label, x, time = false, curves, format, fromZero = false,
   return <div class="plot" ref={frame} role="img" aria-label={`${label}: ${curves.map((c) => c.label).join(", ")} over ${x.label}`} />;
 }
 
+/** Room for the numbers of an axis [px]. */
+function widthOf(_: uPlot, labels: string[] | null): number {
+  return 24 + 8 * Math.max(4, ...(labels ?? []).map((label) => label.length));
+}
+
 function options(
   element: Element,
   xLabel: string,
   curves: Curve[],
-  time: boolean,
   fromZero: boolean,
   format?: (value: number) => string,
 ): Omit<uPlot.Options, "width" | "height"> {
@@ -67,10 +69,10 @@ function options(
     font: `12px ${style.fontFamily}`,
   };
   return {
-    scales: { x: { time }, y: fromZero ? { range: (_, __, most) => [0, 1.1 * most || 1] } : {} },
+    scales: { x: { time: false }, y: fromZero ? { range: (_, __, most) => [0, 1.1 * most || 1] } : {} },
     axes: [
-      { ...axis, label: time ? undefined : xLabel, labelFont: `12px ${style.fontFamily}`, labelSize: 18 },
-      { ...axis, size: 70, values: format && ((_, splits) => splits.map((value) => format(value))) },
+      { ...axis, space: 80, label: xLabel, labelFont: `12px ${style.fontFamily}`, labelSize: 18 },
+      { ...axis, size: widthOf, values: format && ((_, splits) => splits.map((value) => format(value))) },
     ],
     legend: { show: curves.length > 1 || Boolean(format) },
     series: [

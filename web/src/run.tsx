@@ -41,13 +41,15 @@ export function RunPage({ campaign, variant, run, query }: RunProps) {
   const { error } = answer;
   const data = answer.data?.details;
   if (!answer.data || !data) return <Waiting error={error} title={`${variant}/${run}`} />;
+  const { result } = answer.data;
+  const failed = result !== null && result.verdict !== "passed";
   const player = data.recorded.length > 0 && playerOf({ campaign, variant, run }, answer.data.siblings, query);
   return (
     <>
-      <Head data={data} result={answer.data.result} title={`${variant}/${run}`} target={{ campaign, variant, run }} />
+      <Head data={data} result={result} title={`${variant}/${run}`} target={{ campaign, variant, run }} />
       <Siblings {...{ campaign, variant, run }} siblings={answer.data.siblings} />
       <Tabs
-        tabs={[...tabsOf(data, query, player), ...(data.on_map ? [mapOf(campaign, variant)] : []), notebooksOf({ campaign, variant, run })]}
+        tabs={[...tabsOf(data, failed, query, player), ...(data.on_map ? [mapOf(campaign, variant)] : []), notebooksOf({ campaign, variant, run })]}
         chosen={query.get("tab") ?? "log"}
         onChoose={(tab) => choose({ tab: tab === "log" ? "" : tab })}
       />
@@ -185,16 +187,16 @@ function seconds(time: unknown): number | null {
   return Number.isNaN(parsed) ? null : parsed;
 }
 
-function tabsOf(data: RunDetails, query: URLSearchParams, player: Tab | false): Tab[] {
+function tabsOf(data: RunDetails, failed: boolean, query: URLSearchParams, player: Tab | false): Tab[] {
   const all = [...data.files, ...data.job_files];
   const tables = all.filter((file) => file.kind === "table");
   const pictures = all.filter((file) => file.kind === "video" || file.kind === "image");
   const [from, to] = [seconds(data.record.started_at), seconds(data.record.finished_at)];
   const period = from !== null && to !== null ? ([from - 0.002, to + 0.02] as [number, number]) : null;
   const tabs: (Tab | false)[] = [
-    { id: "log", label: "Log", show: () => <Log paths={data.logs} query={query} period={period} packed={data.packed} /> },
+    { id: "log", label: "Log", show: () => <Log paths={data.logs} {...{ query, period, failed }} start={from} packed={data.packed} /> },
     player,
-    tables.length > 0 && { id: "plots", label: "Plots", show: () => <Tables files={tables} query={query} /> },
+    tables.length > 0 && { id: "plots", label: "Plots", show: () => <Tables files={tables} query={query} start={from} /> },
     data.usage.length > 0 && { id: "resources", label: "Resources", show: () => <Resources data={data} /> },
     { id: "parameters", label: "Parameters", show: () => <Parameters data={data} /> },
     pictures.length > 0 && { id: "video", label: pictures.some((file) => file.kind === "video") ? "Video" : "Pictures", show: () => <Pictures files={pictures} /> },

@@ -7,12 +7,20 @@ import { useAnswer } from "./live";
 import { Select, Waiting } from "./parts";
 import { Plot, type Curve } from "./plot";
 import { choose } from "./route";
+import { isTime, sinceStart } from "./times";
 
 const CURVES = 4;
 const PREVIEW = 12;
 
-export function Tables({ files, query }: { files: FileEntry[]; query: URLSearchParams }) {
-  const path = query.get("table") ?? files[0]!.path;
+interface TablesProps {
+  files: FileEntry[];
+  query: URLSearchParams;
+  /** When the run started [s since the epoch]. */
+  start: number | null;
+}
+
+export function Tables({ files, query, start }: TablesProps) {
+  const path = query.get("table") ?? mostTelling(files).path;
   const columns = (query.get("columns") ?? "").split("\n").filter(Boolean);
   const x = query.get("over") ?? "";
   const wanted = columns.length || x ? [x, ...columns].filter(Boolean) : [];
@@ -32,16 +40,23 @@ export function Tables({ files, query }: { files: FileEntry[]; query: URLSearchP
           Save CSV
         </a>
       </div>
-      {data ? <Drawn data={data} x={x} columns={columns} /> : <Waiting error={error} />}
+      {data ? <Drawn {...{ data, x, columns, start }} /> : <Waiting error={error} />}
     </>
   );
 }
 
-/** The column that others are drawn over: the chosen one, else the first that only grows. */
+/** A table of the robot's places, else the largest: in one row there is no curve. */
+function mostTelling(files: FileEntry[]): FileEntry {
+  const ofPlaces = files.filter(({ name }) => /odom|pose|position/i.test(name));
+  const [first, ...others] = ofPlaces.length ? ofPlaces : files;
+  return others.reduce((best, one) => (one.size > best.size ? one : best), first!);
+}
+
+/** The column that others are drawn over: the chosen one, else a time, else the first that only grows. */
 function overColumn(data: Table, x: string): string {
   const numeric = numericColumns(data);
   if (numeric.includes(x)) return x;
-  const times = numeric.find((name) => /^(time|timestamp|stamp|step|t)$/i.test(name));
+  const times = numeric.find((name) => isTime(name) || /^step$/i.test(name));
   return times ?? numeric.find((name) => grows(data.columns[name]!)) ?? numeric[0] ?? "";
 }
 
@@ -55,9 +70,16 @@ function numericColumns(data: Table): string[] {
   );
 }
 
+/** Columns that are drawn unless others are chosen: the first that change, and are no times. */
+function defaultColumns(data: Table, over: string): string[] {
+  const names = numericColumns(data).filter((name) => name !== over && !isTime(name));
+  const changing = names.filter((name) => new Set(data.columns[name]).size > 1);
+  return (changing.length ? changing : names).slice(0, CURVES);
+}
+
 function Choices({ data, x, columns }: { data: Table; x: string; columns: string[] }) {
   const over = overColumn(data, x);
-  const drawn = columns.length ? columns : numericColumns(data).filter((n) => n !== over).slice(0, CURVES);
+  const drawn = columns.length ? columns : defaultColumns(data, over);
   const toggle = (name: string) => {
     const next = drawn.includes(name) ? drawn.filter((one) => one !== name) : [...drawn, name];
     choose({ columns: next.join("\n"), over });
@@ -87,17 +109,23 @@ function Choices({ data, x, columns }: { data: Table; x: string; columns: string
   );
 }
 
-function Drawn({ data, x, columns }: { data: Table; x: string; columns: string[] }) {
+interface DrawnProps {
+  data: Table;
+  x: string;
+  columns: string[];
+  start: number | null;
+}
+
+function Drawn({ data, x, columns, start }: DrawnProps) {
   const over = overColumn(data, x);
   const [axis, curves] = useMemo(() => {
-    const names = numericColumns(data).filter((name) => name !== over);
-    const drawn = columns.length ? names.filter((name) => columns.includes(name)) : names.slice(0, CURVES);
-    return sortedCurves(data, over, drawn);
-  }, [data, over, columns.join()]);
+    const names = numericColumns(data).filter((name) => columns.includes(name) && name !== over);
+    return sortedCurves(data, over, columns.length ? names : defaultColumns(data, over), start);
+  }, [data, over, columns.join(), start]);
   const kept = Object.values(data.columns)[0]?.length ?? 0;
   return (
     <>
-      {curves.length > 0 && <Plot label="Columns of the table" x={axis} curves={curves} />}
+      {data.rows > 1 && curves.length > 0 && <Plot label="Columns of the table" x={axis} curves={curves} />}
       <p class="quiet">
         {plural(data.rows, "row")}
         {data.stride > 1 && `, every ${data.stride}th is shown`}, {plural(data.names.length, "column")}
@@ -129,16 +157,15 @@ function Drawn({ data, x, columns }: { data: Table; x: string; columns: string[]
 }
 
 /** Columns in the order of x, as curves need it. */
-function sortedCurves(data: Table, over: string, drawn: string[]): [Curve, Curve[]] {
-  const x = data.columns[over] ?? [];
+function sortedCurves(data: Table, over: string, drawn: string[], start: number | null): [Curve, Curve[]] {
+  const recorded = data.columns[over] ?? [];
+  const x = isTime(over) ? sinceStart(recorded, start) : recorded;
   const places = x.map((_, place) => place).filter((place) => typeof x[place] === "number");
   places.sort((a, b) => (x[a] as number) - (x[b] as number));
-  const column = (name: string): Curve => ({
-    label: name,
-    values: places.map((place) => {
-      const value = data.columns[name]?.[place];
-      return typeof value === "number" ? value : null;
-    }),
+  const column = (label: string, values: (number | string | null)[]): Curve => ({
+    label,
+    values: places.map((place) => (typeof values[place] === "number" ? values[place] : null)),
   });
-  return [column(over), drawn.map(column)];
+  const label = isTime(over) ? "time since the start [s]" : over;
+  return [column(label, x), drawn.map((name) => column(name, data.columns[name] ?? []))];
 }

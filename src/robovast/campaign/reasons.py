@@ -32,6 +32,7 @@ _OURS = re.compile(r"\[robovast\] |/config/(?:secondary_)?entrypoint\.sh: line \
 _CLOCKS_DIFFER = 1.0
 """Most that a start in the log may be later than in test.xml [s]."""
 
+_TRACEBACK = "Traceback (most recent call last)"
 _EXCEPTION = re.compile(r"(?:[A-Za-z_]\w*\.)*[A-Z]\w*(?:Error|Exception|Interrupt|Exit)(?:: .*)?")
 _AFTER_TRACEBACK = re.compile(r"(?:[A-Za-z_]\w*\.)*[A-Z]\w*(?:: .*)?")
 """An exception's line, whatever its name, after the frames of its traceback."""
@@ -149,9 +150,18 @@ def _messages(lines: Sequence[str]) -> Iterator[tuple[Message, bool]]:
             continue
         pattern = _AFTER_TRACEBACK if in_traceback else _EXCEPTION
         is_exception = pattern.fullmatch(said.text) is not None
-        begins = said.text.startswith("Traceback (most recent call last)")
+        begins = said.text.startswith(_TRACEBACK)
         in_traceback = begins or (in_traceback and not is_exception)
         yield said, is_exception
+
+
+def says_error(line: str) -> bool:
+    """Whether a line of a log is an error by itself, not because the executor passed it as one."""
+    said = parse_line(line)
+    if _own_level(said) in _HARMLESS:
+        return False
+    is_exception = said.text.startswith(_TRACEBACK) or _EXCEPTION.fullmatch(said.text) is not None
+    return is_exception or _is_error(said)
 
 
 def _own_level(said: Message) -> str:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-from robovast.campaign.log_lines import LEVELS, parse_line, without_escapes
+from robovast.campaign.log_lines import BAD, LEVELS, parse_line, without_escapes
+from robovast.campaign.reasons import says_error
 from robovast.evaluation.inside import open_inside
 
 PAGE = 2000
@@ -49,6 +50,8 @@ class LogPage:
     """All lines."""
     counts: dict[str, int]
     """Number of lines of each level."""
+    error: int | None
+    """Number of the first error, of any line of the part or the period; None without one."""
     begin: int
     """Start of the part [bytes]; 0 if the whole file was read."""
     end: int
@@ -85,6 +88,7 @@ def read_log(root: Path, relative: str, question: LogQuestion) -> LogPage:
     page: deque[LogLine] = deque(maxlen=PAGE)
     counts = dict.fromkeys(LEVELS, 0)
     matches = total = 0
+    errors = _Errors()
     with open_inside(root, relative) as file:
         size = os.fstat(file.fileno()).st_size
         begin, end = _part(file, size, question)
@@ -92,6 +96,7 @@ def read_log(root: Path, relative: str, question: LogQuestion) -> LogPage:
             total += 1
             if line.level:
                 counts[line.level] += 1
+            errors.see(line)
             if question.levels and line.level not in question.levels:
                 continue
             if needle and needle not in line.text.casefold():
@@ -99,7 +104,26 @@ def read_log(root: Path, relative: str, question: LogQuestion) -> LogPage:
             matches += 1
             if question.before is None or line.number < question.before:
                 page.append(line)
-    return LogPage(list(page), matches, total, counts, begin, end, size)
+    return LogPage(list(page), matches, total, counts, errors.first, begin, end, size)
+
+
+class _Errors:
+    """The first error; what the executor passed as an error without being one comes second."""
+
+    def __init__(self) -> None:
+        self._said: int | None = None
+        self._passed: int | None = None
+
+    @property
+    def first(self) -> int | None:
+        return self._said or self._passed
+
+    def see(self, line: LogLine) -> None:
+        if self._said or line.level not in BAD:
+            return
+        if says_error(line.text):
+            self._said = line.number
+        self._passed = self._passed or line.number
 
 
 def _part(file: BinaryIO, size: int, question: LogQuestion) -> tuple[int, int]:

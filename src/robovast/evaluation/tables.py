@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -18,6 +19,14 @@ from robovast.evaluation.inside import open_inside
 MOST_ROWS = 2000
 MOST_COLUMNS = 16
 """Number of columns that are read by default."""
+
+_BY_INTEREST = (
+    re.compile(r"time|timestamp|stamp|t"),
+    re.compile(r"(.*position\.)?[xyz]"),
+    re.compile(r"(.*[._])?(linear\.[xyz]|angular\.[xyz]|speed|velocity|v[xy]?)"),
+)
+"""Columns that are looked at first: times, then places, then speeds."""
+_LAST = re.compile(r".*covariance.*|.*(header|stamp)\..*|.*seed")
 
 Cell = float | str | None
 _T = TypeVar("_T")
@@ -55,7 +64,8 @@ def read_table(root: Path, relative: str, wanted: Sequence[str] = ()) -> Table:
     Args:
         root: folder that the file is below, without links.
         relative: path of the file.
-        wanted: names of columns; by default the first `MOST_COLUMNS`.
+        wanted: names of columns; by default `MOST_COLUMNS`: times, places and speeds before others,
+            covariances last.
 
     Raises:
         InputError: the file is missing or not a CSV file.
@@ -63,10 +73,23 @@ def read_table(root: Path, relative: str, wanted: Sequence[str] = ()) -> Table:
     with closing(_rows(open_inside(root, relative), relative)) as rows:
         names = next(rows, [])
         places = [names.index(name) for name in wanted if name in names][:MOST_COLUMNS]
-        places = places or list(range(len(names)))[:MOST_COLUMNS]
+        places = places or by_interest(names)[:MOST_COLUMNS]
         kept, count, stride = _thinned([_cell(row, place) for place in places] for row in rows)
     columns = {names[place]: _typed([row[i] for row in kept]) for i, place in enumerate(places)}
     return Table(names, columns, count, stride)
+
+
+def by_interest(names: Sequence[str]) -> list[int]:
+    """Places of columns, those first that people look at first; equal ones stay in their order."""
+
+    def rank(place: int) -> int:
+        name = names[place].lower()
+        if _LAST.fullmatch(name):
+            return len(_BY_INTEREST) + 1
+        matches = (i for i, pattern in enumerate(_BY_INTEREST) if pattern.fullmatch(name))
+        return next(matches, len(_BY_INTEREST))
+
+    return sorted(range(len(names)), key=rank)
 
 
 def read_usage(root: Path, relative: str) -> Usage:

@@ -117,7 +117,7 @@ class ArtifactTools:
 
         Args:
             path: relative to the results folder, a file of kind `table`.
-            columns: names of columns; by default the first ones.
+            columns: names of columns; by default times, places and speeds before others.
         """
         return fitted(_rows(read_table(self._results, path, columns or ())))
 

@@ -122,3 +122,28 @@ def test_a_log_of_any_size_costs_no_more_than_a_part(tmp_path: Path) -> None:
     assert [line.text[-7:] for line in found.lines] == ["the end"]
     read_log(tmp_path, "log", LogQuestion(since=1.0, until=2.0))
     assert time.process_time() - began < 10, "seconds"
+
+
+@pytest.mark.parametrize(
+    ("lines", "first"),
+    [
+        (["[INFO] [1.0] [n]: fine", "[ERROR] [2.0] [n]: no", "[ERROR] [3.0] [n]: later"], 2),
+        (
+            [
+                "[ERROR] [1.0] [scenario_execution]: loading",
+                "[ERROR] [2.0] [scenario_execution]: [INFO] [1.9] [follower]: a way of 5.3 m",
+                "[ERROR] [3.0] [scenario_execution]: [ERROR] [2.9] [simulator]: collision",
+            ],
+            3,
+        ),
+        (["[ERROR] [1.0] [scenario_execution]: Traceback (most recent call last):"], 1),
+        (["fine", "Traceback (most recent call last):", "ValueError: no"], 2),
+        (["fine", "[ERROR] [1.0] [scenario_execution]: execution failed."], 2),
+        (["[INFO] [1.0] [n]: no error here"], None),
+    ],
+)
+def test_the_first_error_is_one_that_a_program_calls_so(
+    tmp_path: Path, lines: list[str], first: int | None
+) -> None:
+    (tmp_path / "log").write_text("\n".join(lines))
+    assert read_log(tmp_path, "log", LogQuestion(text="nowhere")).error == first

@@ -55,3 +55,16 @@ def test_another_table_is_no_usage(tmp_path: Path) -> None:
     (tmp_path / "u.csv").write_text("a,b\n1,2\n")
     with pytest.raises(InputError, match="no record of resource usage"):
         read_usage(tmp_path, "u.csv")
+
+
+def test_places_and_speeds_come_first_and_covariances_last(tmp_path: Path) -> None:
+    covariances = [f"pose.covariance[{i}]" for i in range(36)]
+    names = ["type", "header.stamp.nanosec", *covariances, "pose.pose.orientation.w"]
+    names += ["pose.pose.position.x", "pose.pose.position.y", "twist.twist.linear.x", "timestamp"]
+    (tmp_path / "t.csv").write_text(",".join(names) + "\n" + ",".join("1" for _ in names))
+    table = read_table(tmp_path, "t.csv")
+    assert table.names == names
+    assert list(table.columns)[:7] == [
+        *("timestamp", "pose.pose.position.x", "pose.pose.position.y", "twist.twist.linear.x"),
+        *("type", "pose.pose.orientation.w", "header.stamp.nanosec"),
+    ]
