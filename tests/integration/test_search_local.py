@@ -82,10 +82,16 @@ def test_random_search_end_to_end(tmp_path: Path) -> None:
     assert again.total == 12, "a budget that is spent leaves nothing to do"
 
 
-def test_killed_search_continues_the_same_sequence(tmp_path: Path) -> None:
+OPTUNA = RANDOM.replace("strategy: random", "strategy: optuna") + (
+    "  strategy_parameters: {sampler: tpe, n_startup_trials: 2}\n"
+)
+
+
+@pytest.mark.parametrize("extra", [RANDOM, OPTUNA], ids=["random", "optuna"])
+def test_killed_search_continues_the_same_sequence(tmp_path: Path, extra: str) -> None:
     """Kill -9 at arbitrary times; the sets are those of a search that nobody disturbed."""
-    undisturbed, _ = search(tmp_path / "calm")
-    path = make_campaign(tmp_path / "killed", FAILS_ABOVE_50, RANDOM, document=DOCUMENT)
+    undisturbed, _ = search(tmp_path / "calm", extra)
+    path = make_campaign(tmp_path / "killed", FAILS_ABOVE_50, extra, document=DOCUMENT)
     out = tmp_path / "killed" / "out"
     command = [sys.executable, "-m", "robovast_cli", "--vast-file", str(path), "exec", "local"]
     command += ["run", "--runtime", "process"]
@@ -120,6 +126,7 @@ def test_each_set_of_a_small_space_is_run_once_until_it_is_exhausted(tmp_path: P
 
 
 PLUGINS = '''\
+import sys
 from pathlib import Path
 
 from robovast.search.extractor import Extractor, ExtractResult, completed_run_dirs
@@ -170,13 +177,40 @@ class Three(SearchStrategy):
 
 class Nonsense(Three):
     def ask(self, n):
-        return [ParamSet({"x": 1000})]
+        return ASKED
+
+
+class Leaves(SearchStrategy):
+    """Ends the process where it is told to; else it proposes one set, of three that are asked."""
+
+    def __init__(self, cfg, params):
+        super().__init__(cfg, params)
+        self.at = params["at"]
+
+    def _perhaps(self, method):
+        if self.at == method:
+            sys.exit("enough")
+
+    def ask(self, n):
+        self._perhaps("ask")
+        return [ParamSet({"x": 7})]
+
+    def tell(self, evaluations):
+        self._perhaps("tell")
+
+    def is_done(self):
+        self._perhaps("is_done")
+        return False
+
+    def report(self):
+        self._perhaps("report")
+        return SearchReport(extra={"odd": float("nan"), "fine": 1})
 '''
 
 
-def with_plugins(folder: Path) -> None:
+def with_plugins(folder: Path, asked: str = "[]") -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "plugins.py").write_text(PLUGINS)
+    (folder / "plugins.py").write_text(PLUGINS.replace("ASKED", asked))
 
 
 def test_equal_sets_are_run_once_and_more_repetitions_are_added(tmp_path: Path) -> None:
@@ -222,12 +256,44 @@ def test_too_many_sets_without_a_score_end_the_search(tmp_path: Path) -> None:
     assert summary.report.evaluations == [], "an errored run is no evidence"
 
 
-def test_nonsense_of_a_strategy_is_refused_before_anything_exists(tmp_path: Path) -> None:
-    with_plugins(tmp_path)
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ('[ParamSet({"x": 1000})]', "proposed x = 1000, which is not in the space"),
+        ('[ParamSet({"y": 1, "z": 3})]', "a set in which x, y, z is missing or unknown"),
+        ("[ParamSet(7)]", "proposed 7 where a mapping of values is asked"),
+        ('[ParamSet({"x": 1}, n_reps=0)]', "wants 0 repetitions"),
+        ("None", "`ask` must return a list of ParamSet, not None"),
+        ('[ParamSet({"x": x}) for x in range(9)]', "proposed 9 sets where 2 are asked"),
+    ],
+)
+def test_nonsense_of_a_strategy_is_refused_before_anything_exists(
+    tmp_path: Path, asked: str, message: str
+) -> None:
+    with_plugins(tmp_path, asked)
     extra = RANDOM.replace("strategy: random", "strategy: ./plugins.py:Nonsense")
-    with pytest.raises(InputError, match="proposed x = 1000, which is not in the space"):
+    with pytest.raises(InputError, match=message):
         search(tmp_path, extra)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("method", ["ask", "tell", "is_done", "report"])
+def test_a_strategy_that_ends_the_process_is_one_clear_error(tmp_path: Path, method: str) -> None:
+    with_plugins(tmp_path)
+    extra = RANDOM.replace("strategy: random", "strategy: ./plugins.py:Leaves")
+    extra += f"  strategy_parameters: {{at: {method}}}\n"
+    with pytest.raises(InputError, match=rf"`{method}` raised SystemExit: enough \(.*plugins.py:"):
+        search(tmp_path, extra)
+
+
+def test_fewer_sets_than_asked_and_numbers_that_are_none_do_no_harm(tmp_path: Path) -> None:
+    with_plugins(tmp_path)
+    extra = RANDOM.replace("strategy: random", "strategy: ./plugins.py:Leaves")
+    extra += "  strategy_parameters: {at: never}\n"
+    summary, _ = search(tmp_path, extra)
+    assert len(summary.records) == 1
+    batches = History(_layout(summary.campaign)).batches
+    assert [dict(batch.outcome.metrics) for batch in batches if batch.outcome] == [{"fine": 1}] * 3
 
 
 def test_a_template_that_makes_several_configurations_is_refused(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import importlib.util
 import os
@@ -9,6 +10,7 @@ import re
 import sys
 import sysconfig
 import traceback
+from collections.abc import Callable, Iterator
 from difflib import get_close_matches
 from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
@@ -35,6 +37,20 @@ def raised(error: BaseException) -> str:
     own = [f"{file}:{line}" for file, line in others if file.startswith(folder + os.sep)]
     place = f" ({own[-1]})" if own else ""
     return f"{type(error).__name__}: {error}".removesuffix(": ") + place
+
+
+@contextlib.contextmanager
+def plugin_errors(failure: Callable[[BaseException], RobovastError]) -> Iterator[None]:
+    """Wrap calls of a plugin: what it raises, even `sys.exit`, becomes the error made of it.
+
+    Only the user's interrupt stays what it is.
+    """
+    try:
+        yield
+    except (KeyboardInterrupt, GeneratorExit):
+        raise
+    except BaseException as error:
+        raise failure(error) from error
 
 
 def _is_known(file: str) -> bool:
@@ -92,13 +108,11 @@ def _load_entry_point(name: str, group: str) -> Any:
             f"there is no plugin `{name}` in {group}. {hint} A plugin in a file is written "
             "`<path>.py:<name>`."
         )
-    try:
+    distribution = known[name].dist
+    package = distribution.name if distribution else "its package"
+    what = f"the plugin `{name}` of {package} ({known[name].value}) cannot be loaded"
+    with plugin_errors(lambda error: _failure(what, error)):
         return known[name].load()
-    except Exception as error:
-        distribution = known[name].dist
-        package = distribution.name if distribution else "its package"
-        what = f"the plugin `{name}` of {package} ({known[name].value}) cannot be loaded"
-        raise _failure(what, error) from error
 
 
 @lru_cache
@@ -113,14 +127,15 @@ def _load_file(path: Path) -> Any:
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # dataclasses and pickle look up a class's module
     try:
-        spec.loader.exec_module(module)
-    except Exception as error:
+        with plugin_errors(lambda error: _failure(f"{path} cannot be imported", error)):
+            spec.loader.exec_module(module)
+    except RobovastError:
         del sys.modules[name]
-        raise _failure(f"{path} cannot be imported", error) from error
+        raise
     return module
 
 
-def _failure(what: str, error: Exception) -> RobovastError:
+def _failure(what: str, error: BaseException) -> RobovastError:
     """The error about a plugin whose code raises one while it is loaded."""
     if isinstance(error, ModuleNotFoundError):
         return CannotRunError(f"{what}: the package `{error.name}` is not installed here.")

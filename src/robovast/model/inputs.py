@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError, RobovastError
-from robovast.base.plugins import load_plugin, raised, split_file_reference
+from robovast.base.plugins import load_plugin, plugin_errors, raised, split_file_reference
 from robovast.model.document import Document
 from robovast.model.document.commands import BUILT_IN, GROUP
 from robovast.model.document.files import host_path, named_files, run_files
@@ -61,11 +61,10 @@ def _wanted_files(folder: Path, call: PluginCall) -> Iterator[Path]:
     plugin = _class_with_files(folder, call)
     if plugin is None:
         return
-    try:
+    what = f"{call.name}: `{_WANTED}` raised"
+    with plugin_errors(lambda error: InputError(f"{what} {raised(error)}")):
         made = plugin(**call.parameters) if inspect.signature(plugin).parameters else plugin()
         wanted = [folder / path for path in made.get_files_to_copy(str(folder), call.parameters)]
-    except Exception as error:
-        raise InputError(f"{call.name}: `{_WANTED}` raised {raised(error)}") from error
     for path in wanted:
         if not path.is_relative_to(folder):
             raise InputError(f"{call.name}: `{_WANTED}` names {path}, which is not in {folder}.")

@@ -6,7 +6,7 @@ import traceback
 from typing import Any
 
 from robovast.base.errors import InputError
-from robovast.base.plugins import raised
+from robovast.base.plugins import plugin_errors, raised
 from robovast.model.document import Document
 from robovast.model.document.model import Search
 from robovast.model.document.search.plugins import EXTRACTORS, STRATEGIES, load_search_plugin
@@ -35,10 +35,9 @@ def make_strategy(document: Document) -> SearchStrategy:
     kind = load_search_plugin(search.strategy, STRATEGIES, document.folder)
     model = getattr(kind, "PARAMS_MODEL", None)
     given: Any = dict(search.strategy_parameters)
-    try:
+    what = f"the strategy `{search.strategy}`"
+    with plugin_errors(lambda error: _cannot_be_made(document, what, error)):
         made = kind(search, given if model is None else model.model_validate(given))
-    except Exception as error:
-        raise _cannot_be_made(document, f"the strategy `{search.strategy}`", error) from error
     strategy: SearchStrategy = _checked(made, SearchStrategy, search.strategy, "strategy")
     return strategy
 
@@ -51,10 +50,8 @@ def make_extractor(document: Document) -> Extractor:
     """
     name, params = search_of(document).extract.call
     kind = load_search_plugin(name, EXTRACTORS, document.folder)
-    try:
+    with plugin_errors(lambda error: _cannot_be_made(document, f"the extractor `{name}`", error)):
         made = kind(**params)
-    except Exception as error:
-        raise _cannot_be_made(document, f"the extractor `{name}`", error) from error
     extractor: Extractor = _checked(made, Extractor, name, "extractor")
     return extractor
 
@@ -64,7 +61,7 @@ def trace(error: BaseException) -> str:
     return "".join(traceback.format_exception(error))
 
 
-def _cannot_be_made(document: Document, what: str, error: Exception) -> InputError:
+def _cannot_be_made(document: Document, what: str, error: BaseException) -> InputError:
     return InputError(f"{document.path}: {what} cannot be made: {raised(error)}")
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
-from robovast.base.plugins import raised
+from robovast.base.plugins import plugin_errors, raised
 from robovast.model.document import Document
 from robovast.model.document.search.space import holds, set_id
 from robovast.model.document.search.template import entry_of
@@ -27,10 +27,8 @@ def ask(document: Document, strategy: SearchStrategy) -> list[ParamSet]:
         InputError: the strategy raises, or proposes what is not in the space.
     """
     search = search_of(document)
-    try:
+    with plugin_errors(lambda error: _error(document, f"`ask` raised {raised(error)}")):
         proposed = strategy.ask(search.per_batch)
-    except Exception as error:
-        raise _error(document, f"`ask` raised {raised(error)}") from error
     if not isinstance(proposed, list | tuple) or not all(
         isinstance(item, ParamSet) for item in proposed
     ):
@@ -43,8 +41,10 @@ def ask(document: Document, strategy: SearchStrategy) -> list[ParamSet]:
 def _checked(document: Document, item: ParamSet) -> ParamSet:
     """The set with plain values and an identifier of its own values."""
     space = search_of(document).search_space
+    if not isinstance(item.values, dict):
+        raise _error(document, f"proposed {item.values!r:.80} where a mapping of values is asked")
     if set(item.values) != set(space):
-        odd = sorted(set(item.values) ^ set(space))
+        odd = sorted(map(str, set(item.values) ^ set(space)))
         raise _error(document, f"proposed a set in which {', '.join(odd)} is missing or unknown")
     values = {name: _plain(value) for name, value in item.values.items()}
     for name, value in values.items():

@@ -6,14 +6,16 @@ same sets as if it had not been.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any
 
 from robovast.base.errors import InputError
-from robovast.base.plugins import raised
+from robovast.base.plugins import plugin_errors, raised
 from robovast.base.version import __version__
 from robovast.execution.local.growing import GrowingCampaign
 from robovast.model.document import Document
@@ -25,7 +27,7 @@ from robovast.search.plugins import make_strategy, search_of
 from robovast.search.proposing import Expand, ask, expand_sets, with_entries
 from robovast.search.scoring import samples, score
 from robovast.search.strategy import SearchStrategy
-from robovast.search.types import ParamSet, SearchReport
+from robovast.search.types import Evaluation, ParamSet, SearchReport
 
 NOTHING_NEW = 3
 """Batches in a row without a new run after which nothing is left to try."""
@@ -86,7 +88,7 @@ class Rounds:
             return Stop("exhausted", "the strategy has nothing left to propose")
         if len(last) == NOTHING_NEW and not any(batch.blocks for batch in last):
             return Stop("exhausted", f"{NOTHING_NEW} batches in a row proposed nothing new")
-        if last and self.strategy.is_done():
+        if last and self._is_done():
             return Stop("strategy", "the strategy has finished")
         return None
 
@@ -103,13 +105,18 @@ class Rounds:
         Raises:
             InputError: the strategy raises, or returns something else.
         """
-        try:
+        with self._calling("report"):
             report = self.strategy.report()
-        except Exception as error:
-            raise self._error(f"`report` raised {raised(error)}") from error
-        if not isinstance(report, SearchReport):
+        best = getattr(report, "best", None)
+        if not isinstance(report, SearchReport) or not isinstance(report.extra, dict):
             raise self._error(f"`report` must return a SearchReport, not {report!r:.80}")
+        if best is not None and not isinstance(best, Evaluation):
+            raise self._error(f"`best` of its report must be an Evaluation, not {best!r:.80}")
         return report
+
+    def _is_done(self) -> bool:
+        with self._calling("is_done"):
+            return bool(self.strategy.is_done())
 
     def _batch(self) -> bool:
         """Execute a batch, perhaps its rest; return False if the user interrupted."""
@@ -250,17 +257,13 @@ class Rounds:
 
     def _replay(self, batch: Batch) -> None:
         evaluations = self.history.evaluations(batch)
-        try:
+        with self._calling("replay"):
             self.strategy.replay(batch.proposal.asked, batch.proposal.sets, evaluations)
-        except Exception as error:
-            raise self._error(f"`replay` raised {raised(error)}") from error
         self._note(batch)
 
     def _tell(self, batch: Batch) -> None:
-        try:
+        with self._calling("tell"):
             self.strategy.tell(self.history.evaluations(batch))
-        except Exception as error:
-            raise self._error(f"`tell` raised {raised(error)}") from error
         self._note(batch)
 
     def _note(self, batch: Batch) -> None:
@@ -270,6 +273,10 @@ class Rounds:
         values = [ev.objectives[objective.name] for ev in self.history.evaluations(batch)]
         before = [v for v in self.best[-1:] if v is not None]
         self.best.append(better([*before, *values], default=None))
+
+    def _calling(self, method: str) -> AbstractContextManager[None]:
+        """Wrap a call of the strategy: what it raises is its error."""
+        return plugin_errors(lambda error: self._error(f"`{method}` raised {raised(error)}"))
 
     def _error(self, message: str) -> InputError:
         name = search_of(self.document).strategy
@@ -288,4 +295,4 @@ def _append(blocks: list[Block], added: Block) -> None:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool)
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)

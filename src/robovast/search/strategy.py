@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, ClassVar
 
 from pydantic import BaseModel
 
 from robovast.model.document.model import Search, SearchObjective
+from robovast.model.document.search.space import place, values_at
 from robovast.search.types import Evaluation, ParamSet, SearchReport
 
 __all__ = ["Evaluation", "HistoryStrategy", "ParamSet", "SearchReport", "SearchStrategy"]
@@ -80,7 +81,6 @@ class SearchStrategy(ABC):
 class HistoryStrategy(SearchStrategy):
     """A strategy that is a function of seed and history: it keeps nothing else."""
 
-    SINGLE_OBJECTIVE = True
     METRICS = frozenset({"batches", "evaluations"})
 
     def __init__(self, cfg: Search, params: Any = None) -> None:
@@ -91,6 +91,8 @@ class HistoryStrategy(SearchStrategy):
         """All sets that were ever proposed, by identifier."""
         self.known: dict[str, Evaluation] = {}
         """The last evaluation of each set, in the order of the first ones."""
+        self.seed = cfg.seed % 2**64
+        """The document's seed as generators take it: never negative."""
 
     @abstractmethod
     def propose(self, n: int) -> list[ParamSet]:
@@ -113,8 +115,40 @@ class HistoryStrategy(SearchStrategy):
         self.asked.update((params.id, params) for params in asked)
         self.tell(evaluations)
 
+    def place(self, params: ParamSet) -> list[float]:
+        """A set's place in the unit cube."""
+        return [place(dim, params.values[name]) for name, dim in self.search_space.items()]
+
+    def set_at(self, unit: Iterable[float]) -> ParamSet:
+        """The set at a place of the unit cube."""
+        units = dict(zip(self.search_space, unit, strict=True))
+        return ParamSet(values_at(self.search_space, units))
+
     def report(self) -> SearchReport:
-        """All evaluations, the best first."""
-        ranked = sorted(self.known.values(), key=self.objective_value, reverse=True)
-        extra = {"batches": self.batch, "evaluations": len(ranked)}
+        """All evaluations, the best first; of several objectives, those that none beats."""
+        known = list(self.known.values())
+        extra = {"batches": self.batch, "evaluations": len(known)}
+        if len(self.objectives) > 1:
+            front = unbeaten(self.objectives, known)
+            ids = {ev.params.id for ev in front}
+            others = [ev for ev in known if ev.params.id not in ids]
+            return SearchReport([*front, *others], front=front, extra=extra)
+        ranked = sorted(known, key=self.objective_value, reverse=True)
         return SearchReport(ranked, ranked[0] if ranked else None, extra=extra)
+
+
+def unbeaten(
+    objectives: Sequence[SearchObjective], evaluations: Iterable[Evaluation]
+) -> list[Evaluation]:
+    """The evaluations that no other reaches in all objectives and beats in one."""
+    signs = {o.name: -1 if o.direction == "maximize" else 1 for o in objectives}
+    losses = [(tuple(s * e.objectives[n] for n, s in signs.items()), e) for e in evaluations]
+    front: list[tuple[tuple[float, ...], Evaluation]] = []
+    for loss, evaluation in sorted(losses, key=lambda item: item[0]):
+        beaten = any(
+            other != loss and all(a <= b for a, b in zip(other, loss, strict=True))
+            for other, _ in front
+        )
+        if not beaten:
+            front.append((loss, evaluation))
+    return [evaluation for _, evaluation in front]

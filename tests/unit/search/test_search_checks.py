@@ -12,6 +12,13 @@ from robovast.model.document import load_document
 SCENARIO = (
     "scenario test:\n    x: int = 1\n    y: float = 0.5\n    do serial:\n        wait elapsed(1s)\n"
 )
+LATER = """\
+import sys
+class A:
+    def __init__(self, *args, **params):
+        sys.exit("later")
+B = 3
+"""
 GOOD = """\
 version: 1
 execution: {scenario_file: scenario.osc}
@@ -27,6 +34,8 @@ search:
 def problems(folder: Path, text: str) -> str:
     (folder / "scenario.osc").write_text(SCENARIO)
     (folder / "test.vast").write_text(text)
+    (folder / "leaves.py").write_text("import sys\nsys.exit('at once')\n")
+    (folder / "later.py").write_text(LATER)
     try:
         load_document(folder / "test.vast")
     except DocumentError as error:
@@ -84,6 +93,11 @@ def test_defaults_and_warning_without_budget(tmp_path: Path) -> None:
         ),
         ("  budget", "  extract: {plugin: nothing.py:E}\n  budget", "there is no plugin file"),
         ("  budget", "  extract: {params: {a: 1}}\n  budget", "`failure_rate` cannot be made"),
+        ("strategy: random", "strategy: leaves.py:A", "cannot be imported: SystemExit: at once"),
+        ("strategy: random", "strategy: later.py:A", "later.py:4)"),
+        ("strategy: random", "strategy: later.py:B", "'int' object is not callable"),
+        ("  budget", "  extract: {plugin: leaves.py:A}\n  budget", "SystemExit: at once"),
+        ("  budget", "  extract: {plugin: later.py:A}\n  budget", "later.py:4)"),
     ],
 )
 def test_bad_input(tmp_path: Path, old: str, new: str, message: str) -> None:
@@ -92,4 +106,15 @@ def test_bad_input(tmp_path: Path, old: str, new: str, message: str) -> None:
 
 def test_several_objectives_are_refused_by_strategies_of_one(tmp_path: Path) -> None:
     text = GOOD.replace("[{name: failure_rate}]", "[{name: failure_rate}, {name: b}]")
-    assert "`random` optimizes one objective" in problems(tmp_path, text)
+    boundary = text.replace("strategy: random", "strategy: boundary")
+    assert "`boundary` optimizes one objective" in problems(tmp_path, boundary)
+    given = "strategy: optuna\n  strategy_parameters: {sampler: cmaes}"
+    cmaes = problems(tmp_path, text.replace("strategy: random", given))
+    assert "search.strategy: `optuna`: `cmaes` optimizes one objective" in cmaes
+
+
+def test_a_seed_of_null_is_one_that_can_be_repeated(tmp_path: Path) -> None:
+    assert problems(tmp_path, GOOD + "  seed: null\n") == ""
+    document = load_document(tmp_path / "test.vast")
+    assert document.vast.search is not None
+    assert document.vast.search.seed == 0

@@ -161,7 +161,7 @@ class PublicationPlugin:
 def _made(name: str, plugin_class: type) -> Any:
     try:
         return plugin_class()
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise InputError(
             f"the publication plugin `{name}` cannot be instantiated: {raised(error)}"
         ) from error

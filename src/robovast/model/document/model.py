@@ -620,7 +620,7 @@ class Search(Section):
     """Closed-loop search in place of a fixed list of configurations."""
 
     strategy: str
-    """Strategy plugin: `random`, `boundary`, or an entry point's name, or a file reference."""
+    """`random`, `boundary`, `optuna`, the name of an entry point, or a file reference."""
     search_space: Annotated[dict[str, SearchDimension], Field(min_length=1)]
     """Typed dimensions by name."""
     postprocessing: list[Plugin] = Field(default_factory=list)
@@ -637,8 +637,12 @@ class Search(Section):
     """Results that end the search; the first that is reached does."""
     max_errors: Annotated[int, Field(ge=0)] = 10
     """Most parameter sets that may be left out because they could not be evaluated."""
-    seed: int = 0
-    """Seed of the strategy."""
+    seed: Annotated[
+        int,
+        BeforeValidator(lambda seed: 0 if seed is None else seed),
+        WithJsonSchema({"anyOf": [{"type": "integer"}, {"type": "null"}]}),
+    ] = 0
+    """Seed of the strategy; `null` is 0, so that every search can be continued."""
     strategy_parameters: dict[str, Any] = Field(default_factory=dict)
     """Parameters of the strategy, checked by it."""
     variations: list[Plugin] | None = None

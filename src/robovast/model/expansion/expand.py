@@ -177,7 +177,7 @@ def _apply(
         raise CannotRunError(f"{where}: {error}") from error
     except (RobovastError, MemoryError):
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise InputError(f"{document.path}: {where} failed: {raised(error)}") from error
     if not isinstance(made, list) or not all(isinstance(item, dict) for item in made):
         raise InputError(

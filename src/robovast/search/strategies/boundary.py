@@ -8,7 +8,7 @@ compete with new ones: where noise hides the border, more runs of a set help mor
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Annotated
 
@@ -19,7 +19,7 @@ from scipy.special import expit, logit
 from scipy.stats import qmc
 
 from robovast.model.document.model import Search
-from robovast.model.document.search.space import choices, place, values_at
+from robovast.model.document.search.space import choices
 from robovast.search.strategies.failure_map import FailureMap
 from robovast.search.strategies.failure_process import Array, FailureProcess, Observed
 from robovast.search.strategy import HistoryStrategy
@@ -50,6 +50,7 @@ class BoundaryStrategy(HistoryStrategy):
     """Proposes sets where a failure map is least sure."""
 
     PARAMS_MODEL = BoundaryParameters
+    SINGLE_OBJECTIVE = True
     METRICS = HistoryStrategy.METRICS | {"failing", "failing_low", "failing_high", "misjudged"}
     params: BoundaryParameters
 
@@ -100,10 +101,6 @@ class BoundaryStrategy(HistoryStrategy):
         """Which dimensions have no order."""
         return np.array([choices(dim) is not None for dim in self.search_space.values()])
 
-    def place(self, params: ParamSet) -> list[float]:
-        """A set's place in the unit cube."""
-        return [place(dim, params.values[name]) for name, dim in self.search_space.items()]
-
     def report(self) -> SearchReport:
         """All evaluations, and the numbers of the map."""
         report = super().report()
@@ -119,27 +116,22 @@ class BoundaryStrategy(HistoryStrategy):
         """
         if self.process is None:
             raise ValueError("nothing was evaluated yet")
-        return FailureMap(self.search_space, self.process, self.params.level, self.cfg.seed)
+        return FailureMap(self.search_space, self.process, self.params.level, self.seed)
 
     def _sobol(self, skipped: int, count: int) -> Array:
         """Points of a sequence that fills the space evenly."""
-        generator = np.random.default_rng([self.cfg.seed, 0])
+        generator = np.random.default_rng([self.seed, 0])
         sequence = qmc.Sobol(len(self.search_space), rng=generator)
         power = int(np.ceil(np.log2(skipped + count + 1)))
         return np.asarray(sequence.random_base2(power)[skipped : skipped + count])
 
     def _new(self, units: Array) -> list[ParamSet]:
         """The sets at these points that were never proposed."""
-        made = {params.id: params for params in map(self._set, units)}
+        made = {params.id: params for params in map(self.set_at, units)}
         return [params for id_, params in made.items() if id_ not in self.asked]
 
-    def _set(self, unit: Sequence[float]) -> ParamSet:
-        return ParamSet(
-            values_at(self.search_space, dict(zip(self.search_space, unit, strict=True)))
-        )
-
     def _uncertain(self, n: int, process: FailureProcess) -> list[ParamSet]:
-        generator = np.random.default_rng([self.cfg.seed, self.batch + 1])
+        generator = np.random.default_rng([self.seed, self.batch + 1])
         candidates = [*self._new(self._units(generator)), *self._known_again(process)]
         if not candidates:
             return []

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from random import Random
 
-from robovast.model.document.search.space import at
+from robovast.model.document.search.space import Space, at
 from robovast.search.strategy import HistoryStrategy
 from robovast.search.types import ParamSet
 
@@ -18,14 +19,17 @@ class RandomStrategy(HistoryStrategy):
     def propose(self, n: int) -> list[ParamSet]:
         """Draw sets that were never proposed."""
         generator = Random(f"{self.cfg.seed}/{self.batch}")  # noqa: S311  # not for secrets
-        found: dict[str, ParamSet] = {}
-        tries = 0
-        while len(found) < n and tries < _TRIES:
-            drawn = ParamSet(
-                {name: at(dim, generator.random()) for name, dim in self.search_space.items()}
-            )
-            tries += 1
-            if drawn.id not in self.asked and drawn.id not in found:
-                found[drawn.id] = drawn
-                tries = 0
-        return list(found.values())
+        return draw_new(self.search_space, generator, n, self.asked)
+
+
+def draw_new(space: Space, generator: Random, n: int, known: Container[str]) -> list[ParamSet]:
+    """At most `n` sets, drawn uniformly; none of them is known."""
+    found: dict[str, ParamSet] = {}
+    tries = 0
+    while len(found) < n and tries < _TRIES:
+        drawn = ParamSet({name: at(dim, generator.random()) for name, dim in space.items()})
+        tries += 1
+        if drawn.id not in known and drawn.id not in found:
+            found[drawn.id] = drawn
+            tries = 0
+    return list(found.values())

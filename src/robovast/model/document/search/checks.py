@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from robovast.base.errors import InputError, Problem
+from robovast.base.plugins import plugin_errors, raised
 from robovast.model.document.checks import (
     Parts,
     check_variation,
@@ -103,7 +104,8 @@ def _check_strategy(parts: Parts, search: Search) -> Iterator[Problem]:
         yield parts.source.problem(
             (*_BASE, "objectives"), f"`{search.strategy}` optimizes one objective, not several"
         )
-    yield from _check_strategy_parameters(parts, search, getattr(kind, "PARAMS_MODEL", None))
+    wrong = list(_check_strategy_parameters(parts, search, getattr(kind, "PARAMS_MODEL", None)))
+    yield from wrong or _check_strategy_made(parts, search, kind)
     yield from _check_metrics(parts, search, getattr(kind, "METRICS", None))
 
 
@@ -128,6 +130,21 @@ def _check_strategy_parameters(
         yield from problems_of(error, parts.source, model, base if given else _BASE)
 
 
+def _check_strategy_made(parts: Parts, search: Search, kind: Any) -> Iterator[Problem]:
+    """What the strategy itself says about the search."""
+    model, given = getattr(kind, "PARAMS_MODEL", None), dict(search.strategy_parameters)
+    try:
+        with plugin_errors(lambda error: InputError(_reason(error))):
+            kind(search, given if model is None else model.model_validate(given))
+    except InputError as error:
+        yield parts.source.problem((*_BASE, "strategy"), f"`{search.strategy}`: {error}")
+
+
+def _reason(error: BaseException) -> str:
+    """An error on purpose says what is wrong; of any other one, the place helps."""
+    return str(error) if isinstance(error, ValueError) else raised(error)
+
+
 def _check_metrics(parts: Parts, search: Search, known: frozenset[str] | None) -> Iterator[Problem]:
     """Names of numbers that the strategy never reports."""
     for position, item in enumerate(search.stopping):
@@ -150,9 +167,10 @@ def _check_extract(parts: Parts, search: Search) -> Iterator[Problem]:
         yield parts.source.problem(base, str(error))
         return
     try:
-        kind(**params)
-        known = _names(kind, params)
-    except Exception as error:
+        with plugin_errors(lambda error: InputError(_reason(error))):
+            kind(**params)
+            known = _names(kind, params)
+    except InputError as error:
         yield parts.source.problem(base, f"`{plugin}` cannot be made: {error}")
         return
     for position, objective in enumerate(search.objectives):

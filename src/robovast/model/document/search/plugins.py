@@ -7,23 +7,28 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
-from robovast.base.optional_deps import needing
+from robovast.base.optional_deps import Extra
 from robovast.base.plugins import load_plugin, plugins_of, split_file_reference
 from robovast.model.document.problems import suggest
 
 STRATEGIES = "robovast.search_strategies"
 EXTRACTORS = "robovast.extractors"
 
-BUILT_IN = {
+_NUMERIC = Extra("search", ("numpy", "scipy"))
+_OPTUNA = Extra("optuna", ("cmaes", "numpy", "optuna"))
+
+BUILT_IN: dict[str, dict[str, tuple[str, Extra | None]]] = {
     STRATEGIES: {
-        "boundary": "robovast.search.strategies.boundary:BoundaryStrategy",
-        "random": "robovast.search.strategies.random_sampling:RandomStrategy",
+        "boundary": ("robovast.search.strategies.boundary:BoundaryStrategy", _NUMERIC),
+        "optuna": ("robovast.search.strategies.optuna_samplers:OptunaStrategy", _OPTUNA),
+        "random": ("robovast.search.strategies.random_sampling:RandomStrategy", None),
     },
     EXTRACTORS: {
-        "failure_rate": "robovast.search.extractors.failure_rate:FailureRate",
-        "metrics": "robovast.search.extractors.columns:Columns",
+        "failure_rate": ("robovast.search.extractors.failure_rate:FailureRate", None),
+        "metrics": ("robovast.search.extractors.columns:Columns", None),
     },
 }
+"""Where the built-in ones are, and the extra that they need."""
 
 
 def load_search_plugin(reference: str, group: str, folder: Path) -> Any:
@@ -35,8 +40,10 @@ def load_search_plugin(reference: str, group: str, folder: Path) -> Any:
     """
     built_in, installed = BUILT_IN[group], plugins_of(group)
     if reference in built_in and reference not in installed:
-        with needing("search", ("numpy", "scipy"), f"The strategy `{reference}`"):
-            return EntryPoint(reference, built_in[reference], group).load()
+        value, extra = built_in[reference]
+        if extra is not None:
+            extra.require(f"The strategy `{reference}`")
+        return EntryPoint(reference, value, group).load()
     if split_file_reference(reference) is None and reference not in installed:
         hint = suggest(reference, [*built_in, *installed])
         raise InputError(

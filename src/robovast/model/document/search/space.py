@@ -31,6 +31,15 @@ def choices(dimension: SearchDimension) -> list[Any] | None:
     return list(dimension.values or ()) if dimension.type == "choice" else None
 
 
+def parts(dimension: SearchDimension) -> int | None:
+    """Number of equal parts of the unit interval that have a value each; None where it is not
+    so divided."""
+    values = choices(dimension)
+    if values is not None:
+        return len(values)
+    return _raster(dimension) if dimension.type == "int" and not dimension.log else None
+
+
 def at(dimension: SearchDimension, unit: float) -> Any:
     """The value at a place of the unit interval, whose ends count."""
     unit = min(max(float(unit), 0.0), 1.0)
