@@ -12,6 +12,7 @@ from robovast.base.errors import ExitCode, InputError
 from robovast.base.optional_deps import ROS
 from robovast_cli.commands.evaluation.gui import make_starting, present, serving
 from robovast_cli.lazy import new_app
+from robovast_cli.ui.output import say
 
 PLAYER = "robovast.evaluation.drive.drives"
 
@@ -27,6 +28,17 @@ def view(
             metavar="RUN", help="Folder of a run: <results>/<campaign>/<configuration>/<number>."
         ),
     ],
+    rerun: Annotated[
+        bool,
+        typer.Option("--rerun", help="Show the recording in Rerun instead (extra `rerun`)."),
+    ] = False,
+    foxglove: Annotated[
+        bool,
+        typer.Option(
+            "--foxglove",
+            help="Serve the recording to Lichtblick or Foxglove, and print how to open it there.",
+        ),
+    ] = False,
     port: Annotated[
         int | None,
         typer.Option(
@@ -47,9 +59,17 @@ def view(
     The page answers on this machine only, at an address that holds a secret. Nothing is
     postprocessed. Ctrl-C ends it.
     """
+    if rerun and foxglove:
+        raise InputError("`--rerun` and `--foxglove` exclude each other: name one of them.")
     serve = serving()
     ROS.require("Playing a drive")
     results, names = _place(run)
+    if rerun:
+        _show_in_rerun(run, results, names, port, no_browser)
+        return ExitCode.OK
+    if foxglove:
+        _serve_to_foxglove(run, results, names, port)
+        return ExitCode.OK
     Thread(target=import_module, args=[PLAYER], daemon=True).start()  # while the browser starts
     address = "/".join(map(quote, names))
     serve(
@@ -59,6 +79,45 @@ def view(
         starting=make_starting(ctx.obj, None, False, False),
     )
     return ExitCode.OK
+
+
+def _show_in_rerun(
+    run: Path, results: Path, names: tuple[str, ...], port: int | None, no_browser: bool
+) -> None:
+    from robovast.evaluation.server.other_viewers import open_in_rerun
+
+    def ready(address: str, faults: list[str]) -> None:
+        _say_faults(faults)
+        present(run, address, no_browser=no_browser)
+
+    open_in_rerun(results, _bag(results, names), "-".join(names[1:]), port, ready)
+
+
+def _serve_to_foxglove(run: Path, results: Path, names: tuple[str, ...], port: int | None) -> None:
+    from robovast.evaluation.server.other_viewers import serve_mcap
+
+    def ready(address: str, faults: list[str]) -> None:
+        _say_faults(faults)
+        say(f"Serving {run}: {address}")
+        link = f"lichtblick://open?ds=remote-file&ds.url={quote(address, safe='')}"
+        say(f"  Lichtblick: lichtblick '{link}'")
+        say("  Foxglove, or Lichtblick in a browser: Open connection > Remote file > this address")
+
+    name = "-".join(names[1:]) + ".mcap"
+    serve_mcap(results, _bag(results, names), name, port, ready)
+
+
+def _bag(results: Path, names: tuple[str, ...]) -> str:
+    from robovast.evaluation.drive.finding import bag_of, read_named
+    from robovast.evaluation.notebooks.workloads import Target
+
+    named = read_named(Target(results, names[:1]))
+    return bag_of(results, "/".join(names), named)
+
+
+def _say_faults(faults: list[str]) -> None:
+    for fault in faults:
+        say(f"Incomplete: {fault}")
 
 
 def _place(path: Path) -> tuple[Path, tuple[str, ...]]:

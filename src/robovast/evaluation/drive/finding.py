@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 
 from robovast.base.errors import RobovastError
-from robovast.evaluation.files import FileEntry
+from robovast.evaluation.files import FileEntry, list_files
+from robovast.evaluation.inside import MissingError
 from robovast.evaluation.notebooks.workloads import Target, read_document
 from robovast.evaluation.untrusted import mapping
 
@@ -35,6 +36,30 @@ def read_named(target: Target) -> Named:
     table = mapping(mapping(document.get("evaluation")).get("player"))
     topics = {key: value for key, value in table.items() if isinstance(value, str)}
     return Named(topics, topics.pop("bag", ""))
+
+
+def bag_of(results: Path, place: str, named: Named) -> str:
+    """The bag of a run that is played: the named one, or the likeliest.
+
+    Args:
+        results: the results folder.
+        place: the run's folder, relative to it.
+        named: what the campaign's document names.
+
+    Raises:
+        InputError: there is none.
+    """
+    bags = bags_in(list_files(results, place))
+    bag = chosen(bags, named.bag)
+    if bag is None and bags:
+        known = ", ".join(path.removeprefix(f"{place}/") for path in bags)
+        raise MissingError(
+            f"No bag's path ends with {named.bag}, which `evaluation.player.bag` names; the run "
+            f"has {known}."
+        )
+    if bag is None:
+        raise MissingError("The run has no bag: no folder with .mcap or .db3 files.")
+    return bag
 
 
 def bags_in(files: Iterable[FileEntry]) -> list[str]:

@@ -12,9 +12,7 @@ from starlette.responses import Response
 
 from robovast.base.errors import InputError
 from robovast.base.optional_deps import ROS
-from robovast.evaluation.drive.finding import Named, bags_in, chosen, read_named
-from robovast.evaluation.files import list_files
-from robovast.evaluation.inside import MissingError
+from robovast.evaluation.drive.finding import Named, bag_of, read_named
 from robovast.evaluation.map_picture import RECORD, entries
 from robovast.evaluation.notebooks.workloads import Target
 from robovast.evaluation.run import run_record
@@ -90,16 +88,7 @@ class DrivePages:
         return read_named(Target(self._results, (campaign,)))
 
     def _drive(self, place: str, named: Named) -> Drive:
-        bags = bags_in(list_files(self._results, place))
-        bag = chosen(bags, named.bag)
-        if bag is None and bags:
-            known = ", ".join(path.removeprefix(f"{place}/") for path in bags)
-            raise MissingError(
-                f"No bag's path ends with {named.bag}, which `evaluation.player.bag` names; the "
-                f"run has {known}."
-            )
-        if bag is None:
-            raise MissingError("The run has no bag: no folder with .mcap or .db3 files.")
+        bag = bag_of(self._results, place, named)
         return self._drives().drive(bag, named.topics)
 
     def _drives(self) -> Drives:

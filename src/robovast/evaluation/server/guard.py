@@ -80,7 +80,7 @@ class Guard:
         given = scope["path"].removeprefix("/").partition("/")[0]
         if not secrets.compare_digest(given.encode(), self._token.encode()):
             return PlainTextResponse(
-                "Open the address that `vast evaluation gui` printed: it holds a secret.", 403
+                "Open the address that `vast` printed: it holds a secret.", 403
             )
         return None
 

@@ -13,6 +13,7 @@ from threading import Thread
 from types import FrameType
 
 import uvicorn
+from starlette.types import ASGIApp
 
 from robovast.base.errors import InputError
 from robovast.evaluation.library import Library
@@ -49,32 +50,57 @@ def serve(
     """
     library = Library(results)
     library.names()
-    listener = _listen(port)
-    token = secrets.token_urlsafe(24)
     closing = asyncio.Event()
     runner = Runner(notebook_timeout)
     notebooks = NotebookPages(library.results, runner, override)
     launches = LaunchPages(library.results, starting, override)
-    config = uvicorn.Config(
-        make_app(library, notebooks, launches, token, closing),
-        log_level="debug" if logging.getLogger().isEnabledFor(logging.DEBUG) else "critical",
-        access_log=False,
-        server_header=False,
-        lifespan="off",
-        limit_concurrency=64,
-        timeout_graceful_shutdown=2,
-    )
-    Thread(target=versions, args=(library,), daemon=True, name="read-ahead").start()
 
-    def started() -> None:
-        ready(f"http://{HOST}:{_port(listener)}/{token}/")
+    def make(token: str) -> ASGIApp:
+        Thread(target=versions, args=(library,), daemon=True, name="read-ahead").start()
+        return make_app(library, notebooks, launches, token, closing)
 
     def ending() -> None:
         closing.set()
         runner.close()
 
-    with listener, suppress(KeyboardInterrupt):
-        _Server(config, started, ending, launches.end).run(sockets=[listener])
+    serve_app(make, port, ready, ending, launches.end)
+
+
+def serve_app(
+    make: Callable[[str], ASGIApp],
+    port: int | None,
+    ready: Callable[[str], None],
+    ending: Callable[[], None] = lambda: None,
+    ended: Callable[[], None] = lambda: None,
+) -> None:
+    """Serve an application until Ctrl-C.
+
+    Args:
+        make: makes it from the secret that is the first part of its paths, when the port is had.
+        port: port on the loopback interface; None means any free port.
+        ready: called with the address once the server accepts requests.
+        ending: called when the server is asked to end.
+        ended: called when it accepts no more requests.
+
+    Raises:
+        InputError: the port is taken.
+    """
+    with _listen(port) as listener, suppress(KeyboardInterrupt):
+        token = secrets.token_urlsafe(24)
+        config = uvicorn.Config(
+            make(token),
+            log_level="debug" if logging.getLogger().isEnabledFor(logging.DEBUG) else "critical",
+            access_log=False,
+            server_header=False,
+            lifespan="off",
+            limit_concurrency=64,
+            timeout_graceful_shutdown=2,
+        )
+
+        def started() -> None:
+            ready(f"http://{HOST}:{_port(listener)}/{token}/")
+
+        _Server(config, started, ending, ended).run(sockets=[listener])
 
 
 class _Server(uvicorn.Server):

@@ -1,0 +1,58 @@
+"""A bag as one whole MCAP file, for other viewers: its own, or a copy of what can be read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from robovast.evaluation.drive.recording import Recording
+from robovast.evaluation.inside import open_inside, resolved
+
+
+def one_file(results: Path, bag: str, folder: Path) -> tuple[Path, list[str]]:
+    """An MCAP file with an index that has all messages of a bag, and what it lacks.
+
+    Args:
+        results: the results folder.
+        bag: the bag's folder, relative to it.
+        folder: for a copy, if the bag has several files, other files, or one without an end.
+
+    Raises:
+        InputError: nothing in the bag can be read.
+    """
+    recording = Recording(results, bag)
+    files = [path for path in resolved(results, bag).iterdir() if ".mcap" in path.suffixes]
+    if (
+        len(files) == 1
+        and not recording.all_faults()
+        and _is_whole(results, f"{bag}/{files[0].name}")
+    ):
+        return files[0], []
+    return _copy(recording, folder / "recording.mcap"), recording.all_faults()
+
+
+def _is_whole(results: Path, relative: str) -> bool:
+    with open_inside(results, relative) as file:
+        try:
+            summary = make_reader(file).get_summary()
+        except McapError:
+            return False
+    return summary is not None and bool(summary.chunk_indexes)
+
+
+def _copy(recording: Recording, path: Path) -> Path:
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        channels = {}
+        for name, topic in recording.topics.items():
+            defined = topic.definition
+            schema = writer.register_schema(defined.type, defined.encoding, defined.text.encode())
+            channels[name] = writer.register_channel(name, topic.serialization, schema)
+        for message in recording.read(channels, recording.start, recording.end + 1):
+            writer.add_message(channels[message.topic], message.time, message.data, message.time)
+        writer.finish()  # type: ignore[no-untyped-call]
+    return path
