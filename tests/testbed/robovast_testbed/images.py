@@ -70,7 +70,7 @@ def agent_archive() -> Path:
     """
 
     def make(folder: Path) -> None:
-        cache.forget(f"images/agent-{'[0-9a-f]' * 16}", _WEEK)
+        cache.forget(f"images/agent-{'[0-9a-f]' * 16}", _KEPT)
         with bed.session(f"agent-{os.getpid()}") as scratch:
             _build_agent(docker.start(scratch), scratch.folder / "context", folder / "images.tar")
 
@@ -82,8 +82,8 @@ def agent_archive() -> Path:
     return cache.once(f"images/agent-{key}", make) / "images.tar"
 
 
-_WEEK = 7 * 86_400.0
-"""Code changes often, and an archive of it is large."""
+_KEPT = 2 * 3600.0
+"""How long an image of older code is kept [s]: as long as tests of it take; it is large."""
 _LOCK = ROOT / "requirements/agent.txt"
 _DEPENDENCIES = f"{REPOSITORY}-testbed-agent-dependencies:{debian.SUITE}"
 _OFFLINE = (
