@@ -25,7 +25,7 @@ from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
 from robovast.kubeapi.resources import API_VERSION, BundleSource, CampaignSpec, InlineFiles, Source
 from robovast.model.document import Document
 from robovast.model.document.problems import sentence
-from robovast.model.expansion import compose, select_any
+from robovast.model.expansion import Selection, compose, patterns_of, select_any
 from robovast.model.expansion.containers import refuse_containers
 from robovast.model.inputs import campaign_files
 from robovast.model.quantities import resolve_per_context
@@ -45,7 +45,7 @@ _MARK = "bcdfghjklmnpqrstvwxz2456789"
 class SubmitOptions:
     """The user's options for a campaign, beside its document."""
 
-    select: str | None = None
+    select: Selection = None
     """Name or glob of the configurations to run; all when None."""
     runs: int | None = None
     """Runs of each configuration; the document's when None."""
@@ -215,11 +215,11 @@ def _amounts(document: Document) -> Iterator[tuple[str, Any]]:
         yield from ((f"{key}, {name}", value) for name, value in amounts.items())
 
 
-def _input_files(document: Document, select: str | None) -> dict[str, InputFile]:
+def _input_files(document: Document, select: Selection) -> dict[str, InputFile]:
     """The document and its files; those that variations read are found by expanding."""
     with TemporaryDirectory(prefix="robovast-") as scratch:
         composition = compose(document, Path(scratch), containers=refuse_containers)
-    select_any(composition.variants, [select] if select else [])
+    select_any(composition.variants, select)
     own = Path(document.path.name)
     named = [path for path in campaign_files(document, composition) if path != own]
     paths = {path.as_posix(): document.folder / path for path in named}
@@ -262,7 +262,7 @@ def _spec(
     given: dict[str, Any] = {
         "image": options.image,
         "cluster": options.context if needs_context(document) else None,
-        "select": [options.select] if options.select else None,
+        "select": patterns_of(options.select) or None,
         "runs": options.runs,
         "parallelism": options.parallelism,
         "queue_name": options.queue,

@@ -77,6 +77,13 @@ def test_the_image_of_the_environment_counts_on_the_cluster(
     assert "image: registry/robot:2" in Path("run/campaign.yaml").read_text()
 
 
+def test_several_configurations_can_be_named(vast, sweep: Path) -> None:
+    outcome = vast("exec", "cluster", "run", "--dry-run", "-c", "fixed", "-c", "sweep-*-2")
+    assert yaml.safe_load(outcome.out)["spec"]["select"] == ["fixed", "sweep-*-2"]
+    outcome = vast("exec", "local", "run", "-c", "fixed", "-c", "swoop")
+    assert (outcome.code, "no configuration matches `swoop`" in outcome.err) == (2, True)
+
+
 def test_options_of_cluster_configurations_are_taken_and_explained(
     vast, sweep: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

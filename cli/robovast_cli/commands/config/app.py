@@ -88,11 +88,11 @@ def view(
     ctx: typer.Context,
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for the pictures.")],
     config: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
             "--config",
             metavar="NAME|GLOB",
-            help="Only these configurations: a name, the name of an entry, or a glob.",
+            help="Only these: a configuration, an entry, or a glob; may be repeated.",
             show_default=False,
         ),
     ] = None,

@@ -11,7 +11,7 @@ from robovast.base.errors import InputError
 from robovast.base.file_errors import refuse_obstacle, writing
 from robovast.model.document import Document
 from robovast.model.document.files import CONFIG_MOUNT
-from robovast.model.expansion import Variant, select_variants
+from robovast.model.expansion import Selection, Variant, select_any
 from robovast.navigation.base import RECORD
 from robovast.navigation.extra import nav_extra
 from robovast_cli.ui.expanding import expanded
@@ -21,12 +21,12 @@ from robovast_cli.workspace import shown
 Format = Literal["svg", "png"]
 
 
-def write_pictures(document: Document, pattern: str | None, out: Path, kind: Format) -> None:
+def write_pictures(document: Document, selection: Selection, out: Path, kind: Format) -> None:
     """Write `OUT/<configuration>.<kind>` for each configuration with a map.
 
     Args:
         document: a checked document.
-        pattern: name or glob of configurations; all when None.
+        selection: names or globs of configurations; all when there is none.
         out: folder; made when it does not exist.
         kind: format of the pictures.
 
@@ -35,9 +35,11 @@ def write_pictures(document: Document, pattern: str | None, out: Path, kind: For
         StorageError: the folder cannot be written.
     """
     with expanded(document) as variants, working("Drawing") as tell:
-        if pattern is not None:
-            variants = select_variants(variants, pattern)
-        mapped = [variant for variant in variants if _record(variant).get("map_file")]
+        mapped = [
+            variant
+            for variant in select_any(variants, selection)
+            if _record(variant).get("map_file")
+        ]
         if not mapped:
             raise InputError(
                 f"{document.path}: no configuration has a map to draw. Floor plan, path and "

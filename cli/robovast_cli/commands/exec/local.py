@@ -10,12 +10,12 @@ from robovast_cli.lazy import new_app
 app = new_app("Run on this machine: in Docker, in Podman or as plain processes.")
 
 Select = Annotated[
-    str | None,
+    list[str] | None,
     typer.Option(
         "-c",
         "--config",
         metavar="NAME|GLOB",
-        help="Only these configurations: a name, the name of an entry, or a glob.",
+        help="Only these: a configuration, an entry, or a glob; may be repeated.",
         show_default=False,
     ),
 ]

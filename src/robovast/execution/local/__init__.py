@@ -23,7 +23,7 @@ from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, make_campaign_folder, refuse_bytes
 from robovast.execution.local.variants import campaign_seed, choose_variants
 from robovast.model.document import Document, load_document
-from robovast.model.expansion import Variant, select_variants
+from robovast.model.expansion import Variant, select_any
 from robovast.model.plan import plan_runs, plan_variants
 
 __all__ = [
@@ -90,9 +90,8 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
     repeated = options.runs or planned_runs(layout)
     plan = plan_variants(variants, repeated, document.vast.execution.runs_per_job)
     runs = plan_runs(plan, variants, recorded_seed(layout))
-    if options.select is not None:
-        chosen = {variant.name for variant in select_variants(variants, options.select)}
-        runs = [run for run in runs if run.variant.name in chosen]
+    chosen = {variant.name for variant in select_any(variants, options.select)}
+    runs = [run for run in runs if run.variant.name in chosen]
     runtime = choose_runtime(document, options, observer.message)
     session = Session(document, layout, options, runtime, runtime.check())
     return execute_campaign(session, plan, runs, observer)

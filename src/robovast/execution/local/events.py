@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 from robovast.campaign.run_record import RunRecord
+from robovast.model.expansion import Selection
 from robovast.model.plan import Run
 
 
@@ -36,8 +37,8 @@ class Observer(Protocol):
 class LocalOptions:
     """Options for executing a campaign on this machine."""
 
-    select: str | None = None
-    """Name or glob of the configurations to run; None means all."""
+    select: Selection = None
+    """Names or globs of the configurations to run; None means all."""
     runs: int | None = None
     """Runs of each configuration; None means the document's number."""
     jobs: int | None = None

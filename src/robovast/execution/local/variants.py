@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 from robovast.execution.local.events import LocalOptions
 from robovast.model.document import Document
 from robovast.model.document.model import merge_pairs
-from robovast.model.expansion import Composition, Variant, compose, select_variants
+from robovast.model.expansion import Composition, compose, select_any
 from robovast.model.seeds import draw_seed
 
 
@@ -18,9 +18,7 @@ def choose_variants(
 ) -> Composition:
     """The variants to run, with the document's overrides for local runs."""
     composition = compose(document, scratch, message)
-    variants: Sequence[Variant] = composition.variants
-    if options.select is not None:
-        variants = select_variants(variants, options.select)
+    variants = select_any(composition.variants, options.select)
     overrides = merge_pairs(document.vast.execution.local.parameter_overrides)
     changed = (
         dataclasses.replace(variant, parameters={**variant.parameters, **overrides})

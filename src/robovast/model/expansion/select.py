@@ -5,9 +5,13 @@ from __future__ import annotations
 import difflib
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
+from typing import TypeAlias
 
 from robovast.base.errors import InputError
 from robovast.model.expansion.variant import Variant
+
+Selection: TypeAlias = str | Sequence[str] | None
+"""A name or glob, or several of them; None selects all."""
 
 
 def select_variants(variants: Sequence[Variant], pattern: str) -> list[Variant]:
@@ -31,11 +35,17 @@ def select_variants(variants: Sequence[Variant], pattern: str) -> list[Variant]:
     )
 
 
-def select_any(variants: Sequence[Variant], patterns: Sequence[str]) -> list[Variant]:
-    """Variants that match any of the patterns, in their order; no pattern selects all.
+def select_any(variants: Sequence[Variant], selection: Selection) -> list[Variant]:
+    """Variants that match a pattern or any of several, in their order; no pattern selects all.
 
     Raises:
         InputError: a pattern matches no variant.
     """
+    patterns = patterns_of(selection)
     chosen = {v.name for pattern in patterns for v in select_variants(variants, pattern)}
     return [v for v in variants if v.name in chosen or not patterns]
+
+
+def patterns_of(selection: Selection) -> list[str]:
+    """The patterns of a selection; none selects all."""
+    return [selection] if isinstance(selection, str) else list(selection or ())
