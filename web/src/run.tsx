@@ -99,6 +99,7 @@ function Head({ data, result, title, target }: HeadProps) {
     ["Exit code", text("exit_code")],
     ["Attempt", text("attempt")],
     ["Seed", text("seed")],
+    ...(record.reused_from ? [["Reused from", text("reused_from")] as [string, string]] : []),
     ["Job", text("job")],
     ["Runtime", text("runtime")],
     ["Image", text("image")],

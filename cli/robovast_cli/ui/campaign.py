@@ -167,7 +167,9 @@ def _counts(summary: Summary) -> str:
     left = summary.total - len(summary.records)
     parts += [f"{left} not started"] if left else []
     noun = "run" if summary.total == 1 else "runs"
-    return f"{summary.total} {noun}: {', '.join(parts) or 'none'}"
+    reused = sum(bool(record.reused_from) for record in summary.records)
+    note = f"; reused {reused} of {summary.total}" if reused else ""
+    return f"{summary.total} {noun}: {', '.join(parts) or 'none'}{note}"
 
 
 def _verdicts(records: Iterable[RunRecord]) -> list[str]:

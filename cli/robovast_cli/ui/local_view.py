@@ -39,6 +39,7 @@ class LocalView:
         self.total = 0
         self.done_before = 0
         self.verdicts: Counter[Verdict] = Counter()
+        self.reused = 0
         self._causes: set[str] = set()
         self.running: dict[int, str] = {}
         """Names of the runs in progress, by id, the oldest first."""
@@ -69,8 +70,8 @@ class LocalView:
     @property
     def left(self) -> float | None:
         """Time until the last run ends, at the pace so far [s]; None before the first has."""
-        ended = self.verdicts.total()
-        return self.elapsed / ended * (self.total - self.done) if ended else None
+        executed = self.verdicts.total() - self.reused
+        return self.elapsed / executed * (self.total - self.done) if executed else None
 
     def look(self) -> list[Standing]:
         """The progress of the campaign."""
@@ -80,6 +81,8 @@ class LocalView:
         more = f" and {len(names) - MOST_RUNNING} more" if len(names) > MOST_RUNNING else ""
         running = f"running: {', '.join(names[:MOST_RUNNING])}{more}" if names else ""
         notes = [(running, "dim")]
+        if self.reused:
+            notes.append((f"reused {self.reused} of {self.total}", "dim"))
         return [Standing(self.done, self.total, counts, self.elapsed, self.left, "", state, notes)]
 
     def campaign_started(self, campaign: Path, total: int, done: int, how: str) -> None:
@@ -102,8 +105,10 @@ class LocalView:
         """Say how a run ended, when that is worth a line."""
         self.running.pop(run.id, None)
         self.verdicts[record.verdict] += 1
+        self.reused += bool(record.reused_from)
         passed = record.verdict is Verdict.PASSED
         how = f"  {record.duration:.1f} s" if passed else f": {record.reason}"
+        how += f" (reused from {record.reused_from})" if record.reused_from else ""
         line = f"{record.verdict:<7} {run.path}{how}"
         is_new = not passed and self._is_new(record.reason)
         if self._live:
@@ -133,4 +138,5 @@ class LocalView:
         """`12 of 260 done: 4 before, 7 passed, 1 failed`."""
         before = [f"{self.done_before} before"] if self.done_before else []
         parts = [*before, *(f"{self.verdicts[v]} {v}" for v in Verdict if self.verdicts[v])]
+        parts += [f"{self.reused} of them reused"] if self.reused else []
         return f"{self.done} of {self.total} done" + (f": {', '.join(parts)}" if parts else "")

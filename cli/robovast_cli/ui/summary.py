@@ -62,6 +62,7 @@ def _json(findings: Findings) -> str:
         "state": summary.state,
         "planned": summary.planned,
         "runs": summary.counts,
+        "reused": summary.reused,
         "limit": rates.limit,
         "interval": rates.method,
         "states": rates.states,
@@ -141,10 +142,11 @@ def _counts(rates: CampaignRates) -> str:
     summary = rates.summary
     stored = sum(summary.counts.values())
     verdicts = ", ".join(f"{summary.counts[verdict]} {verdict}" for verdict in Verdict)
+    reused = f"; reused {summary.reused} of {stored}" if summary.reused else ""
     lines = [
         f"{len(rates.configurations)} configurations: {_states(rates.configurations)} "
         f"(limit {percent(rates.limit)} of the runs)",
-        f"{stored} of {summary.planned} runs stored: {verdicts}",
+        f"{stored} of {summary.planned} runs stored: {verdicts}{reused}",
         _overall(rates.overall),
     ]
     if rates.method == "anytime":

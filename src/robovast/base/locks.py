@@ -40,6 +40,21 @@ def exclusive_folder(folder: Path, refusal: str) -> Iterator[None]:
         discard(folder)
 
 
+def is_locked(folder: Path) -> bool:
+    """Whether a program has a folder for itself."""
+    try:
+        lock = os.open(folder / LOCK, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(lock)
+    return False
+
+
 @contextmanager
 def _locked(folder: Path, refusal: str) -> Iterator[None]:
     until = time.monotonic() + _PATIENCE

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Literal
 
 from robovast.base.safe_paths import read_text
 from robovast.campaign.layout import TEST_RESULT, Layout
-from robovast.campaign.run_record import read_run_record, result_without_record
+from robovast.campaign.run_record import RunRecord, read_run_record, result_without_record
 from robovast.campaign.verdict import MOST, Verdict
 
 LONGEST = 20_000
@@ -42,6 +42,7 @@ class Suite:
 
     name: str
     cases: list[Case] = field(default_factory=list)
+    properties: Mapping[str, str] = field(default_factory=dict)
 
     def count(self, outcome: Outcome) -> int:
         """Cases with this outcome."""
@@ -51,7 +52,16 @@ class Suite:
 def merged_suites(layout: Layout) -> list[Suite]:
     """One suite per variant with the cases of all its stored runs."""
     groups = groupby(layout.run_folders(), key=lambda run: run.parent.name)
-    return [Suite(name, [case for run in runs for case in _cases(run)]) for name, runs in groups]
+    return [_suite(name, list(runs)) for name, runs in groups]
+
+
+def _suite(name: str, runs: Sequence[Path]) -> Suite:
+    records = [read_run_record(run) for run in runs]
+    reused = sum(record is not None and bool(record.reused_from) for record in records)
+    cases = [
+        case for run, record in zip(runs, records, strict=True) for case in _cases(run, record)
+    ]
+    return Suite(name, cases, {"reused": f"{reused} of {len(runs)}"} if reused else {})
 
 
 def report_text(name: str, suites: Sequence[Suite]) -> str:
@@ -59,6 +69,10 @@ def report_text(name: str, suites: Sequence[Suite]) -> str:
     root = ET.Element("testsuites", _counts(name, suites))
     for suite in suites:
         element = ET.SubElement(root, "testsuite", _counts(suite.name, [suite]))
+        if suite.properties:
+            properties = ET.SubElement(element, "properties")
+            for name, value in suite.properties.items():
+                ET.SubElement(properties, "property", {"name": name, "value": _clean(value)})
         for case in suite.cases:
             _add(element, suite, case)
     ET.indent(root)
@@ -90,9 +104,8 @@ def _clean(text: str) -> str:
     return _NO_XML.sub("�", text)[:LONGEST]
 
 
-def _cases(run: Path) -> list[Case]:
+def _cases(run: Path, record: RunRecord | None) -> list[Case]:
     """The tests of a run; its verdict counts, whatever its own report says."""
-    record = read_run_record(run)
     result = result_without_record(run) if record is None else record
     name = f"run {run.name}"
     if result.verdict is Verdict.INTERRUPTED:

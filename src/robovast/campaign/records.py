@@ -39,6 +39,10 @@ class Circumstances:
     host: str
     pod: str = ""
     """The pod that executed the run, on a cluster."""
+    key: str = ""
+    """What the run depended on, as a hash."""
+    outputs: dict[str, str] | None = None
+    """SHA-256 of what it wrote, by path."""
 
 
 def make_record(ended: EndedRun, circumstances: Circumstances) -> RunRecord:

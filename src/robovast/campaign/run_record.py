@@ -28,6 +28,9 @@ PLACE = "files"
 """Key that refers to the run's files in a bucket; not a property of the run itself."""
 
 
+_LEFT_OUT_EMPTY = (PLACE, "missing", "pod", "factors", "key", "reused_from")
+
+
 @dataclass(frozen=True)
 class RunRecord:
     """Identity, parameters, verdict and circumstances of one run."""
@@ -57,6 +60,12 @@ class RunRecord:
     """The pod that executed the run on a cluster, else empty."""
     seed: int | None = None
     """Seed of the run's random numbers; None if an older version began the campaign."""
+    key: str = ""
+    """What the run depended on, as a hash: equal keys mean the same work; empty if not known."""
+    outputs: dict[str, str] | None = None
+    """SHA-256 of each file that the run wrote, by path; None if not known."""
+    reused_from: str = ""
+    """`<campaign>/<variant>/<run>` that was executed, if this record is of a copy of it."""
     parameters: dict[str, Any] = field(default_factory=dict)
     factors: dict[str, Any] = field(default_factory=dict)
     """What was varied, as `{name: {value, unit}}`; empty if it is just the parameters."""
@@ -86,9 +95,8 @@ class RunRecord:
         data["missing"] = [file.data() for file in self.missing]
         if data[PLACE]:
             data[PLACE] = with_unknown(data[PLACE])
-        left_out = {key for key in (PLACE, "missing", "pod", "factors") if not data[key]}
-        if self.seed is None:
-            left_out.add("seed")
+        left_out = {key for key in _LEFT_OUT_EMPTY if not data[key]}
+        left_out |= {key for key in ("seed", "outputs") if data[key] is None}
         return {key: value for key, value in data.items() if key not in left_out}
 
 

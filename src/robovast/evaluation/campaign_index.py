@@ -89,6 +89,7 @@ class CampaignIndex:
             state="running" if running else "incomplete" if missing else "finished",
             planned=planned,
             counts=counts,
+            reused=sum(run.reused for run in runs),
             variants=len(self.variants),
             started_at=started,
             duration=None if started is None or ended is None else max(0.0, ended - started),

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import re
 from pathlib import Path
 
 from robovast.base.errors import InputError
+from robovast.base.locks import is_locked
 from robovast.campaign.layout import JOBS, RUNNING, SYSTEM_LOG, is_variant
 from robovast.evaluation.summaries import ActiveJob
 from robovast.model.naming import holds_campaign
@@ -42,7 +42,7 @@ def is_own_folder(entry: os.DirEntry[str]) -> bool:
 def active_jobs(results: Path, campaign: str) -> tuple[ActiveJob, ...] | None:
     """A campaign's jobs in progress, in order; None if it is not being executed."""
     root = results / campaign
-    if not _is_locked(root / RUNNING / "lock"):
+    if not is_locked(root / RUNNING):
         return None
     try:
         found = [_JOB.fullmatch(name) for name in os.listdir(root / RUNNING)]
@@ -50,21 +50,6 @@ def active_jobs(results: Path, campaign: str) -> tuple[ActiveJob, ...] | None:
         return ()
     numbers = sorted(int(match[1]) for match in found if match)
     return tuple(ActiveJob(f"job-{n}", _log(root, f"job-{n}")) for n in numbers)
-
-
-def _is_locked(path: Path) -> bool:
-    """Whether a program holds the lock, as it does while it executes the campaign."""
-    try:
-        lock = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
-    except OSError:
-        return False
-    try:
-        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except OSError:
-        return True
-    finally:
-        os.close(lock)
-    return False
 
 
 def _log(root: Path, job: str) -> str | None:

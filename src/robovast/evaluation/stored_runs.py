@@ -100,6 +100,7 @@ def _from_record(number: int, record: RunRecord) -> RunSummary:
         started_at=seconds(record.started_at),
         duration=_number(record.duration),
         seed=record.seed,
+        reused=bool(record.reused_from),
     )
 
 

@@ -22,6 +22,8 @@ class RunSummary:
     """[s]"""
     seed: int | None = None
     """None in campaigns of older versions."""
+    reused: bool = False
+    """Whether another campaign executed it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,3 +74,5 @@ class CampaignSummary:
     """Content of execution.yaml."""
     version: int
     """Increases with every change."""
+    reused: int = 0
+    """Stored runs that other campaigns executed."""

@@ -99,6 +99,14 @@ def run(
             show_default=False,
         ),
     ] = None,
+    reuse: Annotated[
+        bool,
+        typer.Option(
+            "--reuse",
+            help="Take over runs that another campaign of the same results folder has executed "
+            "with equal inputs and seed. The file must set `execution.seed`.",
+        ),
+    ] = False,
     abort_on_failure: Annotated[
         bool,
         typer.Option(
@@ -137,6 +145,7 @@ def run(
         image=image,
         gui=not no_gui,
         network_host=network_host,
+        reuse=reuse,
         abort_on_failure=abort_on_failure,
         enforce_resources=use_resource_allocation,
         log_tree=log_tree,

@@ -76,6 +76,9 @@ def _run(result: dict[str, Any], iri: str, used: Iterable[str], agents: Iterable
         "reason": result.get("reason"),
         "seed": result.get("seed"),
     }
+    if result.get("reused_from"):  # what happened is the other campaign's run, in its graph
+        node["wasInformedBy"] = f"../{path_iri(result['reused_from'])}"
+        node["reused_from"] = result["reused_from"]
     if result.get("verdict") != Verdict.INTERRUPTED:  # such a run counts as not executed
         node["success"] = str(result.get("success")).lower() == "true"
     if result.get("sysinfo_file"):

@@ -69,13 +69,14 @@ def _outcome(folder: Path, where: str, files: Iterable[str], findings: Findings)
     }
     if record.get("seed") is not None:
         outcome["seed"] = record["seed"]
+    outcome["reused_from"] = record.get("reused_from", "")
     return {name: value for name, value in outcome.items() if value not in ("", None)}
 
 
 def _read_record(folder: Path) -> dict[str, Any] | None:
     """The relevant part of a run's record; None if it is missing."""
     record = read_run_record(folder)
-    keys = ("verdict", "reason", "started_at", "finished_at", "seed")
+    keys = ("verdict", "reason", "started_at", "finished_at", "seed", "reused_from")
     return {key: getattr(record, key) for key in keys} if record is not None else None
 
 

@@ -32,6 +32,7 @@ COLUMNS = {
     "runtime": "VARCHAR",
     "image": "VARCHAR",
     "host": "VARCHAR",
+    "reused_from": "VARCHAR",
 }
 """Columns of all campaigns with their types; times are UTC, `duration` in seconds."""
 PARAMETER = "param_"

@@ -8,7 +8,6 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from threading import Event, Lock, Thread
-from typing import Any
 
 from robovast.base.atomic import write_atomically
 from robovast.base.locks import exclusive_folder
@@ -22,8 +21,9 @@ from robovast.execution.generate import copy_file
 from robovast.execution.local.controller_log import logged
 from robovast.execution.local.events import Observer, Summary
 from robovast.execution.local.pack_execution import PackExecution
-from robovast.execution.local.session import Session
-from robovast.execution.local.store import explained, finished_runs
+from robovast.execution.local.reuse import reused_runs, why_nothing
+from robovast.execution.local.session import COMMON, Session
+from robovast.execution.local.store import explained, finished_runs, first_free_job
 from robovast.model.inputs import container_files
 from robovast.model.packs import PlanSpec
 from robovast.model.plan import PackStart, Run, pack_runs
@@ -61,6 +61,8 @@ def executing(session: Session, observer: Observer) -> Iterator[Observer]:
     ):
         session.runtime.clean_up_campaign(session.token)
         _prepare_common(session)
+        if session.options.reuse and (why := why_nothing(session)):
+            told.message(f"Nothing is reused: {why}")
         yield told
 
 
@@ -87,6 +89,7 @@ def execute_runs(
     Returns:
         All records by id, and whether the user interrupted.
     """
+    done = done | reused_runs(session, plan, [run for run in runs if run.id not in done], observer)
     todo = [run for run in runs if run.id not in done]
     execution = _CampaignExecution(session, plan, todo, observer, done)
     interrupted = execution.run(min(session.jobs_side_by_side, len(todo)))
@@ -95,13 +98,14 @@ def execute_runs(
 
 def _prepare_common(session: Session) -> None:
     """A private copy of the shared inputs, since runs may change it but never the originals."""
-    common = session.layout.running / "common"
+    common = session.layout.running / COMMON
     with explained(session.layout.root):
         shutil.rmtree(common, ignore_errors=True)
         for path in container_files(session.document):
             copy_file(session.document.folder / path, common / path)
         for script in contract_files():
             copy_file(script, common / script.name)
+        _ = session.conditions  # of these files before any run could change them
 
 
 def write_job_links(layout: Layout, records: dict[int, RunRecord]) -> None:
@@ -130,7 +134,7 @@ class _CampaignExecution:
         self._stop = Event()
         self._drain = Event()
         self._lock = Lock()
-        self._next_job = _first_free_job(session.layout)
+        self._next_job = first_free_job(session.layout)
         self._jobs: deque[PackStart] = deque()
         self._add(todo)
         self._failure: BaseException | None = None
@@ -203,12 +207,3 @@ class _CampaignExecution:
     def _finish(self, run: Run, record: RunRecord) -> None:
         self.records[run.id] = record
         self._observer.run_finished(run, record)
-
-
-def _first_free_job(layout: Layout) -> int:
-    numbers: list[Any] = [
-        int(path.name.removeprefix("job-"))
-        for path in (layout.jobs.iterdir() if layout.jobs.is_dir() else ())
-        if path.name.removeprefix("job-").isdigit()
-    ]
-    return max(numbers, default=-1) + 1

@@ -51,7 +51,8 @@ class ContainerRuntime:
         if not result.ok and "No such file" not in result.errors:
             raise CannotRunError(f"{self._image} cannot be started: {result.last_error}")
         check_compat(self._image, result.output.strip() if result.ok else None)
-        return Identity(self._image, image_digest(self.name, self._image))
+        digest = image_digest(self.name, self._image)
+        return Identity(self._image, digest, content=digest)
 
     def start(self, spec: StartSpec, console: Path) -> subprocess.Popen[bytes]:
         """Start the job's containers; the process ends with the main container's exit code."""

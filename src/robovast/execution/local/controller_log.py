@@ -66,7 +66,11 @@ class _Logged:
 
     def run_finished(self, run: Run, record: RunRecord) -> None:
         """Log its verdict."""
-        took = f"after {record.duration:.1f} s"
+        took = (
+            f"reused from {record.reused_from}"
+            if record.reused_from
+            else f"after {record.duration:.1f} s"
+        )
         _log.info("%s: %s %s. %s", run.path, record.verdict, took, record.reason)
         self.observer.run_finished(run, record)
 

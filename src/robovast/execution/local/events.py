@@ -53,6 +53,8 @@ class LocalOptions:
     """Show windows on this machine's display, if there is one."""
     network_host: bool = False
     """Use the machine's network."""
+    reuse: bool = False
+    """Take over equal runs of other campaigns in the same folder instead of executing them."""
     abort_on_failure: bool = False
     """Start no further runs after the first one that does not pass."""
     enforce_resources: bool = False

@@ -19,7 +19,7 @@ from robovast.campaign.run_record import RunRecord
 from robovast.execution.job_config import build_config_folder, is_pack, parameter_documents
 from robovast.execution.local.process_tree import wait
 from robovast.execution.local.runtime import Runtime, StartSpec
-from robovast.execution.local.session import Session
+from robovast.execution.local.session import COMMON, Session
 from robovast.execution.local.store import explained, store_run
 from robovast.execution.progress import PackOutput, keep_the_rest
 from robovast.execution.watch import PackWatch
@@ -78,6 +78,7 @@ class PackExecution:
         self._work = session.layout.running / job.name
         self._spec = session.spec(job, self._work)
         self._console = self._work / _CONSOLE
+        self._keys = session.keys(job)
 
     def execute(self) -> tuple[Run, ...]:
         """Execute the job; return the runs that were not started.
@@ -114,11 +115,11 @@ class PackExecution:
         return watch
 
     def _store(self, ended: EndedRun) -> None:
-        self._finished(ended.run, store_run(self._session, ended))
+        self._finished(ended.run, store_run(self._session, ended, self._keys[ended.run.id]))
 
     def _prepare(self) -> None:
         _remove(self._work, self._work.parent)
-        common = self._session.layout.running / "common"
+        common = self._session.layout.running / COMMON
         build_config_folder(self._spec.config, common, self._job, self._session.scenario)
         parameters = self._session.layout.root / parameters_key(self._job.name)
         parameters.write_text(parameter_documents(self._job, self._session.scenario), "utf-8")

@@ -5,14 +5,20 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import socket
 import subprocess
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from robovast.base.serialization import fingerprint
 from robovast.execution.compat import check_compat
 from robovast.execution.contract import CONFIG, OUT
 from robovast.execution.local import process_tree
-from robovast.execution.local.process_environment import VERSION_FILE, process_environment
+from robovast.execution.local.process_environment import (
+    VERSION_FILE,
+    cache_folder,
+    process_environment,
+)
 from robovast.execution.local.runtime import Identity, StartSpec
 from robovast.execution.local.sandbox import Sandbox, find_sandbox
 
@@ -42,7 +48,7 @@ class ProcessRuntime:
         check_compat(str(folder), _read_version(folder))
         self._environment = folder
         self._isolate(folder)
-        return Identity(image=f"process:{folder.name}", digest="")
+        return Identity(image=f"process:{folder.name}", digest="", content=_content(folder))
 
     def start(self, spec: StartSpec, console: Path) -> subprocess.Popen[bytes]:
         """Start the main entrypoint, and one for each secondary container."""
@@ -136,6 +142,14 @@ class ProcessRuntime:
             **spec.environment,
             process_tree.MARKER: f"{spec.token}/",
         }
+
+
+def _content(environment: Path) -> str:
+    """What identifies an environment and the machine around it; empty if its name does not."""
+    if environment.parent != cache_folder():
+        return ""  # a folder of the user's, whose content may change under its name
+    machine = {name: os.environ.get(name) for name in ("PATH", *_INHERITED)}
+    return fingerprint([environment.name, socket.gethostname(), machine])
 
 
 def _mounts(spec: StartSpec) -> dict[str, Path]:

@@ -56,6 +56,8 @@ class Identity:
     """Image reference, or the pinned executor of the process runtime."""
     digest: str
     """Content digest; empty if there is none."""
+    content: str = ""
+    """What identifies all that executes the runs; empty if nothing does."""
 
 
 class Runtime(Protocol):

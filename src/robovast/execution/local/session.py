@@ -13,10 +13,12 @@ from pathlib import Path
 from robovast.campaign.layout import Layout
 from robovast.execution.job_config import job_environment
 from robovast.execution.local.events import LocalOptions
+from robovast.execution.local.run_key import common_key, run_keys
 from robovast.execution.local.runtime import Identity, Limits, Runtime, StartSpec
 from robovast.model.document import Document
 from robovast.model.document.model import Resources, merge_pairs
-from robovast.model.plan import PackStart
+from robovast.model.expansion import Variant
+from robovast.model.plan import PackStart, Run
 from robovast.model.quantities import (
     cpus,
     machine_cpus,
@@ -28,6 +30,10 @@ from robovast.model.quantities import (
 from robovast.model.scenario import Scenario, read_scenario
 
 DEFAULT_USER = 1000
+COMMON = "common"
+"""Folder of a campaign's private copy of the shared inputs, below `.running`."""
+
+_ANY_JOB = PackStart(0, (Run(0, Variant("", "", {}), 0),))
 
 
 @dataclass(frozen=True)
@@ -89,6 +95,32 @@ class Session:
         if "run_as_user" in self.document.vast.execution.model_fields_set:
             return self.document.vast.execution.run_as_user
         return os.getuid() or DEFAULT_USER
+
+    @cached_property
+    def conditions(self) -> str:
+        """What all runs depend on, as a hash; empty if not all of it is known.
+
+        It is determined before the first run, when the campaign has its copy of the shared files.
+        """
+        if not self.identity.content:
+            return ""
+        spec = self.spec(_ANY_JOB, self.layout.running)
+        return common_key(
+            {
+                "runtime": [self.runtime.name, self.runtime.config_dir, self.identity.content],
+                "environment": spec.environment,
+                "user": spec.user,
+                "limits": [spec.limits, spec.secondaries],
+                "timeout": self.document.vast.execution.timeout,
+                "network": self.options.network_host,
+                "display": self.options.gui and "DISPLAY" in os.environ,
+            },
+            self.layout.running / COMMON,
+        )
+
+    def keys(self, job: PackStart) -> dict[int, str]:
+        """The keys of a job's runs, by id; empty texts if not all is known."""
+        return run_keys(self.conditions, job, self.scenario)
 
     def spec(self, job: PackStart, work: Path) -> StartSpec:
         """The specification for starting a job in its work folder."""

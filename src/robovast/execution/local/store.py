@@ -13,6 +13,7 @@ from pathlib import Path
 from robovast.base.atomic import make_folder, put_in_place
 from robovast.base.errors import StorageError
 from robovast.base.file_errors import cause, refuse_obstacle
+from robovast.campaign.checksums import checksums
 from robovast.campaign.layout import JOB_LINK, Layout, job_link_target
 from robovast.campaign.own_names import set_own_names_aside
 from robovast.campaign.records import Circumstances, EndedRun, make_record
@@ -60,11 +61,19 @@ def refuse_bytes(folder: Path) -> None:
         ) from None
 
 
-def store_run(session: Session, ended: EndedRun) -> RunRecord:
-    """Complete a run's folder with its record and move it into the results."""
+def store_run(session: Session, ended: EndedRun, key: str) -> RunRecord:
+    """Complete a run's folder with its record and move it into the results.
+
+    Args:
+        session: of the campaign.
+        ended: the run.
+        key: of what it depended on.
+    """
     folder, job = ended.folder, ended.job.name
     target = session.layout.run(ended.run.path)
     earlier = read_run_record(target)
+    folder.mkdir(parents=True, exist_ok=True)
+    set_own_names_aside(folder)
     circumstances = Circumstances(
         campaign=session.layout.root.name,
         attempt=earlier.attempt + 1 if earlier else 1,
@@ -73,14 +82,21 @@ def store_run(session: Session, ended: EndedRun) -> RunRecord:
         image=session.identity.image,
         image_digest=session.identity.digest,
         host=session.host,
+        key=key,
+        outputs=checksums(folder),
     )
     record = make_record(ended, circumstances)
-    folder.mkdir(parents=True, exist_ok=True)
-    set_own_names_aside(folder)
-    (folder / JOB_LINK).symlink_to(job_link_target(job))
+    put_run_in_place(session.layout, folder, record)
+    return record
+
+
+def put_run_in_place(layout: Layout, folder: Path, record: RunRecord) -> None:
+    """Move a run's folder into the results, with its record and the link to its job."""
+    target = layout.run(f"{record.variant}/{record.run}")
+    earlier = read_run_record(target)
+    (folder / JOB_LINK).symlink_to(job_link_target(record.job))
     record.write(folder)
     put_in_place(folder, target, replace=earlier is not None and not earlier.finished)
-    return record
 
 
 def finished_runs(
@@ -109,6 +125,13 @@ def finished_runs(
             f"{listed}{more} (no `run.json` of this version)."
         )
     return found
+
+
+def first_free_job(layout: Layout) -> int:
+    """The number after that of the last job."""
+    names = os.listdir(layout.jobs) if layout.jobs.is_dir() else ()
+    numbers = (name.removeprefix("job-") for name in names)
+    return max((int(number) for number in numbers if number.isdecimal()), default=-1) + 1
 
 
 def _set_aside(layout: Layout, run: Run) -> None:
