@@ -229,7 +229,7 @@ def test_nothing_is_wider_than_a_telephone(page: Page, server: ShownPage, tmp_pa
 def test_a_cell_and_a_filter_choose_runs_and_the_address_says_so(
     page: Page, server: ShownPage, browser: Browser
 ) -> None:
-    page.goto(f"{server.address}#/campaign/{NAME}")
+    page.goto(f"{server.address}#/campaign/{NAME}?x=speed&y=width")
     page.get_by_role("button", name=re.compile("^2, 1.2:")).click()
     expect(page.get_by_role("main").get_by_role("status")).to_have_text("8 of 48 runs")
     page.get_by_label("Find").fill("map=hall")
@@ -282,6 +282,39 @@ def test_a_cause_filters_everything_and_a_verdict_no_rate(page: Page, tmp_path: 
         expect(causes.last).to_have_attribute("aria-pressed", "true")
         page.get_by_role("button", name="Only the chosen cause").click()
         expect(status).to_have_text("16 runs")
+
+
+def test_the_matrix_begins_with_what_was_varied_and_matters(page: Page, tmp_path: Path) -> None:
+    """Not with the files and poses that came of it."""
+    variants = [
+        {"map_file": f"{plan}.yaml", "mesh_file": f"{plan}.stl", "pose": {"x": path}, "margin": m}
+        for plan in ("depot", "flat")
+        for path in range(3)
+        for m in (0.02, 0.1)
+    ]
+
+    def factors(parameters):
+        plan, margin = parameters["map_file"].partition(".")[0], parameters["margin"]
+        path = {"path": {"value": str(parameters["pose"]["x"])}}
+        return {"floor_plan": {"value": plan}, **path, "margin": {"value": margin, "unit": "m"}}
+
+    def fails(parameters, number):
+        return "failed" if parameters["margin"] < 0.05 and number else "passed"
+
+    write_campaign(tmp_path, variants=variants, runs=4, judge=fails, outputs=False, factors=factors)
+    with browsing(page, tmp_path) as address:
+        page.goto(f"{address}#/campaign/{NAME}")
+        expect(page.get_by_text("separate failures best; of")).to_contain_text("margin and ")
+        expect(page.get_by_label("Across")).to_have_value("margin")
+        effects = page.get_by_role("region", name="What makes runs fail").get_by_role("button")
+        expect(effects.first).to_contain_text("margin ≤ 0.02 m")
+        expect(effects.first).to_contain_text("75 % instead of 0 %")
+        expect(effects).to_have_count(3)
+        expect(page.get_by_role("columnheader", name="map_file")).to_have_count(0)
+        effects.filter(has_text="floor_plan").click()
+        expect(page.get_by_label("Across")).to_have_value("floor_plan")
+        page.get_by_label("Find").fill("map_file=depot.yaml margin<0.05")
+        expect(page.get_by_role("main").get_by_role("status")).to_have_text("12 of 48 runs")
 
 
 def test_what_is_shown_can_be_saved(page: Page, server: ShownPage) -> None:

@@ -39,7 +39,12 @@ export interface Columns {
   /** What reasons have in common, and for each reason its place in that. */
   causes: string[];
   cause: number[];
+  /** Values of factors, then of the other parameters. */
   variants: { name: string[]; entry: string[]; values: Record<string, unknown[]> };
+  /** What a person varied; the parameters where nothing else is stated. */
+  factors: string[];
+  /** Of the factors that have one. */
+  units: Record<string, string>;
   runs: {
     variant: number[];
     number: number[];
@@ -48,6 +53,33 @@ export interface Columns {
     started: (number | null)[];
     duration: (number | null)[];
   };
+}
+
+/** Runs of the configurations on one side of a split by a factor. */
+export interface Side {
+  condition: string;
+  bad: number;
+  runs: number;
+}
+
+/** How much more often the runs of some values of a factor fail. */
+export interface Effect {
+  factor: string;
+  worse: Side;
+  better: Side;
+  low: number;
+  high: number;
+  p: number;
+  same: string[];
+}
+
+/** The factors of a campaign, and which of them separate failures. */
+export interface Explained {
+  version: number;
+  factors: string[];
+  same: Record<string, string[]>;
+  effects: Effect[];
+  axes: string[];
 }
 
 /** Columns with numbers, by table. */

@@ -7,7 +7,8 @@ import { failedFor } from "./failures";
 import { count, duration, moment, plural } from "./format";
 import { Grid, type Column } from "./grid";
 import { useAnswer, type Versions } from "./live";
-import { isInCell, Matrix, useAxes } from "./matrix";
+import { Effects, isInCell, useAxes } from "./factors";
+import { Matrix } from "./matrix";
 import { Chooser, useMeasure } from "./measure";
 import { Notebooks } from "./notebooks";
 import { Maps } from "./player/maps";
@@ -120,7 +121,10 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
               chooser={<Chooser campaign={data.summary.name} colour={colour} aggregate={aggregate} />}
             />
           </div>
-          {causes}
+          <div>
+            {causes}
+            <Effects {...{ data, axes }} />
+          </div>
         </div>
       ),
     },

@@ -5,7 +5,8 @@ import { show, variantOf, type Run } from "./data";
 import { duration, percent, plural } from "./format";
 import { Grid, type Column } from "./grid";
 import { useAnswer } from "./live";
-import { isInCell, Matrix, useAxes, type Axes } from "./matrix";
+import { isInCell, useAxes, type Axes } from "./factors";
+import { Matrix } from "./matrix";
 import { Export, Select, Waiting } from "./parts";
 import { choose, link } from "./route";
 

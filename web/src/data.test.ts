@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { Columns } from "./api";
-import { axis, cells, csv, matcher, parameters, show, sorted, variantMatcher } from "./data";
+import { axis, cells, csv, factors, matcher, show, sorted, variantMatcher } from "./data";
 import { failedFor, failures } from "./failures";
 
 function campaign(values: Record<string, unknown[]>, verdicts: string[]): Columns {
@@ -15,6 +15,8 @@ function campaign(values: Record<string, unknown[]>, verdicts: string[]): Column
     causes: ["no reason is known", "goal not reached"],
     cause: [0, 1],
     variants: { name: Array.from({ length: variants }, (_, i) => `hall-${i + 1}`), entry: [], values },
+    factors: Object.keys(values),
+    units: {},
     runs: {
       variant: verdicts.map((_, run) => run % variants),
       number: verdicts.map((_, run) => Math.floor(run / variants)),
@@ -75,7 +77,7 @@ describe("causes", () => {
     { margin: [0.1, 0.02], map: ["a", "b"], pose: [{ x: 1 }, { x: 2 }], speed: [1, 1] },
     ["passed", "failed", "errored", "failed", "passed", "failed"],
   );
-  const found = failures(data, all(data), parameters(data));
+  const found = failures(data, all(data), factors(data));
 
   it("come with the most frequent first, and with what their runs have in common", () => {
     expect(found.map(({ cause, verdict, runs }) => [cause, verdict, runs])).toEqual([
@@ -100,7 +102,7 @@ describe("order", () => {
   });
 
   it("names parameters that vary first", () => {
-    expect(parameters(campaign({ fixed: [1, 1], speed: [1, 2] }, []))).toEqual(["speed", "fixed"]);
+    expect(factors(campaign({ fixed: [1, 1], speed: [1, 2] }, []))).toEqual(["speed", "fixed"]);
   });
 });
 

@@ -33,11 +33,22 @@ export function valueOf(data: Columns, run: Run, column: string): unknown {
   }
 }
 
-/** Names of the parameters that have more than one value, then the others. */
-export function parameters(data: Pick<Columns, "variants">): string[] {
-  const names = Object.keys(data.variants.values);
-  const varies = new Map(names.map((name) => [name, distinct(data.variants.values[name]!) > 1]));
-  return names.sort((a, b) => Number(varies.get(b)) - Number(varies.get(a)));
+/** Names of the factors that have more than one value, then the others. */
+export function factors(data: Pick<Columns, "variants" | "factors">): string[] {
+  const varies = new Map(data.factors.map((name) => [name, distinct(data.variants.values[name]!) > 1]));
+  return [...data.factors].sort((a, b) => Number(varies.get(b)) - Number(varies.get(a)));
+}
+
+/** Names of the parameters that are no factors: they follow from them. */
+export function others(data: Pick<Columns, "variants" | "factors">): string[] {
+  const known = new Set(data.factors);
+  return Object.keys(data.variants.values).filter((name) => !known.has(name));
+}
+
+/** A column's name with its unit. */
+export function titled(data: Pick<Columns, "units">, name: string): string {
+  const unit = data.units[name];
+  return unit ? `${name} [${unit}]` : name;
 }
 
 function distinct(values: unknown[]): number {

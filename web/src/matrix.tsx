@@ -2,40 +2,12 @@
 import type { ComponentChildren } from "preact";
 import { useMemo } from "preact/hooks";
 import type { Columns } from "./api";
-import { axis, cells, parameters, show, type Axis, type Cell, type Run, type Shown } from "./data";
+import { cells, show, titled, type Cell, type Run, type Shown } from "./data";
+import { AxesNote, type Axes } from "./factors";
 import { percent, plural } from "./format";
-import { Export, Select } from "./parts";
+import { Export, Select, Waiting } from "./parts";
 import { intervalFor, intervalText, type Interval } from "./rates";
 import { choose } from "./route";
-
-/** The parameters of a campaign, and those that an address chooses for the axes. */
-export interface Axes {
-  names: string[];
-  x: string;
-  y: string;
-  across: Axis;
-  down: Axis;
-}
-
-export function useAxes(data: Columns, query: URLSearchParams): Axes {
-  const names = useMemo(() => parameters(data), [data]);
-  const x = axisName(query.get("x"), names[0]);
-  const y = axisName(query.get("y"), names[1]);
-  const across = useMemo(() => axis(data, x), [data, x]);
-  const down = useMemo(() => axis(data, y), [data, y]);
-  return { names, x, y, across, down };
-}
-
-/** `-` stands for no parameter, nothing for the usual one. */
-function axisName(asked: string | null, usual: string | undefined): string {
-  return asked === "-" ? "" : asked || usual || "";
-}
-
-/** Whether a variant is in the cell `column,row`; every one is when there is no cell. */
-export function isInCell({ across, down }: Axes, cell: string, variant: number): boolean {
-  const [i, j] = cell.split(",").map(Number);
-  return !cell || (across.group[variant] === i && down.group[variant] === j);
-}
 
 interface MatrixProps {
   data: Columns;
@@ -55,7 +27,7 @@ interface MatrixProps {
 
 export function Matrix(props: MatrixProps) {
   const { data, runs, chooser, chosen, isBad, signed = false } = props;
-  const { names, x, y, across, down } = props.axes;
+  const { x, y, across, down, options, ready } = props.axes;
   const measure = props.measure?.name ?? "";
   const found = useMemo(
     () => cells(data, runs, across, down, props.measure?.of, isBad),
@@ -63,7 +35,6 @@ export function Matrix(props: MatrixProps) {
   );
   const intervalOf = intervalFor(data.summary.state);
   const scale = scaleOf(found.flat(), measure, signed);
-  const options: [string, string][] = [["", "(all together)"], ...names.map((n): [string, string] => [n, n])];
   const rows = () => [
     [y || "all", x || "all", "runs", "not passed", "failure rate", "from", "to", measure && `mean ${measure}`],
     ...found.flatMap((row, j) =>
@@ -78,8 +49,10 @@ export function Matrix(props: MatrixProps) {
       ]),
     ),
   ];
+  if (!ready) return <Waiting error={null} />;
   return (
     <>
+      <AxesNote axes={props.axes} />
       <div class="tools">
         <Select label="Across" value={x} options={options} onChoose={(v) => choose({ x: v || "-", cell: "" })} />
         <Select label="Down" value={y} options={options} onChoose={(v) => choose({ y: v || "-", cell: "" })} />
@@ -95,7 +68,7 @@ export function Matrix(props: MatrixProps) {
           <thead>
             <tr>
               <td class="corner">
-                {y && <span>{y} ↓</span>} {x && <span>{x} →</span>}
+                {y && <span>{titled(data, y)} ↓</span>} {x && <span>{titled(data, x)} →</span>}
               </td>
               {across.labels.map((label) => (
                 <th key={label} scope="col">
@@ -119,6 +92,8 @@ export function Matrix(props: MatrixProps) {
                     share={scale.share(cell)}
                     signed={signed}
                     chosen={chosen === `${i},${j}`}
+                    // The usual axes may be others when there are more runs.
+                    onChoose={(cell) => choose({ x: x || "-", y: y || "-", cell })}
                     tabbable={chosen ? chosen === `${i},${j}` : i === 0 && j === 0}
                   />
                 ))}
@@ -142,9 +117,10 @@ interface CellProps {
   signed: boolean;
   chosen: boolean;
   tabbable: boolean;
+  onChoose: (cell: string) => void;
 }
 
-function CellOf({ cell, id, place, measure, interval, share, signed, chosen, tabbable }: CellProps) {
+function CellOf({ cell, id, place, measure, interval, share, signed, chosen, tabbable, onChoose }: CellProps) {
   const value = measure ? mean(cell) : cell.runs ? cell.bad / cell.runs : null;
   const number = value === null ? "" : show(Number(value.toPrecision(3)));
   const plus = signed && value !== null && value > 0 ? "+" : "";
@@ -164,7 +140,7 @@ function CellOf({ cell, id, place, measure, interval, share, signed, chosen, tab
         title={title}
         class={share === null ? "empty" : signed ? (share < 0 ? "better" : "worse") : undefined}
         style={colour}
-        onClick={() => choose({ cell: chosen ? "" : id })}
+        onClick={() => onChoose(chosen ? "" : id)}
       >
         <span class="hidden">{where}: </span>
         {text || <span class="hidden">no runs</span>}

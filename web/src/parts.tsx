@@ -126,10 +126,13 @@ export function Copy({ text, label }: { text: string; label: string }) {
   );
 }
 
+/** Its value, its text, and the group that it stands in. */
+export type Option = [value: string, text: string, group?: string];
+
 interface Choice {
   label: string;
   value: string;
-  options: [string, string][];
+  options: Option[];
   onChoose: (value: string) => void;
 }
 
@@ -138,14 +141,33 @@ export function Select({ label, value, options, onChoose }: Choice) {
     <label class="choice">
       {label}
       <select value={value} onChange={(event) => onChoose(event.currentTarget.value)}>
-        {options.map(([key, text]) => (
-          <option key={key} value={key}>
-            {text}
-          </option>
-        ))}
+        {grouped(options).map(([group, members]) => {
+          const items = members.map(([key, text]) => (
+            <option key={key} value={key}>
+              {text}
+            </option>
+          ));
+          return group ? (
+            <optgroup key={group} label={group}>
+              {items}
+            </optgroup>
+          ) : (
+            items
+          );
+        })}
       </select>
     </label>
   );
+}
+
+/** Options by their group, in their order. */
+export function grouped(options: Option[]): [string, Option[]][] {
+  const groups = new Map<string, Option[]>();
+  for (const option of options) {
+    const group = option[2] ?? "";
+    groups.set(group, [...(groups.get(group) ?? []), option]);
+  }
+  return [...groups];
 }
 
 export interface Tab {

@@ -2,7 +2,7 @@
 import { useEffect, useMemo, useState } from "preact/hooks";
 import { address, post, type Campaigns, type Launch, type Offer } from "./api";
 import { isStale } from "./campaigns";
-import { order, parameters, show } from "./data";
+import { factors, order, show } from "./data";
 import { chosen, type Variants } from "./expansion";
 import { duration, moment, plural } from "./format";
 import { Grid } from "./grid";
@@ -240,7 +240,7 @@ interface ExpansionProps {
 }
 
 function Expansion({ variants, rows, query }: ExpansionProps) {
-  const names = useMemo(() => parameters({ variants }), [variants]);
+  const names = useMemo(() => factors({ variants, factors: Object.keys(variants.values) }), [variants]);
   const sort = query.get("sort") ?? "";
   const column = (id: string) => (id === "name" ? variants.name : variants.values[id.slice(2)] ?? []);
   const shown = useMemo(() => {

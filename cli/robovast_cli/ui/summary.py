@@ -21,14 +21,14 @@ Format = Literal["text", "json"]
 _COLUMNS = ["CONFIGURATION", "STATE", "NOT PASSED", "RATE", "95 % INTERVAL", "MORE RUNS", "REASON"]
 _CAUSE_COLUMNS = ["RUNS", "CAUSE", "VERDICT", "FIRST"]
 _EFFECT_COLUMNS = [
-    "PARAMETER",
+    "FACTOR",
     "WORSE WHERE",
     "NOT PASSED",
     "OTHERWISE",
     "DIFFERENCE (95 %)",
     "BY CHANCE",
 ]
-_CHANCE = "No parameter explains the failures better than chance.\n"
+_CHANCE = "No factor explains the failures better than chance.\n"
 _ANYTIME = (
     "Runs are missing, so the intervals are such that hold however often one looks meanwhile."
 )
@@ -97,7 +97,7 @@ def _causes(causes: Sequence[FailureGroup[str]], most: int) -> str:
 
 
 def _effects(findings: Findings) -> str:
-    """The parameters that explain failures; chance explains the others."""
+    """The factors that explain failures; chance explains the others."""
     clear = [effect for effect in findings.effects if effect.p < LEVEL]
     if clear:
         return f"{format_table(_EFFECT_COLUMNS, map(_effect, clear))}\n"
@@ -106,7 +106,7 @@ def _effects(findings: Findings) -> str:
 
 def _effect(effect: Effect) -> list[str]:
     return [
-        " = ".join([effect.parameter, *effect.same])[:WIDEST_CELL],
+        " = ".join([effect.factor, *effect.same])[:WIDEST_CELL],
         effect.worse.condition[:WIDEST_CELL],
         _side(effect.worse),
         _side(effect.better),

@@ -17,13 +17,15 @@ def columns(variants: Sequence[VariantRuns]) -> dict[str, Any]:
     """Variants and runs of a campaign.
 
     Returns:
-        `verdicts`: names of the codes. `variants`: `name`, `entry` and, by parameter, `values`,
-        each a list with one item per variant. `runs`: lists with one item per run: `variant`
+        `verdicts`: names of the codes. `variants`: `name`, `entry` and, by factor or parameter,
+        `values`, each a list with one item per variant. `factors`: names of what was varied;
+        `units`: of those that have one. `runs`: lists with one item per run: `variant`
         (place in the list of variants), `number`, `verdict` (code), `reason` (place in
         `reasons`), `started` [s since the epoch], `duration` [s]. `causes`: what reasons with one
         cause share; `cause`: the place in it of each reason.
     """
-    names = list(dict.fromkeys(name for variant in variants for name in variant.parameters))
+    factors = list(dict.fromkeys(name for variant in variants for name in variant.factors))
+    names = dict.fromkeys([*factors, *(name for v in variants for name in v.parameters)])
     runs = [(place, run) for place, variant in enumerate(variants) for run in variant.runs]
     reasons = {"": 0}
     for _, run in runs:
@@ -39,8 +41,10 @@ def columns(variants: Sequence[VariantRuns]) -> dict[str, Any]:
         "variants": {
             "name": [variant.name for variant in variants],
             "entry": [variant.entry for variant in variants],
-            "values": {name: [v.parameters.get(name) for v in variants] for name in names},
+            "values": {name: [_value(variant, name) for variant in variants] for name in names},
         },
+        "factors": [name for name in factors if not name.startswith("_")],
+        "units": {name: unit for variant in variants for name, unit in variant.units.items()},
         "runs": {
             "variant": [place for place, _ in runs],
             "number": [run.number for _, run in runs],
@@ -50,6 +54,10 @@ def columns(variants: Sequence[VariantRuns]) -> dict[str, Any]:
             "duration": [_rounded(run.duration) for _, run in runs],
         },
     }
+
+
+def _value(variant: VariantRuns, name: str) -> Any:
+    return variant.stated[name] if name in variant.stated else variant.parameters.get(name)
 
 
 def _rounded(value: float | None) -> float | None:

@@ -1,17 +1,19 @@
-"""Which parameters explain the failures of a campaign: one split of the configurations for each.
+"""Which factors explain the failures of a campaign: one split of the configurations for each.
 
 A split compares configurations on one side of a value with all others. What chance explains is told
 by permutation: failures are dealt to other configurations at random, and the best split of all
-parameters is searched again (Westfall and Young, 1993). So neither the number of parameters and
-values nor the likeness of the runs of one configuration makes chance look like a cause.
+factors is searched again (Westfall and Young, 1993). So neither the number of factors and values
+nor the likeness of the runs of one configuration makes chance look like a cause.
 """
 
 from __future__ import annotations
 
 import json
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import accumulate
 from math import isfinite, sqrt
 from random import Random
 from typing import Any
@@ -25,8 +27,8 @@ CUTS = 16
 """Most thresholds of a number."""
 _SAMPLE = 1000
 """Most configurations that are permuted: clearness by chance does not depend on their number."""
-_WORK = 3_000_000
-"""Additions for all permutations; with many splits there are fewer of these."""
+_WORK = 5_000_000
+"""Additions for all permutations; with many factors there are fewer of these."""
 _PERMUTATIONS = (39, 399)
 _Z = 1.959964
 _SEED = 1
@@ -49,9 +51,9 @@ class Side:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """How much more often the runs of some values of a parameter fail."""
+    """How much more often the runs of some values of a factor fail."""
 
-    parameter: str
+    factor: str
     worse: Side
     better: Side
     low: float
@@ -59,9 +61,11 @@ class Effect:
     count as independent."""
     high: float
     p: float
-    """Probability that the best split of any parameter would be as clear by chance."""
+    """Probability that the best split of any factor would be as clear by chance."""
     same: tuple[str, ...]
-    """Parameters that divide the configurations in the same way."""
+    """Factors that divide the configurations in the same way."""
+    clearness: float
+    """The difference in units of its standard error if there were none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,30 +78,55 @@ class _Counts:
 class _Split:
     inside: str
     outside: str
-    members: tuple[int, ...]
-    """Configurations inside, ascending."""
+    start: int
+    """Where those inside begin in the column's order."""
+    end: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """A factor: its configurations ordered by value, so that sums from the left give all splits."""
+
+    order: Sequence[int]
+    splits: Sequence[_Split]
+
+    def members(self, split: _Split) -> Sequence[int]:
+        """Configurations inside a split."""
+        return self.order[split.start : split.end]
+
+    def of(self, places: Mapping[int, int]) -> _Column:
+        """The column of some configurations, which get these numbers."""
+        kept = [0, *accumulate(n in places for n in self.order)]
+        splits = [replace(s, start=kept[s.start], end=kept[s.end]) for s in self.splits]
+        return _Column([places[n] for n in self.order if n in places], splits)
 
 
 def effects(variants: Iterable[VariantRuns]) -> list[Effect]:
-    """The best split of each parameter that varies, the clearest first.
+    """The best split of each factor that varies, the clearest first.
 
-    Parameters with structure are compared as JSON. A parameter is left out if it has one value, or
-    is a text with another value for nearly each configuration.
+    Factors with structure are compared as JSON. A factor is left out if it has one value, or is a
+    text with another value for nearly each configuration.
 
     Args:
         variants: of one campaign; those without a run that passed, failed or errored are left out.
     """
     seen = [(variant, own) for variant in variants if (own := _count(variant)).runs]
     counts = [own for _, own in seen]
-    columns = _columns([variant.factors for variant, _ in seen])
-    splits = {name: cuts for name, values in columns.items() if (cuts := _splits(values))}
+    values = factor_columns([variant for variant, _ in seen])
+    columns = {name: column for name, own in values.items() if (column := _column(own)).splits}
     total = _total(counts)
-    if not splits or not 0 < total.bad < total.runs:
+    if not columns or not 0 < total.bad < total.runs:
         return []
-    best = _without_equals(splits, counts)
-    chance = _clearest_by_chance(list(splits.values()), counts)
-    found = [_effect(name, split, same, counts, chance) for name, split, same in best]
-    return sorted(found, key=lambda effect: (effect.p, -(effect.worse.rate - effect.better.rate)))
+    chance = _clearest_by_chance(list(columns.values()), counts)
+    found = [_effect(*best, counts, chance) for best in _without_equals(columns, counts)]
+    return sorted(found, key=lambda effect: (effect.p, -effect.clearness))
+
+
+def factor_columns(variants: Sequence[VariantRuns]) -> dict[str, list[Any]]:
+    """The values of each factor, configuration by configuration."""
+    rows = [variant.factors for variant in variants]
+    names = dict.fromkeys(name for row in rows for name in row if not name.startswith("_"))
+    return {name: [row.get(name) for row in rows] for name in names}
 
 
 def _count(variant: VariantRuns) -> _Counts:
@@ -111,62 +140,77 @@ def _total(counts: Iterable[_Counts]) -> _Counts:
     return _Counts(sum(one.bad for one in listed), sum(one.runs for one in listed))
 
 
-def _columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
-    """The values of each parameter, configuration by configuration."""
-    names = dict.fromkeys(name for row in rows for name in row if not name.startswith("_"))
-    return {name: [row.get(name) for row in rows] for name in names}
-
-
-def _splits(values: Sequence[Any]) -> list[_Split]:
-    """All splits of one parameter."""
+def _column(values: Sequence[Any]) -> _Column:
     if all(map(_is_number, values)):
-        return _number_splits(values)
-    texts = [
-        value if isinstance(value, str) else json.dumps(value, default=str) for value in values
-    ]
+        order = sorted(range(len(values)), key=values.__getitem__)
+        return _Column(order, _number_splits([values[n] for n in order]))
+    texts = [as_text(value) for value in values]
     different = Counter(texts)
     if not 1 < len(different) <= min(MOST_VALUES, len(values) - 1):
-        return []
-    shown = list(different)[:1] if len(different) == 2 else different
-    return [
-        _Split(f"= {text}", f"≠ {text}", tuple(n for n, own in enumerate(texts) if own == text))
-        for text in shown
+        return _Column((), ())
+    place = {text: number for number, text in enumerate(different)}
+    order = sorted(range(len(values)), key=lambda n: place[texts[n]])
+    ends = accumulate(different.values())
+    splits = [
+        _Split(f"= {text}", f"≠ {text}", end - different[text], end)
+        for text, end in zip(different, ends, strict=True)
     ]
+    return _Column(order, splits[:1] if len(splits) == 2 else splits)
+
+
+def as_text(value: Any) -> str:
+    """A value of a factor as text; equal for equal values."""
+    return value if isinstance(value, str) else json.dumps(value, default=str)
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
 
 
-def _number_splits(values: Sequence[float]) -> list[_Split]:
-    different = sorted(set(values))[:-1]
+def _number_splits(ordered: Sequence[float]) -> list[_Split]:
+    different = sorted(set(ordered))[:-1]
     step = max(1, -(-len(different) // CUTS))
     return [
-        _Split(f"≤ {cut:g}", f"> {cut:g}", tuple(n for n, own in enumerate(values) if own <= cut))
+        _Split(f"≤ {cut:g}", f"> {cut:g}", 0, bisect_right(ordered, cut))
         for cut in different[step // 2 :: step]
     ]
 
 
 def _without_equals(
-    splits: Mapping[str, Sequence[_Split]], counts: Sequence[_Counts]
-) -> Iterator[tuple[str, _Split, tuple[str, ...]]]:
-    """The clearest split of each parameter, with the parameters that divide equally."""
+    columns: Mapping[str, _Column], counts: Sequence[_Counts]
+) -> Iterator[tuple[str, _Split, Sequence[int], float, tuple[str, ...]]]:
+    """The clearest split of each factor with its members, and factors that divide equally."""
     everything = frozenset(range(len(counts)))
-    groups: dict[frozenset[frozenset[int]], list[tuple[str, _Split]]] = {}
-    for name, own in splits.items():
-        split = max(own, key=lambda one: _clearness(_total(counts[n] for n in one.members), counts))
-        inside = frozenset(split.members)
-        groups.setdefault(frozenset({inside, everything - inside}), []).append((name, split))
-    for (name, split), *others in groups.values():
-        yield name, split, tuple(other for other, _ in others)
+    groups: dict[frozenset[frozenset[int]], list[tuple[str, _Split, Sequence[int], float]]] = {}
+    bad, runs, total = _sums(counts)
+    for name, column in columns.items():
+        scores = _scores(column, bad, runs, total)
+        clear, split = max(zip(scores, column.splits, strict=True), key=lambda pair: pair[0])
+        members = column.members(split)
+        inside = frozenset(members)
+        found = groups.setdefault(frozenset({inside, everything - inside}), [])
+        found.append((name, split, members, clear))
+    for (name, split, members, clear), *others in groups.values():
+        yield name, split, members, clear, tuple(other for other, *_ in others)
 
 
-def _clearness(inside: _Counts, counts: Sequence[_Counts]) -> float:
-    """Difference of the rates in units of its standard error if there were none."""
-    return _score(inside.bad, inside.runs, _total(counts))
+def _sums(counts: Sequence[_Counts]) -> tuple[list[int], list[int], _Counts]:
+    return [one.bad for one in counts], [one.runs for one in counts], _total(counts)
+
+
+def _scores(
+    column: _Column, bad: Sequence[int], runs: Sequence[int], total: _Counts
+) -> Iterator[float]:
+    """The clearness of each split."""
+    bad_until = [0, *accumulate(map(bad.__getitem__, column.order))]
+    runs_until = [0, *accumulate(map(runs.__getitem__, column.order))]
+    for split in column.splits:
+        start, end = split.start, split.end
+        yield _score(bad_until[end] - bad_until[start], runs_until[end] - runs_until[start], total)
 
 
 def _score(bad: int, runs: int, total: _Counts) -> float:
+    """Difference of the rates in units of its standard error if there were none."""
     others = total.runs - runs
     if not runs or not others:
         return 0.0
@@ -175,56 +219,51 @@ def _score(bad: int, runs: int, total: _Counts) -> float:
     return abs(difference) / sqrt(rate * (1 - rate) * (1 / runs + 1 / others))
 
 
-def _clearest_by_chance(
-    splits: Sequence[Sequence[_Split]], counts: Sequence[_Counts]
-) -> list[float]:
+def _clearest_by_chance(columns: Sequence[_Column], counts: Sequence[_Counts]) -> list[float]:
     """The clearness of the best split of all, for permutations of the configurations."""
     random = Random(_SEED)  # noqa: S311
     chosen = sorted(random.sample(range(len(counts)), min(len(counts), _SAMPLE)))
     places = {n: place for place, n in enumerate(chosen)}
-    members = [[places[n] for n in split.members if n in places] for own in splits for split in own]
-    bad, runs = [counts[n].bad for n in chosen], [counts[n].runs for n in chosen]
-    total = _Counts(sum(bad), sum(runs))
+    columns = [column.of(places) for column in columns]
+    bad, runs, total = _sums([counts[n] for n in chosen])
     if not 0 < total.bad < total.runs:
         return []
     fewest, most = _PERMUTATIONS
-    rounds = max(fewest, min(most, _WORK // (2 * sum(map(len, members)))))
+    rounds = max(fewest, min(most, _WORK // (len(columns) * len(chosen))))
     order = list(range(len(chosen)))
     found = []
     for _ in range(rounds):
         random.shuffle(order)
-        own_bad, own_runs = [bad[n] for n in order], [runs[n] for n in order]
-        sums = (
-            (sum(map(own_bad.__getitem__, one)), sum(map(own_runs.__getitem__, one)))
-            for one in members
-        )
-        found.append(max(_score(*inside, total) for inside in sums))
+        own = [bad[n] for n in order], [runs[n] for n in order]
+        found.append(max(max(_scores(column, *own, total)) for column in columns))
     return found
 
 
 def _effect(
     name: str,
     split: _Split,
+    members: Sequence[int],
+    clear: float,
     same: tuple[str, ...],
     counts: Sequence[_Counts],
     chance: Sequence[float],
 ) -> Effect:
-    members = set(split.members)
-    inside = [counts[n] for n in split.members]
-    outside = [one for n, one in enumerate(counts) if n not in members]
+    within = set(members)
+    inside = [counts[n] for n in members]
+    outside = [one for n, one in enumerate(counts) if n not in within]
     sides = [_side(split.inside, inside), _side(split.outside, outside)]
     better, worse = sorted(sides, key=lambda side: side.rate)
     difference = worse.rate - better.rate
     half = _Z * sqrt(_variance(inside) + _variance(outside))
-    clear = _clearness(_total(inside), counts)
     return Effect(
-        parameter=name,
+        factor=name,
         worse=worse,
         better=better,
         low=max(-1.0, difference - half),
         high=min(1.0, difference + half),
         p=(1 + sum(one >= clear - 1e-9 for one in chance)) / (1 + len(chance)),
         same=same,
+        clearness=clear,
     )
 
 

@@ -12,7 +12,7 @@ from fastmcp import FastMCP
 from robovast.campaign.failure_groups import FailureGroup, failure_groups
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.compare import compare
-from robovast.evaluation.effects import effects
+from robovast.evaluation.explained import Explanations
 from robovast.evaluation.inside import MissingError
 from robovast.evaluation.library import Library
 from robovast.evaluation.rates import IntervalOf, interval_for, sample
@@ -38,6 +38,7 @@ class CampaignTools:
 
     def __init__(self, library: Library) -> None:
         self._library = library
+        self._explanations = Explanations(library)
 
     def register(self, mcp: FastMCP) -> None:
         """Add the tools to a server."""
@@ -72,6 +73,7 @@ class CampaignTools:
         """
         interval_of = interval_for(self._library.summary(campaign))
         variants = self._library.campaign(campaign).variants
+        _, explained = self._explanations.of(campaign)
         groups = failure_groups(
             (f"{v.name}/{run.number}", run.verdict, run.reason) for v in variants for run in v.runs
         )
@@ -79,7 +81,8 @@ class CampaignTools:
             {
                 "all_runs": _rate(variants, interval_of),
                 "by_factor": _by_factor(variants, interval_of),
-                "explained_by": [asdict(effect) for effect in effects(variants)[:_MOST_EFFECTS]],
+                "explained_by": [asdict(effect) for effect in explained.effects[:_MOST_EFFECTS]],
+                "separate_failures_best": explained.axes,
                 "causes": [_cause(group) for group in groups[:_MOST_CAUSES]],
             }
         )

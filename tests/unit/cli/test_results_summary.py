@@ -61,7 +61,7 @@ def test_json_has_everything(vast, results) -> None:
 def test_it_says_why_runs_fail_and_which_parameter_makes_them(vast, results) -> None:
     outcome = vast("results", "summary", NAME)
     assert "35    goal not reached: no goal after 20 s  failed   hall-2/0\n" in outcome.out
-    assert "No parameter explains the failures better than chance." in outcome.out
+    assert "No factor explains the failures better than chance." in outcome.out
     write_campaign(
         results,
         "margins",
@@ -73,9 +73,9 @@ def test_it_says_why_runs_fail_and_which_parameter_makes_them(vast, results) -> 
         outputs=False,
     )
     outcome = vast("results", "summary", "margins")
-    assert "margin     ≤ 0.02       80 % of 60  10 % of 60  +5" in outcome.out
+    assert "margin  ≤ 0.02       80 % of 60  10 % of 60  +5" in outcome.out
     (effect, _) = json.loads(vast("results", "summary", "margins", "-o", "json").out)["effects"]
-    assert (effect["parameter"], effect["worse"]) == (
+    assert (effect["factor"], effect["worse"]) == (
         "margin",
         {"condition": "≤ 0.02", "bad": 48, "runs": 60},
     )

@@ -1,4 +1,4 @@
-"""Which parameters explain failures."""
+"""Which factors explain failures."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ GRID: dict[str, list[Any]] = {
 def test_the_parameter_that_matters_comes_first_with_its_threshold() -> None:
     found = effects(campaign(lambda p: 0.9 if p["speed"] > 0.5 else 0.05, 1, GRID))
     first = found[0]
-    assert (first.parameter, first.worse.condition, first.better.condition) == (
+    assert (first.factor, first.worse.condition, first.better.condition) == (
         "speed",
         "> 0.4",
         "≤ 0.4",
@@ -61,12 +61,12 @@ def test_the_parameter_that_matters_comes_first_with_its_threshold() -> None:
     assert first.p < 0.01
     assert first.low < 0.85 < first.high
     assert first.low > 0.5
-    assert "fixed" not in {effect.parameter for effect in found}
+    assert "fixed" not in {effect.factor for effect in found}
 
 
 def test_one_text_of_several_is_told_from_the_others() -> None:
     (first, *_) = effects(campaign(lambda p: 0.8 if p["plan"] == "hall" else 0.1, 2, GRID))
-    assert (first.parameter, first.worse.condition) == ("plan", "= hall")
+    assert (first.factor, first.worse.condition) == ("plan", "= hall")
     assert first.p < 0.01
 
 
@@ -96,7 +96,7 @@ def test_parameters_that_divide_equally_are_told_once() -> None:
         for n in range(12)
     ]
     (only,) = effects(variants)
-    assert (only.parameter, only.same) == ("map", ("mesh",))
+    assert (only.factor, only.same) == ("map", ("mesh",))
 
 
 @pytest.mark.parametrize("chance", [0.0, 1.0])
@@ -115,7 +115,7 @@ def test_interrupted_runs_and_odd_values_are_no_evidence() -> None:
         VariantRuns("d", "v", {}, (interrupted,)),
     ]
     found = effects(variants)
-    assert {effect.parameter for effect in found} == {"pose"}
+    assert {effect.factor for effect in found} == {"pose"}
     assert found[0].worse.runs + found[0].better.runs == 3
 
 

@@ -33,7 +33,7 @@ def summary(
     output: ReportFormat = "text",
 ) -> None:
     """Say how a campaign went: configurations, the worst first, each failure rate with its
-    interval, what is undecided, why runs failed, and which parameters make them fail.
+    interval, what is undecided, why runs failed, and which factors make them fail.
 
     A configuration is sound or broken when the 95 % interval of its failure rate lies below or
     above the limit, and undecided otherwise. Runs that failed or errored are bad; interrupted ones

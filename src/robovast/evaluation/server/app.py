@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from importlib.resources import files
 from pathlib import PurePosixPath
 
@@ -21,6 +22,7 @@ from robovast.base.errors import InputError, RobovastError
 from robovast.evaluation.bag_timeline import read_timeline
 from robovast.evaluation.columns import columns
 from robovast.evaluation.compare import compare
+from robovast.evaluation.explained import Explanations
 from robovast.evaluation.inside import OutsideError, open_inside
 from robovast.evaluation.launch.commands import as_shell, resume_words
 from robovast.evaluation.launch.launcher import BusyError
@@ -69,6 +71,7 @@ def make_app(
     api = [
         Route("/campaigns", pages.campaigns),
         Route("/campaigns/{campaign}", pages.campaign),
+        Route("/campaigns/{campaign}/factors", pages.factors),
         Route("/campaigns/{campaign}/metrics", pages.metrics),
         Route("/campaigns/{campaign}/metric", pages.metric),
         Route("/campaigns/{campaign}/{variant}/{run:int}", pages.run),
@@ -113,6 +116,7 @@ class Pages:
         self._library = library
         self._launches = launches
         self._closing = closing
+        self._explanations = Explanations(library)
 
     def campaigns(self, _: Request) -> Response:
         """Summaries of all campaigns, the newest first.
@@ -141,6 +145,11 @@ class Pages:
                 **columns(index.variants),
             }
         )
+
+    def factors(self, request: Request) -> Response:
+        """What a campaign varied, which of it separates failures, and of which version."""
+        version, found = self._explanations.of(request.path_params["campaign"])
+        return Data({"version": version, **asdict(found)})
 
     def metrics(self, request: Request) -> Response:
         """Numeric columns of a campaign's tables, by table."""

@@ -1,0 +1,145 @@
+// What was varied, and which of it makes runs fail.
+import { useMemo, useRef } from "preact/hooks";
+import { address, type Columns, type Effect, type Explained } from "./api";
+import { axis, factors, others, titled, type Axis } from "./data";
+import { percent } from "./format";
+import { useAnswer } from "./live";
+import type { Option } from "./parts";
+import { choose } from "./route";
+
+/** What chance alone shows as clearly less often than this explains failures. */
+const LEVEL = 0.05;
+/** Factors that are shown at most. */
+const MOST = 8;
+
+/** The factors of a campaign, and those that an address chooses for the axes. */
+export interface Axes {
+  /** Factors that vary, without those that others determine. */
+  names: string[];
+  x: string;
+  y: string;
+  across: Axis;
+  down: Axis;
+  options: Option[];
+  /** Null while it is computed, or when it cannot be. */
+  explained: Explained | null;
+  /** Whether the axes are known; the usual ones are those that separate failures best. */
+  ready: boolean;
+}
+
+export function useAxes(data: Columns, query: URLSearchParams): Axes {
+  const { data: explained, error } = useAnswer<Explained>(
+    address(["campaigns", data.summary.name, "factors"]),
+    (answer, versions) => (versions[data.summary.name] ?? answer.version) !== answer.version,
+  );
+  const usual = useUsual(data, explained);
+  const names = useMemo(() => (explained?.factors.length ? explained.factors : factors(data)), [data, explained]);
+  const x = axisName(query.get("x"), usual?.[0] ?? (error ? names[0] : ""));
+  const y = axisName(query.get("y"), usual?.[1] ?? (error ? names[1] : ""));
+  const across = useMemo(() => axis(data, x), [data, x]);
+  const down = useMemo(() => axis(data, y), [data, y]);
+  const options = useMemo(() => optionsOf(data, names, [x, y]), [data, names, x, y]);
+  const ready = usual !== null || error !== null || (query.has("x") && query.has("y"));
+  return { names, x, y, across, down, options, explained, ready };
+}
+
+/** The usual axes; while a campaign runs they stay as they were. */
+function useUsual(data: Columns, explained: Explained | null): string[] | null {
+  const { name, state } = data.summary;
+  const kept = useRef({ name: "", axes: [] as string[] });
+  if (!explained) return null;
+  if (state !== "running" || kept.current.name !== name) kept.current = { name, axes: explained.axes };
+  return kept.current.axes;
+}
+
+/** `-` stands for no factor, nothing for the usual one. */
+function axisName(asked: string | null, usual: string | undefined): string {
+  return asked === "-" ? "" : asked || usual || "";
+}
+
+function optionsOf(data: Columns, names: string[], chosen: string[]): Option[] {
+  const rest = [...others(data), ...chosen.filter((name) => name && data.factors.includes(name))];
+  const options = names.map((name): Option => [name, titled(data, name), "Varied"]);
+  const more = [...new Set(rest)].filter((name) => !names.includes(name));
+  return [["", "(all together)"], ...options, ...more.map((name): Option => [name, name, "Follows from it"])];
+}
+
+/** Whether a variant is in the cell `column,row`; every one is when there is no cell. */
+export function isInCell({ across, down, ready }: Axes, cell: string, variant: number): boolean {
+  const [i, j] = cell.split(",").map(Number);
+  return !cell || !ready || (across.group[variant] === i && down.group[variant] === j);
+}
+
+/** Why the matrix begins with its axes; nothing where others were chosen. */
+export function AxesNote({ axes }: { axes: Axes }) {
+  const { explained, x, y } = axes;
+  if (!explained || !x || explained.axes[0] !== x || (explained.axes[1] ?? "") !== y) return null;
+  return <p class="quiet note">{noteOf(explained)}</p>;
+}
+
+function noteOf({ axes, effects }: Explained): string {
+  const both = axes.join(" and ");
+  const isClear = (name: string) => effects.some(({ factor, p }) => factor === name && p < LEVEL);
+  if (effects.length === 0) return `Nothing tells failures apart yet: ${both} come first.`;
+  const clear = axes.filter(isClear);
+  const verb = axes.length > 1 ? "separate" : "separates";
+  if (clear.length === axes.length) return `${both} ${verb} failures best.`;
+  if (clear.length === 0) return `${both} ${verb} failures best, though chance can explain that.`;
+  return `${both} ${verb} failures best; of ${axes.find((name) => !isClear(name))} chance can explain it.`;
+}
+
+/** How much more often runs fail with the worst values of each factor. */
+export function Effects({ data, axes }: { data: Columns; axes: Axes }) {
+  const found = axes.explained?.effects ?? [];
+  if (found.length === 0) return null;
+  return (
+    <section class="effects" aria-labelledby="effects">
+      <h2 id="effects">What makes runs fail</h2>
+      <ul>
+        {found.slice(0, MOST).map((effect) => (
+          <Item key={effect.factor} {...{ data, effect }} chosen={effect.factor === axes.x} />
+        ))}
+      </ul>
+    </section>
+  );
+}
+
+function Item({ data, effect, chosen }: { data: Columns; effect: Effect; chosen: boolean }) {
+  const { factor, worse, better, low, high, p, same } = effect;
+  const clear = p < LEVEL;
+  const points = (share: number) => `${share > 0 ? "+" : ""}${Math.round(100 * share)}`;
+  const places = (from: number, to: number) => ({
+    left: `${Math.max(0, 100 * from).toFixed(1)}%`,
+    width: `${(100 * Math.max(0, Math.min(1, to) - Math.max(0, from))).toFixed(1)}%`,
+  });
+  const sure = `${points(low)} to ${points(high)} points; by chance as clear in ${percent(p)} of all cases`;
+  return (
+    <li>
+      <button
+        type="button"
+        class={clear ? undefined : "unclear"}
+        aria-pressed={chosen}
+        title={sure}
+        onClick={() => choose({ x: factor, cell: "" })}
+      >
+        <span class="cause">
+          {[factor, ...same].join(" = ")} {worse.condition}
+          {data.units[factor] ? ` ${data.units[factor]}` : ""}
+        </span>
+        <span class="amount">{points(rate(worse) - rate(better))} points</span>
+        <span class="gauge" aria-hidden="true">
+          <span class="share" style={places(0, rate(worse) - rate(better))} />
+          <span class="range" style={places(low, high)} />
+        </span>
+        <small>
+          {percent(rate(worse))} instead of {percent(rate(better))}
+          {clear ? `, ${points(low)} to ${points(high)} points` : "; chance explains that"}
+        </small>
+      </button>
+    </li>
+  );
+}
+
+function rate({ bad, runs }: { bad: number; runs: number }): number {
+  return runs ? bad / runs : 0;
+}
