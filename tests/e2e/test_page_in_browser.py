@@ -31,6 +31,8 @@ from support.servers.page import VAST, ShownPage, shown
 
 WEB = Path(__file__).parents[2] / "web"
 LATER = "hall-2026-03-05-090000"
+SHAPES = "shapes-2026-03-06-090000"
+POSE = {"position": {"x": 3.925, "y": -3.175}, "orientation": {"roll": 0, "yaw": 1.6092}}
 EVIL = "<img src=x onerror=stolen=1>"
 
 VARIANTS = [
@@ -55,6 +57,11 @@ SCREENS = {
     "two runs": f"#/campaign/{NAME}/hall-9/0?tab=player&with=hall-9%2F1&show=apart&everyone=1",
     "map": f"#/campaign/{NAME}/hall-9/0?tab=map",
     "files": f"#/campaign/{NAME}/hall-9/0?tab=files",
+    "notebooks": f"#/campaign/{NAME}/hall-9/0?tab=notebooks",
+    "job": f"#/job/{NAME}/job-0",
+    "structures": f"#/campaign/{SHAPES}",
+    "lines": f"#/campaign/{SHAPES}?view=parallel",
+    "structure": f"#/campaign/{SHAPES}/hall-1/0?tab=parameters",
     "compare": f"#/compare?a={NAME}&b={LATER}",
     "start": "#/start",
     "nothing": "#/campaign/none",
@@ -89,6 +96,8 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("browsed") / "results"
     root = write_campaign(folder, variants=VARIANTS, runs=4, judge=judge(1, 0.1))
     write_campaign(folder, LATER, variants=VARIANTS, runs=4, judge=judge(2, 0.5), outputs=False)
+    shapes = [{"start": POSE, "obstacles": [POSE] * n, "a" * 40: "b" * 60} for n in (1, 2)]
+    write_campaign(folder, SHAPES, variants=shapes, judge=lambda *_: "failed")
     run = root / "hall-9" / "0"
     for number in ("0", "1"):
         record_drive(root / "hall-9" / number / "rosbag2")
@@ -217,13 +226,28 @@ def test_every_screen_is_accessible_and_fits(
         assert [(v["id"], v["nodes"][0]["html"]) for v in found["violations"]] == [], name
 
 
-def test_nothing_is_wider_than_a_telephone(page: Page, server: ShownPage, tmp_path: Path) -> None:
-    page.set_viewport_size({"width": 360, "height": 740})
+@pytest.mark.parametrize("width", [360, 390])
+def test_nothing_is_wider_than_a_telephone(
+    page: Page, server: ShownPage, width: int, tmp_path: Path
+) -> None:
+    page.set_viewport_size({"width": width, "height": 740})
     for name, place in SCREENS.items():
         page.goto(server.address + place)
         settled(page)
         page.screenshot(path=tmp_path / f"{name}.png")
-        assert page.evaluate("document.documentElement.scrollWidth") <= 360, name
+        assert page.evaluate("document.documentElement.scrollWidth") <= width, name
+        for tab in page.locator('[role="tab"][aria-selected="true"]').all():
+            expect(tab).to_be_in_viewport(ratio=0.95)
+
+
+def test_a_log_is_on_the_first_screen_of_a_telephone(page: Page, server: ShownPage) -> None:
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.goto(f"{server.address}#/campaign/{NAME}/hall-9/0")
+    wrong = page.get_by_role("region", name="Lines of the log").get_by_text("goal not reached")
+    expect(wrong).to_be_in_viewport(ratio=0.95)
+    expect(page.get_by_text("Run it again here")).to_be_hidden()
+    page.get_by_text("About this run").click()
+    expect(page.get_by_text("Run it again here")).to_be_visible()
 
 
 def test_a_cell_and_a_filter_choose_runs_and_the_address_says_so(
@@ -480,6 +504,21 @@ def test_a_small_map_leads_to_the_run_that_failed(page: Page, server: ShownPage)
     page.get_by_role("link", name=re.compile(r"^hall-9: \d+ % failed")).click()
     expect(page.get_by_role("heading", level=1)).to_contain_text("hall-9/0")
     expect(page.get_by_role("region", name="Player")).to_be_visible()
+
+
+def test_a_place_where_runs_fail_leads_to_one_of_them(page: Page, server: ShownPage) -> None:
+    page.goto(f"{server.address}#/campaign/{NAME}?view=maps")
+    places = page.get_by_role("group", name=re.compile("^Map with"))
+    expect(places).to_have_count(2)
+    expect(places.first.get_by_role("button")).to_have_accessible_name(
+        re.compile(r"^\d+ failures at 9.9, 1.0$")
+    )
+    page.get_by_label("Find").fill("speed=2 width=0.8 map=hall verdict=failed")
+    place = places.get_by_role("link", name="hall-9/0 failed at 9.9, 1.0")
+    expect(place).to_be_in_viewport()
+    place.click()
+    expect(page.get_by_role("heading", level=1)).to_contain_text("hall-9/0")
+    expect(page.get_by_role("region", name="Player")).to_contain_text("16.90 of 19.90 s")
 
 
 def test_a_comparison_says_what_got_worse(page: Page, server: ShownPage) -> None:

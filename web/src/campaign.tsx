@@ -13,7 +13,7 @@ import { Chooser, useMeasure } from "./measure";
 import { Notebooks } from "./notebooks";
 import { Maps } from "./player/maps";
 import { Parallel } from "./parallel";
-import { Copy, Export, Mark, State, Tabs, VerdictBar, Waiting } from "./parts";
+import { Copy, Export, Folded, Mark, State, Tabs, VerdictBar, Waiting } from "./parts";
 import { choose, link } from "./route";
 
 const MOST_COLUMNS = 8;
@@ -71,14 +71,16 @@ function Head({ data }: { data: Columns }) {
           <Copy text={data.resume} label="Copy" />
         </div>
       )}
-      <dl class="facts">
-        {facts.map(([key, value]) => (
-          <div key={key}>
-            <dt>{key}</dt>
-            <dd>{value}</dd>
-          </div>
-        ))}
-      </dl>
+      <Folded title="About this campaign">
+        <dl class="facts">
+          {facts.map(([key, value]) => (
+            <div key={key}>
+              <dt>{key}</dt>
+              <dd>{value}</dd>
+            </div>
+          ))}
+        </dl>
+      </Folded>
     </div>
   );
 }

@@ -1,6 +1,6 @@
 // Parts that several views share.
 import type { ComponentChildren } from "preact";
-import { useState } from "preact/hooks";
+import { useEffect, useRef, useState } from "preact/hooks";
 import { VERDICTS, type Summary, type Verdict } from "./api";
 import { csv } from "./data";
 import { count, percent } from "./format";
@@ -176,9 +176,35 @@ export interface Tab {
   show: () => ComponentChildren;
 }
 
+const SMALL = "(max-width: 640px)";
+
+/** What is folded away on a small screen. */
+export function Folded({ title, children }: { title: string; children: ComponentChildren }) {
+  const [isSmall, setSmall] = useState(() => matchMedia(SMALL).matches);
+  useEffect(() => {
+    const screen = matchMedia(SMALL);
+    const follow = () => setSmall(screen.matches);
+    screen.addEventListener("change", follow);
+    return () => screen.removeEventListener("change", follow);
+  }, []);
+  if (!isSmall) return <>{children}</>;
+  return (
+    <details>
+      <summary>{title}</summary>
+      {children}
+    </details>
+  );
+}
+
 /** Tabs; arrow keys move between them. */
 export function Tabs({ tabs, chosen, onChoose }: { tabs: Tab[]; chosen: string; onChoose: (id: string) => void }) {
   const current = tabs.find((tab) => tab.id === chosen) ?? tabs[0]!;
+  const list = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    const tab = list.current!.querySelector<HTMLElement>('[aria-selected="true"]')!;
+    const hidden = tab.offsetLeft + tab.offsetWidth - list.current!.clientWidth;
+    list.current!.scrollLeft = Math.min(Math.max(list.current!.scrollLeft, hidden), tab.offsetLeft);
+  }, [current.id]);
   const move = (event: KeyboardEvent) => {
     const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
     if (!step) return;
@@ -188,7 +214,7 @@ export function Tabs({ tabs, chosen, onChoose }: { tabs: Tab[]; chosen: string; 
   };
   return (
     <div class="tabs">
-      <div role="tablist" onKeyDown={move}>
+      <div role="tablist" ref={list} onKeyDown={move}>
         {tabs.map((tab) => (
           <button
             key={tab.id}

@@ -18,7 +18,7 @@ import { isRunning, useAnswer, useLaunch } from "./live";
 import { Bags } from "./bags";
 import { Log } from "./log";
 import { Notebooks } from "./notebooks";
-import { Copy, Export, Glyph, Mark, Tabs, Waiting, type Tab } from "./parts";
+import { Copy, Export, Folded, Glyph, Mark, Tabs, Waiting, type Tab } from "./parts";
 import { Player } from "./player/player";
 import { Plot } from "./plot";
 import { choose, link } from "./route";
@@ -118,17 +118,19 @@ function Head({ data, result, title, target }: HeadProps) {
           <pre tabIndex={0}>{data.failure}</pre>
         </details>
       )}
-      <dl class="facts">
-        {facts
-          .filter(([, value]) => value !== "–")
-          .map(([key, value]) => (
-            <div key={key}>
-              <dt>{key}</dt>
-              <dd>{value}</dd>
-            </div>
-          ))}
-      </dl>
-      {data.command && <Repeat command={data.command} target={target} />}
+      <Folded title="About this run">
+        <dl class="facts">
+          {facts
+            .filter(([, value]) => value !== "–")
+            .map(([key, value]) => (
+              <div key={key}>
+                <dt>{key}</dt>
+                <dd>{value}</dd>
+              </div>
+            ))}
+        </dl>
+        {data.command && <Repeat command={data.command} target={target} />}
+      </Folded>
     </div>
   );
 }

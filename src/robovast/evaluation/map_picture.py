@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import partial
+from dataclasses import dataclass
+from functools import lru_cache, partial
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -44,8 +45,45 @@ def draw_map(results: Path, campaign: str, variant: str) -> str:
         from robovast.navigation.picture import marks, to_svg
     record = map_record(results, campaign, variant)
     occupancy = read_configuration_map(results, campaign, variant, record)
-    with _drawable(campaign, variant):
+    with _drawable(f"{campaign}/{variant}"):
         return to_svg(occupancy, list(marks(record)), variant)
+
+
+@dataclass(frozen=True)
+class MapFiles:
+    """A map as it is stored."""
+
+    description: bytes
+    """Content of the YAML file."""
+    pixels: bytes
+    """Content of the image that it names."""
+    image: str
+    """Its name"""
+
+
+def read_map_files(
+    results: Path, campaign: str, variant: str, record: Mapping[str, Any]
+) -> MapFiles:
+    """Read the files of a configuration's map, of which `record` was recorded.
+
+    Raises:
+        InputError: it has no map, or its files cannot be read.
+    """
+    name = str(record.get("map_file", "")).removeprefix(CONFIG_MOUNT)
+    place = f"{campaign}/{variant}/{CONFIG}/{name}"
+    try:
+        content = read_small(results, place)
+    except MissingError:
+        place = f"{campaign}/{CONFIG}/{name}"
+        content = read_small(results, place)
+    image = _image_name(content)
+    pixels = read_small(results, str(PurePosixPath(place).parent / image), _LARGEST_FILE)
+    return MapFiles(content, pixels, image)
+
+
+@lru_cache(maxsize=16)  # many configurations have equal maps
+def _image_name(description: bytes) -> str:
+    return str(mapping(parse_yaml(description)).get("image", ""))
 
 
 def read_configuration_map(
@@ -57,23 +95,30 @@ def read_configuration_map(
         InputError: it has no map, or one that cannot be read.
         CannotRunError: the extra `nav` is missing.
     """
+    return decode_map(read_map_files(results, campaign, variant, record), f"{campaign}/{variant}")
+
+
+def decode_map(files: MapFiles, name: str) -> OccupancyMap:
+    """The map that files hold; `name` is that of its configuration in messages.
+
+    Raises:
+        InputError: it cannot be read.
+        CannotRunError: the extra `nav` is missing.
+    """
     from robovast.navigation.extra import nav_extra
 
     with nav_extra("The map of a configuration"):
         from robovast.navigation.occupancy import read_map
-    with (
-        TemporaryDirectory(prefix="robovast-") as folder,
-        _drawable(campaign, variant),
-    ):
-        return read_map(_copy_map(results, campaign, variant, record, Path(folder)))
+    with TemporaryDirectory(prefix="robovast-") as folder, _drawable(name):
+        return read_map(_write_map(files, Path(folder)))
 
 
 @contextmanager
-def _drawable(campaign: str, variant: str) -> Iterator[None]:
+def _drawable(name: str) -> Iterator[None]:
     try:
         yield
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        raise InputError(f"{campaign}/{variant}: its map cannot be drawn: {error}.") from None
+        raise InputError(f"{name}: its map cannot be drawn: {error}.") from None
 
 
 def map_record(results: Path, campaign: str, variant: str) -> Mapping[str, Any]:
@@ -112,23 +157,12 @@ def _entry(text: str) -> Mapping[str, Any]:
     return mapping(found[0]) if isinstance(found, list) and found else {}
 
 
-def _copy_map(
-    results: Path, campaign: str, variant: str, record: Mapping[str, Any], folder: Path
-) -> Path:
+def _write_map(files: MapFiles, folder: Path) -> Path:
     """The map's two files in a folder of our own: the one must not name the other elsewhere."""
-    name = str(record.get("map_file", "")).removeprefix(CONFIG_MOUNT)
-    place = f"{campaign}/{variant}/{CONFIG}/{name}"
-    try:
-        content = read_small(results, place)
-    except MissingError:
-        place = f"{campaign}/{CONFIG}/{name}"
-        content = read_small(results, place)
-    data = dict(mapping(parse_yaml(content)))
-    image = str(data.get("image", ""))
-    pixels = read_small(results, str(PurePosixPath(place).parent / image), _LARGEST_FILE)
-    _check_size(pixels, image)
-    data["image"] = f"map{PurePosixPath(image).suffix}"
-    (folder / data["image"]).write_bytes(pixels)
+    _check_size(files.pixels, files.image)
+    data = dict(mapping(parse_yaml(files.description)))
+    data["image"] = f"map{PurePosixPath(files.image).suffix}"
+    (folder / data["image"]).write_bytes(files.pixels)
     path = folder / "map.yaml"
     path.write_text(dump_yaml(data))
     return path

@@ -7,7 +7,10 @@ from pathlib import Path
 import pytest
 from support.campaigns.stored import NAME, add_map, write, write_campaign
 
-from robovast.evaluation.drive.maps import configuration_maps
+from robovast.base.serialization import dump_yaml
+from robovast.campaign.verdict import Verdict
+from robovast.evaluation.drive.maps import configuration_maps, failure_places
+from robovast.evaluation.summaries import RunSummary, VariantRuns
 
 HEAD = "frame,timestamp,position.x,position.y,position.z\n"
 
@@ -47,3 +50,27 @@ def test_nothing_outside_of_the_results_is_read(root: Path) -> None:
     (root / "hall-1" / "0" / "poses.csv").symlink_to(root.parent.parent / "poses.csv")
     found = configuration_maps(root.parent, NAME, ["hall-1", "../.."])
     assert [one.ends for one in found.configurations] == [[], []]
+
+
+def test_only_runs_that_did_not_pass_are_places_of_failure(root: Path) -> None:
+    add_map(root, "hall-2")
+    runs = tuple(
+        RunSummary(number, verdict, "", None, None)
+        for number, verdict in enumerate((Verdict.PASSED, Verdict.FAILED, Verdict.ERRORED))
+    )
+    variants = [VariantRuns(name, "hall", {}, runs) for name in ("hall-1", "hall-2")]
+    for variant in variants:
+        for number in range(2):
+            write(root / variant.name / str(number) / "poses.csv", HEAD + f"b,0,{number},2,0\n")
+    found = failure_places(root.parent, NAME, variants)
+    assert found.places == [("hall-1", 1, None, 1, 2), ("hall-2", 1, 0, 1, 2)]
+    assert len(found.grounds) == 1
+
+
+def test_equal_maps_of_many_configurations_are_told_once(root: Path) -> None:
+    moves = {"map_file": "maps/hall.yaml"}
+    add_map(root, "hall-2")
+    configs = [{"name": name, "_navigation": moves} for name in ("hall-1", "hall-2")]
+    write(root / "_transient" / "configurations.yaml", dump_yaml({"configs": configs}))
+    found = configuration_maps(root.parent, NAME, ["hall-1", "hall-2"])
+    assert ([one.ground for one in found.configurations], len(found.grounds)) == ([0, 0], 1)

@@ -47,6 +47,24 @@ export function extent({ ground, planned }: Still, track: { x: number[]; y: numb
   return boxOf([...points, ...way]) ?? [-5, -5, 5, 5];
 }
 
+/** What holds all walls: what lies around them would only make a small map smaller. */
+export function wallsOf(ground: Ground): Box | null {
+  if (ground.yaw !== 0) return null;
+  const found: [number, number][] = [];
+  let at = 0;
+  for (let run = 0; run < ground.runs.length; run += 2) {
+    const end = at + ground.runs[run]!;
+    if (ground.runs[run + 1] === 2) {
+      for (const cell of [at, end - 1]) {
+        const [column, row] = [cell % ground.columns, Math.floor(cell / ground.columns)];
+        found.push([ground.x + (column + 0.5) * ground.resolution, ground.y + (row + 0.5) * ground.resolution]);
+      }
+    }
+    at = end;
+  }
+  return boxOf(found);
+}
+
 export function fitting([left, low, right, high]: Box, size: Size): Camera {
   const [width, height] = [Math.max(right - left, 1), Math.max(high - low, 1)];
   return {

@@ -6,8 +6,9 @@ import { count, percent } from "../format";
 import { useAnswer } from "../live";
 import { Waiting } from "../parts";
 import { link } from "../route";
-import { boxOf, extent, fitting, type Size } from "./camera";
+import { extent, fitting, wallsOf, type Size } from "./camera";
 import type { DriveAnswer, Ground } from "./drive";
+import { FailureMaps } from "./failure-map";
 import { coloursOf, drawEnd, drawStill, inMetres, pictureOf } from "./paint";
 
 /** Maps that are shown at once. */
@@ -50,9 +51,11 @@ export function Maps({ data, runs }: { data: Columns; runs: Run[] }) {
   return (
     <>
       <p class="quiet">
-        Configurations by how often they fail. A cross is where a run ended that did not pass, a dot where one passed, as
-        far as <code>poses.csv</code> of the runs tells it.
+        A cross is where a run ended that did not pass, a dot where one passed, as far as <code>poses.csv</code> of the
+        runs tells it.
       </p>
+      <FailureMaps data={data} runs={runs} />
+      <h2>Configurations by how often they fail</h2>
       {pages}
       {shown < groups.length && (
         <button type="button" onClick={() => setShown(shown + STEP)}>
@@ -100,7 +103,7 @@ function MapOf({ data, group, maps }: { data: Columns; group: Group; maps: MapsA
   const worst = group.runs.find((run) => verdictOf(data, run) !== "passed") ?? group.runs[0]!;
   const share = group.bad / group.runs.length;
   return (
-    <a href={link(["campaign", data.summary.name, group.name, data.runs.number[worst]!], { tab: "player" })}>
+    <a href={link(["campaign", data.summary.name, group.name, data.runs.number[worst]!], { tab: "player", everyone: group.runs.length > 1 ? "1" : "" })}>
       <canvas ref={canvas} aria-hidden="true" />
       <span class="rated" style={{ "--share": `${(100 * share).toFixed(1)}%` }}>
         {group.name}: {percent(share)} failed, {group.bad}/{group.runs.length}
@@ -123,7 +126,7 @@ function drawSmall(
   const colours = coloursOf(canvas);
   const floor = ground === null ? null : grounds[ground]!;
   const still = { ground: floor, planned };
-  const walls = floor && boxOf(wallsOf(floor));
+  const walls = floor && wallsOf(floor);
   const camera = fitting(walls ?? extent(still, { x: ends.map((end) => end[1]), y: ends.map((end) => end[2]) }), size);
   inMetres(context, camera, size, pixels);
   drawStill(context, still, floor && pictureOf(floor, colours), camera, colours);
@@ -131,22 +134,4 @@ function drawSmall(
     const verdict = verdicts.get(number);
     if (verdict) drawEnd(context, x, y, verdict, camera, colours);
   }
-}
-
-/** First and last cell of every wall: what lies around them would only make a small map smaller. */
-function wallsOf(ground: Ground): [number, number][] {
-  if (ground.yaw !== 0) return [];
-  const found: [number, number][] = [];
-  let at = 0;
-  for (let run = 0; run < ground.runs.length; run += 2) {
-    const end = at + ground.runs[run]!;
-    if (ground.runs[run + 1] === 2) {
-      for (const cell of [at, end - 1]) {
-        const [column, row] = [cell % ground.columns, Math.floor(cell / ground.columns)];
-        found.push([ground.x + (column + 0.5) * ground.resolution, ground.y + (row + 0.5) * ground.resolution]);
-      }
-    }
-    at = end;
-  }
-  return found;
 }

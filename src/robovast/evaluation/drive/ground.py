@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robovast.base.errors import InputError, RobovastError
-from robovast.evaluation.map_picture import read_configuration_map
+from robovast.evaluation.map_picture import MapFiles, decode_map, read_map_files
 from robovast.navigation.poses import read_pose
 
 _FREE, _UNKNOWN, _WALL = 0, 1, 2
@@ -60,14 +60,24 @@ def configured_ground(
     if not isinstance(record.get("map_file"), str):
         return None, "the configuration has none, and none was recorded."
     try:
-        occupancy = read_configuration_map(results, campaign, variant, record)
+        files = read_map_files(results, campaign, variant, record)
+        return stored_ground(files, f"{campaign}/{variant}"), ""
     except RobovastError as error:
         return None, str(error)
+
+
+def stored_ground(files: MapFiles, name: str) -> Ground:
+    """The map that files hold; `name` is that of its configuration in messages.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    occupancy = decode_map(files, name)
     cells = np.full(occupancy.free.shape, _UNKNOWN, np.uint8)
     cells[occupancy.free] = _FREE
     cells[occupancy.occupied] = _WALL
     x, y = occupancy.origin
-    return _ground(cells, occupancy.resolution, (x, y, 0.0)), ""
+    return _ground(cells, occupancy.resolution, (x, y, 0.0))
 
 
 def recorded_ground(grid: Any) -> Ground:

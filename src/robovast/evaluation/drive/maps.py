@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from robovast.base.errors import InputError
-from robovast.evaluation.drive.ground import Ground, Planned, configured_ground, planned
+from robovast.base.errors import InputError, RobovastError
+from robovast.campaign.verdict import Verdict
+from robovast.evaluation.drive.ground import Ground, Planned, planned, stored_ground
 from robovast.evaluation.inside import open_inside, resolved
-from robovast.evaluation.map_picture import RECORD, entries
+from robovast.evaluation.map_picture import RECORD, MapFiles, entries, read_map_files
+from robovast.evaluation.summaries import VariantRuns
 from robovast.evaluation.untrusted import mapping
 
 _MOST = 60
 """Configurations of one answer."""
 _MOST_RUNS = 1000
+_MOST_PLACES = 20_000
 _TABLE = "poses.csv"
 _END = 4096
 """Last bytes of a table that are read."""
@@ -43,20 +47,80 @@ class Maps:
     configurations: list[ConfigurationMap] = field(default_factory=list)
 
 
+@dataclass
+class FailurePlaces:
+    """Where the runs of a campaign ended that did not pass."""
+
+    grounds: list[Ground] = field(default_factory=list)
+    """Different maps, each once"""
+    places: list[tuple[str, int, int | None, float, float]] = field(default_factory=list)
+    """Configuration, number of the run, index of the map, x and y [m]; at most 20,000."""
+
+
+class _Grounds:
+    """Different maps; equal ones of many configurations are read once."""
+
+    def __init__(self, results: Path, campaign: str, found: list[Ground]) -> None:
+        self._results = results
+        self._campaign = campaign
+        self._found = found
+        self._known: dict[MapFiles, int | None] = {}
+
+    def index(self, variant: str, record: Mapping[str, Any]) -> int | None:
+        """Index of the map of a configuration; None if it has none that can be read."""
+        if not isinstance(record.get("map_file"), str):
+            return None
+        try:
+            files = read_map_files(self._results, self._campaign, variant, record)
+        except InputError:
+            return None
+        if files not in self._known:
+            self._known[files] = self._add(files, variant)
+        return self._known[files]
+
+    def _add(self, files: MapFiles, variant: str) -> int | None:
+        try:
+            self._found.append(stored_ground(files, f"{self._campaign}/{variant}"))
+        except RobovastError:
+            return None
+        return len(self._found) - 1
+
+
+def failure_places(results: Path, campaign: str, variants: Sequence[VariantRuns]) -> FailurePlaces:
+    """Where the runs of a campaign ended that did not pass, as far as tables of poses tell it."""
+    bad = [
+        (variant.name, run.number)
+        for variant in variants
+        for run in variant.runs
+        if run.verdict in (Verdict.FAILED, Verdict.ERRORED)
+    ]
+    ends = [
+        (name, number, end)
+        for name, number in bad[:_MOST_PLACES]
+        if (end := _last_position(results, f"{campaign}/{name}/{number}"))
+    ]
+    found = FailurePlaces()
+    grounds = _Grounds(results, campaign, found.grounds)
+    recorded = entries(results, campaign, {name for name, _, _ in ends})
+    ground_of = {
+        name: grounds.index(name, mapping(entry.get(RECORD))) for name, entry in recorded.items()
+    }
+    found.places = [(name, number, ground_of.get(name), *end) for name, number, end in ends]
+    return found
+
+
 def configuration_maps(results: Path, campaign: str, variants: Sequence[str]) -> Maps:
     """Maps of configurations of a campaign, in the order of their names, at most 60."""
     found = Maps()
+    grounds = _Grounds(results, campaign, found.grounds)
     recorded = entries(results, campaign, variants[:_MOST])
     for name in variants[:_MOST]:
         entry = recorded.get(name, {})
         record = mapping(entry.get(RECORD))
-        ground, _ = configured_ground(results, campaign, name, record)
-        if ground is not None and ground not in found.grounds:
-            found.grounds.append(ground)
         found.configurations.append(
             ConfigurationMap(
                 name,
-                None if ground is None else found.grounds.index(ground),
+                grounds.index(name, record),
                 planned(record, mapping(entry.get("config"))),
                 _ends(results, f"{campaign}/{name}"),
             )

@@ -67,7 +67,7 @@ def make_app(
         closing: set when the server ends; open streams then end.
     """
     pages = Pages(library, launches, closing)
-    drives = DrivePages(library.results)
+    drives = DrivePages(library)
     api = [
         Route("/campaigns", pages.campaigns),
         Route("/campaigns/{campaign}", pages.campaign),
@@ -77,6 +77,7 @@ def make_app(
         Route("/campaigns/{campaign}/{variant}/{run:int}", pages.run),
         Route("/map/{campaign}/{variant}", pages.map),
         Route("/maps/{campaign}", drives.maps),
+        Route("/failures/{campaign}", drives.failures),
         Route("/drive/{campaign}/{variant}/{run:int}", drives.drive),
         Route("/drive/{campaign}/{variant}/{run:int}/{part:int}", drives.part),
         Route("/compare", pages.compare),

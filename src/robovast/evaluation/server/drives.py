@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +12,7 @@ from starlette.responses import Response
 from robovast.base.errors import InputError
 from robovast.base.optional_deps import ROS
 from robovast.evaluation.drive.finding import Named, bag_of, read_named
+from robovast.evaluation.library import Library
 from robovast.evaluation.map_picture import RECORD, entries
 from robovast.evaluation.notebooks.workloads import Target
 from robovast.evaluation.run import run_record
@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 class DrivePages:
     """Responses about the drives of a results folder."""
 
-    def __init__(self, results: Path) -> None:
-        self._results = results
+    def __init__(self, library: Library) -> None:
+        self._library = library
+        self._results = library.results
         self._opened: Drives | None = None
         self._lock = Lock()
 
@@ -75,6 +76,17 @@ class DrivePages:
 
         variants = request.query_params.getlist("variant")
         return Data(configuration_maps(self._results, request.path_params["campaign"], variants))
+
+    def failures(self, request: Request) -> Response:
+        """Where the runs of a campaign ended that did not pass, on their maps."""
+        from robovast.navigation.extra import nav_extra
+
+        with nav_extra("A map of failures"):
+            from robovast.evaluation.drive.maps import failure_places
+
+        name = request.path_params["campaign"]
+        variants = self._library.campaign(name).variants
+        return Data(failure_places(self._results, name, variants))
 
     def part(self, request: Request) -> Response:
         """One part of a run's drive."""
