@@ -2,10 +2,11 @@
 
     python tests/bench/search.py map [--seeds 8] [--problem landing] [--jobs 1]
     python tests/bench/search.py propose
+    python tests/bench/search.py qd [--seeds 5]      # also needs: pip install ribs
 
 `map` compares the sets of `boundary` with random ones and those of a Sobol sequence: 96 sets of 3
 runs, judged by the same Gaussian process. `propose` times a batch of 20 after 1,000 and 10,000
-sets in 10 dimensions.
+sets in 10 dimensions. `qd` fills an archive of what an arm of 8 joints reaches, beside pyribs.
 """
 
 from __future__ import annotations
@@ -24,6 +25,10 @@ from scipy.stats import qmc
 from robovast.model.document.model import Search
 from robovast.search.strategies.boundary import BoundaryParameters, BoundaryStrategy
 from robovast.search.strategies.failure_process import Array
+from robovast.search.strategies.quality_diversity import (
+    QualityDiversityParameters,
+    QualityDiversityStrategy,
+)
 from robovast.search.types import Evaluation, ParamSet
 
 SETS, RUNS, BATCH, POINTS = 96, 3, 8, 1024
@@ -94,19 +99,24 @@ class Problem:
 PROBLEMS = {"landing": Problem(5, landing), "analytic": Problem(10, analytic)}
 
 
-def strategy(dimensions: int, seed: int, **parameters: Any) -> BoundaryStrategy:
-    """The strategy on a unit cube."""
+def section(strategy: str, dimensions: int, seed: int, per_batch: int = BATCH) -> Search:
+    """The section of a search in a unit cube."""
     space = {f"x{i}": {"type": "float", "low": 0.0, "high": 1.0} for i in range(dimensions)}
-    cfg = Search.model_validate(
+    return Search.model_validate(
         {
-            "strategy": "boundary",
+            "strategy": strategy,
             "search_space": space,
             "objectives": [{"name": "failure_rate"}],
             "budget": [{"batches": 1}],
+            "per_batch": per_batch,
             "seed": seed,
         }
     )
-    return BoundaryStrategy(cfg, BoundaryParameters(**parameters))
+
+
+def strategy(dimensions: int, seed: int, **parameters: Any) -> BoundaryStrategy:
+    """`boundary` in a unit cube."""
+    return BoundaryStrategy(section("boundary", dimensions, seed), BoundaryParameters(**parameters))
 
 
 class Execution:
@@ -158,6 +168,76 @@ def compare(names: list[str], seeds: int, hows: list[str]) -> None:
             print(f"  {how:<9} {np.mean(shares):.1%} misjudged, {ends}", flush=True)
 
 
+JOINTS, BINS, PER_BATCH = 8, 32, 20
+
+
+def arm(units: Array) -> tuple[Array, Array]:
+    """How even the joints of arms are bent, and where their hands are in [-1, 1]²."""
+    angles = (units - 0.5) * 2 * np.pi
+    around = np.cumsum(angles, axis=1)
+    hand = np.stack([np.cos(around).mean(axis=1), np.sin(around).mean(axis=1)], axis=1)
+    return -units.var(axis=1), hand
+
+
+def qd(seeds: int) -> None:
+    """Print coverage and score of our archive and of those of pyribs, at equal evaluations."""
+    for batches in (10, 50, 250):
+        for name, fill in (("ours", _ours), ("pyribs CMA-ME", _ribs), ("pyribs Iso+LineDD", _ribs)):
+            found = np.array([fill(name, seed, batches) for seed in range(seeds)])
+            (coverage, score), low, high = found.mean(axis=0), found.min(axis=0), found.max(axis=0)
+            filled = f"coverage {coverage:.1%} ({low[0]:.1%} to {high[0]:.1%})"
+            summed = f"score {score:.1f} ({low[1]:.1f} to {high[1]:.1f})"
+            print(f"{batches * PER_BATCH:>5} {name:<18} {filled}, {summed}", flush=True)
+
+
+def _ours(name: str, seed: int, batches: int) -> tuple[float, float]:
+    del name
+    axis = {"low": -1.0, "high": 1.0, "bins": BINS}
+    parameters = {"archive": {"measures": {"x": axis, "y": axis}}}
+    made = QualityDiversityStrategy(
+        section("qd", JOINTS, seed, PER_BATCH),
+        QualityDiversityParameters.model_validate(parameters),
+    )
+    for _ in range(batches):
+        sets = made.ask(PER_BATCH)
+        scores, hands = arm(np.array([list(params.values.values()) for params in sets]))
+        made.tell(
+            [
+                # pyribs sums what is above its offset, -1
+                Evaluation(params, {"failure_rate": 1 + score}, {"x": hand[0], "y": hand[1]}, 1)
+                for params, score, hand in zip(sets, scores.tolist(), hands.tolist(), strict=True)
+            ]
+        )
+    extra = made.report().extra
+    return extra["coverage"], extra["qd_score"]
+
+
+def _ribs(name: str, seed: int, batches: int) -> tuple[float, float]:
+    from ribs.archives import GridArchive
+    from ribs.emitters import EvolutionStrategyEmitter, IsoLineEmitter
+    from ribs.schedulers import Scheduler
+
+    archive = GridArchive(
+        solution_dim=JOINTS, dims=[BINS, BINS], ranges=[(-1, 1), (-1, 1)], qd_score_offset=-1.0,
+        seed=seed,
+    )  # fmt: skip
+    middle, bounds = [0.5] * JOINTS, ([0.0] * JOINTS, [1.0] * JOINTS)
+    common: dict[str, Any] = {"lower_bounds": bounds[0], "upper_bounds": bounds[1], "seed": seed}
+    if "CMA" in name:
+        emitter = EvolutionStrategyEmitter(
+            archive, x0=middle, sigma0=0.1, batch_size=PER_BATCH, ranker="2imp", **common
+        )
+    else:
+        emitter = IsoLineEmitter(
+            archive, x0=middle, iso_sigma=0.1, line_sigma=0.2, batch_size=PER_BATCH, **common
+        )
+    scheduler = Scheduler(archive, [emitter])
+    for _ in range(batches):
+        scores, hands = arm(scheduler.ask())
+        scheduler.tell(scores, hands)
+    return float(archive.stats.coverage), float(archive.stats.qd_score)
+
+
 def propose() -> None:
     """Print time and memory of one proposal."""
     for sets in (1_000, 10_000):
@@ -176,13 +256,15 @@ def propose() -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["map", "propose"])
+    parser.add_argument("what", choices=["map", "propose", "qd"])
     parser.add_argument("--seeds", type=int, default=8)
     parser.add_argument("--problem", choices=sorted(PROBLEMS), action="append")
     parser.add_argument("--how", choices=["boundary", "random", "sobol"], action="append")
     given = parser.parse_args()
     if given.what == "propose":
         propose()
+    elif given.what == "qd":
+        qd(given.seeds)
     else:
         ways = given.how or ["boundary", "random", "sobol"]
         compare(given.problem or sorted(PROBLEMS), given.seeds, ways)

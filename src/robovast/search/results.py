@@ -15,7 +15,7 @@ from robovast.model.document import Document, load_document
 from robovast.model.document.search.space import holds
 from robovast.search.history import Batch, History
 from robovast.search.plugins import make_strategy, search_of
-from robovast.search.strategy import SearchStrategy
+from robovast.search.strategy import SearchStrategy, unbeaten
 
 
 class StoredSearch:
@@ -95,6 +95,47 @@ class StoredSearch:
         """
         columns = [*self.search.search_space, "failure_rate", "low", "high"]
         return Answer(columns, list(self._map().rows()))
+
+    def archive(self) -> Answer:
+        """The best set of each cell of the archive, its cell's number first.
+
+        Raises:
+            InputError: the strategy keeps no archive.
+        """
+        strategy = self.strategy()
+        if not hasattr(strategy, "elites"):
+            raise InputError(f"the strategy `{self.search.strategy}` keeps no archive; `qd` does.")
+        configs, space = self.history.configs(), self.search.search_space
+        axes = sorted(strategy.needed_measures)
+        objective = strategy.single_objective.name
+        rows = [
+            (
+                cell,
+                configs[ev.params.id],
+                *(ev.params.values[name] for name in space),
+                ev.objectives[objective],
+                *(ev.measures[name] for name in axes),
+            )
+            for cell, ev in sorted(strategy.elites.items())
+        ]
+        return Answer(["cell", "config", *space, objective, *axes], rows)
+
+    def best(self) -> Answer:
+        """The best set, or those of several objectives that no other beats in all of them."""
+        configs, space = self.history.configs(), self.search.search_space
+        names = [objective.name for objective in self.search.objectives]
+        found = [ev for batch in self.history.finished for ev in self.history.evaluations(batch)]
+        last = {ev.params.id: ev for ev in found}
+        rows = [
+            (
+                configs[ev.params.id],
+                *(ev.params.values[name] for name in space),
+                *(ev.objectives[name] for name in names),
+                ev.n_samples,
+            )
+            for ev in unbeaten(self.search.objectives, last.values())
+        ]
+        return Answer(["config", *space, *names, "n_samples"], rows)
 
     def _map(self) -> Any:
         strategy = self.strategy()

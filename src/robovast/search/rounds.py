@@ -233,7 +233,8 @@ class Rounds:
         }
         known = self.history.scores()
         new = {i: c for i, c in configs.items() if i not in known or self._is_new(batch, c)}
-        fresh = {s.id: s for s in score(search, self.extractor, self._layout, new)}
+        needed = self.strategy.needed_measures
+        fresh = {s.id: s for s in score(search, self.extractor, self._layout, new, needed)}
         scores = tuple(fresh.get(id_) or known[id_] for id_ in configs)
         for scored in fresh.values():
             if scored.error:

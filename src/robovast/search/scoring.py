@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,11 @@ def samples(layout: Layout, config: str) -> int:
 
 
 def score(
-    search: Search, extractor: Extractor, layout: Layout, configs: Mapping[str, str]
+    search: Search,
+    extractor: Extractor,
+    layout: Layout,
+    configs: Mapping[str, str],
+    measures: Iterable[str],
 ) -> tuple[Scored, ...]:
     """The scores of sets; errors of the extractor are the set's.
 
@@ -33,19 +38,29 @@ def score(
         extractor: its extractor.
         layout: the campaign.
         configs: the configuration of each set, by identifier.
+        measures: the measures that the strategy needs.
     """
+    wanted = _Wanted([objective.name for objective in search.objectives], sorted(measures))
     return tuple(
-        _score(search, extractor, layout.variant(config), id_, samples(layout, config))
+        _score(wanted, extractor, layout.variant(config), id_, samples(layout, config))
         for id_, config in configs.items()
     )
 
 
-def _score(search: Search, extractor: Extractor, folder: Path, id_: str, count: int) -> Scored:
+@dataclass(frozen=True)
+class _Wanted:
+    """Numbers that an extractor must give."""
+
+    objectives: list[str]
+    measures: list[str]
+
+
+def _score(wanted: _Wanted, extractor: Extractor, folder: Path, id_: str, count: int) -> Scored:
     if not count:
         return Scored(id_, error=NO_VERDICT)
     try:
         result = extractor.extract(folder)
-        objectives, measures = _numbers(search, result)
+        objectives, measures = _numbers(wanted, result)
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # even `sys.exit` is the set's error
@@ -53,15 +68,19 @@ def _score(search: Search, extractor: Extractor, folder: Path, id_: str, count: 
     return Scored(id_, objectives, measures, count)
 
 
-def _numbers(search: Search, result: Any) -> tuple[dict[str, float], dict[str, float]]:
+def _numbers(wanted: _Wanted, result: Any) -> tuple[dict[str, float], dict[str, float]]:
     if not isinstance(result, ExtractResult):
         raise TypeError(f"`extract` must return an ExtractResult, not {result!r:.80}")
-    wanted = [objective.name for objective in search.objectives]
-    missing = [name for name in wanted if name not in result.objectives]
-    if missing:
-        given = ", ".join(result.objectives) or "none"
-        raise ValueError(f"the objective `{missing[0]}` is missing; there are: {given}")
+    _demand("objective", wanted.objectives, result.objectives)
+    _demand("measure", wanted.measures, result.measures)
     return _finite(result.objectives.items()), _finite(result.measures.items())
+
+
+def _demand(what: str, wanted: Iterable[str], given: Mapping[str, float]) -> None:
+    for name in wanted:
+        if name not in given:
+            known = ", ".join(given) or "none"
+            raise ValueError(f"the {what} `{name}` is missing; there are: {known}")
 
 
 def _finite(items: Iterable[tuple[str, Any]]) -> dict[str, float]:

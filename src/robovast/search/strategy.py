@@ -51,6 +51,11 @@ class SearchStrategy(ABC):
     def report(self) -> SearchReport:
         """Return what was found so far."""
 
+    @property
+    def needed_measures(self) -> frozenset[str]:
+        """Measures without which an evaluation is no use; the extractor must give them."""
+        return frozenset()
+
     def is_done(self) -> bool:
         """Whether the strategy wants the search to end."""
         return False

@@ -91,6 +91,11 @@ def test_defaults_and_warning_without_budget(tmp_path: Path) -> None:
             "  variations: [{ParameterVariationList: {nam: y, values: [$x]}}]\n  budget",
             "Did you mean `name`?",
         ),
+        (
+            "strategy: random",
+            "strategy: qd\n  strategy_parameters: {archive: {measures: {a: {low: 0, high: 1}}}}",
+            "`qd` needs the measure `a`, which `extract` does not give",
+        ),
         ("  budget", "  extract: {plugin: nothing.py:E}\n  budget", "there is no plugin file"),
         ("  budget", "  extract: {params: {a: 1}}\n  budget", "`failure_rate` cannot be made"),
         ("strategy: random", "strategy: leaves.py:A", "cannot be imported: SystemExit: at once"),

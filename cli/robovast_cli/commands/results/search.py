@@ -17,10 +17,11 @@ def search(
     ctx: typer.Context,
     campaign: CampaignName,
     what: Annotated[
-        Literal["sets", "progress", "critical", "map"],
+        Literal["sets", "best", "progress", "critical", "map", "archive"],
         typer.Argument(
-            help="All sets with their numbers; the strategy's numbers after each batch; the "
-            "critical value of each parameter; the failure rate all over the space.",
+            help="All sets with their numbers; the best one, or those that no other beats; the "
+            "strategy's numbers after each batch; the critical value of each parameter; the "
+            "failure rate all over the space; the best set of each cell of an archive.",
         ),
     ] = "sets",
     results_dir: ResultsDir = None,
@@ -38,9 +39,9 @@ def search(
 ) -> None:
     """Say what a search found, finished or under way.
 
-    `critical` and `map` need the strategy `boundary`. A critical value is where the failure rate
-    crosses the level as one parameter grows and the others stay; `crossing` is the probability
-    that it does at all.
+    `critical` and `map` need the strategy `boundary`, `archive` needs `qd`. A critical value is
+    where the failure rate crosses the level as one parameter grows and the others stay; `crossing`
+    is the probability that it does at all.
     """
     from robovast.base.errors import InputError
     from robovast.search.results import StoredSearch
@@ -52,9 +53,11 @@ def search(
     stored = StoredSearch(named_campaign(results_dir or ctx.obj.results, campaign))
     answers = {
         "sets": stored.sets,
+        "best": stored.best,
         "progress": stored.report,
         "critical": lambda: stored.critical(dict(map(_pair, at or []))),
         "map": stored.map,
+        "archive": stored.archive,
     }
     print_rows(answers[what](), output)
 

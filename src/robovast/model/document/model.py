@@ -620,7 +620,7 @@ class Search(Section):
     """Closed-loop search in place of a fixed list of configurations."""
 
     strategy: str
-    """`random`, `boundary`, `optuna`, the name of an entry point, or a file reference."""
+    """`random`, `boundary`, `optuna`, `qd`, the name of an entry point, or a file reference."""
     search_space: Annotated[dict[str, SearchDimension], Field(min_length=1)]
     """Typed dimensions by name."""
     postprocessing: list[Plugin] = Field(default_factory=list)

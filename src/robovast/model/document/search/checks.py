@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -135,9 +136,27 @@ def _check_strategy_made(parts: Parts, search: Search, kind: Any) -> Iterator[Pr
     model, given = getattr(kind, "PARAMS_MODEL", None), dict(search.strategy_parameters)
     try:
         with plugin_errors(lambda error: InputError(_reason(error))):
-            kind(search, given if model is None else model.model_validate(given))
+            made = kind(search, given if model is None else model.model_validate(given))
+            needed = getattr(made, "needed_measures", ())
     except InputError as error:
         yield parts.source.problem((*_BASE, "strategy"), f"`{search.strategy}`: {error}")
+        return
+    known = _extracted(parts, search)
+    for name in sorted(needed):
+        if known is not None and name not in known:
+            yield parts.source.problem(
+                (*_BASE, "strategy_parameters"),
+                f"`{search.strategy}` needs the measure `{name}`, which `extract` does not give",
+                suggest(name, known),
+            )
+
+
+def _extracted(parts: Parts, search: Search) -> frozenset[str] | None:
+    """Names of the extractor's numbers; None where they are not known."""
+    plugin, params = search.extract.call
+    with suppress(InputError), plugin_errors(lambda error: InputError(_reason(error))):
+        return _names(load_search_plugin(plugin, EXTRACTORS, parts.folder), params)
+    return None
 
 
 def _reason(error: BaseException) -> str:

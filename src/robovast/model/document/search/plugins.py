@@ -21,6 +21,7 @@ BUILT_IN: dict[str, dict[str, tuple[str, Extra | None]]] = {
     STRATEGIES: {
         "boundary": ("robovast.search.strategies.boundary:BoundaryStrategy", _NUMERIC),
         "optuna": ("robovast.search.strategies.optuna_samplers:OptunaStrategy", _OPTUNA),
+        "qd": ("robovast.search.strategies.quality_diversity:QualityDiversityStrategy", _NUMERIC),
         "random": ("robovast.search.strategies.random_sampling:RandomStrategy", None),
     },
     EXTRACTORS: {
