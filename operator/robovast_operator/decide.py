@@ -13,6 +13,7 @@ from datetime import datetime, timedelta
 from robovast.kubeapi.status import CampaignStatus
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import parse_time
+from robovast_operator.planning.campaign import Revision
 from robovast_operator.planning.shards import WINDOW, ShardPlan, next_shards
 from robovast_operator.snapshot import Snapshot
 from robovast_operator.status.status import tell
@@ -32,6 +33,13 @@ class CreateTask:
     command: str
     name: str
     plan: str
+
+
+@dataclass(frozen=True)
+class AppendRuns:
+    """Fix the runs that a search has proposed in a plan."""
+
+    plan: Revision
 
 
 @dataclass(frozen=True)
@@ -60,7 +68,7 @@ class DeleteJob:
 DEFAULT_QUEUE = "default"
 """Kueue puts Jobs without a queue into the one of this name, where there is one."""
 
-Action = CreateShard | CreateTask | SuspendJob | ResizeJob | DeleteJob
+Action = CreateShard | CreateTask | AppendRuns | SuspendJob | ResizeJob | DeleteJob
 
 
 @dataclass(frozen=True)
@@ -157,6 +165,8 @@ def _new_jobs(snapshot: Snapshot) -> list[Action]:
     spec = snapshot.accepted.spec
     if spec.suspend:
         return []
+    if snapshot.due_to_propose:
+        return [] if _at_work(snapshot) else _next_proposal(snapshot)
     if not snapshot.quiet:
         pods = [job.parallelism for job in snapshot.open]
         chosen = next_shards(snapshot.not_begun, pods, spec.parallelism)
@@ -167,6 +177,15 @@ def _new_jobs(snapshot: Snapshot) -> list[Action]:
     if snapshot.repetition_due and snapshot.all_known:
         return []
     return [] if snapshot.indexed or _at_work(snapshot) else _last_jobs(snapshot)
+
+
+def _next_proposal(snapshot: Snapshot) -> list[Action]:
+    """When all runs of a search have ended: propose further ones, then append them."""
+    if isinstance(snapshot.growth, Revision):
+        return [AppendRuns(snapshot.growth)]
+    jobs, plan = snapshot.proposing, snapshot.revisions[-1].config_map
+    due = jobs.last is None or (snapshot.lost_proposal and not _pause(snapshot))
+    return [CreateTask("propose", jobs.next_name, plan)] if due else []
 
 
 def _last_jobs(snapshot: Snapshot) -> list[Action]:
@@ -181,7 +200,9 @@ def _last_jobs(snapshot: Snapshot) -> list[Action]:
 
 
 def _pause(snapshot: Snapshot) -> float | None:
-    """Pause before the results are indexed again [s]; None if no new index is needed."""
+    """Pause before a task whose words are lost is done again [s]; None if none is."""
+    if snapshot.lost_proposal:
+        return snapshot.proposing.wait(snapshot.now)
     return snapshot.finish.wait(snapshot.now) if snapshot.lost_words else None
 
 
@@ -202,7 +223,7 @@ def _tidy(snapshot: Snapshot) -> list[Action]:
     """Delete Jobs whose verdicts are in the status, except for the last few."""
     told = (snapshot.job(shard) for shard in snapshot.shards if snapshot.is_remembered(shard))
     known = [job for job in told if job is not None and not job.open]
-    old = [*known[:-WINDOW], *snapshot.finish.old]
+    old = [*known[:-WINDOW], *snapshot.finish.old, *snapshot.past_proposals]
     return [DeleteJob(job.name) for job in old if not job.deleting]
 
 

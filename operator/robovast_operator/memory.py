@@ -10,6 +10,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from robovast.kubeapi.pod_contract.messages import Proposed
 from robovast.model.packs import CampaignPlan, Entry
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
@@ -93,6 +94,7 @@ class PodsCache:
     reports: dict[str, tuple[str, Mapping[int, Report]]] = field(default_factory=dict)
     """By Job: its failed indexes, and the reports of their pods."""
     finals: dict[str, Final] = field(default_factory=dict)
+    proposals: dict[str, Proposed] = field(default_factory=dict)
     given_up: dict[str, Trouble] = field(default_factory=dict)
     """By uid of a Job that failed as a whole: the cause."""
     stuck: set[str] = field(default_factory=set)

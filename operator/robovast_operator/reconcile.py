@@ -10,6 +10,7 @@ from robovast.base.errors import RobovastError
 from robovast.kubeapi.status import CampaignStatus, read_status
 from robovast_operator.decide import (
     Action,
+    AppendRuns,
     CreateShard,
     CreateTask,
     Decision,
@@ -37,10 +38,11 @@ from robovast_operator.kube.work_queue import REFUSED_DELAY, WorkQueue
 from robovast_operator.memory import Memory
 from robovast_operator.planning.accept import DOCUMENT_CHANGED, with_composition
 from robovast_operator.planning.campaign import Accepted, Rejected, Revision
+from robovast_operator.planning.proposals import first_plan
 from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.jobs import shard_job, task_job
 from robovast_operator.pods.pod_status import trouble_of
-from robovast_operator.pods.reports import composed_of
+from robovast_operator.pods.reports import composed_of, proposed_of
 from robovast_operator.pods.tries import NO_WORD, Tries
 from robovast_operator.settings import Settings
 from robovast_operator.snapshot import Snapshot
@@ -211,6 +213,7 @@ class Reconciler:
             queue=queue,
             taken=frozenset(memory.taken),
             foreign=foreign,
+            variant_limit=self._settings.variant_limit,
             withdrawn=await self._inputs.withdrawn(accepted, revisions, memory.inputs),
         )
 
@@ -244,17 +247,19 @@ class Reconciler:
         planned = await self._inputs.planned(accepted, memory.inputs)
         if planned is not None:
             return planned
-        tries = Tries.of(jobs.values(), identity.child("compose"))
+        command = "propose" if accepted.is_search else "compose"
+        task = "propose-0" if accepted.is_search else "compose"
+        tries = Tries.of(jobs.values(), identity.child(task))
         ended = tries.last is not None and bool(tries.last.finished)
         if tries.last is not None and ended:
-            found = await self._composition(accepted, tries.last)
+            found = await self._composition(accepted, tries.last, memory)
             if found is not None:
                 return found
         if tries.last is None or (ended and not tries.wait(now())):
             plan = identity.child("plan-compose")
             await self._inputs.prepare_composing(accepted, plan)
             name = tries.next_name
-            composing = task_job(accepted, self._settings, "compose", name, plan)
+            composing = task_job(accepted, self._settings, command, name, plan)
             await self._job_maker.create(identity, composing, memory.taken)
         for job in tries.old:
             await self._api.delete(f"{paths.jobs(identity.namespace)}/{job.name}")
@@ -266,14 +271,24 @@ class Reconciler:
         await self._statuses.composing(obj, accepted, foreign or speechless or pods.trouble)
         return None
 
-    async def _composition(self, accepted: Accepted, job: JobState) -> Accepted | Rejected | None:
+    async def _composition(
+        self, accepted: Accepted, job: JobState, memory: Memory
+    ) -> Accepted | Rejected | None:
         """The campaign with what a compose Job that ended has said; None when its pods are gone."""
         pods = [pod async for pod in self._diagnosis.pods_of(job)]
         if not pods:
             return None
         found = trouble_of(pods)
         reason = found.reason if found is not None and found.final else "InvalidDocument"
-        return with_composition(accepted, composed_of(pods), self._settings.variant_limit, reason)
+        limit = self._settings.variant_limit
+        if not accepted.is_search:
+            return with_composition(accepted, composed_of(pods), limit, reason)
+        name = accepted.identity.child("plan-0")
+        first = first_plan(accepted, proposed_of(pods), name, limit, reason)
+        if isinstance(first, Rejected):
+            return first
+        await self._inputs.append(accepted, first, memory.inputs)
+        return await self._inputs.planned(accepted, memory.inputs)
 
     async def _carry_out(
         self, obj: Object, accepted: Accepted, decision: Decision, memory: Memory
@@ -293,7 +308,7 @@ class Reconciler:
             case CreateShard(shard):
                 made = shard_job(accepted, self._settings, shard)
                 await self._job_maker.create(accepted.identity, made, memory.taken)
-            case CreateTask("finish") if await self._diagnosis.hold_back(
+            case CreateTask("finish" | "propose") if await self._diagnosis.hold_back(
                 accepted.identity, memory.pods
             ):
                 self._queue.add((namespace, accepted.identity.name), PAUSE)
@@ -301,6 +316,9 @@ class Reconciler:
                 seen = await self._witness.kept(accepted) if command == "finish" else ()
                 made = task_job(accepted, self._settings, command, name, plan, seen)
                 await self._job_maker.create(accepted.identity, made, memory.taken)
+            case AppendRuns(plan):
+                await self._inputs.append(accepted, plan, memory.inputs)
+                self._queue.add(accepted.identity.key)
             case SuspendJob(job, suspend):
                 await self._suspend(accepted, job, suspend, memory)
             case ResizeJob(job, parallelism):

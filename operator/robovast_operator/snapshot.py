@@ -8,13 +8,23 @@ from datetime import datetime
 from functools import cached_property
 
 from robovast.base.ranges import merge
-from robovast.kubeapi.status import SHARDS_LIMIT, BadRuns, CampaignStatus, Settled, Shard
+from robovast.kubeapi.pod_contract.messages import Proposed
+from robovast.kubeapi.status import (
+    SHARDS_LIMIT,
+    BadRuns,
+    CampaignStatus,
+    SearchStatus,
+    Settled,
+    Shard,
+)
+from robovast.model.expansion.limit import DEFAULT
 from robovast.model.packs import PlanSpec
 from robovast.model.repetition import GroupSizes
 from robovast_operator.kube.conditions import is_true
 from robovast_operator.kube.lenient import ranges
 from robovast_operator.kube.store import JobState
 from robovast_operator.planning.campaign import Accepted, Revision
+from robovast_operator.planning.proposals import grown, no_plan, search_status
 from robovast_operator.planning.shards import ShardPlan, first_attempts, repetitions
 from robovast_operator.pods.findings import Final, PodFindings, Trouble
 from robovast_operator.pods.tries import NO_WORD, Tries, number_of
@@ -38,6 +48,8 @@ class Snapshot:
     """Names of the campaign's Jobs under which others have made theirs."""
     foreign: Trouble | None = None
     """What that is in the way of."""
+    variant_limit: int = DEFAULT
+    """Most variants of a document."""
     withdrawn: frozenset[str] = frozenset()
     """Configurations that are gone, by uid: nothing more is executed of their runs."""
 
@@ -77,12 +89,14 @@ class Snapshot:
                 return Trouble(condition.reason, condition.message, final=True)
         if self.pods.trouble is not None and self.pods.trouble.final:
             return self.pods.trouble
+        if isinstance(self.growth, str):
+            return Trouble("InvalidPlan", self.growth, final=True)
         limits, known = self.accepted.spec.fail_fast, self.tally
         for name, limit, found in (
             ("failed", limits.max_failed, known.failed),
             ("errored", limits.max_errored, known.errored),
         ):
-            if limit is not None and found > limit and not self.all_ended:
+            if limit is not None and found > limit and not self.all_done:
                 message = f"{found} runs have {name}; spec.failFast allows {limit}"
                 return Trouble("FailFast", message, final=True)
         return None
@@ -104,6 +118,7 @@ class Snapshot:
                 "version?",
             )
         told = self.finish.told if self.lost_words else ""
+        told = self.proposing.told if self.lost_proposal else told
         return Trouble(NO_WORD, told) if told else None
 
     @cached_property
@@ -169,9 +184,69 @@ class Snapshot:
         return all(self.ended(shard) for shard in self.shards) and not any(j.open for j in strays)
 
     @cached_property
+    def all_done(self) -> bool:
+        """Whether every shard has come to its end, and there will be no others."""
+        return self.all_ended and not self.searching
+
+    @cached_property
     def quiet(self) -> bool:
         """Whether nothing more is to be executed, but for bad runs once more."""
-        return self.aborted is not None or self.all_ended
+        return self.aborted is not None or self.all_done
+
+    @cached_property
+    def search(self) -> SearchStatus | None:
+        """How far the search is; None if the campaign is none."""
+        if not self.accepted.is_search:
+            return None
+        stages = (self.proposing, self._proposing(len(self.revisions) - 1))
+        said = next(filter(None, map(self._said, stages)), None)
+        return search_status(said) if said else self.status.search or SearchStatus()
+
+    @cached_property
+    def searching(self) -> bool:
+        """Whether a search may propose further runs."""
+        return self.search is not None and not self.search.stop
+
+    @cached_property
+    def due_to_propose(self) -> bool:
+        """Whether a search needs further runs, as all before have ended."""
+        return self.searching and self.all_ended and not self.quiet
+
+    @cached_property
+    def proposing(self) -> Tries:
+        """The Jobs that propose the next runs of a search; each plan needs further ones."""
+        return self._proposing(len(self.revisions))
+
+    def _proposing(self, plans: int) -> Tries:
+        return Tries.of(self.jobs.values(), self.accepted.identity.child(f"propose-{plans}"))
+
+    def _said(self, tries: Tries) -> Proposed | None:
+        found = self.pods.proposals
+        return next((found[job.name] for job in tries.jobs if job.name in found), None)
+
+    @cached_property
+    def growth(self) -> Revision | str | None:
+        """The plan with the runs that were proposed, or why they make none."""
+        said = self._said(self.proposing)
+        if said is None or said.stop:
+            return None
+        name = self.accepted.identity.child(f"plan-{len(self.revisions)}")
+        try:
+            return grown(self.accepted, self.revisions, said, name, self.variant_limit)
+        except ValueError as error:
+            return no_plan(error)
+
+    @cached_property
+    def lost_proposal(self) -> bool:
+        """Whether a propose Job ended well, and nobody could read what it said."""
+        ended = _ended_well(self.proposing) and self.due_to_propose
+        return ended and self._said(self.proposing) is None
+
+    @cached_property
+    def past_proposals(self) -> list[JobState]:
+        """Propose Jobs that nothing depends on any more."""
+        known = {job.name for job in self.proposing.jobs[-1:]}
+        return [j for j in self.jobs.values() if j.role == "propose" and j.name not in known]
 
     @cached_property
     def attempt(self) -> int:
@@ -242,8 +317,7 @@ class Snapshot:
     @cached_property
     def lost_words(self) -> bool:
         """Whether the finish Job ended well, and nobody could read what it found."""
-        last = self.finish.last
-        ended = last is not None and last.finished == "Complete" and not last.deleting
+        ended = _ended_well(self.finish)
         return ended and self.over and not self.indexed and self.final is None
 
     @cached_property
@@ -308,3 +382,9 @@ class Snapshot:
         else:
             return 0
         return max(0, ended - self.tallies[shard.job].decided)
+
+
+def _ended_well(tries: Tries) -> bool:
+    """Whether the last Job of a task is complete."""
+    last = tries.last
+    return last is not None and last.finished == "Complete" and not last.deleting

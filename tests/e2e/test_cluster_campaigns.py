@@ -344,3 +344,42 @@ def test_the_record_of_each_run_names_the_image_that_its_pod_had(lab: Lab) -> No
     assert {record["pod"]: record["image_digest"] for record in records} == images
     assert all("sha256:" in image for image in images.values())
     assert len(records) == 6
+
+
+def test_a_search_proposes_in_jobs_of_its_own_and_comes_home_as_one_of_this_machine_does(
+    lab: Lab,
+) -> None:
+    """Its extractor says where it was executed."""
+    extractor = (
+        "import os\n"
+        "from robovast.search.extractor import Extractor, ExtractResult, completed_run_dirs\n"
+        "class Where(Extractor):\n"
+        "    def extract(self, config_dir):\n"
+        "        assert '-propose-' in os.environ['HOSTNAME']\n"
+        "        runs = completed_run_dirs(config_dir)\n"
+        "        return ExtractResult({'x': max(float((r / 'said').read_text()) for r in runs)})\n"
+    )
+    document = QUICK.partition("configuration:")[0] + QUICK[QUICK.index("execution:") :]
+    search = (
+        "search:\n"
+        "  strategy: random\n"
+        "  search_space: {x: {type: int, low: 0, high: 100}}\n"
+        "  extract: {plugin: where.py:Where}\n"
+        "  objectives: [{name: x}]\n"
+        "  per_batch: 2\n"
+        "  budget: [{batches: 2}]\n"
+    )
+    script = 'echo "$1" >"$3/said"; [ "$1" -lt 50 ]\n'
+    path = make_campaign(lab.folder / "search", script, search, document)
+    (path.parent / "where.py").write_text(extractor)
+    lab.vast("-V", path, "exec", "cluster", "run", "-n", lab.namespace, "-i", images.SLIM)
+    (found,) = lab.get("campaigns")["items"]
+    name, status = found["metadata"]["name"], found["status"]
+    assert (status["search"]["batch"], status["search"]["evaluated"]) == (2, 4)
+    assert status["search"]["stop"] == "batches"
+    assert (status["progress"], status["state"]) == ("4/4", "Finished")
+    assert lab.conditions(name)["Passed"]["status"] == "True"
+    home = lab.download(name)
+    listed = json.loads(lab.vast("results", "search", home, "--output", "json").stdout)
+    assert len(listed) == 4
+    assert all(row["config"] in {p.name for p in home.iterdir()} for row in listed)

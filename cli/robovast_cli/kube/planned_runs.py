@@ -82,7 +82,7 @@ def planned_runs(
         return None
     spec, plan, text = newest
     with TemporaryDirectory() as folder:
-        if plan.expansion == "composed":
+        if plan.expansion != "pure":
             return PlannedRuns(spec, _composed(plan, store(), Path(folder)))
         files = _files(kube, campaign)
         return PlannedRuns(spec, _expanded(plan, text, files, Path(folder)))

@@ -11,7 +11,7 @@ from typing import Any
 from robovast.base.errors import ExitCode, InputError
 from robovast.base.printable import printable
 from robovast.kubeapi.resources import Scheduling, Storage
-from robovast.kubeapi.status import CampaignStatus, Condition, read_status
+from robovast.kubeapi.status import CampaignStatus, Condition, SearchStatus, read_status
 
 _TROUBLE = {"Accepted": "False", "Succeeded": "False", "Stalled": "True"}
 """Conditions, and their status, whose message a person wants to read."""
@@ -96,6 +96,8 @@ class CampaignState:
             return ExitCode.BAD_INPUT
         if self._given_up_before_any_run:
             return ExitCode.CANNOT_RUN
+        if self.status.search is not None:  # failed runs are what it looks for
+            return ExitCode.OK if self._is("Passed", "True") else ExitCode.RUN_ERRORED
         if runs.failed:
             return ExitCode.TEST_FAILED
         if runs.errored:
@@ -115,8 +117,16 @@ class CampaignState:
         numbers = {"passed": runs.passed, "failed": runs.failed, "errored": runs.errored}
         parts = [f"{count} {word}" for word, count in numbers.items() if count]
         text = f"{self.done} of {runs.total} done" + (f": {', '.join(parts)}" if parts else "")
-        pods = ", ".join(self.pods())
-        return f"{text}; {pods}" if pods else text
+        parts = [", ".join(self.pods()), self.search_counts()]
+        return "; ".join([text, *filter(None, parts)])
+
+    def search_counts(self) -> str:
+        """`batches 3/50 | failure_rate 0.97/0.9 | best failure_rate 0.97`; empty without search."""
+        search = self.status.search
+        if search is None:
+            return ""
+        best = f"best {search.best}" if search.best else ""
+        return printable(" | ".join(filter(None, [search.criteria, best])))
 
     def pods(self) -> list[str]:
         """`4 running`, `2 waiting`: pods of runs that are there now."""
@@ -137,12 +147,18 @@ class CampaignState:
         elapsed = self.elapsed(now)
         if elapsed is None or self.finished or self.suspended or not self.done:
             return None
+        if self.status.search is not None:  # nobody knows what it will still propose
+            return None
         return elapsed / self.done * (self.status.runs.total - self.done)
 
     def summary(self) -> Iterator[str]:
         """Its result: problems, bad runs, counts."""
         yield from self.messages
-        runs = self.status.runs
+        runs, search = self.status.runs, self.status.search
+        if search is not None:
+            yield from _found(search)
+            yield f"{self.counts()}."
+            return
         for path in self.status.failing:
             yield f"not passed: {path}"
         more = runs.failed + runs.errored - len(self.status.failing)
@@ -153,6 +169,14 @@ class CampaignState:
 
     def _is(self, kind: str, status: str) -> bool:
         return any(c.type == kind and c.status == status for c in self.status.conditions)
+
+
+def _found(search: SearchStatus) -> Iterator[str]:
+    """Why a search ended, and its best value; failed runs are what it looks for."""
+    if search.stop_reason:
+        yield f"The search ended: {printable(search.stop_reason)}."
+    if search.best:
+        yield f"Best: {printable(search.best)}"
 
 
 def lookup(known: Iterable[CampaignState], name: str) -> CampaignState | None:

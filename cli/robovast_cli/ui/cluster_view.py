@@ -74,8 +74,12 @@ def table(campaigns: Sequence[CampaignState]) -> str:
         "TIME",
     ]
     text = format_table(columns, [_cells(campaign) for campaign in campaigns])
-    notes = [f"{c.name}: {message}\n" for c in campaigns for message in c.messages]
+    notes = [f"{c.name}: {note}\n" for c in campaigns for note in [*_found(c), *c.messages]]
     return "".join([text, *notes])
+
+
+def _found(campaign: CampaignState) -> list[str]:
+    return [found for found in [campaign.search_counts()] if found]
 
 
 def _cells(campaign: CampaignState) -> list[str]:
@@ -116,5 +120,8 @@ def _standing(campaign: CampaignState) -> Standing:
         campaign.left(at),
         campaign.name,
         campaign.status.state,
-        [(f"{campaign.name}: {message}", "yellow") for message in campaign.messages],
+        [
+            *((f"{campaign.name}: {found}", "") for found in _found(campaign)),
+            *((f"{campaign.name}: {message}", "yellow") for message in campaign.messages),
+        ],
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import AsyncIterator, Mapping
 
+from robovast.kubeapi.pod_contract.messages import Proposed
 from robovast.kubeapi.resources import ROLE_LABEL
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api
@@ -15,7 +16,7 @@ from robovast_operator.memory import PodsCache
 from robovast_operator.planning.campaign import Accepted
 from robovast_operator.pods.findings import PodFindings, Trouble
 from robovast_operator.pods.pod_status import is_stuck, trouble_of, trouble_of_events
-from robovast_operator.pods.reports import final_of, reports_of
+from robovast_operator.pods.reports import final_of, proposed_of, reports_of
 from robovast_operator.pods.stalls import cause_of, may_store
 from robovast_operator.settings import Settings
 
@@ -56,6 +57,7 @@ class Diagnosis:
         return PodFindings(
             reports={name: reports for name, (_, reports) in known.reports.items()},
             finals=dict(known.finals),
+            proposals=dict(known.proposals),
             failures={n: given_up[job.uid] for n, job in jobs.items() if job.uid in given_up},
             stuck=frozenset(known.stuck),
             trouble=known.trouble,
@@ -105,11 +107,15 @@ class Diagnosis:
         return None
 
     async def _final(self, known: PodsCache, job: JobState) -> None:
-        """Termination messages of ended Jobs: the finish Job's numbers, or why a Job failed."""
+        """Termination messages of ended Jobs: what they found, or why they failed."""
         if job.role == "finish" and job.finished == "Complete" and job.name not in known.finals:
             final = final_of([pod async for pod in self.pods_of(job)])
             if final is not None:
                 known.finals[job.name] = final
+        if job.role == "propose" and job.finished == "Complete" and job.name not in known.proposals:
+            said = proposed_of([pod async for pod in self.pods_of(job)])
+            if isinstance(said, Proposed):
+                known.proposals[job.name] = said
         if job.finished != "Failed" or job.reason not in GIVEN_UP:
             return
         if job.uid not in known.given_up:
@@ -117,7 +123,7 @@ class Diagnosis:
             found = trouble_of(pods) or Trouble(job.reason, f"the Job {job.name}: {job.message}")
             known.given_up[job.uid] = Trouble(found.reason, found.message, final=True)
         told = known.given_up[job.uid]
-        if job.role == "shard":
+        if job.role in {"shard", "propose"}:
             known.trouble = told
         elif job.role != "process":  # without tables a campaign is complete all the same
             known.trouble = Trouble(told.reason, told.message)

@@ -210,12 +210,18 @@ class Inputs:
         revisions = await self._load_revisions(accepted.identity, known)
         name = accepted.identity.child(f"plan-{len(revisions)}")
         new = next_revision(accepted, revisions, additions.found, name)
-        if new is not None:
-            if not await self._create_plan(as_planned(accepted, new), new, new.entries):
-                await self._read_theirs(accepted.identity, len(revisions), name, known)
-                return await self.revisions(accepted, additions, known)
+        if new is None:
+            return revisions
+        await self.append(accepted, new, known)
+        return await self.revisions(accepted, additions, known)
+
+    async def append(self, accepted: Accepted, new: Revision, known: InputsCache) -> None:
+        """Create a further plan, unless another replica was faster."""
+        revisions = await self._load_revisions(accepted.identity, known)
+        if await self._create_plan(as_planned(accepted, new), new, new.entries):
             revisions.append(new)
-        return revisions
+        else:
+            await self._read_theirs(accepted.identity, new.number, new.config_map, known)
 
     async def _read_theirs(
         self, identity: Identity, number: int, name: str, known: InputsCache

@@ -126,7 +126,7 @@ def _checked(
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(content)
     name = spec.document or f"{identity.name}.vast"
-    if not all_pure(spec.vast):
+    if not all_pure(spec.vast) or spec.vast.get("search") is not None:
         return _accepted(identity, spec, Vast.model_validate(spec.vast), text, settings)
     try:
         document = check_source(Source(folder / name, text))
@@ -171,8 +171,9 @@ def _accepted(
     image = spec.image or vast.execution.image
     if not image:
         return Rejected("NoImage", "no image is named: set `execution.image` in the document")
-    if vast.search is not None:
-        return Rejected("InvalidDocument", "a `search` cannot be executed on a cluster yet")
+    if vast.search is not None and spec.select:
+        message = "a search has no configurations to select from: leave out spec.select"
+        return Rejected("InvalidSpec", message)
     if len(identity.name) > CAMPAIGN_NAME_LIMIT:
         return Rejected(
             "InvalidName", f"the Campaign's name is longer than {CAMPAIGN_NAME_LIMIT} characters"

@@ -59,6 +59,8 @@ def with_additions(
     """
     if not accepted.pure:
         told = "runs can only be added to a campaign whose variations are all built in"
+        if accepted.is_search:
+            told = "a search proposes its runs itself: none can be added"
         return Additions(problems={item["metadata"]["name"]: told for item in added})
     taken = {str(entry["name"]) for entry in _written(obj)}
     found: list[Addition] = []

@@ -42,6 +42,11 @@ class Accepted:
     default_region: str | None = None
 
     @property
+    def is_search(self) -> bool:
+        """Whether its runs are proposed while it is executed."""
+        return self.vast.search is not None
+
+    @property
     def runs(self) -> int:
         """Runs of each variant."""
         return self.spec.runs or self.vast.execution.runs

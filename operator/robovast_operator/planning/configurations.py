@@ -29,7 +29,9 @@ def object_name(campaign: str, entry: str) -> str:
 
 
 def own_configurations(accepted: Accepted) -> list[Object]:
-    """The Configurations of a document's entries."""
+    """The Configurations of a document's entries; a search has none."""
+    if accepted.is_search:
+        return []
     written = accepted.spec.vast.get("configuration") or [{"name": "config1"}]
     selected = {entry.name for entry in accepted.entries}
     return [

@@ -225,7 +225,8 @@ def next_revision(
     owners = dict(newest.owners)
     blocks = list(newest.plan.blocks)
     entries = list(newest.entries)
-    _raise_runs(blocks, sum(entry.variants for entry in accepted.entries), accepted.runs)
+    if not accepted.is_search:
+        _raise_runs(blocks, sum(entry.variants for entry in accepted.entries), accepted.runs)
     for addition in additions:
         _add(addition, blocks, entries, owners)
     if len(blocks) == len(newest.plan.blocks):
@@ -246,7 +247,8 @@ def as_planned(accepted: Accepted, revision: Revision) -> Accepted:
     added = [entry.name for entry in revision.entries[len(accepted.entries) :]]
     select = accepted.spec.select and [*accepted.spec.select, *added]
     spec = accepted.spec.model_copy(update={"select": select})
-    return replace(accepted, spec=spec, document_text=revision.document)
+    composed = revision.composed or accepted.composed
+    return replace(accepted, spec=spec, document_text=revision.document, composed=composed)
 
 
 def _with_entries(newest: Revision, additions: Sequence[Addition]) -> str:

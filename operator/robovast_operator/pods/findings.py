@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from robovast.base.ranges import Span
+from robovast.kubeapi.pod_contract.messages import Proposed
 from robovast.kubeapi.status import Runs
 from robovast_operator.pods.verdicts import Report
 
@@ -47,6 +48,8 @@ class PodFindings:
     """By Job: the reports of the pods of its failed indexes."""
     finals: Mapping[str, Final] = field(default_factory=dict)
     """By finish Job: what it found."""
+    proposals: Mapping[str, Proposed] = field(default_factory=dict)
+    """By propose Job: what it said."""
     failures: Mapping[str, Trouble] = field(default_factory=dict)
     """By Job that failed as a whole: the cause."""
     stuck: frozenset[str] = frozenset()

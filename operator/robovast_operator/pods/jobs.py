@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 from robovast.execution.compat import INCOMPATIBLE
 from robovast.kubeapi.notice import Order
@@ -77,7 +78,7 @@ def task_job(
     plan: str,
     sightings: Sequence[str] = (),
 ) -> Object:
-    """The Job of a task on the whole campaign: compose, finish, process or purge."""
+    """The Job of a task on the whole campaign: compose, propose, finish, process or purge."""
     job = _job(accepted.identity, name, command, {})
     job["spec"] |= {
         "backoffLimit": TASK_RETRIES,
@@ -213,6 +214,7 @@ def campaign_plan(
     execution, spec = accepted.vast.execution, accepted.spec
     context = spec.cluster or ""
     bundle, git = spec.source.bundle, spec.source.git
+    made: Literal["composed", "proposed"] = "proposed" if accepted.is_search else "composed"
     return CampaignPlan(
         campaign=accepted.campaign,
         bucket=accepted.bucket,
@@ -220,7 +222,7 @@ def campaign_plan(
         endpoint=accepted.endpoint,
         region=accepted.region,
         document=accepted.document_name,
-        expansion="pure" if accepted.pure else "composed",
+        expansion="pure" if accepted.pure else made,
         bundle=bundle
         and Bundle(bucket=bundle.bucket or BUNDLES_BUCKET, key=bundle.key, sha256=bundle.sha256),
         git=git and GitSource(url=git.url, ref=git.ref, path=git.path),

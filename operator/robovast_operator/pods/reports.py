@@ -7,10 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import TypeVar
 
 from robovast.base.ranges import count, merge, parse_ranges
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
-from robovast.kubeapi.pod_contract.messages import Composed, Repeat, Summary, Verdicts, error_in
+from robovast.kubeapi.pod_contract.messages import (
+    Composed,
+    Proposed,
+    Repeat,
+    Summary,
+    Verdicts,
+    error_in,
+)
 from robovast.kubeapi.status import FAILING_LIMIT, Runs
 from robovast.model.repetition import GroupSizes
 from robovast_operator.kube.lenient import ranges
@@ -99,7 +107,19 @@ def _list(repeat: Repeat | None, bad: int) -> tuple[str, str]:
 
 def composed_of(pods: Iterable[Object]) -> Composed | str | None:
     """The result of the compose Job; its message if it failed."""
-    said = [message_of(pod, "compose") for pod in pods]
-    made = (Composed.read(words) for words in said)
+    return _result_of(pods, "compose", Composed)
+
+
+def proposed_of(pods: Iterable[Object]) -> Proposed | str | None:
+    """The result of a propose Job; its message if it failed."""
+    return _result_of(pods, "propose", Proposed)
+
+
+Result = TypeVar("Result", Composed, Proposed)
+
+
+def _result_of(pods: Iterable[Object], command: str, kind: type[Result]) -> Result | str | None:
+    said = [message_of(pod, command) for pod in pods]
+    made = map(kind.read, said)
     errors = filter(None, map(error_in, said))
     return next((found for found in made if found and found.error is None), next(errors, None))

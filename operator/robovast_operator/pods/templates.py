@@ -96,7 +96,7 @@ def task_pod(
     command: str,
     sightings: Sequence[str] = (),
 ) -> Object:
-    """The pod spec of our own work on a whole campaign: compose, finish, process or purge.
+    """The pod spec of our own work on a whole campaign, such as finish.
 
     Args:
         accepted: the campaign.
@@ -112,7 +112,7 @@ def task_pod(
     if sightings:
         more.append(_volume(Mount.PODS, projected={"sources": _kept(sightings)}))
     git = accepted.spec.source.git
-    if command == "compose" and git is not None and git.secret_name is not None:
+    if command in {"compose", "propose"} and git is not None and git.secret_name is not None:
         more.append(Mount.GIT.secret(git.secret_name))
     mounts = [*CAMPAIGN, *(Mount(volume["name"]) for volume in more)]
     spec["containers"] = [_own(settings, command, [command], mounts, WHOLE_CAMPAIGN)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 
-from robovast.kubeapi.status import CampaignStatus, Condition, Runs, read_status
+from robovast.kubeapi.status import CampaignStatus, Condition, Runs, SearchStatus, read_status
 from robovast_operator.kube.conditions import Found, dated, is_true
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
@@ -96,6 +96,8 @@ def campaign_state(
         return "Suspended"
     if by_type["QuotaReserved"].status == "False":
         return "Queued"
+    if snapshot.due_to_propose:
+        return "Proposing"
     if not active:
         return "Pending"
     if runs.active:
@@ -122,6 +124,8 @@ def _reconciling(snapshot: Snapshot, runs: Runs) -> Found:
         return ("Reconciling", "True", "Finishing", "the results are being completed")
     if snapshot.accepted.spec.suspend:
         return ("Reconciling", "False", "Suspended", "spec.suspend is set")
+    if snapshot.due_to_propose:
+        return ("Reconciling", "True", "Proposing", "a Job proposes the next runs of the search")
     return ("Reconciling", "True", "Running", f"{runs.decided} of {runs.total} runs")
 
 
@@ -137,11 +141,14 @@ def _succeeded(snapshot: Snapshot, runs: Runs) -> Found:
     if snapshot.given_up is not None:
         return ("Succeeded", "False", snapshot.given_up.reason, snapshot.given_up.message)
     if snapshot.over:
-        return ("Succeeded", "True", "Finished", f"all {runs.total} runs have ended")
+        why = f"; the search ended: {snapshot.search.stop_reason}" if snapshot.search else ""
+        return ("Succeeded", "True", "Finished", f"all {runs.total} runs have ended{why}")
     return ("Succeeded", "Unknown", "Running", "")
 
 
 def _passed(snapshot: Snapshot, runs: Runs) -> Found:
+    if snapshot.search is not None:
+        return _found(snapshot, snapshot.search)
     least = snapshot.accepted.spec.acceptance.min_pass_ratio
     bad = runs.failed + runs.errored
     needed = float(least) * runs.total
@@ -153,6 +160,18 @@ def _passed(snapshot: Snapshot, runs: Runs) -> Found:
     if snapshot.over and snapshot.indexed:
         return ("Passed", "True", "Accepted", told)
     return ("Passed", "Unknown", "Running", "")
+
+
+def _found(snapshot: Snapshot, search: SearchStatus) -> Found:
+    """Whether a search could score what it has run; failed runs are what it looks for."""
+    if snapshot.given_up is not None:
+        return ("Passed", "False", snapshot.given_up.reason, snapshot.given_up.message)
+    if not (snapshot.over and snapshot.indexed):
+        return ("Passed", "Unknown", "Running", "")
+    if search.stop == "errors" or not search.evaluated:
+        told = search.stop_reason if search.evaluated else "no parameter set could be scored"
+        return ("Passed", "False", "NotScored", told)
+    return ("Passed", "True", "Searched", search.stop_reason)
 
 
 def _results(snapshot: Snapshot) -> Found:

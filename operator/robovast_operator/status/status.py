@@ -43,6 +43,7 @@ def tell(snapshot: Snapshot, created: Sequence[ShardPlan]) -> CampaignStatus:
         finished_shards=snapshot.ended_shards if indexed else old.finished_shards,
         settled=settled,
         bad=snapshot.bad,
+        search=snapshot.search,
         queue=snapshot.held and snapshot.held.place,
         start_time=started,
         completion_time=(old.completion_time or ended) if ended else None,

@@ -27,6 +27,7 @@ _COMMANDS = {
     "fetch": "prepare the runs of a pod",
     "agent": "store the runs of a pod as they end",
     "compose": "expand a document and store what its pods need",
+    "propose": "score what a search has run, and propose what it runs next",
     "finish": "complete a campaign's results and sum them up",
     "process": "work a campaign's results up: tables, metadata, provenance",
     "purge": "remove a campaign's results",
@@ -47,7 +48,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         text = sentence(error) if isinstance(error, OSError) else str(error)
         print(f"error: {text}", file=sys.stderr)  # noqa: T201
         with suppress(OSError):  # on a disk that is full; Kubernetes falls back to the log
-            write_error(folders.message, text, as_json=options.command in {"agent", "compose"})
+            write_error(
+                folders.message, text, as_json=options.command in {"agent", "compose", "propose"}
+            )
         return exit_code_of_error(error)
 
 

@@ -175,9 +175,10 @@ def open_composed(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
         download(campaign, CONFIGURATIONS, layout.root)
         name, variants = read_variants(layout)
         return load_document(layout.config / name), variants
-    composed = Composed(campaign.bucket, layout, campaign.plan.composed)
+    growing = campaign.plan.expansion == "proposed"
+    composed = Composed(campaign.bucket, layout, campaign.plan.composed, growing=growing)
     check_files(composed.inputs, layout.config)
-    return load_document(layout.config / composed.document), composed
+    return load_document(layout.config / composed.document, search=False), composed
 
 
 def fetch_variant_files(campaign: Campaign, variants: Sequence[Variant], variant: Variant) -> None:

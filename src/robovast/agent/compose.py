@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import shutil
 from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
 
 from robovast.agent.campaign import Campaign, expand, load_inputs, open_campaign
 from robovast.agent.composed import store_composed
@@ -16,7 +18,7 @@ from robovast.execution.generate import write_configurations
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
 from robovast.kubeapi.pod_contract.messages import LIMIT, Composed
 from robovast.model.document import Document
-from robovast.model.expansion import Composition
+from robovast.model.expansion import Composition, Variant
 from robovast.model.expansion.expand import DEFAULT_ENTRY
 from robovast.model.packs import format_breaks
 from robovast.model.plan import breaks
@@ -48,26 +50,39 @@ def compose(folders: Folders) -> AgentExit:
             "campaign on a cluster can have when plugins expand it. Divide it into several."
         )
     layout = store_inputs(campaign, document, composition)
-    inputs = {
-        path.relative_to(layout.config).as_posix(): file_digest(path)
-        for path in sorted(layout.config.rglob("*"))
-        if path.is_file()
-    }
+    inputs = files_below(layout.config)
     variants = composition.variants
     made = store_composed(campaign.bucket, document.path.name, inputs, variants)
     message.model_copy(update={"digest": made}).write(folders.message)
     return AgentExit.PASSED
 
 
-def store_inputs(campaign: Campaign, document: Document, composition: Composition) -> Layout:
+def files_below(folder: Path) -> dict[str, str]:
+    """SHA-256 of the files below a folder, by path."""
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file())
+    return {path.relative_to(folder).as_posix(): file_digest(path) for path in files}
+
+
+def store_inputs(
+    campaign: Campaign,
+    document: Document,
+    composition: Composition,
+    earlier: Sequence[Variant] = (),
+) -> Layout:
     """Store the folders `_config` and `_transient`, and each variant's `_config`; returns them.
 
     The list of configurations comes last: who finds it finds everything.
+
+    Args:
+        campaign: the campaign.
+        document: its document.
+        composition: the variants to store.
+        earlier: variants that are stored already; they come first in the list.
     """
     bucket = campaign.bucket
     folder = campaign.folders.work / "campaign"
     shutil.rmtree(folder, ignore_errors=True)
-    write_configurations(document, composition, folder, timings=True)
+    write_configurations(document, composition, folder, timings=True, earlier=earlier)
     there = {item.key for item in bucket.store.objects(bucket.name)}
     store_own_tree(bucket, folder, there=there, skipped={CONFIGURATIONS})
     bucket.store.put_file(bucket.name, CONFIGURATIONS, folder / CONFIGURATIONS)

@@ -57,7 +57,7 @@ def fetch(folders: Folders, request: PackRequest) -> AgentExit:
     if job is not None:
         pack = dataclasses.replace(pack, environment=_environment(campaign, document, job))
         left = [run for run in runs if run.id not in pack.done]
-        if campaign.plan.expansion == "composed":
+        if campaign.plan.expansion != "pure":
             for variant in {run.variant.name: run.variant for run in left}.values():
                 fetch_variant_files(campaign, variants, variant)
         _build_config(campaign, document, pack, left)
@@ -84,7 +84,7 @@ def _chosen(campaign: Campaign, request: PackRequest) -> tuple[int, Sequence[int
 
 
 def _variants(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
-    if campaign.plan.expansion == "composed":
+    if campaign.plan.expansion != "pure":
         return open_composed(campaign)
     document = load_inputs(campaign)
     return document, expand(campaign.plan, document, campaign.folders.scratch, print).variants

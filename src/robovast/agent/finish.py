@@ -62,7 +62,7 @@ def finish(folders: Folders) -> AgentExit:
 
 
 def _complete_inputs(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
-    if campaign.plan.expansion == "composed":
+    if campaign.plan.expansion != "pure":
         document, variants = open_composed(campaign)
         return document, variants.outlines() if isinstance(variants, Composed) else variants
     document = load_inputs(campaign)

@@ -91,6 +91,8 @@ def campaign_crd() -> Schema:
             _column("Errored", "integer", ".status.runs.errored"),
             _column("Verdict", "string", '.status.conditions[?(@.type=="Passed")].status'),
             _column("Age", "date", ".metadata.creationTimestamp"),
+            _column("Batch", "integer", ".status.search.batch", wide=True),
+            _column("Best", "string", ".status.search.best", wide=True),
             _column("Queue", "string", ".spec.queueName", wide=True),
             _column("Place", "string", ".status.queue.summary", wide=True),
             _column("Results", "string", ".status.bucket", wide=True),

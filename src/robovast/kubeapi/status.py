@@ -182,6 +182,23 @@ class QueuePlace(_Status):
     """`3 of 7, about 12 min`, for people."""
 
 
+class SearchStatus(_Status):
+    """How far a search is."""
+
+    batch: int = 0
+    """How many batches are scored."""
+    evaluated: int = 0
+    """How many parameter sets have a score."""
+    best: str = ""
+    """The best value so far, `failure_rate 0.97`."""
+    criteria: str = ""
+    """How far each criterion is, `batches 3/50 | failure_rate 0.97/0.9`."""
+    stop: str = ""
+    """What has ended the search: a criterion, `exhausted`, `errors` or `strategy`."""
+    stop_reason: str = ""
+    """Why, for people."""
+
+
 class CampaignStatus(_Status):
     """What is known about a campaign."""
 
@@ -219,6 +236,8 @@ class CampaignStatus(_Status):
     """Shards that are remembered as numbers only."""
     bad: BadRuns | None = None
     """The bad runs that the index in the bucket names; `spec.attempt` repeats them."""
+    search: SearchStatus | None = None
+    """How far its search is, where the document has one."""
     queue: QueuePlace | None = None
     """Its place in the queue, while all of it waits there."""
     start_time: Time | None = None

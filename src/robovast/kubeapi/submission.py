@@ -27,6 +27,7 @@ from robovast.model.document import Document
 from robovast.model.document.problems import sentence
 from robovast.model.expansion import Selection, compose, patterns_of, select_any
 from robovast.model.expansion.containers import refuse_containers
+from robovast.model.expansion.sets import with_all_files
 from robovast.model.inputs import campaign_files
 from robovast.model.quantities import resolve_per_context
 
@@ -218,8 +219,10 @@ def _amounts(document: Document) -> Iterator[tuple[str, Any]]:
 def _input_files(document: Document, select: Selection) -> dict[str, InputFile]:
     """The document and its files; those that variations read are found by expanding."""
     with TemporaryDirectory(prefix="robovast-") as scratch:
-        composition = compose(document, Path(scratch), containers=refuse_containers)
-    select_any(composition.variants, select)
+        expanded = with_all_files(document)
+        composition = compose(expanded, Path(scratch), containers=refuse_containers)
+    if document.vast.search is None:
+        select_any(composition.variants, select)
     own = Path(document.path.name)
     named = [path for path in campaign_files(document, composition) if path != own]
     paths = {path.as_posix(): document.folder / path for path in named}
@@ -258,11 +261,12 @@ def _bundle(archive: Archive) -> Source:
 def _spec(
     document: Document, vast: dict[str, Any], source: Source, options: SubmitOptions
 ) -> dict[str, Any]:
+    searches = document.vast.search is not None
     flags = {"-t": options.log_tree, "-d": options.debug}
     given: dict[str, Any] = {
         "image": options.image,
         "cluster": options.context if needs_context(document) else None,
-        "select": patterns_of(options.select) or None,
+        "select": None if searches else patterns_of(options.select) or None,
         "runs": options.runs,
         "parallelism": options.parallelism,
         "queue_name": options.queue,

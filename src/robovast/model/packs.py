@@ -281,8 +281,10 @@ class CampaignPlan(_Data):
     region: str | None = None
     document: str
     """Name of the .vast file among the inputs; its text is stored beside it as `document.vast`."""
-    expansion: Literal["pure", "composed"]
-    """`pure`: each pod expands the document. `composed`: pods read what the compose Job made."""
+    expansion: Literal["pure", "composed", "proposed"]
+    """`pure`: each pod expands the document. `composed`: pods read what the compose Job made.
+    `proposed`: they read what Jobs of a search have proposed so far.
+    """
     bundle: Bundle | None = None
     """Where the inputs are, unless they are in the mounted folder of files."""
     git: GitSource | None = None

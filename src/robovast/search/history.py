@@ -12,7 +12,7 @@ Files are written atomically, once, and never changed.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import count
 from pathlib import Path
@@ -29,6 +29,7 @@ from robovast.model.packs import Block
 from robovast.search.types import Evaluation, ParamSet
 
 FOLDER = f"{EXECUTION}/search"
+Keep = Callable[[Path, str], None]
 _EXACT = ConfigDict(extra="forbid", allow_inf_nan=False)
 _RESTORE = "It is written once and never changed: restore it from a copy, or start a new search."
 
@@ -106,8 +107,15 @@ class Batch:
 class History:
     """The stored batches of a search."""
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: Layout, keep: Keep = write_atomically) -> None:
+        """Read what is stored.
+
+        Args:
+            layout: of the campaign.
+            keep: writes a file, with its content.
+        """
         self._layout = layout
+        self._keep = keep
         self._folder = layout.root / FOLDER
         self.batches: list[Batch] = list(self._read())
 
@@ -175,7 +183,7 @@ class History:
 
     def _write(self, number: int, part: str, data: Any) -> None:
         make_folder(self._folder)
-        write_atomically(self._path(number, part), json.dumps(data, indent=1) + "\n")
+        self._keep(self._path(number, part), json.dumps(data, indent=1) + "\n")
 
     def _read(self) -> Iterator[Batch]:
         for number in count():

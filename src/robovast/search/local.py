@@ -8,9 +8,8 @@ from datetime import datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from robovast.analysis.postprocessing.events import CampaignSummary, Failure
-from robovast.analysis.postprocessing.session import call_commands
 from robovast.base.atomic import sync_folder, sync_tree
+from robovast.base.stopwatch import Stopwatch
 from robovast.campaign.configurations import read_configurations
 from robovast.campaign.layout import Layout
 from robovast.execution.generate import write_configurations, write_execution
@@ -32,8 +31,9 @@ from robovast.execution.local.variants import campaign_seed, choose_variants
 from robovast.model.document import Document, load_document
 from robovast.model.expansion import Composition
 from robovast.search.history import History
-from robovast.search.plugins import make_extractor, search_of
-from robovast.search.proposing import first_batch
+from robovast.search.plugins import make_extractor
+from robovast.search.processing import call_postprocessing
+from robovast.search.proposing import first_batch, with_runs
 from robovast.search.rounds import Rounds, Stop
 from robovast.search.store import write_search_store
 from robovast.search.types import SearchReport
@@ -68,7 +68,7 @@ def resume(campaign: Path, options: LocalOptions, observer: Observer) -> Summary
     document = load_document(layout.config / str(read_configurations(layout).get("vast")))
     if document.vast.search is None:
         return resume_campaign(campaign, options, observer)
-    document = _with_runs(document, options.runs or planned_runs(layout))
+    document = with_runs(document, options.runs or planned_runs(layout))
     runtime = choose_runtime(document, options, observer.message)
     session = Session(document, layout, options, runtime, runtime.check())
     return _search(session, observer)
@@ -86,7 +86,7 @@ def run_search(
     """
     options = _without_ignored(options, observer.message)
     if options.runs is not None:
-        document = _with_runs(document, options.runs)
+        document = with_runs(document, options.runs)
     make_extractor(document)
     with TemporaryDirectory(prefix="robovast-") as scratch:
         first_batch(document, Path(scratch), observer.message)
@@ -111,13 +111,6 @@ def run_search(
     return _search(Session(document, layout, options, runtime, identity), observer)
 
 
-def _with_runs(document: Document, runs: int) -> Document:
-    """The document with another number of runs of each set."""
-    execution = document.vast.execution.model_copy(update={"runs": runs})
-    vast = document.vast.model_copy(update={"execution": execution})
-    return replace(document, vast=vast)
-
-
 def _without_ignored(options: LocalOptions, tell: Callable[[str], None]) -> LocalOptions:
     """The options without those that have no meaning in a search; says so."""
     ignored = {"--config": options.select, "--abort-on-failure": options.abort_on_failure}
@@ -134,6 +127,7 @@ def _search(session: Session, observer: Observer) -> SearchSummary:
         TemporaryDirectory(prefix="robovast-") as scratch,
     ):
         history = History(layout)
+        watch = Stopwatch(late=history.elapsed)
         campaign = GrowingCampaign(session, told, recorded_seed(layout))
         campaign.open(history.blocks)
 
@@ -148,9 +142,10 @@ def _search(session: Session, observer: Observer) -> SearchSummary:
             campaign=campaign,
             history=history,
             extractor=make_extractor(document),
-            process=lambda: _process(session, told),
+            process=lambda: call_postprocessing(document, layout.root, told.message),
             finished=finished,
             expand=expand,
+            elapsed=lambda: watch.seconds,
         )
         stop = rounds.run()
         report = rounds.report()
@@ -165,42 +160,3 @@ def _search(session: Session, observer: Observer) -> SearchSummary:
         report=report,
         scored=not scores or any(not score.error for score in scores),
     )
-
-
-def _process(session: Session, observer: Observer) -> None:
-    """Call the search's postprocessing for all runs that are new."""
-    search = search_of(session.document)
-    tables = make_extractor(session.document).TABLES
-    if search.postprocessing or tables:
-        call_commands(
-            session.layout.root,
-            session.document.path,
-            search.postprocessing,
-            _Failures(observer),
-            tables=tables,
-        )
-
-
-@dataclass(frozen=True)
-class _Failures:
-    """Passes failures and messages of postprocessing on."""
-
-    observer: Observer
-
-    def campaign_started(self, campaign: Path, runs: int) -> None:
-        pass
-
-    def step_started(self, title: str, total: int) -> None:
-        pass
-
-    def step_advanced(self) -> None:
-        pass
-
-    def failed(self, failure: Failure) -> None:
-        self.observer.message(f"postprocessing: {failure}")
-
-    def message(self, text: str) -> None:
-        self.observer.message(text)
-
-    def campaign_finished(self, summary: CampaignSummary) -> None:
-        pass

@@ -11,8 +11,8 @@ from robovast.base.errors import InputError
 from robovast.base.plugins import plugin_errors, raised
 from robovast.model.document import Document
 from robovast.model.document.search.space import holds, set_id
-from robovast.model.document.search.template import entry_of
 from robovast.model.expansion import Composition, compose
+from robovast.model.expansion.sets import with_sets
 from robovast.search.plugins import make_strategy, search_of
 from robovast.search.strategy import SearchStrategy
 from robovast.search.types import ParamSet
@@ -66,12 +66,16 @@ def _error(document: Document, message: str) -> InputError:
     return InputError(f"{document.path}: the strategy `{search_of(document).strategy}` {message}.")
 
 
+def with_runs(document: Document, runs: int) -> Document:
+    """The document with another number of runs of each set."""
+    execution = document.vast.execution.model_copy(update={"runs": runs})
+    vast = document.vast.model_copy(update={"execution": execution})
+    return dataclasses.replace(document, vast=vast)
+
+
 def with_entries(document: Document, sets: Iterable[ParamSet]) -> Document:
     """The document with the configurations of parameter sets in place of its search."""
-    search = search_of(document)
-    entries = [entry_of(search, params.values) for params in sets]
-    update = {"configuration": entries, "search": None}
-    return dataclasses.replace(document, vast=document.vast.model_copy(update=update))
+    return with_sets(document, search_of(document), (params.values for params in sets))
 
 
 def expand_sets(

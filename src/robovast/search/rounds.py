@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from numbers import Real
-from typing import Any
+from typing import Protocol
 
 from robovast.base.errors import InputError
 from robovast.base.plugins import plugin_errors, raised
 from robovast.base.version import __version__
-from robovast.execution.local.growing import GrowingCampaign
+from robovast.campaign.layout import Layout
 from robovast.model.document import Document
 from robovast.model.document.search.criteria import Criterion, Progress, criteria
+from robovast.model.expansion import Composition, Variant
 from robovast.model.packs import Block
 from robovast.search.extractor import Extractor
 from robovast.search.history import Batch, History, Outcome, Proposal
@@ -31,6 +32,48 @@ from robovast.search.types import Evaluation, ParamSet, SearchReport
 
 NOTHING_NEW = 3
 """Batches in a row without a new run after which nothing is left to try."""
+
+
+class Observer(Protocol):
+    """Receives what there is to say."""
+
+    def message(self, text: str) -> None:
+        """Say it."""
+
+
+class Campaign(Protocol):
+    """A campaign whose variants and runs are added while it is executed."""
+
+    @property
+    def variants(self) -> Sequence[Variant]:
+        """Those that were made, in order."""
+
+    @property
+    def layout(self) -> Layout:
+        """Its folder."""
+
+    @property
+    def observer(self) -> Observer:
+        """Is told what there is to say."""
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether runs are left that are not executed now."""
+
+    def index(self, name: str) -> int | None:
+        """Position of a variant; None if it is unknown."""
+
+    def runs_of(self, name: str) -> int:
+        """Number of planned runs of a variant."""
+
+    def add_variants(self, document: Document, composition: Composition) -> None:
+        """Write the inputs of further variants; those that are known must not be among them."""
+
+    def plan(self, blocks: Sequence[Block]) -> None:
+        """Append blocks to the plan."""
+
+    def execute(self, blocks: Sequence[Block]) -> None:
+        """Execute the runs of blocks of the plan that are not finished."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +90,7 @@ class Rounds:
     """One search, as far as it was executed."""
 
     document: Document
-    campaign: GrowingCampaign
+    campaign: Campaign
     history: History
     extractor: Extractor
     process: Callable[[], None]
@@ -55,18 +98,19 @@ class Rounds:
     finished: Callable[[Stop | None], None]
     """Is called at each batch's end."""
     expand: Expand
+    elapsed: Callable[[], float]
+    """For how long the search has been under way [s]."""
     strategy: SearchStrategy = field(init=False)
     best: list[float | None] = field(default_factory=list)
     """The best value of the first objective after each batch."""
 
     def __post_init__(self) -> None:
         self.strategy = make_strategy(self.document)
-        self._began = time.monotonic() - self.history.elapsed
         for batch in self.history.finished:
             self._replay(batch)
 
     def run(self) -> Stop | None:
-        """Execute batches until the search ends; return why, or None if the user interrupted."""
+        """Execute batches until the search ends; return why, or None if runs are left."""
         while (stop := self.stop()) is None:
             if not self._batch():
                 return None
@@ -119,7 +163,7 @@ class Rounds:
             return bool(self.strategy.is_done())
 
     def _batch(self) -> bool:
-        """Execute a batch, perhaps its rest; return False if the user interrupted."""
+        """Execute a batch, perhaps its rest; return False if runs are left."""
         batch = self._open_batch()
         self.campaign.execute(batch.blocks)
         if not self.campaign.interrupted:
@@ -221,8 +265,8 @@ class Rounds:
         )
 
     @property
-    def _layout(self) -> Any:
-        return self.campaign.session.layout
+    def _layout(self) -> Layout:
+        return self.campaign.layout
 
     def _score(self, batch: Batch) -> None:
         """Score a batch, tell the strategy, store the end of the batch."""
@@ -243,18 +287,23 @@ class Rounds:
         batch.outcome = provisional
         self._tell(batch)
         metrics = {k: float(v) for k, v in self.report().extra.items() if _is_number(v)}
-        elapsed = time.monotonic() - self._began
-        self.history.finish(batch, Outcome(scores, round(elapsed, 3), time.time(), metrics))
+        elapsed = round(self.elapsed(), 3)
+        self.history.finish(batch, Outcome(scores, elapsed, time.time(), metrics))
         self.finished(None)
         self.campaign.observer.message(self.line())
 
     def line(self) -> str:
         """`batch 3: batches 3/50 | failure_rate 0.97/0.9 | best failure_rate 0.97`."""
         parts = [str(criterion) for criterion in self.criteria()]
+        best = [f"best {self.best_value}"] if self.best_value else []
+        return f"batch {len(self.history.finished)}: {' | '.join([*parts, *best])}"
+
+    @property
+    def best_value(self) -> str:
+        """`failure_rate 0.97`; empty as long as no set has a score."""
+        best = self.best[-1] if self.best else None
         name = search_of(self.document).objectives[0].name
-        if self.best and self.best[-1] is not None:
-            parts.append(f"best {name} {self.best[-1]:.6g}")
-        return f"batch {len(self.history.finished)}: {' | '.join(parts)}"
+        return "" if best is None else f"{name} {best:.6g}"
 
     def _replay(self, batch: Batch) -> None:
         evaluations = self.history.evaluations(batch)

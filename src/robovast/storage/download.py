@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from threading import Event, Lock
 from typing import Protocol, TypeVar
@@ -129,6 +130,7 @@ def download_campaign(
     *,
     force: bool = False,
     run: str | None = None,
+    below: Sequence[str] = ("",),
 ) -> DownloadResult:
     """Download the stored part of a campaign to its folder.
 
@@ -142,6 +144,7 @@ def download_campaign(
         observer: receives progress events.
         force: download everything, including existing files.
         run: download only this run, `<variant>/<number>`, and what a replay needs beside it.
+        below: download only what is below one of these prefixes.
 
     Raises:
         OtherOwnerError: the folder belongs to another campaign.
@@ -151,9 +154,8 @@ def download_campaign(
     refusal = f"{campaign}: another download is writing to it. Wait until it ends."
     with _explained(campaign), exclusive_folder(campaign / STAGE, refusal):
         occupy(campaign, owner_of(store, bucket))
-        objects = (
-            item for item in store.objects(bucket) if run is None or _is_needed(item.key, run)
-        )
+        found = chain.from_iterable(store.objects(bucket, prefix) for prefix in below)
+        objects = (item for item in found if run is None or _is_needed(item.key, run))
         plan = plan_download(objects, campaign, force=force)
         done = _Fetching(store, bucket, campaign, observer).fetch(plan)
     return DownloadResult(

@@ -8,9 +8,11 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from robovast.base.ranges import count, format_ranges, merge, parse_ranges, spans, truncate
+from robovast.kubeapi.pod_contract.messages import Proposed
 from robovast.kubeapi.status import CampaignStatus, Runs
 from robovast.model.repetition import GroupSizes, list_name, list_text, parse_list, retry_groups
 from robovast_operator.decide import (
+    AppendRuns,
     CreateShard,
     CreateTask,
     Decision,
@@ -23,6 +25,7 @@ from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time
 from robovast_operator.planning.accept import accept
 from robovast_operator.planning.campaign import Accepted, Revision
+from robovast_operator.planning.proposals import first_plan
 from robovast_operator.planning.revisions import next_revision
 from robovast_operator.planning.shards import ShardPlan
 from robovast_operator.pods.findings import Final, PodFindings
@@ -68,9 +71,20 @@ def campaign(**spec: Any) -> dict[str, Any]:
     }
 
 
-def accepted(**spec: Any) -> Accepted:
-    """The campaign, accepted."""
+SEARCH = {
+    "strategy": "random",
+    "search_space": {"speed": {"type": "float", "low": 0, "high": 1}},
+    "objectives": [{"name": "failure_rate"}],
+    "budget": [{"batches": 3}],
+}
+
+
+def accepted(search: dict[str, Any] | None = None, **spec: Any) -> Accepted:
+    """The campaign, accepted; perhaps with a search in place of its entry."""
     obj = campaign(**spec)
+    if search is not None:
+        del obj["spec"]["vast"]["configuration"]
+        obj["spec"]["vast"]["search"] = search
     files = {"scenario.osc": SCENARIO.encode()}
     made = accept(obj, files, SETTINGS)
     assert isinstance(made, Accepted), made
@@ -154,7 +168,18 @@ class World:
         self.taken: frozenset[str] = frozenset()
         """Names of Jobs that others have taken."""
         self.now = datetime(2026, 11, 21, 8, tzinfo=UTC)
-        self.plan_more()
+        self.variant_limit = SETTINGS.variant_limit
+        self.batches: list[Proposed] = []
+        """What the propose Jobs of a search say, the first one's words first."""
+        if not campaign.is_search:
+            self.plan_more()
+
+    def begin(self, *batches: Proposed) -> None:
+        """Take what a search will propose, of which the first is planned."""
+        self.batches = list(batches)
+        first = first_plan(self.accepted, batches[0], "plan-0", 1000, "")
+        assert isinstance(first, Revision), first
+        self.revisions.append(first)
 
     def plan_more(self) -> None:
         """Fix what is asked for in a plan."""
@@ -193,6 +218,7 @@ class World:
             revisions=self.revisions,
             jobs={name: replace(job.state(), ended=job.ended) for name, job in self.jobs.items()},
             now=self.now,
+            variant_limit=self.variant_limit,
             withdrawn=self.withdrawn,
             taken=self.taken,
             pods=PodFindings(
@@ -201,6 +227,11 @@ class World:
                     name: self._final()
                     for name, job in self.jobs.items()
                     if job.role == "finish" and job.over and name not in self.mute
+                },
+                proposals={
+                    name: self.batches[int(name.partition("-propose-")[2].partition("-")[0])]
+                    for name, job in self.jobs.items()
+                    if job.role == "propose" and job.over and name not in self.mute
                 },
             ),
         )
@@ -312,6 +343,9 @@ class World:
                 self._create(FakeJob(shard.job, "shard", shard.size, shard.parallelism, shard))
             case CreateTask(command, name, _):
                 self._create(FakeJob(name, command, 1, 1))
+            case AppendRuns(plan):
+                if plan.number == len(self.revisions):  # as for Jobs
+                    self.revisions.append(plan)
             case SuspendJob(job, suspend):
                 self.jobs[job].suspended = suspend
             case ResizeJob(job, parallelism):

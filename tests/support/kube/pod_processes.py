@@ -71,8 +71,10 @@ class Campaign:
         self.bucket = self.given.pop("bucket", bucket_name(self.name, uid=uid))
         document = load_document(self.vast)
         select = self.given.get("select", ())
+        searches = document.vast.search is not None
         with TemporaryDirectory() as scratch:
-            variants = select_any(compose(document, Path(scratch)).variants, select)
+            made = () if searches else compose(document, Path(scratch)).variants
+            variants = select_any(made, select) if made else []
             cuts = format_breaks(breaks(variants))
         names = dict.fromkeys(variant.entry for variant in variants)
         entries = tuple(
@@ -89,7 +91,9 @@ class Campaign:
             runs=runs,
             image="registry/image:tag",
             entries=entries,
-            plan=PlanSpec(
+            plan=None
+            if searches
+            else PlanSpec(
                 blocks=first_blocks(entries, runs),
                 runs_per_job=document.vast.execution.runs_per_job,
                 breaks=cuts,

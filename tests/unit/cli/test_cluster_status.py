@@ -137,3 +137,33 @@ def test_of_campaigns_of_one_second_one_must_be_named() -> None:
     with pytest.raises(InputError, match="name one of one, two"):
         find_campaign(twins, "drive-2026-01-01-000000", "ns")
     assert find_campaign(twins, "one", "ns").name == "one"
+
+
+@pytest.mark.parametrize(
+    ("state", "passed", "code"),
+    [
+        ("Finished", "True", ExitCode.OK),
+        ("Finished", "False", ExitCode.RUN_ERRORED),
+        ("Failed", "False", ExitCode.RUN_ERRORED),
+    ],
+)
+def test_failed_runs_are_what_a_search_looks_for(state: str, passed: str, code: ExitCode) -> None:
+    found = {
+        "batch": 3,
+        "criteria": "batches 3/3",
+        "best": "failure_rate 0.75",
+        "stop": "batches",
+        "stopReason": "batches: batches 3/3",
+    }
+    runs = {"passed": 3, "failed": 7, "stored": 10}
+    conditions = [condition("Passed", passed, "")]
+    made = campaign(state=state, runs=runs, search=found, failing=["c1/0"], conditions=conditions)
+    assert made.exit_code is code
+    assert list(made.summary()) == [
+        "The search ended: batches: batches 3/3.",
+        "Best: failure_rate 0.75",
+        "10 of 10 done: 3 passed, 7 failed; batches 3/3 | best failure_rate 0.75.",
+    ]
+    assert "drive-x: batches 3/3 | best failure_rate 0.75" in table([made])
+    assert "batches 3/3 | best failure_rate 0.75" in line(made)
+    assert campaign(search=found, startTime="2026-01-01T00:00:00Z").left(datetime.now(UTC)) is None

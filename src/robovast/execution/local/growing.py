@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from robovast.campaign.configurations import read_variants
+from robovast.campaign.layout import Layout
 from robovast.campaign.run_record import RunRecord
 from robovast.execution.generate import write_configurations
 from robovast.execution.local.campaign import execute_runs, how, stored_runs, write_job_links
@@ -13,21 +14,20 @@ from robovast.execution.local.events import Observer
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained
 from robovast.model.document import Document
-from robovast.model.expansion import Composition, Variant
+from robovast.model.expansion import Composition
+from robovast.model.growing import GrowingPlan
 from robovast.model.packs import Block, PlanSpec, format_breaks
 from robovast.model.plan import Run, block_runs, breaks
 
 
 @dataclass
-class GrowingCampaign:
+class GrowingCampaign(GrowingPlan):
     """A campaign under way, within `executing`."""
 
     session: Session
     observer: Observer
     seed: int | None
     """The campaign's."""
-    variants: list[Variant] = field(default_factory=list)
-    blocks: list[Block] = field(default_factory=list)
     records: dict[int, RunRecord] = field(default_factory=dict)
     """Records of finished runs, by id."""
     interrupted: bool = False
@@ -44,23 +44,9 @@ class GrowingCampaign:
             self._announce()
 
     @property
-    def total(self) -> int:
-        """Number of planned runs."""
-        return sum(block.size for block in self.blocks)
-
-    def index(self, name: str) -> int | None:
-        """Position of a variant; None if it is unknown."""
-        return next((i for i, variant in enumerate(self.variants) if variant.name == name), None)
-
-    def runs_of(self, name: str) -> int:
-        """Number of planned runs of a variant."""
-        index = self.index(name)
-        return sum(
-            block.runs
-            for block in self.blocks
-            if index is not None
-            and block.first_variant <= index < block.first_variant + block.variants
-        )
+    def layout(self) -> Layout:
+        """The campaign's folder."""
+        return self.session.layout
 
     def add_variants(self, document: Document, composition: Composition) -> None:
         """Write the inputs of further variants; those that are known must not be among them."""

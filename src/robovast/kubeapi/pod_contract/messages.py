@@ -16,6 +16,7 @@ from pydantic.alias_generators import to_camel
 
 from robovast.base.ranges import format_ranges, spans, truncate
 from robovast.campaign.verdict import Verdict
+from robovast.model.document.model import SETS_LIMIT
 
 LIMIT = 4096
 """Longest message that Kubernetes keeps [byte]."""
@@ -25,6 +26,12 @@ SUMMARY_LIMIT = 1500
 """Longest text of one kind of runs in `Summary` [byte]."""
 ERROR_LIMIT = 1500
 """[byte]"""
+BLOCKS_LIMIT = 100
+"""Most blocks in `Proposed`."""
+BREAKS_LIMIT = 400
+"""[characters]"""
+TEXT_LIMIT = 250
+"""Longest text of a kind in `Proposed` [characters]."""
 
 Count = Annotated[int, Field(ge=0, lt=2**31)]
 
@@ -99,6 +106,33 @@ class Composed(Message):
     """The cause of a failure; the other fields are invalid then."""
 
 
+class Proposed(Message):
+    """Message of `propose`: how far a search is, and the runs that it wants next.
+
+    It fits into Kubernetes' limit, whatever its fields hold.
+    """
+
+    blocks: tuple[tuple[Count, Count, Count, Count], ...] = Field(max_length=BLOCKS_LIMIT)
+    """The next blocks of the plan: first variant, variants, first run, runs of each."""
+    variants: Annotated[int, Field(ge=0, le=SETS_LIMIT)] = 0
+    """How many variants are new."""
+    breaks: Annotated[str, Field(max_length=BREAKS_LIMIT)] = ""
+    """Which of these cannot share a pack with the one before, from 0, as ranges."""
+    digest: Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")] = ""
+    """`CampaignPlan.composed`: all variants, with the new ones."""
+    batch: Count = 0
+    """How many batches are scored."""
+    evaluated: Count = 0
+    """How many sets have a score."""
+    best: Annotated[str, Field(max_length=TEXT_LIMIT)] = ""
+    criteria: Annotated[str, Field(max_length=TEXT_LIMIT)] = ""
+    stop: Annotated[str, Field(max_length=TEXT_LIMIT)] = ""
+    """Why the search has ended, in one word; empty while it has not."""
+    stop_reason: Annotated[str, Field(max_length=TEXT_LIMIT)] = ""
+    error: str | None = None
+    """The cause of a failure; the other fields are invalid then."""
+
+
 class Repeat(BaseModel):
     """The list of all bad runs, for repeating them."""
 
@@ -168,7 +202,7 @@ def write_error(path: Path, error: str, *, as_json: bool) -> None:
     if not path.exists():
         return
     said = path.read_text(encoding="utf-8")
-    text = _shortened(error, ERROR_LIMIT)
+    text = shortened(error, ERROR_LIMIT)
     _rewrite(path, json.dumps({**json.loads(said or "{}"), "error": text}) if as_json else text)
 
 
@@ -187,7 +221,7 @@ def error_in(said: str) -> str:
         return said.strip()
 
 
-def _shortened(text: str, limit: int) -> str:
+def shortened(text: str, limit: int) -> str:
     """Shorten a text to a number of bytes in JSON."""
     while len(json.dumps(text)) > limit:
         text = text[: len(text) * 3 // 4] + "…"

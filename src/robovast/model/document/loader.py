@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 from robovast.base.errors import DocumentError, Problem
 from robovast.model.document.checks import Parts, check_parts, warnings_of
 from robovast.model.document.ignored import without_ignored
-from robovast.model.document.model import ConfigurationEntry, Execution, Vast
+from robovast.model.document.model import ConfigurationEntry, Execution, Search, Vast
 from robovast.model.document.problems import problems_of
 from robovast.model.document.search.checks import check_search, search_warnings
 from robovast.model.document.source import KeyPath, Source
@@ -44,21 +44,22 @@ class Document:
         return self.folder / self.vast.scenario_file
 
 
-def load_document(path: Path) -> Document:
+def load_document(path: Path, *, search: bool = True) -> Document:
     """Read and check a .vast file and the files that it names.
 
     Args:
         path: the file, relative to the working directory or absolute.
+        search: also load the plugins of its search; False where nothing is proposed.
 
     Raises:
         InputError: the file cannot be read.
         DocumentError: all problems of its content, with line and column.
     """
-    return check_source(Source.read(path))
+    return check_source(Source.read(path), search=search)
 
 
-def check_source(source: Source) -> Document:
-    """Check a document's text, which may not be written to a file yet.
+def check_source(source: Source, *, search: bool = True) -> Document:
+    """Check a document's text, which may not be written to a file yet; see `load_document`.
 
     Raises:
         DocumentError: all its problems.
@@ -71,7 +72,7 @@ def check_source(source: Source) -> Document:
     data, warnings = without_ignored(source)
     vast, problems = _validate(Vast, data, source, ())
     path = source.file.absolute()
-    parts = _valid_parts(vast, source, path)
+    parts = _valid_parts(source, path, vast.search if vast and search else None)
     problems += [*check_parts(parts), *check_search(parts)]
     if vast is None or problems:
         raise DocumentError(problems)
@@ -87,7 +88,7 @@ def _validate(
         return None, problems_of(error, source, model, base)
 
 
-def _valid_parts(vast: Vast | None, source: Source, path: Path) -> Parts:
+def _valid_parts(source: Source, path: Path, search: Search | None) -> Parts:
     """The parts that can be checked further although other parts of the document are wrong."""
     entries = source.data.get("configuration")
     valid = {}
@@ -96,7 +97,7 @@ def _valid_parts(vast: Vast | None, source: Source, path: Path) -> Parts:
         if model is not None:
             valid[index] = model
     execution = _salvage(Execution, source.data.get("execution") or {}, {})
-    return Parts(path.parent, source, valid, execution, vast.search if vast else None)
+    return Parts(path.parent, source, valid, execution, search)
 
 
 def _salvage(model: type[ModelT], data: Any, required: dict[str, Any]) -> ModelT | None:

@@ -616,6 +616,10 @@ class StoppingItem(_Criterion):
     """A number in the strategy's report: `{name, op, value}`."""
 
 
+SETS_LIMIT = 10_000
+"""Most parameter sets of a batch."""
+
+
 class Search(Section):
     """Closed-loop search in place of a fixed list of configurations."""
 
@@ -629,7 +633,7 @@ class Search(Section):
     """The scoring step; the rate of failed runs when omitted."""
     objectives: Annotated[list[SearchObjective], Field(min_length=1)]
     """What to optimize."""
-    per_batch: Annotated[int, Field(ge=1, le=10_000)] = 1
+    per_batch: Annotated[int, Field(ge=1, le=SETS_LIMIT)] = 1
     """Parameter sets proposed for each batch."""
     budget: list[BudgetItem] = Field(default_factory=list)
     """Limits of what the search may spend; the first that is reached ends it."""

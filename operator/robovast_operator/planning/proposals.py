@@ -1,0 +1,130 @@
+"""What the propose Jobs of a search say, and the plans that follow from it. Pure functions.
+
+Users' plugins may have influenced every word.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import accumulate
+
+from robovast.base.ranges import clip, format_ranges, merge, parse_ranges, shift
+from robovast.kubeapi.pod_contract.messages import Proposed
+from robovast.kubeapi.status import SearchStatus
+from robovast.model.packs import RUNS_LIMIT, Block, Entry, PlanSpec
+from robovast_operator.planning.campaign import Accepted, Rejected, Revision
+
+ENTRY = "search"
+"""Name of the only entry of a search's plan; its variants are those that were proposed."""
+
+
+def grown(
+    accepted: Accepted, revisions: Sequence[Revision], said: Proposed, name: str, limit: int
+) -> Revision:
+    """The plan with the runs that a propose Job asks for.
+
+    Args:
+        accepted: the campaign.
+        revisions: the plans so far, oldest first.
+        said: message of the Job's pod.
+        name: of the new plan's ConfigMap.
+        limit: most variants of a document.
+
+    Raises:
+        ValueError: it asks for something that makes no plan.
+    """
+    newest = revisions[-1] if revisions else None
+    known = newest.entries[0].variants if newest else 0
+    before = newest.plan.blocks if newest else ()
+    variants = known + said.variants
+    if not said.digest:
+        raise ValueError("it names no list of variants")
+    if variants > limit:
+        raise ValueError(f"{variants:,} configurations are more than {limit:,}")
+    keys = ("first_variant", "variants", "first_run", "runs")
+    more = [Block(**dict(zip(keys, given, strict=True))) for given in said.blocks]
+    _check_order(before, more, variants)
+    plan = PlanSpec(
+        blocks=(*before, *more),
+        runs_per_job=accepted.vast.execution.runs_per_job,
+        breaks=_breaks(newest.plan.breaks if newest else "", known, said),
+    )
+    text = newest.document if newest else accepted.document_text
+    entries = (Entry(name=ENTRY, variants=variants),)
+    return Revision(len(revisions), name, plan, entries, {}, text, said.digest)
+
+
+def first_plan(
+    accepted: Accepted, said: Proposed | str | None, name: str, limit: int, reason: str
+) -> Revision | Rejected:
+    """The first plan of a search, or why there is none.
+
+    Args:
+        accepted: the campaign.
+        said: message of the first propose Job's pod.
+        name: of the plan's ConfigMap.
+        limit: most variants of a document.
+        reason: why the Job failed, in one word.
+    """
+    if not isinstance(said, Proposed):
+        return Rejected(reason, said or "the propose Job left no word; see its log")
+    if said.stop:
+        return Rejected("NothingProposed", f"the search ends before any run: {said.stop_reason}")
+    try:
+        return grown(accepted, (), said, name, limit)
+    except ValueError as error:
+        return Rejected("InvalidPlan", no_plan(error))
+
+
+def no_plan(why: object) -> str:
+    """The message about a propose Job whose words make no plan."""
+    return f"what the propose Job asks for makes no plan: {why}"
+
+
+def _check_order(before: Sequence[Block], more: Sequence[Block], variants: int) -> None:
+    """Check that each run is planned once, and that the runs of a variant are numbered from 0.
+
+    Raises:
+        ValueError: they are not, or there are too many.
+    """
+    if not more:
+        raise ValueError("it asks for no runs, and has not ended")
+    if sum(block.size for block in (*before, *more)) > RUNS_LIMIT:
+        raise ValueError(f"the campaign would have more than {RUNS_LIMIT:,} runs")
+    planned: list[Block] = list(before)
+    for block in more:
+        last = block.first_variant + block.variants
+        if last > variants:
+            raise ValueError(f"it asks for runs of configuration {last - 1} of {variants}")
+        if any(runs != block.first_run for runs in _planned(planned, block)):
+            raise ValueError(f"its runs {block.first_run}-… are not those that come next")
+        planned.append(block)
+
+
+def _planned(blocks: Sequence[Block], wanted: Block) -> set[int]:
+    """How many runs the variants of a block have already."""
+    first, size = wanted.first_variant, wanted.variants
+    changes = [0] * (size + 1)
+    for block in blocks:
+        begin = max(block.first_variant - first, 0)
+        end = min(block.first_variant + block.variants - first, size)
+        if begin < end:
+            changes[begin] += block.runs
+            changes[end] -= block.runs
+    return set(list(accumulate(changes))[:-1])
+
+
+def _breaks(before: str, known: int, said: Proposed) -> str:
+    """The breaks of a plan with further variants, which stand in none of the former packs.
+
+    Raises:
+        ValueError: they are none.
+    """
+    new = clip(merge(parse_ranges(said.breaks)), 0 if known else 1, said.variants - 1)
+    return format_ranges([*parse_ranges(before), *shift(new, known)])
+
+
+def search_status(said: Proposed) -> SearchStatus:
+    """How far a search is, as its last propose Job says."""
+    names = SearchStatus.model_fields.keys()
+    return SearchStatus(**{name: getattr(said, name) for name in names})
