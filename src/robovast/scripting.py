@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from robovast.base.errors import InputError
 from robovast.campaign.configurations import read_variants
+from robovast.campaign.decisions import told
 from robovast.campaign.finding import find_campaigns
 from robovast.campaign.layout import Layout
 from robovast.campaign.run_record import RunRecord, read_run_record, result_without_record
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from robovast.analysis.postprocessing.events import Options as PostprocessingOptions
     from robovast.analysis.tables.query import Answer
     from robovast.execution.local import LocalOptions
+    from robovast.execution.local.pack_queue import Decided
     from robovast.model.document import Document
     from robovast.model.expansion import Variant
     from robovast.model.plan import Run
@@ -158,6 +160,9 @@ class _RunLog:
 
     def run_finished(self, run: Run, record: RunRecord) -> None:
         _log.info("%s %s %s", run.path, record.verdict, record.reason)
+
+    def configuration_decided(self, decided: Decided) -> None:
+        _log.info("%s: %s", decided.variant, told(decided.decision))
 
     def message(self, text: str) -> None:
         _log.info(text)

@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from robovast.base.errors import ExitCode, InputError
+from robovast.campaign.decisions import summed_up
 from robovast.campaign.failure_groups import FailureGroup, failure_groups
 from robovast.campaign.layout import SYSTEM_LOG, Layout
 from robovast.campaign.run_record import RunRecord
@@ -119,7 +120,7 @@ def exit_code(summary: Summary) -> ExitCode:
         return ExitCode.RUN_ERRORED if gave_up or not summary.scored else ExitCode.OK
     if Verdict.FAILED in verdicts:
         return ExitCode.TEST_FAILED
-    if verdicts - {Verdict.PASSED} or len(summary.records) < summary.total:
+    if verdicts - {Verdict.PASSED} or summary.missing:
         return ExitCode.RUN_ERRORED
     return ExitCode.OK
 
@@ -131,9 +132,11 @@ def summary_lines(summary: Summary) -> Iterator[str]:
         yield from search_lines(summary)
     else:
         yield from _causes(summary)
+    if summary.decided:
+        yield f"{_decisions(summary)}."
     yield f"{_counts(summary)}."
     yield f"Results: {shown(summary.campaign)}"
-    if len(summary.records) < summary.total or summary.interrupted:
+    if summary.missing or summary.interrupted:
         yield f"Continue: vast exec local run --resume {shown(summary.campaign)}"
 
 
@@ -164,12 +167,21 @@ def _cause_line(summary: Summary, group: FailureGroup[RunRecord]) -> str:
 
 def _counts(summary: Summary) -> str:
     parts = _verdicts(summary.records)
-    left = summary.total - len(summary.records)
-    parts += [f"{left} not started"] if left else []
+    spared = sum(one.spared for one in summary.decided)
+    parts += [f"{spared} not needed"] if spared else []
+    parts += [f"{summary.missing} not started"] if summary.missing else []
     noun = "run" if summary.total == 1 else "runs"
     reused = sum(bool(record.reused_from) for record in summary.records)
     note = f"; reused {reused} of {summary.total}" if reused else ""
     return f"{summary.total} {noun}: {', '.join(parts) or 'none'}{note}"
+
+
+def _decisions(summary: Summary) -> str:
+    decisions = [one.decision for one in summary.decided]
+    needed = sum(decision.runs for decision in decisions)
+    ahead = len(summary.records) - needed
+    more = f" ({ahead} more are stored)" if ahead > 0 else ""
+    return f"{summed_up(decisions)}; {needed:,} of {summary.total:,} runs needed{more}"
 
 
 def _verdicts(records: Iterable[RunRecord]) -> list[str]:

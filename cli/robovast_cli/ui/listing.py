@@ -16,6 +16,7 @@ from robovast.base.printable import one_line, printable_json
 from robovast.base.serialization import dump_yaml
 from robovast.campaign.configurations import configuration_record
 from robovast.model.document import Document
+from robovast.model.document.model import Execution
 from robovast.model.expansion import Variant
 from robovast_cli.ui.expanding import expanded
 
@@ -170,12 +171,19 @@ def _narrower(widths: Sequence[int], room: int) -> list[int]:
     return [min(width, limit) for width in widths]
 
 
+def runs_of_each(execution: Execution) -> str:
+    """How often each configuration is run: `20`, or `3 to 50`."""
+    runs = execution.runs
+    return str(runs) if isinstance(runs, int) else f"{runs.min} to {runs.max}"
+
+
 def _count(document: Document, variants: Sequence[Variant]) -> str:
-    runs = document.vast.execution.runs
-    total = len(variants) * runs
-    each = "1 run" if runs == 1 else f"{runs} runs"
+    execution = document.vast.execution
+    total = len(variants) * execution.most_runs
+    each = "1 run" if execution.runs == 1 else f"{runs_of_each(execution)} runs"
+    most = "at most " if execution.test() is not None else ""
     noun = "configuration" if len(variants) == 1 else "configurations"
-    return f"{len(variants)} {noun}, {each} each: {total} in all"
+    return f"{len(variants)} {noun}, {each} each: {most}{total} in all"
 
 
 _FORMATS: Mapping[Format, Callable[[Sequence[Variant], bool], str]] = {

@@ -8,9 +8,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Self
 
+from robovast.campaign.decisions import told
 from robovast.campaign.failure_groups import cause_key
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
+from robovast.execution.local.pack_queue import Decided
 from robovast.model.plan import Run
 from robovast_cli.ui.live_view import LiveView, Standing, clock_time
 from robovast_cli.ui.output import say
@@ -126,6 +128,11 @@ class LocalView:
         known = len(self._causes)
         self._causes.add(cause_key(reason))
         return len(self._causes) > known
+
+    def configuration_decided(self, decided: Decided) -> None:
+        """Say what it is, and count the runs that are left no more."""
+        self.total -= decided.spared
+        self.message(f"{decided.variant}: {told(decided.decision)} runs")
 
     def message(self, text: str) -> None:
         """Leave a line."""

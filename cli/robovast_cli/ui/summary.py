@@ -8,11 +8,13 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from robovast.base.printable import printable_json
+from robovast.base.sequential import State
 from robovast.base.statistics import LEVEL, interval_text, percent
+from robovast.campaign.decisions import summed_up, told
 from robovast.campaign.failure_groups import FailureGroup
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.effects import Effect, Side
-from robovast.evaluation.rates import MOST_RUNS, CampaignRates, Rate, State, VariantRate
+from robovast.evaluation.rates import MOST_RUNS, CampaignRates, Rate, VariantRate
 from robovast_cli.ui.listing import WIDEST_CELL, format_table
 from robovast_cli.ui.output import say_data
 
@@ -123,7 +125,7 @@ def _row(variant: VariantRate) -> list[str]:
     rate = variant.rate
     return [
         variant.name,
-        variant.state,
+        variant.state if variant.decision is None else told(variant.decision),
         f"{rate.failed + rate.errored} of {rate.runs}",
         "–" if rate.rate is None else percent(rate.rate),
         interval_text(rate.interval),
@@ -133,6 +135,8 @@ def _row(variant: VariantRate) -> list[str]:
 
 
 def _more_runs(variant: VariantRate) -> str:
+    if variant.decision is not None:
+        return f"at least {variant.decision.further}" if variant.decision.further else ""
     if variant.state is not State.UNDECIDED:
         return ""
     return f"> {MOST_RUNS}" if variant.more_runs is None else str(variant.more_runs)
@@ -145,13 +149,35 @@ def _counts(rates: CampaignRates) -> str:
     reused = f"; reused {summary.reused} of {stored}" if summary.reused else ""
     lines = [
         f"{len(rates.configurations)} configurations: {_states(rates.configurations)} "
-        f"(limit {percent(rates.limit)} of the runs)",
+        f"({_measure(rates)})",
         f"{stored} of {summary.planned} runs stored: {verdicts}{reused}",
         _overall(rates.overall),
     ]
-    if rates.method == "anytime":
+    if summary.test is not None:
+        lines.insert(1, _needed(rates))
+    elif rates.method == "anytime":
         lines.append(_ANYTIME)
     return "\n".join(lines) + "\n"
+
+
+def _measure(rates: CampaignRates) -> str:
+    """What makes configurations sound or broken."""
+    test = rates.summary.test
+    if test is None:
+        return f"limit {percent(rates.limit)} of the runs"
+    return (
+        f"decided between {percent(test.good)} and {percent(test.bad)}, each wrong in at most "
+        f"{percent(test.error)} of all cases"
+    )
+
+
+def _needed(rates: CampaignRates) -> str:
+    """`70 sound after 18-41, 30 broken after 3; 1,740 of 5,000 runs needed`."""
+    test = rates.summary.test
+    decisions = [one.decision for one in rates.configurations if one.decision is not None]
+    most = len(decisions) * ((test and test.most) or 0)
+    needed = sum(decision.runs for decision in decisions)
+    return f"{summed_up(decisions)}; {needed:,} of {most:,} runs needed"
 
 
 def _overall(rate: Rate) -> str:

@@ -174,6 +174,11 @@ def _accepted(
     if vast.search is not None and spec.select:
         message = "a search has no configurations to select from: leave out spec.select"
         return Rejected("InvalidSpec", message)
+    if vast.execution.test() is not None:
+        return Rejected(
+            "InvalidDocument",
+            "`execution.runs` with `decide` cannot be executed on a cluster yet: give a number",
+        )
     if len(identity.name) > CAMPAIGN_NAME_LIMIT:
         return Rejected(
             "InvalidName", f"the Campaign's name is longer than {CAMPAIGN_NAME_LIMIT} characters"

@@ -49,7 +49,7 @@ class Accepted:
     @property
     def runs(self) -> int:
         """Runs of each variant."""
-        return self.spec.runs or self.vast.execution.runs
+        return self.spec.runs or self.vast.execution.most_runs
 
     @property
     def seed(self) -> int | None:

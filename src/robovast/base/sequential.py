@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
-from math import ceil, log
+from math import ceil, log, log1p
+
+_NEVER = 10**9
+"""Runs that nobody waits for."""
 
 
 class State(StrEnum):
@@ -89,7 +92,8 @@ class SequentialTest:
     def _least(self, outcome: bool, weight: float) -> int:
         """Runs of one outcome that it takes from a logarithm of the ratio on."""
         step = self._failure if outcome else self._success
-        return ceil((self._limit - (weight if outcome else -weight)) / step)
+        left = self._limit - (weight if outcome else -weight)
+        return ceil(min(left / step, _NEVER)) if step > 0 else _NEVER
 
     @property
     def _limit(self) -> float:
@@ -103,4 +107,4 @@ class SequentialTest:
     @property
     def _success(self) -> float:
         """What a success takes off."""
-        return log((1 - self.good) / (1 - self.bad))
+        return log1p(-self.good) - log1p(-self.bad)

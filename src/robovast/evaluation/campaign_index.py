@@ -14,12 +14,20 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
+from robovast.base.sequential import SequentialTest
+from robovast.campaign.decisions import recorded_test
 from robovast.campaign.layout import EXECUTION_RECORD
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.campaigns import active_jobs, is_own_folder
 from robovast.evaluation.inside import resolved
 from robovast.evaluation.stored_runs import read_variant, seconds
-from robovast.evaluation.summaries import ActiveJob, CampaignSummary, RunSummary, VariantRuns
+from robovast.evaluation.summaries import (
+    ActiveJob,
+    CampaignSummary,
+    RunSummary,
+    VariantRuns,
+    decision_of,
+)
 from robovast.evaluation.untrusted import read_yaml
 
 SETTLED = 2.0
@@ -76,7 +84,8 @@ class CampaignIndex:
     def summary(self) -> CampaignSummary:
         """Counts and times as of the last refresh."""
         runs = [run for variant in self.variants for run in variant.runs]
-        planned = max(len(self.variants) * _whole(self._execution.get("runs")), len(runs))
+        test = recorded_test(self._execution)
+        planned = max(self._planned(test), len(runs))
         counts = dict.fromkeys(Verdict, 0)
         for run in runs:
             counts[run.verdict] += 1
@@ -95,6 +104,17 @@ class CampaignIndex:
             duration=None if started is None or ended is None else max(0.0, ended - started),
             execution=self._execution,
             version=self.version,
+            test=test,
+        )
+
+    def _planned(self, test: SequentialTest | None) -> int:
+        """Runs that are planned; with a test, without those that are not needed."""
+        each = _whole(self._execution.get("runs"))
+        if test is None:
+            return len(self.variants) * each
+        return sum(
+            len(variant.runs) if decision_of(test, variant).is_over else each
+            for variant in self.variants
         )
 
     def _look(self, entry: os.DirEntry[str]) -> _Known | None:

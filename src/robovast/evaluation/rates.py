@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import cache
 from statistics import median
 from typing import Any
 
+from robovast.base.sequential import Decision, SequentialTest, State
 from robovast.base.statistics import Interval, anytime, least, wilson
 from robovast.campaign.verdict import Verdict
-from robovast.evaluation.summaries import CampaignSummary, RunSummary, VariantRuns
+from robovast.evaluation.summaries import CampaignSummary, RunSummary, VariantRuns, decision_of
 
 LIMIT = 0.1
 """Share of bad runs up to which a configuration counts as sound, unless users say otherwise."""
@@ -38,16 +38,6 @@ class Sample:
         return self.bad / self.runs if self.runs else 0.0
 
 
-class State(StrEnum):
-    """What the runs of a configuration show, beside a limit for the share of bad runs."""
-
-    BROKEN = "broken"
-    """The whole interval is above the limit."""
-    UNDECIDED = "undecided"
-    SOUND = "sound"
-    """The whole interval is below the limit."""
-
-
 @dataclass(frozen=True, slots=True)
 class Rate:
     """How often runs do not pass."""
@@ -69,12 +59,16 @@ class VariantRate:
     name: str
     parameters: Mapping[str, Any]
     state: State
+    """The decision's; without one `broken` when the whole interval is above the limit, and `sound`
+    when it is below."""
     rate: Rate
     more_runs: int | None
     """How many further runs decide it if they go as those before; None if it is decided, or if
     `MOST_RUNS` do not."""
     reason: str
     """The most frequent reason of its bad runs."""
+    decision: Decision | None
+    """What the campaign's test says, if it has one."""
 
 
 @dataclass(frozen=True)
@@ -104,11 +98,11 @@ def campaign_rates(
     Args:
         summary: the campaign.
         variants: its configurations with their runs.
-        limit: see `State`.
+        limit: share of bad runs up to which a configuration is sound, where no test decides.
     """
     interval_of = interval_for(summary)
     variants = list(variants)
-    rates = [_judge(variant, limit, interval_of) for variant in variants]
+    rates = [_judge(variant, limit, interval_of, summary.test) for variant in variants]
     return CampaignRates(
         summary=summary,
         limit=limit,
@@ -119,8 +113,12 @@ def campaign_rates(
 
 
 def interval_for(summary: CampaignSummary) -> IntervalOf:
-    """The interval that holds for a campaign: while runs are added, one looks more than once."""
-    return wilson if summary.state == "finished" else anytime
+    """The interval that holds for a campaign: while runs are added, one looks more than once.
+
+    A test looks after every run.
+    """
+    fixed = summary.state == "finished" and summary.test is None
+    return wilson if fixed else anytime
 
 
 def sample(*variants: VariantRuns) -> Sample:
@@ -145,17 +143,21 @@ def rate_of(variants: Iterable[VariantRuns], interval_of: IntervalOf) -> Rate:
     return Rate(runs, failed, errored, rate, interval_of(failed + errored, runs))
 
 
-def _judge(variant: VariantRuns, limit: float, interval_of: IntervalOf) -> VariantRate:
+def _judge(
+    variant: VariantRuns, limit: float, interval_of: IntervalOf, test: SequentialTest | None
+) -> VariantRate:
     rate = rate_of([variant], interval_of)
-    state = _state(rate.interval, limit)
+    decision = None if test is None else decision_of(test, variant)
+    more = _more_runs(rate.failed + rate.errored, rate.runs, limit, interval_of)
     bad = [run.reason for run in variant.runs if run.verdict in (Verdict.FAILED, Verdict.ERRORED)]
     return VariantRate(
         name=variant.name,
         parameters=variant.parameters,
-        state=state,
+        state=_state(rate.interval, limit) if decision is None else decision.state,
         rate=rate,
-        more_runs=_more_runs(rate.failed + rate.errored, rate.runs, limit, interval_of),
+        more_runs=more if decision is None else decision.further or None,
         reason=Counter(bad).most_common(1)[0][0] if bad else "",
+        decision=decision,
     )
 
 

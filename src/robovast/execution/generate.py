@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.atomic import appearing_file
+from robovast.base.sequential import SequentialTest
 from robovast.base.serialization import dump_yaml, to_plain
 from robovast.base.version import __version__
 from robovast.campaign.configurations import configuration_record
+from robovast.campaign.decisions import DECIDE, test_record
 from robovast.campaign.layout import SCENARIO_CONFIG, VARIANT_RECORD, Layout
 from robovast.execution.contract import contract_files
 from robovast.model.document import Document
@@ -78,6 +80,7 @@ def write_execution(
     kind: str,
     image: str,
     image_revision: str,
+    test: SequentialTest | None = None,
     replay_of: str | None = None,
 ) -> None:
     """Write `_execution/execution.yaml`: when, with what and how the campaign is executed."""
@@ -93,6 +96,8 @@ def write_execution(
         "cluster_info": None,
         "env": document.vast.execution.env,
     }
+    if test is not None:
+        record[DECIDE] = test_record(test)
     if replay_of is not None:
         record["replay_of"] = replay_of
     layout.execution_record.write_text(dump_yaml(record), encoding="utf-8")

@@ -100,7 +100,7 @@ def run_search(
             layout,
             document,
             started=started,
-            runs=document.vast.execution.runs,
+            runs=document.vast.execution.most_runs,
             kind="local",
             image=identity.image,
             image_revision=identity.digest,

@@ -216,7 +216,7 @@ class Rounds:
 
     def _blocks(self, sets: list[ParamSet], names: dict[str, str]) -> list[Block]:
         """The runs that sets need beyond those that are planned; equal sets are run once."""
-        usual = self.document.vast.execution.runs
+        usual = self.document.vast.execution.most_runs
         wanted: dict[str, int] = {}
         for params in sets:
             asked = params.n_reps or usual
@@ -241,7 +241,7 @@ class Rounds:
                     first_variant=self.campaign.index(config) or 0,
                     variants=1,
                     first_run=self.campaign.runs_of(config),
-                    runs=self.document.vast.execution.runs,
+                    runs=self.document.vast.execution.most_runs,
                 )
                 for config in dict.fromkeys(batch.proposal.configs)
                 if self._is_new(batch, config) and not samples(self._layout, config)

@@ -7,8 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from robovast.campaign.decisions import told
 from robovast.campaign.run_record import RunRecord
 from robovast.execution.local import LocalOptions, Summary, resume_campaign, run_campaign
+from robovast.execution.local.pack_queue import Decided
 from robovast.model.document import load_document
 from robovast.model.plan import Run
 
@@ -45,6 +47,7 @@ class Recorder:
         self.messages: list[str] = []
         self.finished: list[str] = []
         self.started: list[str] = []
+        self.decided: dict[str, str] = {}
         self.done_before = 0
         self._on_finished = on_finished
 
@@ -60,6 +63,9 @@ class Recorder:
         self.finished.append(run.path)
         if self._on_finished:
             self._on_finished(run)
+
+    def configuration_decided(self, decided: Decided) -> None:
+        self.decided[decided.variant] = told(decided.decision)
 
     def message(self, text: str) -> None:
         self.messages.append(text)

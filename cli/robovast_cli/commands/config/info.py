@@ -22,7 +22,7 @@ from robovast.model.quantities import LOCAL_CONTEXT, cpus, memory
 from robovast.model.scenario import read_scenario
 from robovast_cli.plugins import origin
 from robovast_cli.ui.expanding import expanded
-from robovast_cli.ui.listing import format_table
+from robovast_cli.ui.listing import format_table, runs_of_each
 from robovast_cli.ui.report import message_of, tell
 
 MOST_ERRORS = 20
@@ -124,7 +124,7 @@ def _facts(document: Document) -> Iterator[tuple[str, str]]:
     yield "campaign", vast.campaign_name
     yield "scenario", f"{read_scenario(document.scenario).name} ({vast.scenario_file})"
     yield "image", execution.image or "none: runs as plain processes"
-    yield "runs of each", str(execution.runs)
+    yield "runs of each", runs_of_each(execution)
     yield "runs in a job", str(execution.runs_per_job)
     yield "seed", "drawn at random" if execution.seed is None else str(execution.seed)
     yield "timeout", f"{execution.timeout} s a run" if execution.timeout else "none"
@@ -136,7 +136,7 @@ def _facts(document: Document) -> Iterator[tuple[str, str]]:
 
 def _entries(document: Document, variants: Sequence[Variant]) -> str:
     counts = Counter(variant.entry for variant in variants)
-    runs = document.vast.execution.runs
+    runs = document.vast.execution.most_runs
     entries = {entry.name: _made_of(entry) for entry in document.vast.configuration or []}
     rows = [
         [name, entries.get(name, "the scenario's defaults"), str(count), str(count * runs)]

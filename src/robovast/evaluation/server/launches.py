@@ -27,6 +27,7 @@ from robovast.evaluation.run import run_record
 from robovast.evaluation.server.answers import Data
 from robovast.evaluation.summaries import VariantRuns
 from robovast.evaluation.untrusted import mapping, parse_yaml, plain
+from robovast.model.document.model import RunsAsNeeded
 
 
 @dataclass(frozen=True)
@@ -141,12 +142,14 @@ class LaunchPages:
 
 
 def _runs(document: Path) -> int:
-    """Runs of each configuration according to a document, if it is valid."""
+    """Runs of each configuration according to a document, at most, if it is valid."""
     try:
         data = mapping(parse_yaml(document.read_bytes()))
     except OSError:
         return 1
     runs = mapping(data.get("execution")).get("runs")
+    if isinstance(runs, Mapping):
+        runs = runs.get("max", RunsAsNeeded.model_fields["max"].default)
     return runs if isinstance(runs, int) else 1
 
 

@@ -8,8 +8,9 @@ from datetime import datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from robovast.base.atomic import sync_folder, sync_tree
+from robovast.base.atomic import sync_folder, sync_tree, write_atomically
 from robovast.base.errors import InputError
+from robovast.base.serialization import dump_yaml
 from robovast.base.yaml_files import read_mapping
 from robovast.campaign.configurations import read_variants
 from robovast.campaign.layout import Layout
@@ -50,7 +51,8 @@ def run_campaign(
     """
     with TemporaryDirectory(prefix="robovast-") as scratch:
         composition = choose_variants(document, Path(scratch), options, observer.message)
-        runs = options.runs or document.vast.execution.runs
+        runs = options.runs or document.vast.execution.most_runs
+        test = document.vast.execution.test(runs)
         plan = plan_variants(composition.variants, runs, document.vast.execution.runs_per_job)
         runtime = choose_runtime(document, options, observer.message)
         identity = runtime.check()
@@ -67,12 +69,13 @@ def run_campaign(
                 kind="local",
                 image=identity.image,
                 image_revision=identity.digest,
+                test=test,
             )
             sync_tree(layout.root)
             sync_folder(output)
     variants = _stored_files(layout, composition.variants)
     session = Session(document, layout, options, runtime, identity)
-    return execute_campaign(session, plan, plan_runs(plan, variants, seed), observer)
+    return execute_campaign(session, plan, plan_runs(plan, variants, seed), observer, test)
 
 
 def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -> Summary:
@@ -94,7 +97,17 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
     runs = [run for run in runs if run.variant.name in chosen]
     runtime = choose_runtime(document, options, observer.message)
     session = Session(document, layout, options, runtime, runtime.check())
-    return execute_campaign(session, plan, runs, observer)
+    _record_more_runs(layout, repeated)
+    test = document.vast.execution.test(repeated)
+    return execute_campaign(session, plan, runs, observer, test)
+
+
+def _record_more_runs(layout: Layout, runs: int) -> None:
+    """Record that more runs are planned than before."""
+    record = read_mapping(layout.execution_record)
+    if type(record.get("runs")) is int and runs > record["runs"]:
+        with explained(layout.root):
+            write_atomically(layout.execution_record, dump_yaml({**record, "runs": runs}))
 
 
 def _stored_files(layout: Layout, variants: Sequence[Variant]) -> list[Variant]:

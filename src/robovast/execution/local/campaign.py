@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import queue
 import shutil
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from threading import Event, Lock, Thread
+from threading import Event, Thread
 
 from robovast.base.atomic import write_atomically
 from robovast.base.locks import exclusive_folder
+from robovast.base.sequential import SequentialTest
 from robovast.base.serialization import dump_yaml
 from robovast.base.signals import call_on_signals
 from robovast.campaign.layout import JOB_LINKS, Layout
@@ -21,18 +21,31 @@ from robovast.execution.generate import copy_file
 from robovast.execution.local.controller_log import logged
 from robovast.execution.local.events import Observer, Summary
 from robovast.execution.local.pack_execution import PackExecution
+from robovast.execution.local.pack_queue import (
+    Decided,
+    DecidingQueue,
+    FixedQueue,
+    PackQueue,
+    decisions_of,
+)
 from robovast.execution.local.reuse import reused_runs, why_nothing
 from robovast.execution.local.session import COMMON, Session
 from robovast.execution.local.store import explained, finished_runs, first_free_job
 from robovast.model.inputs import container_files
 from robovast.model.packs import PlanSpec
-from robovast.model.plan import PackStart, Run, pack_runs
+from robovast.model.plan import PackStart, Run
 
 
 def execute_campaign(
-    session: Session, plan: PlanSpec, runs: Sequence[Run], observer: Observer
+    session: Session,
+    plan: PlanSpec,
+    runs: Sequence[Run],
+    observer: Observer,
+    test: SequentialTest | None = None,
 ) -> Summary:
     """Execute all these runs of a plan that have no finished record yet.
+
+    With a test, as many of each configuration as it takes.
 
     Raises:
         StorageError: another program executes the campaign, or results cannot be stored.
@@ -40,10 +53,11 @@ def execute_campaign(
     with executing(session, observer) as told:
         done = stored_runs(session, runs, told)
         told.campaign_started(session.layout.root, len(runs), len(done), how(session, len(runs)))
-        records, interrupted = execute_runs(session, plan, runs, done, told)
+        records, interrupted = execute_runs(session, plan, runs, done, told, test)
         write_job_links(session.layout, records)
     found = [records[run.id] for run in runs if run.id in records]
-    return Summary(session.layout.root, len(runs), found, interrupted)
+    decided = decisions_of(test, runs, records) if test is not None else []
+    return Summary(session.layout.root, len(runs), found, interrupted, decided)
 
 
 @contextmanager
@@ -83,15 +97,22 @@ def execute_runs(
     runs: Sequence[Run],
     done: dict[int, RunRecord],
     observer: Observer,
+    test: SequentialTest | None = None,
 ) -> tuple[dict[int, RunRecord], bool]:
-    """Execute the runs of a plan that are not done, within `executing`.
+    """Execute the runs of a plan that are not done and that a test needs, within `executing`.
 
     Returns:
         All records by id, and whether the user interrupted.
     """
     done = done | reused_runs(session, plan, [run for run in runs if run.id not in done], observer)
     todo = [run for run in runs if run.id not in done]
-    execution = _CampaignExecution(session, plan, todo, observer, done)
+    first_job = first_free_job(session.layout)
+    packs: PackQueue = FixedQueue(plan, todo, first_job)
+    if test is not None:
+        packs = DecidingQueue(test, runs, done, first_job, plan.runs_per_job)
+        for decided in packs.decided_before:
+            observer.configuration_decided(decided)
+    execution = _CampaignExecution(session, packs, observer, done)
     interrupted = execution.run(min(session.jobs_side_by_side, len(todo)))
     return execution.records, interrupted
 
@@ -121,22 +142,17 @@ class _CampaignExecution:
     def __init__(
         self,
         session: Session,
-        plan: PlanSpec,
-        todo: list[Run],
+        packs: PackQueue,
         observer: Observer,
         done: dict[int, RunRecord],
     ) -> None:
         self.records = dict(done)
-        self._plan = plan
+        self._packs = packs
         self._session = session
         self._observer = observer
         self._events: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._stop = Event()
         self._drain = Event()
-        self._lock = Lock()
-        self._next_job = first_free_job(session.layout)
-        self._jobs: deque[PackStart] = deque()
-        self._add(todo)
         self._failure: BaseException | None = None
         self._interrupted = False
 
@@ -182,19 +198,12 @@ class _CampaignExecution:
                 self._stop.set()
                 return
             if left and not self._stop.is_set():
-                self._add(left)
+                self._packs.put_back(left)
 
     def _take(self) -> PackStart | None:
-        with self._lock:
-            if self._stop.is_set() or self._drain.is_set() or not self._jobs:
-                return None
-            return self._jobs.popleft()
-
-    def _add(self, runs: Sequence[Run]) -> None:
-        with self._lock:
-            jobs = pack_runs(self._plan, runs, self._next_job)
-            self._next_job += len(jobs)
-            self._jobs.extend(jobs)
+        if self._stop.is_set() or self._drain.is_set():
+            return None
+        return self._packs.take()
 
     def _report_started(self, run: Run) -> None:
         self._events.put(lambda: self._observer.run_started(run))
@@ -202,8 +211,11 @@ class _CampaignExecution:
     def _report_finished(self, run: Run, record: RunRecord) -> None:
         if record.verdict is not Verdict.PASSED and self._session.options.abort_on_failure:
             self._drain.set()
-        self._events.put(lambda: self._finish(run, record))
+        decided = self._packs.ended(run, record.verdict)
+        self._events.put(lambda: self._finish(run, record, decided))
 
-    def _finish(self, run: Run, record: RunRecord) -> None:
+    def _finish(self, run: Run, record: RunRecord, decided: Decided | None) -> None:
         self.records[run.id] = record
         self._observer.run_finished(run, record)
+        if decided is not None:
+            self._observer.configuration_decided(decided)

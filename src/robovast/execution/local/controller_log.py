@@ -8,9 +8,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from robovast.campaign.decisions import told
 from robovast.campaign.layout import Layout
 from robovast.campaign.run_record import RunRecord
 from robovast.execution.local.events import Observer
+from robovast.execution.local.pack_queue import Decided
 from robovast.execution.local.store import explained
 from robovast.model.plan import Run
 
@@ -73,6 +75,11 @@ class _Logged:
         )
         _log.info("%s: %s %s. %s", run.path, record.verdict, took, record.reason)
         self.observer.run_finished(run, record)
+
+    def configuration_decided(self, decided: Decided) -> None:
+        """Log what it is."""
+        _log.info("%s: %s", decided.variant, told(decided.decision))
+        self.observer.configuration_decided(decided)
 
     def message(self, text: str) -> None:
         """Log the text."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
 from robovast.campaign.run_record import RunRecord
+from robovast.execution.local.pack_queue import Decided
 from robovast.model.expansion import Selection
 from robovast.model.plan import Run
 
@@ -28,6 +30,9 @@ class Observer(Protocol):
 
     def run_finished(self, run: Run, record: RunRecord) -> None:
         """A run ended and its results are stored."""
+
+    def configuration_decided(self, decided: Decided) -> None:
+        """The runs of a configuration are enough."""
 
     def message(self, text: str) -> None:
         """A message for the user."""
@@ -74,3 +79,10 @@ class Summary:
     records: list[RunRecord] = field(default_factory=list)
     """Finished runs sorted by id, including those of earlier sessions."""
     interrupted: bool = False
+    decided: Sequence[Decided] = ()
+    """Of a campaign with a test: what it says of each configuration."""
+
+    @property
+    def missing(self) -> int:
+        """Runs that are needed and were not finished."""
+        return self.total - len(self.records) - sum(one.spared for one in self.decided)

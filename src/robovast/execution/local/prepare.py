@@ -50,7 +50,7 @@ def prepare_run(document: Document, output: Path, options: LocalOptions) -> Path
         template = Layout(output / "out_template")
         write_configurations(document, composition, template.root, timings=True)
         execution = document.vast.execution
-        runs, variants = options.runs or execution.runs, composition.variants
+        runs, variants = options.runs or execution.most_runs, composition.variants
         plan = plan_variants(variants, runs, execution.runs_per_job)
         jobs = pack_runs(plan, plan_runs(plan, variants, campaign_seed(document)))
         _write_jobs(document, options, output, jobs, Path(scratch))

@@ -14,6 +14,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from robovast.base.errors import CannotRunError, InputError, Problem, RobovastError
 from robovast.base.plugins import plugins_of, split_file_reference
+from robovast.base.sequential import State
 from robovast.model.document.commands import BUILT_IN, GROUP, PROCESS, TopicsToCsv
 from robovast.model.document.files import host_path, match_run_files
 from robovast.model.document.model import (
@@ -98,6 +99,7 @@ def warnings_of(parts: Parts) -> Iterator[Problem]:
                 f"`{pattern}` matches no file in {parts.folder}",
                 "Patterns are relative to the .vast file and stay in its folder.",
             )
+    yield from _impossible_decisions(parts)
     yield from _missing_notebooks(parts)
     for base, variation, parameters in _variations(parts):
         if variation.CONFIG_CLASS is not None:
@@ -105,6 +107,18 @@ def warnings_of(parts: Parts) -> Iterator[Problem]:
                 message = f"`{base[-1]}` does not know the parameter `{key}`; it has no effect"
                 yield parts.source.problem((*base, key), message, at_key=True)
     yield from _doubtful_processing(parts)
+
+
+def _impossible_decisions(parts: Parts) -> Iterator[Problem]:
+    test = parts.execution.test() if parts.execution is not None else None
+    for outcome, state in ((False, State.SOUND), (True, State.BROKEN)) if test else ():
+        if test is not None and test.most is not None and test.shortest(outcome) > test.most:
+            yield parts.source.problem(
+                ("execution", "runs"),
+                f"no configuration can be called {state} after {test.most} runs",
+                f"It takes at least {test.shortest(outcome)}: raise `max`, or `error`, or move "
+                "`good` and `bad` apart.",
+            )
 
 
 def _missing_notebooks(parts: Parts) -> Iterator[Problem]:

@@ -15,14 +15,17 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
+    Discriminator,
     Field,
     GetJsonSchemaHandler,
+    Tag,
     WithJsonSchema,
     field_validator,
     model_validator,
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
+from robovast.base.sequential import SequentialTest
 from robovast.model.quantities import EXTENDED_RESOURCE
 from robovast.model.seeds import LARGEST_SEED
 
@@ -313,13 +316,73 @@ ComparedOutput = Annotated[
 ]
 
 
+MOST_RUNS_OF_EACH = 100_000
+"""Most runs of a configuration."""
+
+Count = Annotated[int, Field(ge=1, le=MOST_RUNS_OF_EACH)]
+
+
+class Decide(Section):
+    """Between which failure rates is decided."""
+
+    good: Annotated[float, Field(gt=0, lt=1)]
+    """Failure rate up to which a configuration is sound."""
+    bad: Annotated[float, Field(gt=0, lt=1)]
+    """Failure rate from which on it is broken."""
+    error: Annotated[float, Field(gt=0, lt=0.5)] = 0.05
+    """Probability of a wrong decision, for a sound configuration as for a broken one."""
+
+    @model_validator(mode="after")
+    def _check_order(self) -> Self:
+        if self.good >= self.bad:
+            raise PydanticCustomError(
+                "rates",
+                "`good` must be less than `bad`, and {good} is not less than {bad}",
+                {"good": self.good, "bad": self.bad},
+            )
+        return self
+
+
+class RunsAsNeeded(Section):
+    """As many runs of each configuration as it takes to call it sound or broken."""
+
+    min: Count = 3
+    """Runs before which nothing is decided."""
+    max: Count = 50
+    """Runs after which a configuration stays undecided."""
+    decide: Decide
+    """Between which failure rates is decided."""
+
+    @model_validator(mode="after")
+    def _check_order(self) -> Self:
+        if self.min > self.max:
+            raise PydanticCustomError(
+                "runs",
+                "`min` must be at most `max`, and {min} is more than {max}",
+                {"min": self.min, "max": self.max},
+            )
+        return self
+
+    def test(self, most: int) -> SequentialTest:
+        """The test that decides, after so many runs at most."""
+        decide = self.decide
+        return SequentialTest(decide.good, decide.bad, decide.error, min(self.min, most), most)
+
+
+def _kind_of_runs(value: Any) -> str:
+    return "as-needed" if isinstance(value, dict | RunsAsNeeded) else "number"
+
+
 class Execution(Section):
     """How and where runs are executed."""
 
     image: str | None = None
     """Container image; the `--image` option and `ROBOVAST_IMAGE` come before it."""
-    runs: Annotated[int, Field(ge=1, le=100_000)] = 1
-    """How often each configuration is run."""
+    runs: Annotated[
+        Annotated[Count, Tag("number")] | Annotated[RunsAsNeeded, Tag("as-needed")],
+        Discriminator(_kind_of_runs),
+    ] = 1
+    """How often each configuration is run; or `min`, `max` and `decide`: as often as it takes."""
     runs_per_job: Annotated[int, Field(ge=1, le=10_000)] = 1
     """How many runs share one job (one simulator set-up)."""
     seed: Annotated[int, Field(strict=True, ge=0, le=LARGEST_SEED)] | None = None
@@ -350,6 +413,21 @@ class Execution(Section):
     """Settings of local runs only."""
     kubernetes: Kubernetes = Field(default_factory=Kubernetes)
     """Settings of cluster runs only."""
+
+    @property
+    def most_runs(self) -> int:
+        """How often each configuration is run at most."""
+        return self.runs.max if isinstance(self.runs, RunsAsNeeded) else self.runs
+
+    def test(self, most: int | None = None) -> SequentialTest | None:
+        """The test that ends the runs of a configuration; None when their number is fixed.
+
+        Args:
+            most: replaces `max`.
+        """
+        return (
+            self.runs.test(most or self.runs.max) if isinstance(self.runs, RunsAsNeeded) else None
+        )
 
     @field_validator("pre_command", "post_command")
     @classmethod

@@ -33,6 +33,7 @@ def check_search(parts: Parts) -> list[Problem]:
     if search is None:
         return []
     return [
+        *_check_runs(parts),
         *_check_markers(parts, search),
         *_check_parameters(parts, search),
         *_check_template(parts, search),
@@ -58,6 +59,15 @@ def search_warnings(parts: Parts) -> Iterator[Problem]:
             _BASE,
             "without a `budget`, the search may never end",
             "`budget: [{batches: 50}]` limits it.",
+        )
+
+
+def _check_runs(parts: Parts) -> Iterator[Problem]:
+    if parts.execution is not None and parts.execution.test() is not None:
+        yield parts.source.problem(
+            ("execution", "runs"),
+            "must be a number where a `search` chooses what is run",
+            "It compares sets of parameters by equally many runs, and ends by its own `budget`.",
         )
 
 

@@ -1,0 +1,122 @@
+"""Each configuration is run until a test says sound or broken, whatever dies meanwhile."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from support.campaigns.local import Recorder, make_campaign, resume, run, verdicts
+
+RULE = "  runs: {min: 2, max: 4, decide: {good: 0.1, bad: 0.6, error: 0.1}}\n"
+SCRIPT = """\
+number=$(basename "$3")
+case $1 in
+1) exit 0 ;;
+2) exit 1 ;;
+3) exit $((number % 2)) ;;
+esac
+"""
+NEEDED = {
+    "one-1/0": "passed",
+    "one-1/1": "passed",
+    "one-1/2": "passed",
+    "one-2/0": "failed",
+    "one-2/1": "failed",
+    "one-3/0": "passed",
+    "one-3/1": "failed",
+    "one-3/2": "passed",
+    "one-3/3": "failed",
+}
+DECIDED = {"one-1": "sound after 3", "one-2": "broken after 2", "one-3": "undecided at 4"}
+SUMMED_UP = "1 sound after 3, 1 broken after 2, 1 undecided at 4; 9 of 12 runs needed"
+
+
+def vast(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    program = Path(sys.executable).with_name("vast")
+    return subprocess.run([program, *words], capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("per_job", [1, 3])
+def test_each_configuration_has_the_runs_that_its_verdicts_need(
+    tmp_path: Path, per_job: int
+) -> None:
+    recorder = Recorder()
+    path = make_campaign(tmp_path / "in", SCRIPT, f"{RULE}  runs_per_job: {per_job}\n")
+    summary = run(path, tmp_path / "out", recorder, jobs=1)
+    assert verdicts(summary) == NEEDED
+    assert recorder.decided == DECIDED
+    assert (summary.total, summary.missing) == (12, 0)
+    said = json.loads(vast("results", "summary", summary.campaign, "-o", "json").stdout)
+    assert said["state"] == "finished"
+    assert {c["name"]: c["decision"]["runs"] for c in said["configurations"]} == {
+        "one-1": 3,
+        "one-2": 2,
+        "one-3": 4,
+    }
+    assert {c["name"]: c["state"] for c in said["configurations"]} == {
+        name: state.split()[0] for name, state in DECIDED.items()
+    }
+
+
+def test_workers_run_ahead_only_beside_what_is_needed(tmp_path: Path) -> None:
+    recorder = Recorder()
+    path = make_campaign(tmp_path / "in", SCRIPT, RULE)
+    summary = run(path, tmp_path / "out", recorder, jobs=3)
+    stored = verdicts(summary)
+    assert NEEDED.items() <= stored.items()
+    assert len(stored) <= len(NEEDED) + 2
+    assert recorder.decided == DECIDED
+
+
+def test_kill_9_and_resume_need_the_same_runs(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", f"sleep 0.3\n{SCRIPT}", RULE)
+    words = ["--vast-file", path, "exec", "local", "run", tmp_path / "out"]
+    words += ["--runtime", "process", "--jobs", "1"]
+    process = subprocess.Popen([Path(sys.executable).with_name("vast"), *words])
+    end = time.monotonic() + 60
+    while not list((tmp_path / "out").glob("*/one-2/0/run.json")):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    process.kill()
+    process.wait()
+    (campaign,) = (tmp_path / "out").iterdir()
+    recorder = Recorder()
+    summary = resume(campaign, recorder, jobs=1)
+    assert verdicts(summary) == NEEDED
+    assert recorder.decided == DECIDED
+    assert (summary.total, summary.missing) == (12, 0)
+
+
+def test_more_runs_at_most_continue_what_is_undecided(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", SCRIPT, RULE)
+    summary = run(path, tmp_path / "out", jobs=1, runs=2)
+    assert {n: one.decision.state for n, one in enumerate(summary.decided)} == {
+        0: "undecided",
+        1: "broken",
+        2: "undecided",
+    }
+    recorder = Recorder()
+    assert verdicts(resume(summary.campaign, recorder, jobs=1, runs=4)) == NEEDED
+    assert recorder.decided == DECIDED
+    said = vast("results", "summary", summary.campaign).stdout
+    assert SUMMED_UP in said
+
+
+def test_the_command_says_what_was_decided(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", SCRIPT, RULE)
+    said = vast("--vast-file", path, "config", "list").stdout
+    assert "3 configurations, 2 to 4 runs each: at most 12 in all" in said
+    words = ["exec", "local", "run", tmp_path / "out", "--runtime", "process", "--jobs", "1"]
+    done = vast("--vast-file", path, *words)
+    assert done.returncode == 1, done.stderr
+    for name, decision in DECIDED.items():
+        assert f"{name}: {decision} runs" in done.stdout
+    assert (
+        "1 sound after 3, 1 broken after 2, 1 undecided at 4; 9 of 12 runs needed." in done.stdout
+    )
+    assert "12 runs: 5 passed, 4 failed, 3 not needed." in done.stdout
+    assert "Continue" not in done.stdout
