@@ -49,6 +49,7 @@ SCREENS = {
     "maps": f"#/campaign/{NAME}?view=maps",
     "log": f"#/campaign/{NAME}/hall-9/0",
     "plots": f"#/campaign/{NAME}/hall-9/0?tab=plots",
+    "siblings": f"#/campaign/{NAME}/hall-9/0?tab=plots&everyone=1",
     "resources": f"#/campaign/{NAME}/hall-9/0?tab=resources",
     "parameters": f"#/campaign/{NAME}/hall-9/0?tab=parameters",
     "pictures": f"#/campaign/{NAME}/hall-9/0?tab=video",
@@ -419,6 +420,17 @@ def test_plots_show_places_over_the_seconds_since_the_start(page: Page, tmp_path
         )
         plot.locator(".u-over").hover(position={"x": 2, "y": 20})
         expect(plot.locator(".u-value").first).to_have_text("1")
+
+
+def test_a_column_is_drawn_for_all_runs_of_a_configuration(page: Page, server: ShownPage) -> None:
+    page.goto(f"{server.address}#/campaign/{NAME}/hall-9/0?tab=plots")
+    page.get_by_role("button", name="All runs").click()
+    status = page.get_by_role("tabpanel").get_by_role("status")
+    expect(status).to_contain_text("This run and 3 of 3 others")
+    plots = page.get_by_role("img", name=re.compile("^position.x of 4 runs: run 1, run 2, run 3, "))
+    expect(plots).to_have_count(1)
+    page.get_by_role("combobox", name="Table").select_option("resource_usage_main.csv")
+    expect(page.get_by_role("button", name="All runs")).to_have_count(0)  # it is of the job
 
 
 def test_a_campaign_that_runs_needs_no_reload(page: Page, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from urllib.parse import quote
 
 import pytest
 from support.campaigns.drives import record_drive
-from support.campaigns.stored import NAME, add_map, write, write_campaign, write_run
+from support.campaigns.stored import NAME, START, add_map, write, write_campaign, write_run
 from support.servers.page import VAST, ShownPage, shown
 
 EVIL = "<img src=x onerror=alert(1)>"
@@ -52,7 +52,8 @@ def test_the_page_shows_campaigns_runs_and_logs(page: ShownPage) -> None:
     campaign = page.get(f"api/campaigns/{NAME}").data
     assert campaign["summary"]["counts"]["failed"] == 2
     answer = page.get(f"api/campaigns/{NAME}/hall-2/0").data
-    assert answer["siblings"] == [[0, "failed"], [1, "failed"]]
+    assert [one[:2] for one in answer["siblings"]] == [[0, "failed"], [1, "failed"]]
+    assert answer["siblings"][0][2] == pytest.approx(START + 40)
     run = answer["details"]
     log = page.get(f"api/log?path={quote(run['logs'][0])}&levels=error").data
     assert "goal not reached" in log["lines"][0][2]

@@ -102,10 +102,13 @@ export interface Bag {
   topics: [string, string, number][];
 }
 
-/** A run, and number and verdict of each run of its configuration. */
+/** Number, verdict and start [s since the epoch] of a run of a configuration. */
+export type Sibling = [number, Verdict, number | null];
+
+/** A run, and all runs of its configuration. */
 export interface RunAnswer {
   details: RunDetails;
-  siblings: [number, Verdict][];
+  siblings: Sibling[];
   /** Null while the run is not in the list yet. */
   result: { verdict: Verdict; reason: string } | null;
 }

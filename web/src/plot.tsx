@@ -6,6 +6,9 @@ import "uplot/dist/uPlot.min.css";
 export interface Curve {
   label: string;
   values: (number | null)[];
+  /** Name of a colour of the page, and a width [px], in place of the next ones. */
+  colour?: string;
+  width?: number;
 }
 
 interface PlotProps {
@@ -16,11 +19,12 @@ interface PlotProps {
   /** Let the axis begin at 0. */
   fromZero?: boolean;
   height?: number;
+  legend?: boolean;
 }
 
 const DASHES = [[], [8, 4], [2, 3], [10, 3, 2, 3]];
 
-export function Plot({ label, x, curves, format, fromZero = false, height = 260 }: PlotProps) {
+export function Plot({ label, x, curves, format, fromZero = false, height = 260, legend = true }: PlotProps) {
   const frame = useRef<HTMLDivElement>(null);
   useEffect(() => {
     const element = frame.current!;
@@ -30,7 +34,7 @@ export function Plot({ label, x, curves, format, fromZero = false, height = 260 
     const build = () => {
       plot?.destroy();
       plot = new uPlot(
-        { ...options(element, x.label, curves, fromZero, format), width: width(), height },
+        { ...options(element, x.label, curves, fromZero, format), width: width(), height, ...(legend ? {} : { legend: { show: false } }) },
         [x.values as number[], ...curves.map((curve) => curve.values)],
         element,
       );
@@ -79,10 +83,11 @@ function options(
       { label: xLabel },
       ...curves.map((curve, index) => ({
         label: curve.label,
-        stroke: colour(`--curve-${(index % 6) + 1}`),
-        dash: DASHES[Math.floor(index / 6) % DASHES.length],
-        width: 1.6,
-        points: { show: curve.values.length < 60 },
+        stroke: colour(curve.colour ?? `--curve-${(index % 6) + 1}`),
+        dash: curve.colour ? [] : DASHES[Math.floor(index / 6) % DASHES.length],
+        width: curve.width ?? 1.6,
+        points: { show: !curve.width && curve.values.length < 60 },
+        spanGaps: Boolean(curve.width), // of several tables, each has values of its own times alone
         value: format && ((_: uPlot, value: number | null) => (value === null ? "–" : format(value))),
       })),
     ],

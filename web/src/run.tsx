@@ -9,8 +9,8 @@ import {
   type Offer,
   type RunAnswer,
   type RunDetails,
+  type Sibling,
   type Usage,
-  type Verdict,
 } from "./api";
 import { show } from "./data";
 import { bytes, count, duration, moment } from "./format";
@@ -19,6 +19,7 @@ import { Bags } from "./bags";
 import { Log } from "./log";
 import { Notebooks } from "./notebooks";
 import { Copy, Export, Folded, Glyph, Mark, Tabs, Waiting, type Tab } from "./parts";
+import type { Family } from "./overlay";
 import { Player } from "./player/player";
 import { Plot } from "./plot";
 import { choose, link } from "./route";
@@ -49,7 +50,7 @@ export function RunPage({ campaign, variant, run, query }: RunProps) {
       <Head data={data} result={result} title={`${variant}/${run}`} target={{ campaign, variant, run }} />
       <Siblings {...{ campaign, variant, run }} siblings={answer.data.siblings} />
       <Tabs
-        tabs={[...tabsOf(data, failed, query, player), ...(data.on_map ? [mapOf(campaign, variant)] : []), notebooksOf({ campaign, variant, run })]}
+        tabs={[...tabsOf(data, failed, { campaign, variant, run, siblings: answer.data.siblings }, query, player), ...(data.on_map ? [mapOf(campaign, variant)] : []), notebooksOf({ campaign, variant, run })]}
         chosen={query.get("tab") ?? "log"}
         onChoose={(tab) => choose({ tab: tab === "log" ? "" : tab })}
       />
@@ -58,7 +59,7 @@ export function RunPage({ campaign, variant, run, query }: RunProps) {
 }
 
 interface SiblingsProps extends Target {
-  siblings: [number, Verdict][];
+  siblings: Sibling[];
 }
 
 /** Links to the other runs of the configuration. */
@@ -190,7 +191,7 @@ function seconds(time: unknown): number | null {
   return Number.isNaN(parsed) ? null : parsed;
 }
 
-function tabsOf(data: RunDetails, failed: boolean, query: URLSearchParams, player: Tab | false): Tab[] {
+function tabsOf(data: RunDetails, failed: boolean, family: Family, query: URLSearchParams, player: Tab | false): Tab[] {
   const all = [...data.files, ...data.job_files];
   const tables = all.filter((file) => file.kind === "table");
   const pictures = all.filter((file) => file.kind === "video" || file.kind === "image");
@@ -199,7 +200,7 @@ function tabsOf(data: RunDetails, failed: boolean, query: URLSearchParams, playe
   const tabs: (Tab | false)[] = [
     { id: "log", label: "Log", show: () => <Log paths={data.logs} {...{ query, period, failed }} start={from} packed={data.packed} /> },
     player,
-    tables.length > 0 && { id: "plots", label: "Plots", show: () => <Tables files={tables} query={query} start={from} /> },
+    tables.length > 0 && { id: "plots", label: "Plots", show: () => <Tables files={tables} query={query} start={from} family={family} /> },
     data.usage.length > 0 && { id: "resources", label: "Resources", show: () => <Resources data={data} /> },
     { id: "parameters", label: "Parameters", show: () => <Parameters data={data} /> },
     pictures.length > 0 && { id: "video", label: pictures.some((file) => file.kind === "video") ? "Video" : "Pictures", show: () => <Pictures files={pictures} /> },
@@ -209,7 +210,7 @@ function tabsOf(data: RunDetails, failed: boolean, query: URLSearchParams, playe
   return tabs.filter((tab) => tab !== false);
 }
 
-function playerOf(target: Target, siblings: [number, Verdict][], query: URLSearchParams): Tab {
+function playerOf(target: Target, siblings: Sibling[], query: URLSearchParams): Tab {
   return { id: "player", label: "Player", show: () => <Player {...target} siblings={siblings} query={query} /> };
 }
 

@@ -4,6 +4,7 @@ import { address, fileAddress, type FileEntry, type Table } from "./api";
 import { show } from "./data";
 import { plural } from "./format";
 import { useAnswer } from "./live";
+import { Overlay, pathIn, type Family } from "./overlay";
 import { Select, Waiting } from "./parts";
 import { Plot, type Curve } from "./plot";
 import { choose } from "./route";
@@ -17,14 +18,17 @@ interface TablesProps {
   query: URLSearchParams;
   /** When the run started [s since the epoch]. */
   start: number | null;
+  family: Family;
 }
 
-export function Tables({ files, query, start }: TablesProps) {
+export function Tables({ files, query, start, family }: TablesProps) {
   const path = query.get("table") ?? mostTelling(files).path;
   const columns = (query.get("columns") ?? "").split("\n").filter(Boolean);
   const x = query.get("over") ?? "";
   const wanted = columns.length || x ? [x, ...columns].filter(Boolean) : [];
   const { data, error } = useAnswer<Table>(address(["table"], { path, column: wanted }));
+  const canOverlay = family.siblings.length > 1 && pathIn(family, path, 0) !== null;
+  const everyone = canOverlay && query.get("everyone") === "1";
   const options = files.map((file): [string, string] => [file.path, file.name]);
   return (
     <>
@@ -36,11 +40,21 @@ export function Tables({ files, query, start }: TablesProps) {
           onChoose={(table) => choose({ table, columns: "", over: "" })}
         />
         {data && <Choices data={data} x={x} columns={columns} />}
+        {canOverlay && (
+          <button
+            type="button"
+            aria-pressed={everyone}
+            title="The same columns of all runs of this configuration"
+            onClick={() => choose({ everyone: everyone ? "" : "1" })}
+          >
+            All runs
+          </button>
+        )}
         <a class="button" href={fileAddress(path)} download>
           Save CSV
         </a>
       </div>
-      {data ? <Drawn {...{ data, x, columns, start }} /> : <Waiting error={error} />}
+      {data ? <Drawn {...{ data, x, columns, start, path }} family={everyone ? family : null} /> : <Waiting error={error} />}
     </>
   );
 }
@@ -114,18 +128,23 @@ interface DrawnProps {
   x: string;
   columns: string[];
   start: number | null;
+  path: string;
+  /** Whose runs are drawn too. */
+  family: Family | null;
 }
 
-function Drawn({ data, x, columns, start }: DrawnProps) {
+function Drawn({ data, x, columns, start, path, family }: DrawnProps) {
   const over = overColumn(data, x);
-  const [axis, curves] = useMemo(() => {
+  const drawn = useMemo(() => {
     const names = numericColumns(data).filter((name) => columns.includes(name) && name !== over);
-    return sortedCurves(data, over, columns.length ? names : defaultColumns(data, over), start);
-  }, [data, over, columns.join(), start]);
+    return columns.length ? names : defaultColumns(data, over);
+  }, [data, over, columns.join()]);
+  const [axis, curves] = useMemo(() => sortedCurves(data, over, drawn, start), [data, over, drawn, start]);
   const kept = Object.values(data.columns)[0]?.length ?? 0;
   return (
     <>
-      {data.rows > 1 && curves.length > 0 && <Plot label="Columns of the table" x={axis} curves={curves} />}
+      {family && <Overlay {...{ family, path, data, over, drawn, start }} />}
+      {!family && data.rows > 1 && curves.length > 0 && <Plot label="Columns of the table" x={axis} curves={curves} />}
       <p class="quiet">
         {plural(data.rows, "row")}
         {data.stride > 1 && `, every ${data.stride}th is shown`}, {plural(data.names.length, "column")}
@@ -157,7 +176,7 @@ function Drawn({ data, x, columns, start }: DrawnProps) {
 }
 
 /** Columns in the order of x, as curves need it. */
-function sortedCurves(data: Table, over: string, drawn: string[], start: number | null): [Curve, Curve[]] {
+export function sortedCurves(data: Table, over: string, drawn: string[], start: number | null): [Curve, Curve[]] {
   const recorded = data.columns[over] ?? [];
   const x = isTime(over) ? sinceStart(recorded, start) : recorded;
   const places = x.map((_, place) => place).filter((place) => typeof x[place] === "number");

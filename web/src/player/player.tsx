@@ -1,7 +1,7 @@
 // Plays what a run has recorded; another run of the campaign can be played along.
 import type { ComponentChildren } from "preact";
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
-import { address, ask, type Verdict } from "../api";
+import { address, ask, type Sibling } from "../api";
 import { plural } from "../format";
 import { Glyph, Select } from "../parts";
 import { choose } from "../route";
@@ -25,7 +25,7 @@ export interface Place {
 }
 
 interface PlayerProps extends Place {
-  siblings: [number, Verdict][];
+  siblings: Sibling[];
   query: URLSearchParams;
 }
 
@@ -139,7 +139,7 @@ function useOthers({ campaign, variant }: Omit<Place, "run">, numbers: string[])
 interface OtherProps {
   variant: string;
   run: string;
-  siblings: [number, Verdict][];
+  siblings: Sibling[];
   chosen: string;
   apart: boolean;
 }

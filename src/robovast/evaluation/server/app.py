@@ -162,12 +162,12 @@ class Pages:
         return Data(metric(self._library.results, request.path_params["campaign"], *asked))
 
     def run(self, request: Request) -> Response:
-        """One run, and the verdicts of all runs of its variant."""
+        """One run; number, verdict and start of all runs of its variant."""
         names = request.path_params
         found = read_run(self._library.results, names["campaign"], names["variant"], names["run"])
         index = self._library.campaign(names["campaign"])
         runs = next((v.runs for v in index.variants if v.name == names["variant"]), ())
-        siblings = [(run.number, run.verdict) for run in runs]
+        siblings = [(run.number, run.verdict, run.started_at) for run in runs]
         own = next((run for run in runs if run.number == names["run"]), None)
         result = own and {
             "verdict": own.verdict,
