@@ -10,7 +10,7 @@ from itertools import accumulate
 from typing import Any
 
 from robovast.base.ranges import Span, clip, count, parse_ranges
-from robovast.kubeapi.resources import API_VERSION, ConfigurationSpec
+from robovast.kubeapi.resources import API_VERSION, ENTRY_KEYS, ConfigurationSpec
 from robovast.kubeapi.status import CampaignStatus, ConfigurationStatus, Runs, read_status
 from robovast.model.packs import Block, Entry
 from robovast_operator.kube.conditions import Found, dated, is_true
@@ -42,7 +42,7 @@ def own_configurations(accepted: Accepted) -> list[Object]:
 
 
 def _own(identity: Identity, entry: dict[str, Any]) -> Object:
-    kept = {key: entry[key] for key in ("parameters", "variations") if entry.get(key) is not None}
+    kept = {key: entry[key] for key in ENTRY_KEYS if entry.get(key) is not None}
     return {
         "apiVersion": API_VERSION,
         "kind": "Configuration",
@@ -76,7 +76,7 @@ def added_entries(added: Iterable[Object]) -> list[dict[str, Any]]:
     made = []
     for obj in added:
         spec = ConfigurationSpec.model_validate(obj["spec"])
-        given = {"parameters": spec.parameters, "variations": spec.variations}
+        given = {key: getattr(spec, key) for key in ENTRY_KEYS}
         kept = {key: value for key, value in given.items() if value is not None}
         made.append({"name": entry_name(obj), **kept})
     return made

@@ -117,6 +117,7 @@ def configuration_crd() -> Schema:
     entry = _vast_schema()["properties"]["configuration"]["items"]["properties"]
     for name in ("parameters", "variations"):
         spec["properties"][name] |= {"items": entry[name]["items"]}
+    spec["properties"]["design"] = entry["design"]
     spec["x-kubernetes-validations"] = [_never_changes(name) for name in ("campaign", "name")]
     return _crd(
         kind="Configuration",

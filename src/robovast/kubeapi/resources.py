@@ -333,6 +333,10 @@ class CampaignSpec(_Spec):
     """When Jobs and pods of a finished campaign are removed [s]; the Campaign stays."""
 
 
+ENTRY_KEYS = ("parameters", "variations", "design")
+"""Keys of a document's entry that a Configuration has, too."""
+
+
 class ConfigurationSpec(_Spec):
     """One configuration entry of a campaign."""
 
@@ -344,5 +348,7 @@ class ConfigurationSpec(_Spec):
     """Fixed scenario parameters, one `name: value` pair an item."""
     variations: list[Any] | None = None
     """Variations in order, as in a .vast document."""
+    design: dict[str, Any] | None = None
+    """Which combinations of the variations' values are made, as in a .vast document."""
     runs: Annotated[int, Field(ge=1, le=100_000)] | None = None
     """Runs of each of its variants; default those of the campaign."""

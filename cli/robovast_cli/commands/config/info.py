@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -13,17 +14,22 @@ import typer
 from pydantic import BaseModel
 
 from robovast.base.errors import InputError, RobovastError
+from robovast.base.statistics import percent
 from robovast.compat.differences import differences
 from robovast.execution.local.scenario_syntax import check_syntax
+from robovast.model.designs import coverage, rows_of
 from robovast.model.document import Document
 from robovast.model.document.model import ConfigurationEntry
 from robovast.model.expansion import Variant
+from robovast.model.expansion.designed import design_sizes
 from robovast.model.quantities import LOCAL_CONTEXT, cpus, memory
 from robovast.model.scenario import read_scenario
 from robovast_cli.plugins import origin
 from robovast_cli.ui.expanding import expanded
 from robovast_cli.ui.listing import format_table, runs_of_each
 from robovast_cli.ui.report import message_of, tell
+
+_STRENGTHS = {1: "values", 2: "pairs", 3: "triples"}
 
 MOST_ERRORS = 20
 """Errors of entries that a check reports at most."""
@@ -36,6 +42,8 @@ def print_summary(document: Document) -> None:
     pairs = [[name, value] for name, value in _facts(document) if value]
     typer.echo(format_table(["file", str(document.path)], pairs))
     typer.echo(entries, nl=False)
+    for line in _designs(document):
+        typer.echo(line)
 
 
 def print_check(document: Document) -> None:
@@ -148,8 +156,28 @@ def _entries(document: Document, variants: Sequence[Variant]) -> str:
 
 def _made_of(entry: ConfigurationEntry) -> str:
     if entry.variations:
-        return " * ".join(call.name for call in entry.variations)
+        product = " * ".join(call.name for call in entry.variations)
+        return f"{product}, {entry.design.kind}" if entry.design else product
     return "fixed parameters" if entry.parameters else "the scenario's defaults"
+
+
+def _designs(document: Document) -> Iterator[str]:
+    """What the design of each entry covers of the product."""
+    for entry in document.vast.configuration or ():
+        if entry.design is not None:
+            sizes = design_sizes(entry, document.folder)
+            rows = rows_of(entry.design, sizes)
+            covered = [
+                f"{words} {_share(*coverage(rows, sizes, strength))}"
+                for strength, words in _STRENGTHS.items()
+                if strength <= len(sizes)
+            ]
+            product = f"{len(rows):,} of {math.prod(sizes):,} combinations"
+            yield f"{entry.name}: {product}; {', '.join(covered)}"
+
+
+def _share(covered: int, all_: int) -> str:
+    return f"{covered} of {all_} ({percent(covered / all_)})"
 
 
 def _variation_points() -> Sequence[EntryPoint]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
@@ -15,10 +16,12 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from robovast.base.errors import CannotRunError, InputError, Problem, RobovastError
 from robovast.base.plugins import plugins_of, split_file_reference
 from robovast.base.sequential import State
+from robovast.model.designs import MOST_PAIRS, MOST_SOBOL, pairs_of
 from robovast.model.document.commands import BUILT_IN, GROUP, PROCESS, TopicsToCsv
 from robovast.model.document.files import host_path, match_run_files
 from robovast.model.document.model import (
     ConfigurationEntry,
+    Design,
     Execution,
     Notebooks,
     Plugin,
@@ -30,7 +33,7 @@ from robovast.model.document.source import KeyPath, Source
 from robovast.model.scenario import Scenario, read_scenario
 from robovast.model.variation_config import unknown_parameters
 from robovast.model.variations import BUILT_IN_TYPES, Variation
-from robovast.model.variations.loader import load_variation
+from robovast.model.variations.loader import levels, load_variation
 
 _PLUGIN: TypeAdapter[PluginCall] = TypeAdapter(Plugin)
 _OF_RESULTS = (
@@ -84,6 +87,7 @@ def check_parts(parts: Parts) -> list[Problem]:
         *_check_names(parts),
         *_check_parameters(parts),
         *_check_variations(parts),
+        *_check_designs(parts),
         *_check_commands(parts),
         *_check_processing(parts),
     ]
@@ -211,6 +215,42 @@ def _check_variations(parts: Parts) -> Iterator[Problem]:
         base: KeyPath = ("configuration", index, "variations")
         for position, call in enumerate(entry.variations or []):
             yield from check_variation(parts, (*base, position), call)
+
+
+def _check_designs(parts: Parts) -> Iterator[Problem]:
+    for index, entry in parts.entries.items():
+        if entry.design is not None:
+            path: KeyPath = ("configuration", index, "design")
+            for message, remedy in _wrong_design(entry.design, entry, parts.folder):
+                yield parts.source.problem(path, message, remedy)
+
+
+def _wrong_design(
+    design: Design, entry: ConfigurationEntry, folder: Path
+) -> Iterator[tuple[str, str]]:
+    """Why a design does not fit the variations, and what would."""
+    calls = entry.variations or []
+    sizes = [levels(call.name, call.parameters, folder) for call in calls]
+    drawn = [call.name for call, size in zip(calls, sizes, strict=True) if size is None]
+    known = [size for size in sizes if size is not None]
+    if not calls:
+        yield "a design chooses among variations, and there are none", "Give `variations`."
+    elif drawn:
+        yield (
+            f"a design chooses among listed values, and `{drawn[0]}` draws its own",
+            "Use `ParameterVariationList`, or leave out `design`.",
+        )
+    elif design.count is not None and design.count > math.prod(known):
+        yield (
+            f"the design is larger than the product: {design.count:,} of {math.prod(known):,} "
+            "combinations",
+            "Give a smaller `count`, or leave out `design`.",
+        )
+    elif design.kind == "sobol" and len(known) > MOST_SOBOL:
+        yield f"a Sobol design has at most {MOST_SOBOL} variations, not {len(known)}", "Use `lhs`."
+    elif design.kind == "pairwise" and pairs_of(known) > MOST_PAIRS:
+        pairs = f"{pairs_of(known):,} pairs of values are more than {MOST_PAIRS:,}"
+        yield pairs, "Give fewer values, or use `lhs`."
 
 
 def check_variation(parts: Parts, path: KeyPath, call: PluginCall) -> Iterator[Problem]:

@@ -133,6 +133,35 @@ def merge_pairs(pairs: list[dict[str, Any]]) -> dict[str, Any]:
     return {name: value for pair in pairs for name, value in pair.items()}
 
 
+class Design(Section):
+    """Which combinations of the variations' values are made, rather than all."""
+
+    kind: Literal["full", "pairwise", "sobol", "lhs", "random"]
+    """`full`: all; `pairwise`: few in which any two values of different variations meet; `sobol`,
+    `lhs` (Latin hypercube): spread evenly; `random`: drawn at random."""
+    count: Annotated[int, Field(ge=1)] | None = None
+    """Number of combinations of `sobol`, `lhs` and `random`."""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of `sobol`, `lhs` and `random`."""
+
+    @model_validator(mode="after")
+    def _check_count(self) -> Design:
+        counts = self.kind not in {"full", "pairwise"}
+        if counts and self.count is None:
+            raise PydanticCustomError(
+                "design_count",
+                "the key `count` is missing: the number of combinations of a design `{kind}`",
+                {"kind": self.kind},
+            )
+        if not counts and self.model_fields_set & {"count", "seed"}:
+            raise PydanticCustomError(
+                "design_count",
+                "a design `{kind}` follows from the values: leave out `count` and `seed`",
+                {"kind": self.kind},
+            )
+        return self
+
+
 class ConfigurationEntry(Section):
     """A named set of runs: fixed parameters, or variations of them."""
 
@@ -144,6 +173,8 @@ class ConfigurationEntry(Section):
     """Fixed parameter values, one `name: value` pair an item; variations may replace them."""
     variations: list[Plugin] | None = None
     """Variations in order; each multiplies the configurations of the one before."""
+    design: Design | None = None
+    """Which combinations of the variations' values are made; all when omitted."""
 
     @field_validator("name")
     @classmethod

@@ -17,6 +17,7 @@ from robovast.base.serialization import to_plain
 from robovast.model.document import Document
 from robovast.model.document.model import NAME_PATTERN, ConfigurationEntry, PluginCall, merge_pairs
 from robovast.model.expansion.containers import ContainerRunner, Containers
+from robovast.model.expansion.designed import Chooser
 from robovast.model.expansion.limit import refuse_too_many, too_many, variant_limit
 from robovast.model.expansion.variant import ConfigFile, Variant, VariationRecord
 from robovast.model.scenario import Scenario, read_scenario
@@ -126,10 +127,12 @@ def _expand_entry(
         {"name": entry.name, "config": parameters, "_config_files": []}
     ]
     records: list[VariationRecord] = []
+    chooser = Chooser(entry, surroundings.document.folder) if entry.design else None
     for call in entry.variations or []:
         started, clock = datetime.now(UTC), time.perf_counter()
         variation, configs = _apply(surroundings, entry, call, configs)
         used.append(variation)
+        configs = chooser.chosen(configs) if chooser else configs
         duration = round(time.perf_counter() - clock, 6)
         records.append(VariationRecord(call.name, started.isoformat(), duration))
     _warn_of_unknown(entry, configs, scenario)

@@ -8,8 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from robovast.base.errors import InputError
+from robovast.model.designs import count_of
 from robovast.model.document import Document
 from robovast.model.document.model import ConfigurationEntry
+from robovast.model.expansion.designed import design_sizes
 from robovast.model.variations.loader import most_of_each
 
 VARIABLE = "ROBOVAST_VARIANT_LIMIT"
@@ -60,5 +62,7 @@ def too_many(path: Path, total: int, limit: int, detail: str) -> InputError:
 def count_entry(document: Document, entry: ConfigurationEntry) -> int:
     """Most variants that an entry may have; variation types that cannot tell count as one."""
     calls = entry.variations or []
+    if entry.design is not None:
+        return count_of(entry.design, design_sizes(entry, document.folder))
     factors = (most_of_each(call.name, call.parameters, document.folder) for call in calls)
     return min(UNCOUNTABLE, math.prod(factors))

@@ -109,6 +109,20 @@ class Variation:
         del parameters, base_path
         return None
 
+    @classmethod
+    def levels(cls, parameters: Any, base_path: str) -> int | None:
+        """Number of values, each of which makes one configuration of each given one, in one order.
+
+        Designs choose among them. None means that a design cannot: values are drawn, or depend on
+        the given configuration.
+
+        Args:
+            parameters: the parameters as written.
+            base_path: folder of the .vast file.
+        """
+        del parameters, base_path
+        return None
+
     def update_config(
         self,
         config: dict[str, Any],

@@ -54,6 +54,14 @@ def most_of_each(name: str, parameters: Any, folder: str | Path) -> int:
         return 1  # making them reports the error
 
 
+def levels(name: str, parameters: Any, folder: str | Path) -> int | None:
+    """Number of values of a variation among which a design may choose; None if it may not."""
+    try:
+        return load_variation(name, folder).levels(parameters, str(folder))
+    except (RobovastError, ValueError, TypeError):
+        return None  # checking the variation reports the error
+
+
 def all_pure(document: Mapping[str, object]) -> bool:
     """Whether all variation types of a document are pure, so that no user's code is executed.
 

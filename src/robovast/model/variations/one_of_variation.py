@@ -46,6 +46,15 @@ class OneOfVariation(Variation):
         given = get_validated_config(parameters, OneOfVariationConfig)
         return sum(most_of_each(*_call(item), base_path) for item in given.variations)
 
+    @classmethod
+    def levels(cls, parameters: Any, base_path: str) -> int | None:
+        """The sum over all alternatives, if each has values."""
+        from robovast.model.variations.loader import levels
+
+        given = get_validated_config(parameters, OneOfVariationConfig)
+        each = [levels(*_call(item), base_path) for item in given.variations]
+        return None if None in each else sum(number or 0 for number in each)
+
     def variation(self, in_configs: list[dict[str, Any]]) -> list[dict[str, Any]]:
         """The first alternative's configurations, then the second's, and so on."""
         result = []

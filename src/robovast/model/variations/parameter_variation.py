@@ -53,6 +53,11 @@ class ParameterVariationList(Variation):
         del base_path
         return len(get_validated_config(parameters, ParameterVariationListConfig).values)
 
+    @classmethod
+    def levels(cls, parameters: Any, base_path: str) -> int | None:
+        """The number of values."""
+        return cls.most_of_each(parameters, base_path)
+
     def variation(self, in_configs: Configs) -> Configs:
         """Each configuration with each value."""
         chosen = list(self._chosen())
