@@ -44,7 +44,8 @@ from robovast_operator.pods.templates import notify_pod
         ({"storage": {"embedded": {"enabled": False}}}, "storage.external.endpoint is needed"),
         (
             {"metrics": {"enabled": False, "serviceMonitor": {"enabled": True}}},
-            "metrics.serviceMonitor and metrics.prometheusRule need metrics.enabled",
+            "metrics.serviceMonitor, metrics.prometheusRule and metrics.grafanaDashboard need "
+            "metrics.enabled",
         ),
     ],
 )
@@ -140,11 +141,29 @@ def test_the_admins_page_explains_every_figure_and_every_alert() -> None:
         assert asked <= figures, alert
 
 
+def test_the_dashboard_shows_figures_that_there_are() -> None:
+    values = {"metrics": {"grafanaDashboard": {"enabled": True, "labels": {"folder": "labs"}}}}
+    board = of_kind(rendered(values), "ConfigMap")["robovast-dashboard"]
+    assert {"grafana_dashboard", "folder"} <= board["metadata"]["labels"].keys()
+    (text,) = board["data"].values()
+    asked = [t["expr"] for panel in json.loads(text)["panels"] for t in panel["targets"]]
+    known = {figure.removesuffix("_total") for figure in generate_figures()}
+    suffixes = r"(_total|_bucket)?$"
+    for expression in asked:
+        shown = re.findall(r"robovast_\w+", expression)
+        assert shown, expression
+        assert {re.sub(suffixes, "", figure) for figure in shown} <= known, expression
+    assert "robovast-dashboard" not in of_kind(rendered({}), "ConfigMap")
+
+
 def generate_figures() -> set[str]:
     """What the operator's /metrics has, as PromQL names it."""
     metrics = Metrics()
     metrics.request("GET", "/api/v1/namespaces/lab/pods", 200)
-    page = metrics.page(Store(), WorkQueue(), leading=True).decode()
+    store = Store()
+    meta = {"namespace": "lab", "name": "drive", "resourceVersion": "1", "uid": "1"}
+    store.put_campaign({"metadata": meta, "status": {}})
+    page = metrics.page(store, WorkQueue(), leading=True).decode()
     names = set(re.findall(r"^# TYPE (\w+) ", page, re.MULTILINE))
     return {name for name in names if not name.endswith("_created")}
 

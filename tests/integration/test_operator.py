@@ -105,7 +105,8 @@ def test_an_admin_sees_health_and_figures_but_no_series_per_campaign(
     assert 'resource="jobs"' in figures
     assert "robovast_leader 1.0" in figures
     assert "few" not in figures
-    assert namespace not in figures
+    mine = f'robovast_namespace_runs{{campaign_namespace="{namespace}",state="passed"}}'
+    assert mine in figures
 
 
 def test_a_leader_that_is_killed_is_followed_by_the_other_replica(

@@ -1,9 +1,14 @@
-"""Metrics for Prometheus, not labelled by campaign or run: series would grow without end."""
+"""Metrics for Prometheus.
+
+None is labelled by campaign or run: series would grow without end. Those by namespace are of
+namespaces that have Campaigns.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections import Counter as Counts
+from collections.abc import Iterable, Iterator
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
@@ -11,6 +16,11 @@ from robovast_operator.kube.lenient import mapping, number, text
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import Store
 from robovast_operator.kube.work_queue import WorkQueue
+
+RUN_STATES = ("active", "waiting", "passed", "failed", "errored", "undecided")
+
+NAMESPACE = "campaign_namespace"
+"""Label; Prometheus itself sets `namespace`, to that of the operator."""
 
 MANY_FAILURES = 3
 """Consecutive failed reconciles of one campaign that count as a permanent failure."""
@@ -56,6 +66,18 @@ class Metrics:
         self._campaigns = Gauge(
             "robovast_campaigns", "Campaigns by state.", ["state"], registry=self._registry
         )
+        self._namespace_runs = Gauge(
+            "robovast_namespace_runs",
+            "Runs of a namespace's campaigns by state.",
+            [NAMESPACE, "state"],
+            registry=self._registry,
+        )
+        self._namespace_campaigns = Gauge(
+            "robovast_namespace_campaigns",
+            "Campaigns of a namespace by state.",
+            [NAMESPACE, "state"],
+            registry=self._registry,
+        )
         self._stalled = Gauge(
             "robovast_campaigns_stalled",
             "Campaigns that need somebody's help: condition Stalled.",
@@ -95,13 +117,26 @@ class Metrics:
         self._objects.labels("Campaign").set(len(store.campaigns))
         self._objects.labels("Configuration").set(len(store.configurations))
         self._objects.labels("Job").set(sum(len(jobs) for jobs in store.jobs.values()))
-        for state in ("active", "waiting", "passed", "failed", "errored", "undecided"):
-            self._runs.labels(state).set(_runs(store, state))
+        for state in RUN_STATES:
+            self._runs.labels(state).set(_runs(_statuses(store), state))
         self._campaigns.clear()
-        for status in _statuses(store):
-            self._campaigns.labels(text(status.get("state")) or "Pending").inc()
+        for state, campaigns in _states(_statuses(store)).items():
+            self._campaigns.labels(state).set(campaigns)
+        self._count_by_namespace(store)
         self._stalled.set(sum(_is_stalled(status) for status in _statuses(store)))
         return generate_latest(self._registry)
+
+    def _count_by_namespace(self, store: Store) -> None:
+        self._namespace_runs.clear()
+        self._namespace_campaigns.clear()
+        namespaces: dict[str, list[Object]] = {}
+        for (namespace, _), obj in store.campaigns.items():
+            namespaces.setdefault(namespace, []).append(obj["status"])
+        for namespace, statuses in namespaces.items():
+            for state in RUN_STATES:
+                self._namespace_runs.labels(namespace, state).set(_runs(statuses, state))
+            for state, campaigns in _states(statuses).items():
+                self._namespace_campaigns.labels(namespace, state).set(campaigns)
 
 
 def _collection(parts: list[str]) -> int:
@@ -112,8 +147,12 @@ def _statuses(store: Store) -> Iterator[Object]:
     return (obj["status"] for obj in store.campaigns.values())
 
 
-def _runs(store: Store, state: str) -> int:
-    return sum(number(mapping(status.get("runs")).get(state)) for status in _statuses(store))
+def _runs(statuses: Iterable[Object], state: str) -> int:
+    return sum(number(mapping(status.get("runs")).get(state)) for status in statuses)
+
+
+def _states(statuses: Iterable[Object]) -> Counts[str]:
+    return Counts(text(status.get("state")) or "Pending" for status in statuses)
 
 
 def _is_stalled(status: Object) -> bool:

@@ -36,6 +36,24 @@ def test_campaigns_are_counted_by_state_and_those_that_need_help() -> None:
         assert line in text.splitlines()
 
 
+def test_runs_are_counted_for_each_namespace_that_has_campaigns() -> None:
+    store, metrics = Store(), Metrics()
+    for namespace, uid in (("a", "1"), ("b", "2")):
+        meta = {"namespace": namespace, "name": "drive", "resourceVersion": "1", "uid": uid}
+        status = {"state": "Running", "runs": {"active": int(uid), "waiting": 5}}
+        store.put_campaign({"metadata": meta, "status": status})
+    lines = metrics.page(store, WorkQueue(), leading=True).decode().splitlines()
+    for line in (
+        'robovast_namespace_runs{campaign_namespace="a",state="active"} 1.0',
+        'robovast_namespace_runs{campaign_namespace="b",state="active"} 2.0',
+        'robovast_namespace_runs{campaign_namespace="b",state="waiting"} 5.0',
+        'robovast_namespace_campaigns{campaign_namespace="a",state="Running"} 1.0',
+    ):
+        assert line in lines
+    store.drop_campaign(("b", "drive", "2"))
+    assert 'campaign_namespace="b"' not in metrics.page(store, WorkQueue(), leading=True).decode()
+
+
 def test_looks_that_come_to_nothing_are_counted_and_campaigns_that_go_on_failing() -> None:
     metrics, queue = Metrics(), WorkQueue()
     for _ in range(3):
