@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 from robovast.agent.silence import SILENT
+from robovast.base.docstrings import WITHOUT
 from robovast.common.execution import COMPAT_VERSION
 from robovast.execution.compat import COMPAT_SCRIPT
 from robovast.execution.contract import CONFIG, OUT
@@ -281,6 +282,11 @@ def _own(
         {"name": "NODE_NAME", "valueFrom": {"fieldRef": {"fieldPath": "spec.nodeName"}}},
         {"name": VARIABLE, "value": str(settings.variant_limit)},
     ]
+    if name not in {
+        "compose",
+        "propose",
+    }:  # which tell what is wrong in a document, and what is right
+        variables.append({"name": WITHOUT, "value": "true"})
     return own_container(settings.agent_image, name, arguments, mounts, resources, variables)
 
 

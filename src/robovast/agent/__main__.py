@@ -37,6 +37,16 @@ _COMMANDS = {
 """Each command is a function in the module of the same name."""
 
 
+_USERS_CODE = frozenset({"compose", "propose", "process", "share"})
+"""Commands that execute users' code, which may import whatever it likes."""
+
+_UNUSED = (
+    *("lifecycleconfig", "minioadmin", "notificationconfig", "objectlockconfig"),
+    *("replicationconfig", "select"),
+)
+"""Modules of `minio` of which the other commands use nothing."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command of the command line; return the exit code."""
     options = _parser().parse_args(arguments)
@@ -55,7 +65,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _carry_out(options: argparse.Namespace, folders: Folders) -> AgentExit:
-    _spare_administration()
+    if options.command not in _USERS_CODE:
+        _spare_unused()
     module = import_module(f"robovast.agent.{options.command}")
     arguments: list[object] = [folders]
     index = int(os.environ.get(INDEX, "0"))
@@ -73,14 +84,15 @@ def _carry_out(options: argparse.Namespace, folders: Folders) -> AgentExit:
     return code
 
 
-def _spare_administration() -> None:
-    """Importing `minio` imports its client for administrators, with a cryptography library.
+def _spare_unused() -> None:
+    """Let `minio` import nothing in place of modules that are not used.
 
-    That would be a third of each pod's start-up time, for nothing.
+    They, and the cryptography library of one, would be a third of each pod's start-up time.
     """
-    nothing = ModuleType("minio.minioadmin")
-    nothing.MinioAdmin = None  # type: ignore[attr-defined]
-    sys.modules[nothing.__name__] = nothing
+    for name in _UNUSED:
+        nothing = ModuleType(f"minio.{name}")
+        nothing.__getattr__ = lambda _: None  # type: ignore[method-assign]
+        sys.modules[nothing.__name__] = nothing
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -11,6 +11,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.alias_generators import to_camel
 
+from robovast.base import docstrings
 from robovast.base.statistics import anytime, interval_text, percent, wilson
 from robovast.kubeapi.resources import Notification
 from robovast.kubeapi.status import Runs
@@ -29,7 +30,7 @@ class _Model(BaseModel):
     model_config = ConfigDict(
         extra="ignore",
         frozen=True,
-        use_attribute_docstrings=True,
+        use_attribute_docstrings=docstrings.READ,
         alias_generator=to_camel,
         populate_by_name=True,
     )

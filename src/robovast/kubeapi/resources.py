@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic.alias_generators import to_camel
 
+from robovast.base import docstrings
 from robovast.kubeapi.names import CREDENTIALS_SECRET
 from robovast.kubeapi.secret_names import MADE_FOR_CAMPAIGNS
 
@@ -43,7 +44,7 @@ class _Spec(BaseModel):
     model_config = ConfigDict(
         extra="forbid",
         frozen=True,
-        use_attribute_docstrings=True,
+        use_attribute_docstrings=docstrings.READ,
         alias_generator=to_camel,
         populate_by_name=True,
     )

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 from pydantic.alias_generators import to_camel
 
+from robovast.base import docstrings
 from robovast.base.ranges import parse_ranges
 from robovast.model.repetition import GroupSizes
 
@@ -59,7 +60,7 @@ class _Status(BaseModel):
     model_config = ConfigDict(
         extra="ignore",
         frozen=True,
-        use_attribute_docstrings=True,
+        use_attribute_docstrings=docstrings.READ,
         alias_generator=to_camel,
         populate_by_name=True,
     )

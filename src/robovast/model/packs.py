@@ -23,6 +23,7 @@ from pydantic import (
     model_validator,
 )
 
+from robovast.base import docstrings
 from robovast.base.ranges import (
     Span,
     clip,
@@ -39,7 +40,12 @@ RUNS_LIMIT = 10_000_000
 
 
 class _Data(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        use_attribute_docstrings=docstrings.READ,
+        defer_build=True,
+    )
 
 
 class Block(_Data):

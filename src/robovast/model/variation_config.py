@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 from pydantic import AliasChoices, BaseModel, ConfigDict, ValidationError
 from pydantic.fields import FieldInfo
 
+from robovast.base import docstrings
 from robovast.base.errors import InputError
 
 ConfigT = TypeVar("ConfigT", bound=BaseModel)
@@ -20,7 +21,7 @@ ConfigT = TypeVar("ConfigT", bound=BaseModel)
 class VariationConfig(BaseModel):
     """Base class of parameter models of variation types; unknown parameters have no effect."""
 
-    model_config = ConfigDict(extra="ignore", use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="ignore", use_attribute_docstrings=docstrings.READ)
 
 
 def get_validated_config(parameters: Any, config_class: type[ConfigT]) -> ConfigT:

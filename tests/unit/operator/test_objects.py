@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from support.kube.fake_cluster import SCENARIO, SETTINGS, accepted, campaign
 
+from robovast.base.docstrings import WITHOUT
 from robovast.kubeapi.pod_contract.pack_request import PackRequest
 from robovast.kubeapi.source_files import inline_files
 from robovast.model.packs import CampaignPlan, Owner
@@ -60,6 +61,17 @@ def test_only_our_own_containers_see_credentials_and_nobody_a_token() -> None:
     text = json.dumps(job)
     assert "secretKeyRef" not in text
     assert "hostPath" not in text
+
+
+def test_our_containers_read_no_docstrings_but_those_that_explain_documents() -> None:
+    made = accepted()
+    found = [*containers(job_of(made)).values()]
+    for task in ("compose", "propose", "finish"):
+        found += task_job(made, SETTINGS, task, task, "plan")["spec"]["template"]["spec"][
+            "containers"
+        ]
+    without = {c["name"] for c in found if any(v["name"] == WITHOUT for v in c.get("env", ()))}
+    assert without == {"fetch", "agent", "finish"}
 
 
 def test_a_run_container_sees_its_inputs_and_its_output_and_may_not_change_the_former() -> None:

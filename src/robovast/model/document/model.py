@@ -25,6 +25,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
+from robovast.base import docstrings
 from robovast.base.sequential import SequentialTest
 from robovast.model.quantities import EXTENDED_RESOURCE
 from robovast.model.seeds import LARGEST_SEED
@@ -57,7 +58,12 @@ CONTRACT_ENVIRONMENT = frozenset(
 class Section(BaseModel):
     """A mapping of known keys; a key without a value counts as absent."""
 
-    model_config = ConfigDict(extra="forbid", use_attribute_docstrings=True, frozen=True)
+    model_config = ConfigDict(
+        extra="forbid",
+        use_attribute_docstrings=docstrings.READ,
+        frozen=True,
+        defer_build=True,
+    )
 
     @model_validator(mode="before")
     @classmethod

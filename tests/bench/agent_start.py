@@ -1,0 +1,67 @@
+#!/usr/bin/env python3
+"""What the start of our containers beside a run costs, before they do anything.
+
+    python tests/bench/agent_start.py [--repeat 12]
+
+Imports the modules of `fetch` and `agent` in new processes: as in the pods, with the docstrings of
+models, without what is left out of the S3 client, and with a standard library that has no bytecode.
+They alternate; prints the least CPU seconds and the memory of each.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from robovast.base.docstrings import WITHOUT
+
+LEAN = "from robovast.agent import __main__ as program; program._spare_unused()\n"
+START = "import robovast.agent.__main__, robovast.agent.agent, robovast.agent.fetch"
+
+
+def cost(code: str, environment: dict[str, str]) -> tuple[float, float]:
+    """CPU seconds, and the most memory [MiB]."""
+    process = subprocess.Popen([sys.executable, "-c", code], env=environment)
+    _, status, used = os.wait4(process.pid, 0)
+    assert status == 0
+    return used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--repeat", type=int, default=12)
+    options = parser.parse_args()
+    unset = {WITHOUT, "PYTHONDONTWRITEBYTECODE"}
+    known = {name: value for name, value in os.environ.items() if name not in unset}
+    with TemporaryDirectory() as complete, TemporaryDirectory() as partial:
+        for cache in (complete, partial):
+            cost(START, {**known, "PYTHONPYCACHEPREFIX": cache})
+        library = Path(os.path.realpath(sysconfig.get_path("stdlib")))
+        for compiled in Path(partial, *library.parts[1:]).rglob("*.pyc"):
+            if "site-packages" not in compiled.parts:
+                compiled.unlink()
+        described = {**known, "PYTHONPYCACHEPREFIX": complete}
+        usual = {**described, WITHOUT: "true"}
+        bare = {**usual, "PYTHONPYCACHEPREFIX": partial, "PYTHONDONTWRITEBYTECODE": "1"}
+        cases = {
+            "as in pods": (LEAN + START, usual),
+            "with docstrings": (LEAN + START, described),
+            "with all of the S3 client": (START, usual),
+            "without bytecode of the standard library": (LEAN + START, bare),
+        }
+        found: dict[str, list[tuple[float, float]]] = {name: [] for name in cases}
+        for _ in range(options.repeat):
+            for name, case in cases.items():
+                found[name].append(cost(*case))
+    for name, costs in found.items():
+        print(f"{name}: {min(costs)[0]:.3f} s CPU, {max(m for _, m in costs):.0f} MiB")
+    print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} CPUs")
+
+
+if __name__ == "__main__":
+    main()

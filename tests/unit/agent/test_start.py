@@ -1,0 +1,35 @@
+"""What the start of our containers costs: what they need not import."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from robovast.base.docstrings import WITHOUT
+
+START = """\
+import sys
+from importlib import import_module
+from robovast.agent import __main__ as program
+
+program._spare_unused()
+for command in ("fetch", "agent"):
+    import_module(f"robovast.agent.{command}")
+from robovast.model.document.model import Execution
+
+unused = {"Crypto", "argon2", "IPython", "numpy", "pandas"}
+print(sorted(unused & set(sys.modules)), bool(Execution.model_fields["timeout"].description))
+"""
+
+
+@pytest.mark.parametrize(("variables", "described"), [({WITHOUT: "true"}, False), ({}, True)])
+def test_containers_beside_runs_start_without_what_they_never_use(
+    variables: dict[str, str], described: bool
+) -> None:
+    known = {name: value for name, value in os.environ.items() if name != WITHOUT}
+    said = subprocess.run(
+        [sys.executable, "-c", START], env={**known, **variables},
+        capture_output=True, text=True, timeout=120, check=True,
+    )  # fmt: skip
+    assert said.stdout == f"[] {described}\n"
