@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -18,6 +19,7 @@ from robovast.base.errors import CannotRunError
 from robovast.campaign.finding import find_campaigns
 from robovast.execution.local import LocalOptions, prepare_run
 from robovast.model.document import load_document
+from robovast.search.local import SearchSummary, execute_document
 
 PASS = 'echo "$1,$2" > "$3/out.csv"\n'
 
@@ -72,6 +74,21 @@ def _holds(path: Path, text: str) -> bool:
 
 def _files(campaign: Path) -> set[str]:
     return {str(path.relative_to(campaign)) for path in campaign.rglob("*")}
+
+
+@pytest.mark.parametrize("kind", ["random", "optuna", "qd"])
+def test_a_search_of_each_kind(slim_image: str, tmp_path: Path, kind: str) -> None:
+    shutil.copytree(EXAMPLES / "drone_landing", tmp_path / "in")
+    path = tmp_path / "in" / f"search_{kind}.vast"
+    text = re.sub(r"per_batch: \d+", "per_batch: 2", path.read_text())
+    path.write_text(re.sub(r"batches: \d+", "batches: 2", text))
+    options = LocalOptions(runtime="docker", image=slim_image, runs=1)
+    summary = execute_document(load_document(path), tmp_path / "out", options, Recorder())
+    assert isinstance(summary, SearchSummary)
+    assert summary.stop is not None
+    assert (summary.stop.kind, len(summary.records)) == ("batches", 4)
+    assert {record.verdict for record in summary.records} <= {"passed", "failed"}
+    assert containers() == []
 
 
 def test_packed_runs_secondary_container_and_commands(slim_image: str, tmp_path: Path) -> None:

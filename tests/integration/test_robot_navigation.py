@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 import os
+import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +16,7 @@ import pytest
 import yaml
 from robovast_testbed import cache
 from support.campaigns.local import EXAMPLES, ROOT
+from support.pages import code_blocks
 
 VAST = Path(sys.executable).with_name("vast")
 NAVIGATION = EXAMPLES / "robot_navigation" / "robot_navigation.vast"
@@ -66,6 +70,29 @@ def campaign(ros_environment: str, tmp_path_factory: pytest.TempPathFactory) -> 
 
 def query(campaign: Path, sql: str) -> list[dict[str, object]]:
     return json.loads(vast("results", "query", sql, "-r", campaign, "-o", "json"))
+
+
+def test_the_way_from_a_grid_to_a_failure_map(ros_environment: str, tmp_path: Path) -> None:
+    """Every command of docs/search.md about this example, with fewer drives."""
+    (block,) = [b for b in code_blocks("docs/search.md", "bash") if "configs/examples" in b]
+    folder = tmp_path / "configs" / "examples" / "robot_navigation"
+    shutil.copytree(NAVIGATION.parent, folder)
+    path = folder / "failure_map.vast"
+    text = path.read_text().replace("per_batch: 6", "per_batch: 2\n  max_errors: 0")
+    path.write_text(text.replace("batches: 8", "batches: 2").replace("runs: 3 ", "runs: 1 "))
+    export, *lines = block.splitlines()
+    assert export == "export ROBOVAST_PROCESS_ENV=$(scripts/ros-environment)"
+    answers = []
+    for line in lines:
+        made = next(iter((tmp_path / "results").glob("robot-failure-map-*")), tmp_path)
+        _, *words = [str(made) if "-2026-" in word else word for word in shlex.split(line)]
+        with contextlib.chdir(tmp_path):
+            answers.append(vast(*words, ROBOVAST_PROCESS_ENV=ros_environment))
+    *_, critical, points, _ = answers
+    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
+    assert "margin" in critical
+    assert points.startswith("speed,margin,boxes,failure_rate,low,high")
+    assert len(points.splitlines()) == 513
 
 
 @pytest.mark.parametrize(("path", "count"), [(NAVIGATION, 16), (BASIC, 3)])

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from robovast.model.document import load_document
+from robovast.model.document.search.plugins import BUILT_IN, STRATEGIES
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "configs" / "examples").glob("*/*.vast"))
@@ -51,10 +52,18 @@ def notebook_imports(folder: Path) -> set[str]:
     return found - {path.stem for path in modules} - set(sys.stdlib_module_names)
 
 
+def extras_of_strategy(strategy: str) -> set[str]:
+    _, extra = BUILT_IN[STRATEGIES][strategy]
+    return {extra.name} if extra else set()
+
+
 def needed(path: Path) -> set[str]:
     vast = load_document(path).vast
     calls = [call for entry in vast.configuration or [] for call in entry.variations or []]
-    extras = {"nav" for call in calls if not call.name.startswith(("Parameter", "OneOf"))}
+    if vast.search is not None:
+        calls += vast.search.variations or []
+    extras = {"nav" for call in calls if call.name.startswith(("Floorplan", "Obstacle", "Path"))}
+    extras.update(extras_of_strategy(vast.search.strategy) if vast.search else ())
     for call in vast.postprocessing:
         extras.update({"ros"} if call.name.startswith("rosbags_") else ())
         extras.update({"video"} if call.name == "rosbags_to_webm" else ())

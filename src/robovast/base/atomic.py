@@ -34,7 +34,7 @@ _RENAME_EXCHANGE = 2
 _CANNOT_EXCHANGE = {errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP, errno.EPERM}
 
 
-def write_atomically(path: Path, text: str, *, lasting: bool = True) -> None:
+def write_atomically(path: Path, text: str | bytes, *, lasting: bool = True) -> None:
     """Write a file so that readers, and crashes, see either the old or the new content.
 
     Args:
@@ -45,11 +45,11 @@ def write_atomically(path: Path, text: str, *, lasting: bool = True) -> None:
     """
     with _part_of(path) as part:
         with create_file(part) as file:
-            file.write(text.encode())
+            file.write(text.encode() if isinstance(text, str) else text)
         put_in_place(part, path, lasting=lasting)
 
 
-def write_report(path: Path, text: str) -> None:
+def write_report(path: Path, text: str | bytes) -> None:
     """Write a file that a user has named; what a link leads to is replaced, not the link.
 
     Raises:

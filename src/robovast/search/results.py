@@ -12,7 +12,7 @@ from robovast.base.errors import InputError
 from robovast.campaign.configurations import read_configurations
 from robovast.campaign.layout import Layout
 from robovast.model.document import Document, load_document
-from robovast.model.document.search.space import holds
+from robovast.model.document.search.space import holds, place
 from robovast.search.history import Batch, History
 from robovast.search.plugins import make_strategy, search_of
 from robovast.search.strategy import SearchStrategy, unbeaten
@@ -79,13 +79,23 @@ class StoredSearch:
         Raises:
             InputError: the strategy makes no failure map, or a fixed value is not in the space.
         """
-        for name, value in fixed.items():
-            if name not in self.search.search_space:
-                raise InputError(f"`{name}` is no dimension of the search space.")
-            if not holds(self.search.search_space[name], value):
-                raise InputError(f"{name} = {value!r} is not in the search space.")
+        self.middle(fixed)
         columns = ["parameter", "critical", "low", "high", "crossing"]
-        return Answer(columns, [astuple(item) for item in self._map().critical(fixed)])
+        return Answer(columns, [astuple(item) for item in self.failure_map().critical(fixed)])
+
+    def middle(self, fixed: Mapping[str, Any]) -> list[float]:
+        """The place of fixed values in the unit cube, in the middle of all other dimensions.
+
+        Raises:
+            InputError: a fixed value is not in the space.
+        """
+        space = self.search.search_space
+        for name, value in fixed.items():
+            if name not in space:
+                raise InputError(f"`{name}` is no dimension of the search space.")
+            if not holds(space[name], value):
+                raise InputError(f"{name} = {value!r} is not in the search space.")
+        return [place(dim, fixed[name]) if name in fixed else 0.5 for name, dim in space.items()]
 
     def map(self) -> Answer:
         """The rate of failures at points all over the space, each with its 95 % interval.
@@ -94,7 +104,7 @@ class StoredSearch:
             InputError: the strategy makes no failure map.
         """
         columns = [*self.search.search_space, "failure_rate", "low", "high"]
-        return Answer(columns, list(self._map().rows()))
+        return Answer(columns, list(self.failure_map().rows()))
 
     def archive(self) -> Answer:
         """The best set of each cell of the archive, its cell's number first.
@@ -137,7 +147,12 @@ class StoredSearch:
         ]
         return Answer(["config", *space, *names, "n_samples"], rows)
 
-    def _map(self) -> Any:
+    def failure_map(self) -> Any:
+        """The map of the strategy.
+
+        Raises:
+            InputError: the strategy makes no failure map.
+        """
         strategy = self.strategy()
         if not hasattr(strategy, "map"):
             raise InputError(

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from robovast_cli.commands.results.options import AnswerFormat, CampaignName, ResultsDir
 from robovast_cli.lazy import new_app
+
+if TYPE_CHECKING:
+    from robovast.search.results import StoredSearch
 
 app = new_app("Say what a search found: its sets, its progress, where it begins to fail.")
 
@@ -36,6 +40,23 @@ def search(
         ),
     ] = None,
     output: AnswerFormat = "table",
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PATH",
+            help="With `map` or `progress`: draw it to this .png or .svg file instead.",
+            show_default=False,
+        ),
+    ] = None,
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="With `map --picture`: a dimension to draw; to be given twice. The first two "
+            "when omitted.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Say what a search found, finished or under way.
 
@@ -48,18 +69,41 @@ def search(
     from robovast_cli.commands.results.options import named_campaign
     from robovast_cli.ui.rows import print_rows
 
-    if at and what != "critical":
-        raise InputError(f"--at belongs to `critical`, not to `{what}`.")
+    if picture is not None and what not in {"map", "progress"}:
+        raise InputError(f"--picture belongs to `map` and `progress`, not to `{what}`.")
+    if over and not (picture and what == "map"):
+        raise InputError("--over belongs to `map` with --picture.")
+    if at and what != "critical" and not (picture and what == "map"):
+        raise InputError(
+            f"--at belongs to `critical`, and to `map` with --picture; not to `{what}`."
+        )
     stored = StoredSearch(named_campaign(results_dir or ctx.obj.results, campaign))
+    fixed = dict(map(_pair, at or []))
+    if picture is not None:
+        _draw(stored, picture, None if what == "progress" else (over or []), fixed)
+        return
     answers = {
         "sets": stored.sets,
         "best": stored.best,
         "progress": stored.report,
-        "critical": lambda: stored.critical(dict(map(_pair, at or []))),
+        "critical": lambda: stored.critical(fixed),
         "map": stored.map,
         "archive": stored.archive,
     }
     print_rows(answers[what](), output)
+
+
+def _draw(
+    stored: StoredSearch, picture: Path, over: list[str] | None, fixed: dict[str, Any]
+) -> None:
+    """Write a picture of the map over dimensions, or of the progress."""
+    from robovast.base.atomic import write_report
+    from robovast.base.optional_deps import needing
+
+    with needing("analysis", ("matplotlib",), "Drawing"):
+        from robovast.search.pictures import draw_map, draw_progress, encoded
+    figure = draw_progress(stored) if over is None else draw_map(stored, over, fixed)
+    write_report(picture, encoded(figure, picture))
 
 
 def _pair(text: str) -> tuple[str, Any]:
