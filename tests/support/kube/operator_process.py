@@ -9,7 +9,7 @@ import subprocess
 import sys
 import urllib.request
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -64,6 +64,20 @@ def finish_stage(campaign: str, total: int) -> str:
     return FINISH_STAGE.format(campaign=campaign, message=message)
 
 
+def proposal_stages(campaign: str, words: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The Stages of a search's propose Jobs, whose words are given, the first one's first."""
+    stages = []
+    for number, said in enumerate(words):
+        text = FINISH_STAGE.replace("finish", "propose")
+        stage = yaml.safe_load(text.format(campaign=campaign, message=json.dumps(said)))
+        stage["metadata"]["name"] += f"-{number}"
+        job = '.metadata.labels["batch.kubernetes.io/job-name"] | sub("^.*-propose-"; "")'
+        wanted = {"key": job, "operator": "In", "values": [str(number)]}
+        stage["spec"]["selector"]["matchExpressions"].append(wanted)
+        stages.append(yaml.safe_dump(stage))
+    return stages
+
+
 def prepare(cluster: Cluster, nodes: int, stages: list[str], *, tainted: bool = False) -> None:
     """Fake nodes, the resource definitions, and the operator's account with the chart's rights."""
     kwok.start(cluster, nodes, stages=stages, tainted=tainted)
@@ -84,14 +98,28 @@ def prepare(cluster: Cluster, nodes: int, stages: list[str], *, tainted: bool = 
     )
 
 
-FINISHED = {"many": 200, "few": 6, "hunted": 300}
+FINISHED = {"many": 200, "few": 6, "hunted": 300, "seek": 17}
 """Runs of the campaigns that come to their end on fake nodes, by name."""
+
+
+DIGEST = "ab" * 32
+SAID: list[dict[str, Any]] = [
+    {"blocks": [[0, 4, 0, 2]], "variants": 4, "digest": DIGEST},
+    {"blocks": [[4, 4, 0, 2], [1, 1, 2, 1]], "variants": 4, "digest": DIGEST, "batch": 1,
+     "evaluated": 4, "best": "failure_rate 0.5", "criteria": "batches 1/2"},
+    {"blocks": [], "digest": DIGEST, "batch": 2, "evaluated": 8, "best": "failure_rate 1",
+     "criteria": "batches 2/2", "stop": "batches", "stopReason": "batches: batches 2/2"},
+]  # fmt: skip
+PROPOSED = {"seek": SAID, "odd": [SAID[0], {**SAID[1], "blocks": [[0, 1, 0, 1]]}]}
+"""What the propose Jobs of searches say on fake nodes, by name; `odd` asks for runs twice."""
 
 
 @pytest.fixture(scope="session")
 def fake_cluster(control_plane: Cluster) -> Cluster:
     """A control plane with fake nodes on which pods end at once."""
-    prepare(control_plane, 4, [finish_stage(*campaign) for campaign in FINISHED.items()])
+    stages = [finish_stage(*campaign) for campaign in FINISHED.items()]
+    stages += [s for campaign in PROPOSED.items() for s in proposal_stages(*campaign)]
+    prepare(control_plane, 4, stages)
     return control_plane
 
 
