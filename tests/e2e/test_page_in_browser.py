@@ -46,6 +46,8 @@ SCREENS = {
     "matrix": f"#/campaign/{NAME}",
     "measure": f"#/campaign/{NAME}?x=map&y=speed&colour=duration&cell=1,1",
     "parallel": f"#/campaign/{NAME}?view=parallel&q=speed>0.5",
+    "mixed": f"#/campaign/{NAME}?view=mixed",
+    "document": f"#/campaign/{NAME}?view=sources",
     "maps": f"#/campaign/{NAME}?view=maps",
     "log": f"#/campaign/{NAME}/hall-9/0",
     "plots": f"#/campaign/{NAME}/hall-9/0?tab=plots",
@@ -66,6 +68,7 @@ SCREENS = {
     "compare": f"#/compare?a={NAME}&b={LATER}",
     "start": "#/start",
     "nothing": "#/campaign/none",
+    "nowhere": "#/campain/none",
 }
 PIXEL = bytes.fromhex(
     "89504e470d0a1a0a0000000d4948445200000001000000010802000000907753de"
@@ -541,6 +544,58 @@ def test_a_comparison_says_what_got_worse(page: Page, server: ShownPage) -> None
     expect(page.locator(".statement")).to_contain_text("did not pass rose, from ")
     expect(page.locator(".statement")).to_contain_text("chance alone hardly explains that")
     expect(page.locator("tr[data-row]")).to_have_count(len(VARIANTS))
+
+
+def test_a_comparison_says_what_changed_and_what_it_could_have_shown(
+    page: Page, tmp_path: Path
+) -> None:
+    for name, image in ((NAME, "robots/hall:7"), (LATER, "robots/hall:8")):
+        root = write_campaign(tmp_path, name, judge=judge(1, 0), outputs=False)
+        record = root / "_execution" / "execution.yaml"
+        record.write_text(record.read_text().replace("robots/hall:7", image))
+    write(tmp_path / LATER / "_config" / "hall.vast", "version: 1\nexecution: {runs: 2}\n")
+    with browsing(page, tmp_path) as address:
+        page.goto(f"{address}#/compare?a={NAME}&b={LATER}")
+        changed = page.get_by_role("region", name="What changed")
+        expect(changed.get_by_role("region", name="lines of hall.vast")).to_contain_text(
+            "+execution: {runs: 2}"
+        )
+        expect(changed.get_by_role("region", name="lines of image")).to_contain_text(
+            "-robots/hall:7"
+        )
+        expect(page.get_by_text("cannot fall below 0.333")).to_contain_text(
+            "5 runs of each, before and after, would"
+        )
+
+
+def test_a_campaign_is_readable(page: Page, tmp_path: Path) -> None:
+    """Poses are short, what they are short for is said, and mixed verdicts are strips."""
+    pose, other = ({"position": {"x": 3.98123, "y": y, "z": 0.5}} for y in (-3.1288, 1.5))
+    root = write_campaign(
+        tmp_path,
+        variants=[{"speed": s, "goal": goal} for s in (1.0, 2.0) for goal in (pose, other)],
+        judge=judge(1, 0),
+        outputs=False,
+    )
+    text = "metadata: {title: Two speeds, description: Which one is sound}\n"
+    write(root / "_config" / "hall.vast", text)
+    with browsing(page, tmp_path) as address:
+        page.goto(f"{address}#/campaign/{NAME}")
+        expect(page.get_by_text("Two speeds")).to_be_visible()
+        expect(page.get_by_text("Which one is sound")).to_be_visible()
+        short = page.get_by_role("cell", name="3.98, -3.13", exact=True).first
+        whole = json.dumps(pose, separators=(",", ":"))
+        expect(short.locator("[title]")).to_have_attribute("title", whole)
+        page.get_by_role("tab", name="Matrix").press("/")
+        page.keyboard.type("speed>1")
+        expect(page.get_by_label("Find")).to_have_value("speed>1")
+        page.get_by_role("tab", name="Mixed verdicts").click()
+        mixed = page.get_by_role("region", name="Configurations with mixed verdicts")
+        expect(mixed.get_by_role("img", name="1 of 2 did not pass").first).to_have_text("✕✓")
+        page.get_by_role("tab", name="Document").click()
+        expect(page.get_by_role("region", name="Text of hall.vast")).to_have_text(text)
+        page.goto(f"{address}#/campain/{NAME}")
+        expect(page.get_by_role("heading", name="There is no such page")).to_be_visible()
 
 
 def test_one_returns_to_where_one_was(page: Page, tmp_path: Path) -> None:

@@ -73,6 +73,22 @@ export interface Effect {
   same: string[];
 }
 
+/** What a campaign says of itself; its sources are the .vast file and the scenario. */
+export interface About {
+  title: string;
+  description: string;
+  sources: { name: string; text: string }[];
+}
+
+/** A file, or a circumstance, that differs between two campaigns. */
+export interface Change {
+  name: string;
+  kind: "changed" | "added" | "removed";
+  lines: string[];
+  /** Lines that are left out. */
+  more: number;
+}
+
 /** The factors of a campaign, and which of them separate failures. */
 export interface Explained {
   version: number;
@@ -180,12 +196,18 @@ export interface Difference {
 export interface Comparison {
   overall: Difference;
   statement: string;
+  /** What so many runs can show at all. */
+  least_p: number;
+  visible: number;
+  needed_runs: number | null;
+  detectable: number | null;
   variants: {
     name_a: string;
     name_b: string;
     difference: Difference;
     adjusted_p: number;
     change: "worse" | "better" | "unclear" | "same";
+    more_runs: number | null;
   }[];
   only_a: string[];
   only_b: string[];

@@ -1,15 +1,17 @@
 // One campaign: how it went, over any two parameters, and every run.
 import { useMemo } from "preact/hooks";
 import { address, VERDICTS, type Columns, type Verdict } from "./api";
-import { matcher, show, sorted, valueOf, variantMatcher, variantOf, verdictOf, type Run, type Shown } from "./data";
+import { brief, matcher, show, sorted, titled, valueOf, variantMatcher, variantOf, verdictOf, type Run, type Shown } from "./data";
 import { FailureList } from "./failure-list";
 import { failedFor } from "./failures";
 import { count, duration, moment, plural } from "./format";
 import { Grid, type Column } from "./grid";
 import { useAnswer, type Versions } from "./live";
+import { Sources, useAbout } from "./about";
 import { Effects, isInCell, useAxes } from "./factors";
 import { Matrix } from "./matrix";
 import { Chooser, useMeasure } from "./measure";
+import { MixedList } from "./mixed";
 import { Notebooks } from "./notebooks";
 import { Maps } from "./player/maps";
 import { Parallel } from "./parallel";
@@ -37,6 +39,7 @@ export function CampaignPage({ name, query }: { name: string; query: URLSearchPa
 
 function Head({ data }: { data: Columns }) {
   const { summary } = data;
+  const about = useAbout(summary.name);
   const { execution } = summary;
   const facts: [string, string][] = [
     ["Started", moment(summary.started_at)],
@@ -51,6 +54,8 @@ function Head({ data }: { data: Columns }) {
       <h1>
         {summary.name} <State state={summary.state} />
       </h1>
+      {about?.title && <p class="title">{about.title}</p>}
+      {about?.description && <p class="description">{about.description}</p>}
       <VerdictBar summary={summary} />
       {data.active.length > 0 && (
         <p class="active">
@@ -87,6 +92,7 @@ function Head({ data }: { data: Columns }) {
 
 function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
   const axes = useAxes(data, query);
+  const about = useAbout(data.summary.name);
   const { names } = axes;
   const text = query.get("q") ?? "";
   const wanted = query.get("verdict") ?? "";
@@ -134,6 +140,11 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
   ];
   const views = [
     ...(names.length > 0 ? overParameters : []),
+    {
+      id: "mixed",
+      label: "Mixed verdicts",
+      show: () => <MixedList {...{ data, names }} runs={rated} sort={query.get("mixed") ?? ""} />,
+    },
     { id: "maps", label: "Maps", show: () => <Maps data={data} runs={rated} /> },
     {
       id: "notebooks",
@@ -141,6 +152,7 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
       show: () => <Notebooks title="For the campaign" target={{ campaign: data.summary.name }} />,
     },
   ];
+  if (about) views.push({ id: "sources", label: "Document", show: () => <Sources about={about} /> });
   return (
     <>
       <Tabs tabs={views} chosen={query.get("view") ?? "matrix"} onChoose={(view) => choose({ view })} />
@@ -182,6 +194,7 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
           sort={sort}
           onSort={(next) => choose({ sort: next === "verdict" ? "" : next })}
           open={(run) => (location.hash = runLink(data, run))}
+          frozen={2}
         />
       ) : (
         <p class="hint">{data.runs.number.length ? "No run is like that." : "No run has ended yet."}</p>
@@ -206,7 +219,10 @@ function runLink(data: Columns, run: Run): string {
 }
 
 function columnsOf(data: Columns, names: string[], measure: Shown | null): Column[] {
-  const value = (column: string) => (run: Run) => show(valueOf(data, run, column));
+  const value = (column: string) => (run: Run) => {
+    const found = valueOf(data, run, column);
+    return typeof found === "object" && found ? <span title={show(found)}>{brief(found)}</span> : show(found);
+  };
   return [
     { id: "verdict", label: "Verdict", cell: (run) => <Mark verdict={verdictOf(data, run)} /> },
     {
@@ -221,7 +237,7 @@ function columnsOf(data: Columns, names: string[], measure: Shown | null): Colum
     { id: "reason", label: "Reason", cell: (run) => <Reason text={data.reasons[data.runs.reason[run]!]!} /> },
     ...names.slice(0, MOST_COLUMNS).map((name): Column => {
       const kind = data.variants.values[name]!.some((one) => typeof one === "number") ? "number" : "text";
-      return { id: `p:${name}`, label: name, kind, cell: value(`p:${name}`) };
+      return { id: `p:${name}`, label: titled(data, name), kind, cell: value(`p:${name}`) };
     }),
     {
       id: "duration",

@@ -1,6 +1,7 @@
 // Two campaigns beside each other: what got worse, and whether chance explains it.
 import { useMemo } from "preact/hooks";
 import { address, type Campaigns, type Columns, type Comparison, type Difference } from "./api";
+import { Changes } from "./about";
 import { show, variantOf, type Run } from "./data";
 import { duration, percent, plural } from "./format";
 import { Grid, type Column } from "./grid";
@@ -65,9 +66,11 @@ function Result({ data, later, a, b, query }: ResultProps) {
         Of {plural(data.variants.length, "configuration")} in both, {worse} got worse and {better} got
         better beyond chance (McNemar’s exact test for runs of equal seeds, else Fisher’s, for each; Holm’s correction for their
         number, 5 % level).
+        {powerOf(data)}
         {data.only_a.length > 0 && ` ${plural(data.only_a.length, "configuration")} only before.`}
         {data.only_b.length > 0 && ` ${plural(data.only_b.length, "configuration")} only after.`}
       </p>
+      <Changes a={a} b={b} />
       {axes.names.length > 0 && <Differences {...{ data, later, axes, cell }} />}
       <h2>Configurations</h2>
       <div class="tools">
@@ -90,6 +93,23 @@ function Result({ data, later, a, b, query }: ResultProps) {
       )}
     </>
   );
+}
+
+/** Which changes so many runs could have shown at all. */
+function powerOf({ variants, visible, least_p, needed_runs, detectable }: Comparison): string {
+  if (variants.length === 0) return "";
+  const all = variants.length;
+  const least = show(Number(least_p.toPrecision(3)));
+  const few =
+    visible === all
+      ? ""
+      : ` With so few runs ${visible ? `${all - visible} of the configurations` : "no configuration"} could` +
+        ` have shown ${visible ? "no" : "a"} change, not even from never failing to always` +
+        ` (p cannot fall below ${least}${all > 1 ? `, times ${all}` : ""})` +
+        (needed_runs === null ? "." : `; ${needed_runs} runs of each, before and after, would.`);
+  const rise =
+    detectable === null ? "" : ` Over all configurations a rise by ${(100 * detectable).toFixed(1)} points would show.`;
+  return few + rise;
 }
 
 interface DifferencesProps {
@@ -165,6 +185,8 @@ function valueOf(data: Comparison, row: number, column: string): number | string
       return variant.name_b;
     case "change":
       return variant.change;
+    case "more":
+      return variant.change === "unclear" ? (variant.more_runs ?? Infinity) : -1;
     default:
       return p;
   }
@@ -213,6 +235,7 @@ function columnsOf(data: Comparison, a: string, b: string): Column[] {
       kind: "number",
       cell: (row) => show(Number(of(row).adjusted_p.toPrecision(3))),
     },
+    { id: "more", label: "More runs", kind: "number", cell: (row) => moreRuns(of(row)) },
     {
       id: "duration",
       label: "Median duration",
@@ -220,6 +243,11 @@ function columnsOf(data: Comparison, a: string, b: string): Column[] {
       cell: (row) => `${duration(of(row).difference.a.duration)} → ${duration(of(row).difference.b.duration)}`,
     },
   ];
+}
+
+/** How many further runs of each campaign decide what is unclear. */
+function moreRuns({ change, more_runs }: Comparison["variants"][number]): string {
+  return change === "unclear" ? (more_runs === null ? "> 100 000" : String(more_runs)) : "";
 }
 
 function exported(data: Comparison, rows: number[]): unknown[][] {

@@ -67,6 +67,19 @@ export function show(value: unknown): string {
   return typeof value === "object" ? JSON.stringify(value) : String(value);
 }
 
+/** A value in few letters: of poses the place, of lists how long they are. */
+export function brief(value: unknown): string {
+  if (value === null || typeof value !== "object") return show(value);
+  if (Array.isArray(value)) {
+    const simple = value.length <= 4 && value.every((item) => typeof item !== "object");
+    return simple ? value.map(show).join(", ") : `${value.length} ${value.length === 1 ? "item" : "items"}`;
+  }
+  const { position = value } = value as { position?: unknown };
+  const { x, y } = (position ?? {}) as { x?: unknown; y?: unknown };
+  const short = (number: number) => String(Number(number.toFixed(2)));
+  return typeof x === "number" && typeof y === "number" ? `${short(x)}, ${short(y)}` : show(value);
+}
+
 function shortNumber(value: number): string {
   if (Number.isInteger(value)) return String(value);
   // Of times since 1970, six digits would be the same for months.
@@ -198,7 +211,7 @@ export function axis(data: Columns, parameter: string): Axis {
   const different = [...new Map(values.map((value) => [identity(value), value])).values()].sort(order);
   if (different.length <= MOST_GROUPS || !different.every((value) => typeof value === "number")) {
     const place = new Map(different.map((value, index) => [identity(value), index]));
-    return { labels: different.map(show), group: values.map((value) => place.get(identity(value))!) };
+    return { labels: different.map(brief), group: values.map((value) => place.get(identity(value))!) };
   }
   return ranges(values as number[], different as number[]);
 }

@@ -12,7 +12,7 @@ export interface Column {
   cell: (row: number) => ComponentChildren;
 }
 
-/** How far down tables were scrolled, by address: one returns to where one was. */
+/** How far down tables were scrolled, by address and table: one returns to where one was. */
 const places = new Map<string, number>();
 
 interface GridProps {
@@ -23,9 +23,11 @@ interface GridProps {
   sort: string;
   onSort: (sort: string) => void;
   open: (row: number) => void;
+  /** How many of the first columns stay when the others are scrolled: 1 or 2. */
+  frozen?: number;
 }
 
-export function Grid({ label, columns, rows, sort, onSort, open }: GridProps) {
+export function Grid({ label, columns, rows, sort, onSort, open, frozen = 0 }: GridProps) {
   const frame = useRef<HTMLDivElement>(null);
   const [top, setTop] = useState(0);
   const [height, setHeight] = useState(600);
@@ -33,24 +35,25 @@ export function Grid({ label, columns, rows, sort, onSort, open }: GridProps) {
     const element = frame.current!;
     const observer = new ResizeObserver(() => setHeight(element.clientHeight));
     observer.observe(element);
-    element.scrollTop = places.get(location.hash) ?? 0;
+    element.scrollTop = places.get(location.hash + label) ?? 0;
     return () => observer.disconnect();
   }, []);
   const scrolled = (to: number) => {
-    places.set(location.hash, to);
+    places.set(location.hash + label, to);
     setTop(to);
   };
   const first = Math.max(0, Math.floor(top / ROW) - SPARE);
   const last = Math.min(rows.length, Math.ceil((top + height) / ROW) + SPARE);
   return (
     <div
-      class="grid"
+      class={`grid frozen-${frozen}`}
       ref={frame}
       role="region"
       aria-label={label}
       tabIndex={0}
       onScroll={(event) => scrolled(event.currentTarget.scrollTop)}
       onKeyDown={(event) => moveFocus(event, frame.current!)}
+      onMouseOver={sayWhatIsCut}
     >
       <table aria-rowcount={rows.length + 1}>
         <thead>
@@ -110,6 +113,14 @@ function Head({ column, sort, onSort }: { column: Column; sort: string; onSort: 
 function openUnlessLink(event: MouseEvent, open: () => void): void {
   const target = event.target as Element;
   if (!target.closest("a") && !getSelection()?.toString()) open();
+}
+
+/** A tooltip for a cell that is too narrow for its text. */
+function sayWhatIsCut(event: MouseEvent): void {
+  const cell = (event.target as Element).closest("td");
+  if (!cell || cell.querySelector("[title]")) return;
+  if (cell.scrollWidth > cell.clientWidth) cell.title = cell.textContent ?? "";
+  else cell.removeAttribute("title");
 }
 
 /** Arrow keys go from row to row. */

@@ -77,11 +77,30 @@ function pageOf(view: string | undefined, names: string[], query: URLSearchParam
     return <RunPage campaign={campaign} variant={variant} run={run} query={query} />;
   }
   if (view === "campaign" && campaign) return <CampaignPage name={campaign} query={query} />;
-  return <CampaignsPage query={query} />;
+  if (view === undefined) return <CampaignsPage query={query} />;
+  return (
+    <>
+      <h1>There is no such page</h1>
+      <p>
+        This address leads nowhere: perhaps a part of it was lost. <a href={link([])}>All campaigns</a>
+      </p>
+    </>
+  );
+}
+
+/** `/` goes to the field that finds, as on other pages. */
+function find(event: KeyboardEvent): void {
+  const { tagName } = event.target as Element;
+  if (event.key !== "/" || event.ctrlKey || event.metaKey || event.altKey || /^(INPUT|TEXTAREA|SELECT)$/.test(tagName)) return;
+  const field = document.querySelector<HTMLInputElement>("main input[type=search]");
+  if (!field) return;
+  event.preventDefault();
+  field.focus();
 }
 
 history.scrollRestoration = "manual";
 addEventListener("hashchange", (event) => event.oldURL && places.set(event.oldURL, scrollY));
+addEventListener("keydown", find);
 startListening();
 const root = document.getElementById("page")!;
 root.textContent = "";

@@ -70,8 +70,8 @@ export function Matrix(props: MatrixProps) {
               <td class="corner">
                 {y && <span>{titled(data, y)} ↓</span>} {x && <span>{titled(data, x)} →</span>}
               </td>
-              {across.labels.map((label) => (
-                <th key={label} scope="col">
+              {across.labels.map((label, i) => (
+                <th key={i} scope="col">
                   {label}
                 </th>
               ))}
@@ -79,7 +79,7 @@ export function Matrix(props: MatrixProps) {
           </thead>
           <tbody>
             {found.map((row, j) => (
-              <tr key={down.labels[j]}>
+              <tr key={j}>
                 <th scope="row">{down.labels[j]}</th>
                 {row.map((cell, i) => (
                   <CellOf

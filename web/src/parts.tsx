@@ -5,7 +5,7 @@ import { VERDICTS, type Summary, type Verdict } from "./api";
 import { csv } from "./data";
 import { count, percent } from "./format";
 
-const GLYPHS: Record<Verdict, string> = { passed: "✓", failed: "✕", errored: "!", interrupted: "–" };
+export const GLYPHS: Record<Verdict, string> = { passed: "✓", failed: "✕", errored: "!", interrupted: "–" };
 
 /** A verdict: colour, sign and word, so that none of them is needed alone. */
 export function Mark({ verdict }: { verdict: Verdict }) {

@@ -6,6 +6,8 @@ import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
+from math import exp
 
 from robovast.base.statistics import (
     LEVEL,
@@ -13,6 +15,7 @@ from robovast.base.statistics import (
     fisher_exact,
     holm,
     least,
+    log_choose,
     mcnemar_exact,
     newcombe,
     normal_p,
@@ -71,6 +74,14 @@ class Comparison:
     more_runs: int | None
     """If `change` is `unclear`: see `VariantDifference`; in all variants together."""
     margin: float
+    least_p: float
+    """The smallest p-value that a variant with so many runs can have: all failed, none before."""
+    visible: int
+    """Variants with enough runs to show such a change, in spite of Holm's correction."""
+    needed_runs: int | None
+    """Runs of a variant in each campaign from which it is shown; None if `MOST_RUNS` do not."""
+    detectable: float | None
+    """About the smallest rise of the overall rate that these runs show beyond chance."""
     statement: str
     variants: list[VariantDifference]
     """Sorted by p-value, the smallest first."""
@@ -104,11 +115,20 @@ def compare(
         p, (_, high) = _projected(overall, more)
         return _overall_change(overall, p, high, margin) != "unclear"
 
+    least_ps = [_least_p(one.difference) for one in variants]
     return Comparison(
         overall=overall,
         change=change,
         more_runs=_more_runs(overall, decide) if change == "unclear" else None,
         margin=margin,
+        least_p=min(least_ps, default=1.0),
+        visible=sum(p * len(pairs) < LEVEL for p in least_ps),
+        needed_runs=least(
+            # Of all ways to divide twice the runs, two are as unlike as that.
+            lambda runs: 2 * exp(-log_choose(2 * runs, runs)) * len(pairs) < LEVEL,
+            MOST_RUNS,
+        ),
+        detectable=_detectable(overall),
         statement=state(overall),
         variants=sorted(variants, key=lambda variant: variant.difference.p),
         only_a=[variant.name for key, variant in left.items() if key not in right],
@@ -223,6 +243,29 @@ def _overall_change(found: Difference, p: float, high: float, margin: float) -> 
     if high < margin:
         return "same"
     return "worse" if p < LEVEL else "unclear"
+
+
+def _least_p(found: Difference) -> float:
+    if found.pairs is not None:
+        return mcnemar_exact(found.a.runs, 0)
+    return _least_p_of(found.a.runs, found.b.runs)
+
+
+@cache
+def _least_p_of(a: int, b: int) -> float:
+    return fisher_exact(0, a, b, 0) if a and b else 1.0
+
+
+def _detectable(found: Difference) -> float | None:
+    a, b = found.a, found.b
+    if not a.runs or not b.runs:
+        return None
+
+    def is_clear(bad: int) -> bool:
+        return bad / b.runs > a.rate and normal_p(a.bad, a.runs, bad, b.runs) < LEVEL
+
+    bad = least(is_clear, b.runs)
+    return None if bad is None else bad / b.runs - a.rate
 
 
 def _more_runs(found: Difference, decide: Callable[[int], bool]) -> int | None:

@@ -121,3 +121,21 @@ def test_one_configuration_that_got_worse_makes_the_whole_worse() -> None:
 def test_without_runs_in_one_campaign_nothing_is_known() -> None:
     found = compare([variant("a", 0, 0)], [variant("a", 5, 0)])
     assert (found.variants[0].change, found.variants[0].more_runs) == ("unclear", None)
+
+
+def test_it_says_what_so_few_runs_could_have_shown_at_all() -> None:
+    few = compare(
+        [variant("a", 2, 0, x=1), variant("b", 2, 0, x=2)],
+        [variant("a", 0, 2, x=1), variant("b", 2, 0, x=2)],
+    )
+    assert (few.least_p, few.visible, few.needed_runs) == (pytest.approx(1 / 3), 0, 5)
+    enough = compare([variant("a", 5, 0)], [variant("a", 0, 5)])
+    assert (enough.visible, enough.needed_runs) == (1, 4)
+    assert enough.detectable == pytest.approx(0.8, abs=0.21)
+    pairs = compare([seeded("a", "pppp")], [seeded("a", "ffff")])
+    assert (pairs.least_p, pairs.visible) == (0.125, 0)
+
+
+def test_where_nothing_ran_nothing_could_be_shown() -> None:
+    found = compare([variant("a", 1, 0)], [variant("a", 0, 0)])
+    assert (found.least_p, found.visible, found.detectable) == (1.0, 0, None)

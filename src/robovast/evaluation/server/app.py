@@ -19,6 +19,7 @@ from starlette.routing import Mount, Route
 from starlette.types import ASGIApp
 
 from robovast.base.errors import InputError, RobovastError
+from robovast.evaluation.about import about, changes
 from robovast.evaluation.bag_timeline import read_timeline
 from robovast.evaluation.columns import columns
 from robovast.evaluation.compare import compare
@@ -71,6 +72,7 @@ def make_app(
     api = [
         Route("/campaigns", pages.campaigns),
         Route("/campaigns/{campaign}", pages.campaign),
+        Route("/campaigns/{campaign}/about", pages.about),
         Route("/campaigns/{campaign}/factors", pages.factors),
         Route("/campaigns/{campaign}/metrics", pages.metrics),
         Route("/campaigns/{campaign}/metric", pages.metric),
@@ -81,6 +83,7 @@ def make_app(
         Route("/drive/{campaign}/{variant}/{run:int}", drives.drive),
         Route("/drive/{campaign}/{variant}/{run:int}/{part:int}", drives.part),
         Route("/compare", pages.compare),
+        Route("/changes", pages.changes),
         Route("/events", pages.events),
         Route("/log", pages.log),
         Route("/table", pages.table),
@@ -147,6 +150,11 @@ class Pages:
             }
         )
 
+    def about(self, request: Request) -> Response:
+        """What a campaign says of itself."""
+        name = self._library.summary(request.path_params["campaign"]).name
+        return Data(about(self._library.results, name))
+
     def factors(self, request: Request) -> Response:
         """What a campaign varied, which of it separates failures, and of which version."""
         version, found = self._explanations.of(request.path_params["campaign"])
@@ -185,6 +193,11 @@ class Pages:
         """The comparison of the campaigns `a` and `b`."""
         a, b = (self._library.campaign(_asked(request, key)).variants for key in ("a", "b"))
         return Data(compare(a, b))
+
+    def changes(self, request: Request) -> Response:
+        """What differs between the inputs of the campaigns `a` and `b`."""
+        a, b = (self._library.summary(_asked(request, key)).name for key in ("a", "b"))
+        return Data(changes(self._library.results, a, b))
 
     async def events(self, _: Request) -> Response:
         """A stream of changes."""

@@ -1,0 +1,139 @@
+"""What a campaign says of itself, and how the inputs of two campaigns differ."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from robovast.base.errors import InputError
+from robovast.campaign.layout import EXECUTION_RECORD
+from robovast.evaluation.files import list_files
+from robovast.evaluation.inside import read_small
+from robovast.evaluation.untrusted import LONGEST, mapping, parse_yaml, read_yaml
+from robovast.model.naming import CONFIG
+
+LONGEST_TEXT = 5_000
+"""Longest files whose lines are compared [lines]."""
+MOST_LINES = 400
+"""Lines of a difference that are shown."""
+_CIRCUMSTANCES = ("image", "image_revision", "robovast_version", "execution_type", "env", "runs")
+"""Keys of execution.yaml that may explain a difference."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A text file of a campaign."""
+
+    name: str
+    text: str
+
+
+@dataclass(frozen=True)
+class About:
+    """What a campaign says of itself."""
+
+    title: str
+    description: str
+    sources: list[Source]
+    """The .vast file and the scenario."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A difference between two campaigns."""
+
+    name: str
+    """A file of `_config`, or a key of execution.yaml."""
+    kind: str
+    """`changed`, `added` or `removed`."""
+    lines: list[str]
+    """A unified diff without its head; empty for what is no text, or too long."""
+    more: int
+    """Lines that are left out."""
+
+
+def about(results: Path, campaign: str) -> About:
+    """Title, description and sources of a campaign; what it does not have is empty."""
+    name = next((file for file in _files(results, campaign) if _is_document(file)), "")
+    document = _text(results, campaign, name) if name else None
+    data = mapping(parse_yaml((document or "").encode()))
+    metadata = mapping(data.get("metadata"))
+    scenario = str(mapping(data.get("execution")).get("scenario_file", ""))
+    texts = [(file, _text(results, campaign, file)) for file in (name, scenario) if file]
+    return About(
+        title=_shown(metadata.get("title")),
+        description=_shown(metadata.get("description")),
+        sources=[Source(file, text) for file, text in texts if text is not None],
+    )
+
+
+def changes(results: Path, before: str, after: str) -> list[Change]:
+    """What differs between the inputs of two campaigns: their execution and their files."""
+    return [*_circumstances(results, before, after), *_changed_files(results, before, after)]
+
+
+def _circumstances(results: Path, before: str, after: str) -> Iterator[Change]:
+    one, other = (read_yaml(results, f"{name}/{EXECUTION_RECORD}") for name in (before, after))
+    for key in _CIRCUMSTANCES:
+        if one.get(key) != other.get(key):
+            lines = [f"-{_shown(one.get(key)) or '–'}", f"+{_shown(other.get(key)) or '–'}"]
+            yield Change(key, "changed", lines, 0)
+
+
+def _changed_files(results: Path, before: str, after: str) -> Iterator[Change]:
+    one, other = _files(results, before), _files(results, after)
+    for name in sorted({**one, **other}, key=lambda name: (not _is_document(name), name)):
+        old = _content(results, before, name) if name in one else b""
+        new = _content(results, after, name) if name in other else b""
+        if old == new and one.get(name) == other.get(name):
+            continue
+        kind = "added" if name not in one else "removed" if name not in other else "changed"
+        lines = _diff(old, new)
+        yield Change(name, kind, lines[:MOST_LINES], max(0, len(lines) - MOST_LINES))
+
+
+def _diff(old: bytes | None, new: bytes | None) -> list[str]:
+    """A unified diff; empty for what is no text, or too long to compare in a moment."""
+    try:
+        one, other = ((content or b"").decode().splitlines() for content in (old, new))
+    except UnicodeDecodeError:
+        return []
+    if None in (old, new) or max(len(one), len(other)) > LONGEST_TEXT:
+        return []
+    found = difflib.unified_diff(one, other, lineterm="", n=1)
+    return [line[:LONGEST] for line in found][2:]
+
+
+def _files(results: Path, campaign: str) -> dict[str, int]:
+    """Sizes [bytes] of the files of `_config`."""
+    try:
+        found = list_files(results, f"{campaign}/{CONFIG}")
+    except InputError:
+        return {}
+    return {entry.name: entry.size for entry in found}
+
+
+def _is_document(name: str) -> bool:
+    return name.endswith(".vast") and "/" not in name
+
+
+def _content(results: Path, campaign: str, name: str) -> bytes | None:
+    """A file of a campaign's inputs; None if it is too large or cannot be read."""
+    try:
+        return read_small(results, f"{campaign}/{CONFIG}/{name}")
+    except InputError:
+        return None
+
+
+def _text(results: Path, campaign: str, name: str) -> str | None:
+    content = _content(results, campaign, name)
+    return None if content is None else content.decode(errors="replace")
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, Mapping | list):
+        return str(value)[:LONGEST]
+    return "" if value is None else str(value)[:LONGEST]
