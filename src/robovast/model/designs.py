@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import combinations, product
 from typing import TYPE_CHECKING, TypeVar
@@ -29,6 +29,8 @@ _FEW_PAIRS = 5000
 MOST_PAIRS = 100_000
 """Most pairs of values of a pairwise design."""
 
+STRENGTHS = {1: "values", 2: "pairs", 3: "triples"}
+"""What combinations of so many values are called."""
 _BITS = 32
 _DIRECTIONS: tuple[tuple[int, tuple[int, ...]], ...] = (
     (0, (1,)),
@@ -90,23 +92,41 @@ def pairs_of(sizes: Sequence[int]) -> int:
 @lru_cache(maxsize=64)
 def _pairwise(sizes: Row) -> list[Row]:
     """Few rows in which each two values of different variations occur together."""
-    left: _Pairs = {
+    return [(value,) for value in range(sizes[0])] if len(sizes) == 1 else completing((), sizes)
+
+
+def pairs_in(row: Row) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Each two values of a row, as the positions of their variations and their own."""
+    chosen = combinations(range(len(row)), 2)
+    return [((one, two), (row[one], row[two])) for one, two in chosen]
+
+
+def missing_pairs(rows: Iterable[Row], sizes: Sequence[int]) -> _Pairs:
+    """The pairs of values that do not occur together, by the positions of their variations."""
+    left = {
         (one, two): set(product(range(sizes[one]), range(sizes[two])))
         for one, two in combinations(range(len(sizes)), 2)
     }
-    if not left:
-        return [(value,) for value in range(sizes[0])]
+    for row in rows:
+        for axes, values in pairs_in(row):
+            left[axes].discard(values)
+    return left
+
+
+def completing(rows: Iterable[Row], sizes: Sequence[int]) -> list[Row]:
+    """Few further rows, so that each two values of different variations occur together."""
+    left = missing_pairs(rows, sizes)
     generator = random.Random(0)  # noqa: S311  # repeatable on purpose
     candidates = _CANDIDATES if pairs_of(sizes) <= _FEW_PAIRS else 1
-    rows = []
+    further = []
     while any(left.values()):
         axes = max(left, key=lambda pair: len(left[pair]))
         first = dict(zip(axes, min(left[axes]), strict=True))
         row = _best([_filled(first, sizes, left, generator) for _ in range(candidates)], left)
-        for (one, two), found in left.items():
-            found.discard((row[one], row[two]))
-        rows.append(row)
-    return rows
+        for pair, values in pairs_in(row):
+            left[pair].discard(values)
+        further.append(row)
+    return further
 
 
 def _best(candidates: Sequence[Row], left: _Pairs) -> Row:

@@ -17,7 +17,7 @@ from robovast.base.errors import InputError, RobovastError
 from robovast.base.statistics import percent
 from robovast.compat.differences import differences
 from robovast.execution.local.scenario_syntax import check_syntax
-from robovast.model.designs import coverage, rows_of
+from robovast.model.designs import STRENGTHS, coverage, rows_of
 from robovast.model.document import Document
 from robovast.model.document.model import ConfigurationEntry
 from robovast.model.expansion import Variant
@@ -28,8 +28,6 @@ from robovast_cli.plugins import origin
 from robovast_cli.ui.expanding import expanded
 from robovast_cli.ui.listing import format_table, runs_of_each
 from robovast_cli.ui.report import message_of, tell
-
-_STRENGTHS = {1: "values", 2: "pairs", 3: "triples"}
 
 MOST_ERRORS = 20
 """Errors of entries that a check reports at most."""
@@ -169,7 +167,7 @@ def _designs(document: Document) -> Iterator[str]:
             rows = rows_of(entry.design, sizes)
             covered = [
                 f"{words} {_share(*coverage(rows, sizes, strength))}"
-                for strength, words in _STRENGTHS.items()
+                for strength, words in STRENGTHS.items()
                 if strength <= len(sizes)
             ]
             product = f"{len(rows):,} of {math.prod(sizes):,} combinations"

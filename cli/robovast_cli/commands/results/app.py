@@ -24,6 +24,10 @@ COMMANDS: Mapping[str, Lazy] = {
         "robovast_cli.commands.results.compare:app",
         "Compare two campaigns: what got worse, and whether chance explains it.",
     ),
+    "coverage": Lazy(
+        "robovast_cli.commands.results.coverage:app",
+        "Say which pairs of values a campaign has run, which failed, and where holes are.",
+    ),
     "junit": Lazy(
         "robovast_cli.commands.results.junit:app",
         "Merge the test results of all runs into one JUnit report.",

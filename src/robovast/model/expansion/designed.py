@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
-from robovast.model.designs import Row, rows_of
+from robovast.model.designs import Row
 from robovast.model.document.model import ConfigurationEntry
 from robovast.model.variations.loader import levels
 
@@ -25,11 +25,12 @@ class Chooser:
     So the product, which may be very large, is never made.
     """
 
-    def __init__(self, entry: ConfigurationEntry, folder: Path) -> None:
+    def __init__(
+        self, entry: ConfigurationEntry, sizes: Sequence[int], rows: Sequence[Row]
+    ) -> None:
         self._name = entry.name
-        self._sizes = design_sizes(entry, folder)
-        assert entry.design is not None  # noqa: S101
-        self._rows = rows_of(entry.design, self._sizes)
+        self._sizes = sizes
+        self._rows = rows
         self._prefixes: list[Row] = [()]
 
     def chosen(self, configs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,10 +14,11 @@ from typing import Any
 from robovast.base.errors import CannotRunError, InputError, RobovastError
 from robovast.base.plugins import raised
 from robovast.base.serialization import to_plain
+from robovast.model.designs import Row, rows_of
 from robovast.model.document import Document
 from robovast.model.document.model import NAME_PATTERN, ConfigurationEntry, PluginCall, merge_pairs
 from robovast.model.expansion.containers import ContainerRunner, Containers
-from robovast.model.expansion.designed import Chooser
+from robovast.model.expansion.designed import Chooser, design_sizes
 from robovast.model.expansion.limit import refuse_too_many, too_many, variant_limit
 from robovast.model.expansion.variant import ConfigFile, Variant, VariationRecord
 from robovast.model.scenario import Scenario, read_scenario
@@ -85,12 +86,30 @@ def compose(
     variants: list[Variant] = []
     surroundings = _Surroundings(document, output_dir, progress or _ignore, containers)
     for entry in document.vast.configuration or [DEFAULT_ENTRY]:
-        variants += _expand_entry(surroundings, scenario, entry, used)
+        variants += _expand_entry(surroundings, scenario, entry, used, _designed(document, entry))
         if len(variants) > limit:
             detail = f"as far as `{entry.name}`"
             raise too_many(document.path, len(variants), limit, detail)
     _refuse_shared_names(document, variants)
     return Composition(tuple(variants), _input_files(document, used), _transient_files(used))
+
+
+def expand_rows(
+    document: Document, entry: ConfigurationEntry, rows: Sequence[Row]
+) -> list[Variant]:
+    """The variants of chosen combinations of an entry's variations, whose types make no files."""
+    surroundings = _Surroundings(document, document.folder, _ignore, ContainerRunner)
+    chooser = Chooser(entry, design_sizes(entry, document.folder), rows)
+    scenario = read_scenario(document.scenario)
+    return list(_expand_entry(surroundings, scenario, entry, [], chooser))
+
+
+def _designed(document: Document, entry: ConfigurationEntry) -> Chooser | None:
+    """What applies the design of an entry; None if it has none."""
+    if entry.design is None:
+        return None
+    sizes = design_sizes(entry, document.folder)
+    return Chooser(entry, sizes, rows_of(entry.design, sizes))
 
 
 def _ignore(message: str) -> None:
@@ -121,13 +140,13 @@ def _expand_entry(
     scenario: Scenario,
     entry: ConfigurationEntry,
     used: list[Variation],
+    chooser: Chooser | None,
 ) -> Iterable[Variant]:
     parameters = merge_pairs(entry.parameters or [])
     configs: list[dict[str, Any]] = [
         {"name": entry.name, "config": parameters, "_config_files": []}
     ]
     records: list[VariationRecord] = []
-    chooser = Chooser(entry, surroundings.document.folder) if entry.design else None
     for call in entry.variations or []:
         started, clock = datetime.now(UTC), time.perf_counter()
         variation, configs = _apply(surroundings, entry, call, configs)

@@ -1,0 +1,81 @@
+"""What a campaign covers, as text, and the document that runs what it does not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from robovast.base.errors import InputError
+from robovast.base.serialization import dump_yaml
+from robovast.base.statistics import interval_text, percent
+from robovast.evaluation.coverage import EntryCoverage, Pair
+from robovast.model.designs import completing
+from robovast.model.document import Document
+from robovast.model.expansion.expand import expand_rows
+from robovast_cli.ui.listing import WIDEST_CELL, format_table
+
+
+def coverage_text(entries: Sequence[EntryCoverage], most: int) -> str:
+    """What was run of each entry.
+
+    Args:
+        entries: the coverage of each.
+        most: lines of each table; 0 means all.
+    """
+    return "\n".join("".join(_entry(entry, most)) for entry in entries)
+
+
+def _entry(found: EntryCoverage, most: int) -> Iterator[str]:
+    shares = [f"{w} {a} of {b} ({percent(a / b)})" for w, (a, b) in found.covered().items()]
+    yield (
+        f"{found.entry.name}: {len(found.counts):,} of {found.product:,} combinations; "
+        f"{', '.join(shares)}\n"
+    )
+    bad = found.bad_pairs()
+    if bad:
+        rows = map(_row, bad[: most or None])
+        yield format_table(["PAIR", "NOT PASSED", "RATE", "95 % INTERVAL"], rows)
+        yield _more(len(bad), most)
+    holes = found.holes()
+    if holes:
+        yield "\n" if bad else ""
+        yield format_table(["NEVER RUN"], [[hole[:WIDEST_CELL]] for hole in holes[: most or None]])
+        yield _more(len(holes), most)
+
+
+def _row(pair: Pair) -> list[str]:
+    rate = percent(pair.bad / pair.runs)
+    counts = f"{pair.bad} of {pair.runs}"
+    return [pair.values[:WIDEST_CELL], counts, rate, interval_text(pair.interval)]
+
+
+def _more(count: int, most: int) -> str:
+    return f"… and {count - most} more (`-n 0` shows all)\n" if most and count > most else ""
+
+
+def holes_text(document: Document, entries: Sequence[EntryCoverage]) -> tuple[str, int]:
+    """A document whose configurations run each pair that was never run, and their number.
+
+    Raises:
+        InputError: there is none, or the pairs are of drawn values or of generated files.
+    """
+    made: list[dict[str, Any]] = []
+    for found in entries:
+        rows = completing(found.counts, found.sizes)
+        if rows and any(axis.drawn for axis in found.axes):
+            raise InputError(
+                f"`{found.entry.name}` draws values: raise their number in the .vast file instead."
+            )
+        variants = expand_rows(document, found.entry, rows) if rows else []
+        if any(variant.files for variant in variants):
+            raise InputError(f"`{found.entry.name}` makes files, which no .vast file can list.")
+        made += [
+            {
+                "name": variant.name,
+                "parameters": [{name: value} for name, value in variant.parameters.items()],
+            }
+            for variant in variants
+        ]
+    if not made:
+        raise InputError("every pair of values was run: there are no holes.")
+    return dump_yaml({**document.source.data, "configuration": made}), len(made)

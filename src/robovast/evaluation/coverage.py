@@ -1,0 +1,206 @@
+"""Which combinations of the values of variations a campaign has run, and which of them failed."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from robovast.base.errors import InputError
+from robovast.base.statistics import Interval, wilson
+from robovast.campaign.verdict import Verdict
+from robovast.evaluation.summaries import VariantRuns
+from robovast.model.designs import (
+    MOST_PAIRS,
+    STRENGTHS,
+    Row,
+    coverage,
+    missing_pairs,
+    pairs_in,
+    pairs_of,
+)
+from robovast.model.document import Document
+from robovast.model.document.model import ConfigurationEntry, PluginCall
+from robovast.model.variations.loader import levels
+
+
+@dataclass(frozen=True)
+class Axis:
+    """The values of a variation."""
+
+    labels: tuple[str, ...]
+    drawn: str = ""
+    """The parameter whose drawn values were divided into buckets; empty if values are listed."""
+    edges: tuple[float, float] = (0.0, 0.0)
+    """Smallest and largest drawn value."""
+
+    def position(self, number: int, parameters: Mapping[str, Any]) -> int:
+        """Position of a variant's value, by its number in the variant's name or its bucket."""
+        if not self.drawn:
+            return number - 1
+        low, high = self.edges
+        share = (float(parameters[self.drawn]) - low) / ((high - low) or 1.0)
+        return min(int(share * len(self.labels)), len(self.labels) - 1)
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two values of different variations that were run together."""
+
+    values: str
+    runs: int
+    bad: int
+
+    @property
+    def interval(self) -> Interval:
+        """95 % interval of the share of bad runs."""
+        return wilson(self.bad, self.runs)
+
+
+@dataclass(frozen=True)
+class EntryCoverage:
+    """What was run of one entry."""
+
+    entry: ConfigurationEntry
+    axes: Sequence[Axis]
+    counts: Mapping[Row, tuple[int, int]] = field(default_factory=dict)
+    """Runs with a verdict, and how many of them did not pass, by combination."""
+
+    @property
+    def sizes(self) -> list[int]:
+        """Number of values of each variation."""
+        return [len(axis.labels) for axis in self.axes]
+
+    @property
+    def product(self) -> int:
+        """Number of combinations that there are."""
+        return math.prod(self.sizes)
+
+    def covered(self) -> dict[str, tuple[int, int]]:
+        """How many values, pairs and triples were run, and how many there are."""
+        sizes, rows = self.sizes, list(self.counts)
+        return {w: coverage(rows, sizes, n) for n, w in STRENGTHS.items() if n <= len(sizes)}
+
+    def bad_pairs(self) -> list[Pair]:
+        """Pairs of which runs did not pass, the worst first."""
+        sums: dict[str, list[int]] = defaultdict(lambda: [0, 0])
+        for row, (runs, bad) in self.counts.items():
+            for axes, values in pairs_in(row):
+                sums[self._label(axes, values)][0] += runs
+                sums[self._label(axes, values)][1] += bad
+        found = (Pair(values, *counted) for values, counted in sums.items() if counted[1])
+        return sorted(found, key=lambda pair: (-pair.interval[0], pair.values))
+
+    def holes(self) -> list[str]:
+        """Pairs that were never run."""
+        left = missing_pairs(self.counts, self.sizes)
+        return [self._label(axes, pair) for axes, found in left.items() for pair in sorted(found)]
+
+    def _label(self, axes: tuple[int, int], values: tuple[int, int]) -> str:
+        chosen = zip(axes, values, strict=True)
+        return ", ".join(self.axes[axis].labels[value] for axis, value in chosen)
+
+
+def campaign_coverage(
+    document: Document, variants: Sequence[VariantRuns], buckets: int | None
+) -> list[EntryCoverage]:
+    """The coverage of each entry with variations.
+
+    Args:
+        document: the campaign's.
+        variants: with their stored runs.
+        buckets: number of equal parts into which drawn values are divided.
+
+    Raises:
+        InputError: values are drawn, and there are no buckets; no entry has variations; there are
+            too many pairs.
+    """
+    entries = [entry for entry in document.vast.configuration or () if entry.variations]
+    if not entries:
+        raise InputError(f"{document.path}: no configuration has variations to be covered.")
+    return [_entry_coverage(document, entry, variants, buckets) for entry in entries]
+
+
+def _entry_coverage(
+    document: Document,
+    entry: ConfigurationEntry,
+    variants: Sequence[VariantRuns],
+    buckets: int | None,
+) -> EntryCoverage:
+    own = list(_numbered(entry, variants))
+    calls = enumerate(entry.variations or ())
+    axes = [_axis(document, (entry, place), call, own, buckets) for place, call in calls]
+    found = EntryCoverage(entry, axes)
+    if pairs_of(found.sizes) > MOST_PAIRS:
+        raise InputError(
+            f"{document.path}: `{entry.name}` has {pairs_of(found.sizes):,} pairs of values, more "
+            f"than the {MOST_PAIRS:,} that can be looked at."
+        )
+    counts: dict[Row, tuple[int, int]] = {}
+    for numbers, variant in own:
+        places = zip(axes, numbers, strict=True)
+        row = tuple(axis.position(number, variant.parameters) for axis, number in places)
+        if all(0 <= value < size for value, size in zip(row, found.sizes, strict=True)):
+            runs = [run for run in variant.runs if run.verdict is not Verdict.INTERRUPTED]
+            bad = sum(run.verdict is not Verdict.PASSED for run in runs)
+            before = counts.get(row, (0, 0))
+            if runs:
+                counts[row] = (before[0] + len(runs), before[1] + bad)
+    return EntryCoverage(entry, axes, counts)
+
+
+def _numbered(
+    entry: ConfigurationEntry, variants: Sequence[VariantRuns]
+) -> Iterator[tuple[list[int], VariantRuns]]:
+    """The variants of an entry, with the numbers in their names: one for each variation."""
+    for variant in variants:
+        head, _, tail = variant.name.partition(f"{entry.name}-")
+        numbers = tail.split("-")
+        is_own = not head and len(numbers) == len(entry.variations or ())
+        if is_own and all(number.isdecimal() for number in numbers):
+            yield list(map(int, numbers)), variant
+
+
+def _axis(
+    document: Document,
+    place: tuple[ConfigurationEntry, int],
+    call: PluginCall,
+    own: Sequence[tuple[list[int], VariantRuns]],
+    buckets: int | None,
+) -> Axis:
+    size = levels(call.name, call.parameters, document.folder)
+    if size is None:
+        return _drawn(document, place, call, own, buckets)
+    name, values = call.parameters.get("name"), call.parameters.get("values")
+    if call.name != "ParameterVariationList" or not isinstance(values, list):
+        return Axis(tuple(f"{call.name} {number}" for number in range(1, size + 1)))
+    names = ", ".join(name) if isinstance(name, list) else str(name)
+    return Axis(tuple(f"{names}={value}" for value in values))
+
+
+def _drawn(
+    document: Document,
+    place: tuple[ConfigurationEntry, int],
+    call: PluginCall,
+    own: Sequence[tuple[list[int], VariantRuns]],
+    buckets: int | None,
+) -> Axis:
+    entry, position = place
+    name = call.parameters.get("name")
+    where = document.source.problem(
+        ("configuration", (document.vast.configuration or []).index(entry), "variations", position),
+        f"`{call.name}` draws its values, which are continuous",
+        "Say into how many parts they are divided: `--buckets 5`.",
+    )
+    if buckets is None or not isinstance(name, str):
+        raise InputError(str(where))
+    found = [variant.parameters.get(name) for _, variant in own]
+    numbers = [float(value) for value in found if isinstance(value, int | float)]
+    if len(numbers) < len(found) or not numbers:
+        raise InputError(f"`{name}` of `{entry.name}` is no number in all configurations.")
+    low, high = min(numbers), max(numbers)
+    step = (high - low) / buckets
+    labels = (f"{name} {low + n * step:.4g} – {low + (n + 1) * step:.4g}" for n in range(buckets))
+    return Axis(tuple(labels), name, (low, high))
