@@ -68,17 +68,21 @@ class Grid:
 
     def inflated(self, radius: float):
         """Cells (True) where a disc of this radius would touch something."""
-        cells = radius / self.resolution + 0.5
-        reach = math.ceil(cells)
+        reach = math.ceil(radius / self.resolution + 0.5)
         padded = np.pad(self.occupied, reach, constant_values=True)
         height, width = self.occupied.shape
         found = np.zeros_like(self.occupied)
-        for up in range(-reach, reach + 1):
-            for right in range(-reach, reach + 1):
-                if math.hypot(up, right) <= cells:
-                    rows = slice(reach + up, reach + up + height)
-                    found |= padded[rows, reach + right : reach + right + width]
+        for up, right in self.disc(radius):
+            rows = slice(reach + up, reach + up + height)
+            found |= padded[rows, reach + right : reach + right + width]
         return found
+
+    def disc(self, radius: float):
+        """Offsets of the cells [row, column] of which a disc in this one may touch something."""
+        cells = radius / self.resolution + 0.5
+        reach = math.ceil(cells)
+        offsets = np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1).T
+        return offsets[np.hypot(*offsets.T) <= cells]
 
 
 def run(cells) -> int:
@@ -88,22 +92,34 @@ def run(cells) -> int:
 
 def way(blocked, start: tuple[int, int], goal: tuple[int, int]) -> list[tuple[int, int]]:
     """The shortest way over cells that are not blocked (A*); empty where there is none."""
-    free = (~np.pad(blocked, 1, constant_values=True)).tolist()
-    best = {start: 0.0}
-    before: dict[tuple[int, int], tuple[int, int]] = {}
-    queue = [(math.dist(start, goal), start)]
+    width = blocked.shape[1] + 2  # a border of blocked cells; cells are numbers from here on
+    free = (~np.pad(blocked, 1, constant_values=True)).ravel().tolist()
+    steps = [(up * width + right, math.hypot(up, right)) for up, right in NEIGHBOURS]
+    first, last = ((row + 1) * width + column + 1 for row, column in (start, goal))
+    best, expanded, before = [math.inf] * len(free), [math.inf] * len(free), {first: first}
+    best[first] = 0.0
+    queue = [(math.dist(start, goal), first)]
     while queue:
         _, here = heapq.heappop(queue)
-        if here == goal:
-            cells = [here]
-            while here != start:
-                here = before[here]
-                cells.append(here)
-            return cells[::-1]
-        for up, right in NEIGHBOURS:
-            there = here[0] + up, here[1] + right
-            cost = best[here] + math.hypot(up, right)
-            if free[there[0] + 1][there[1] + 1] and cost < best.get(there, math.inf):
-                best[there], before[there] = cost, here
-                heapq.heappush(queue, (cost + math.dist(there, goal), there))
+        cost = best[here]
+        if here == last:
+            return traced(before, last, width)
+        if expanded[here] == cost:
+            continue  # a shorter way to it was found while it was in the queue
+        expanded[here] = cost
+        for step, length in steps:
+            there = here + step
+            if free[there] and cost + length < best[there]:
+                best[there], before[there] = cost + length, here
+                row, column = divmod(there, width)
+                rest = math.hypot(row - 1 - goal[0], column - 1 - goal[1])
+                heapq.heappush(queue, (cost + length + rest, there))
     return []
+
+
+def traced(before: dict[int, int], last: int, width: int) -> list[tuple[int, int]]:
+    """Rows and columns from the first cell, which is before itself, to the last one."""
+    cells = [last]
+    while before[cells[-1]] != cells[-1]:
+        cells.append(before[cells[-1]])
+    return [(cell // width - 1, cell % width - 1) for cell in reversed(cells)]

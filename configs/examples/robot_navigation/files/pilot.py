@@ -19,7 +19,7 @@ class Pilot:
     def __init__(self, grid: Grid, goal, clearance: float, speed: float) -> None:
         self.grid = Grid(grid.occupied.copy(), grid.resolution, grid.origin)
         self.goal, self.clearance, self.speed = goal, clearance, speed
-        self.blocked = grid.inflated(clearance)
+        self.blocked, self.disc = grid.inflated(clearance), grid.disc(clearance)
         self.walls = grid.inflated(grid.resolution)
         self.way: list[tuple[float, float]] = []
 
@@ -33,9 +33,14 @@ class Pilot:
             for x, y, _ in (here, self.goal)
         )
         blocked = self.blocked.copy()
-        rows, columns = np.indices(blocked.shape)
+        reach = math.ceil(self.clearance / self.grid.resolution)
+        around = tuple(
+            slice(max(0, at - reach), min(end, at + reach + 1))
+            for at, end in zip(start, blocked.shape, strict=True)
+        )
+        rows, columns = np.ogrid[around]
         near = np.hypot(rows - start[0], columns - start[1]) * self.grid.resolution
-        blocked[(near < self.clearance) & ~self.grid.occupied] = False
+        blocked[around][(near < self.clearance) & ~self.grid.occupied[around]] = False
         self.way = [self.grid.place(*cell) for cell in way(blocked, start, goal)]
         return True
 
@@ -49,7 +54,11 @@ class Pilot:
         new = ~self.walls[rows, columns]
         if new.any():
             self.grid.occupied[rows[new], columns[new]] = True
-            self.blocked = self.grid.inflated(self.clearance)
+            cells = np.column_stack([rows[new], columns[new]])
+            around = (cells[:, None] + self.disc).reshape(-1, 2)
+            height, width = self.blocked.shape
+            inside = ((around >= 0) & (around < (height, width))).all(axis=1)
+            self.blocked[tuple(around[inside].T)] = True
 
     def is_way_blocked(self) -> bool:
         rows, columns = self.grid.cell(*np.array(self.way).T)

@@ -28,6 +28,8 @@ PLACED = (0.02, 0.02, 0.03)
 WHEEL = 0.06
 """Radius of a wheel [m]."""
 ANGLES = np.linspace(-math.pi, math.pi, RAYS, endpoint=False)
+LEVEL = np.column_stack([np.cos(ANGLES), np.sin(ANGLES), np.zeros(RAYS)])
+"""Directions of the rays, as the robot sees them."""
 
 Place = tuple[float, float, float]
 """x, y, yaw [m, rad]."""
@@ -46,7 +48,7 @@ class World:
         self.track = 2 * 0.75 * radius
         self.model = mujoco.MjModel.from_xml_string(scene(grid, boxes, placed, radius, self.track))
         self.data = mujoco.MjData(self.model)
-        self.robot = self.model.body("robot").id
+        self.robot, self.laser = self.model.body("robot").id, self.model.site("laser").id
         self.ticks = round(STEP / self.model.opt.timestep)
         self.push = 0.0
         mujoco.mj_forward(self.model, self.data)
@@ -74,10 +76,9 @@ class World:
 
     def ranges(self) -> np.ndarray:
         """What the laser measures [m]; infinity where nothing comes back."""
-        flat = np.column_stack([np.cos(ANGLES), np.sin(ANGLES), np.zeros(RAYS)])
-        rays = flat @ self.data.xmat[self.robot].reshape(3, 3).T
+        rays = LEVEL @ self.data.xmat[self.robot].reshape(3, 3).T
         hit, found = np.empty(RAYS, np.int32), np.empty(RAYS)
-        eye = self.data.site("laser").xpos
+        eye = self.data.site_xpos[self.laser]
         mujoco.mj_multiRay(
             *(self.model, self.data, eye, rays.ravel(), SEEN, True, self.robot),
             *(hit, found, None, RAYS, RANGE),
