@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """How fast the robot of the example robot_navigation drives, what for, and how alike.
 
-    python tests/bench/robot.py [--repeat 3] [--same 100]
+    python tests/bench/robot.py [--repeat 3] [--same 100] [--beside 1]
 
 Executes four drives of the example, each with the same commands in four ways, in turns: the physics
 and the laser alone; with the pilot; with the nodes of ROS 2; with the recorder, as a run does it.
 Prints CPU seconds of their loops, without the start of Python and ROS, and simulated seconds per
-CPU second. Then one drive again and again, each in a process: how many trajectories there are.
+CPU second. Then one drive again and again, each in a process, some beside each other: how many
+trajectories there are. `--repeat 0` and `--same 0` leave one of the two out.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -127,18 +129,32 @@ def measured(python: Path, generated: Path, repeat: int) -> dict[str, list[tuple
     return found
 
 
-def trajectories(python: Path, generated: Path, count: int) -> Counter[str]:
+def trajectories(python: Path, generated: Path, count: int, beside: int) -> Counter[str]:
     """How often each trajectory came of one drive with one seed."""
-    found: Counter[str] = Counter()
-    for _ in range(count):
+    environment = {**os.environ, "ROBOVAST_SEED": str(SEED)}
+
+    def drive(_: int) -> str:
         with TemporaryDirectory() as out:
             words = options(generated, DRIVES[-1], Path(out))
             command = [python, EXAMPLE / "files" / "navigate.py", *words]
-            environment = {**os.environ, "ROBOVAST_SEED": str(SEED)}
             subprocess.run(command, capture_output=True, check=True, env=environment)
             (row,) = csv.DictReader((Path(out) / "outcome.csv").read_text().splitlines())
-        found[row["trajectory"]] += 1
-    return found
+        return row["trajectory"]
+
+    with ThreadPoolExecutor(beside) as pool:
+        return Counter(pool.map(drive, range(count)))
+
+
+def tell(found: dict[str, list[tuple[float, float]]]) -> None:
+    """Print what the cases cost."""
+    base = statistics.median(cpu for cpu, _ in found["physics"])
+    for case, times in found.items():
+        cpus = sorted(cpu for cpu, _ in times)
+        cpu = statistics.median(cpus)
+        print(
+            f"{case}: {cpu:.2f} s [{cpus[0]:.2f}–{cpus[-1]:.2f}] of CPU, {cpu / base:.2f} of"
+            f" physics, {times[0][1] / cpu:.0f} simulated seconds per CPU second"
+        )
 
 
 def main() -> None:
@@ -149,6 +165,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--same", type=int, default=100)
+    parser.add_argument("--beside", type=int, default=1)
     given = parser.parse_args()
     made = subprocess.run(
         [ROOT / "scripts" / "ros-environment"],
@@ -163,17 +180,15 @@ def main() -> None:
         generated = Path(name) / "generated"
         command = [VAST, "-V", EXAMPLE / "robot_navigation.vast", "config", "generate", generated]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-        found = measured(python, generated, given.repeat)
-        base = statistics.median(cpu for cpu, _ in found["physics"])
-        for case, times in found.items():
-            cpus = sorted(cpu for cpu, _ in times)
-            cpu = statistics.median(cpus)
+        if given.repeat:
+            tell(measured(python, generated, given.repeat))
+        if given.same:
+            began = os.getloadavg()[0]
+            same = trajectories(python, generated, given.same, given.beside)
+            load = f"load {began:.0f} to {os.getloadavg()[0]:.0f} on {os.cpu_count()} CPUs"
             print(
-                f"{case}: {cpu:.2f} s [{cpus[0]:.2f}–{cpus[-1]:.2f}] of CPU, {cpu / base:.2f} of"
-                f" physics, {times[0][1] / cpu:.0f} simulated seconds per CPU second"
+                f"{given.same} drives with one seed, {load}: {len(same)} trajectories {dict(same)}"
             )
-        same = trajectories(python, generated, given.same)
-        print(f"{given.same} drives with one seed: {len(same)} trajectories {dict(same)}")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,14 @@ from pathlib import Path
 
 import pytest
 from support.campaigns.hostile import KEY, assert_untouched, links, make_host
-from support.campaigns.local import EXAMPLES, Recorder, make_campaign, run, verdicts
+from support.campaigns.local import (
+    EXAMPLES,
+    Recorder,
+    make_campaign,
+    ros_environment,
+    run,
+    verdicts,
+)
 
 from robovast.base.errors import CannotRunError
 from robovast.campaign.finding import find_campaigns
@@ -47,6 +54,33 @@ def test_growth_sim_equals_the_process_runtime_file_by_file(
     assert record["image"] == slim_image
     assert record["image_digest"].startswith("sha256:")
     assert containers() == []
+
+
+@pytest.mark.parametrize(
+    ("file", "select", "drivers"),
+    [("robot_navigation", "drive-1-1-2-2", 0), ("traffic", "depot-1-1-2", 1)],
+)
+def test_a_seed_is_the_same_drive_in_processes_and_containers(
+    ros_image: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    file: str,
+    select: str,
+    drivers: int,
+) -> None:
+    """To the last bit, also where a secondary container drives a second robot."""
+    monkeypatch.setenv("ROBOVAST_PROCESS_ENV", ros_environment())
+    path = EXAMPLES / "robot_navigation" / f"{file}.vast"
+    here = run(path, tmp_path / "process", select=select, runs=1)
+    there = run(path, tmp_path / "docker", select=select, runs=1, runtime="docker", image=ros_image)
+    mine, theirs = (
+        (campaign / select / "0" / "outcome.csv").read_text()
+        for campaign in (here.campaign, there.campaign)
+    )
+    assert mine == theirs
+    assert verdicts(here) == verdicts(there) == {f"{select}/0": "passed"}
+    for campaign in (here.campaign, there.campaign):
+        assert len(list(campaign.glob("_jobs/*/logs/system_traffic.log"))) == drivers
 
 
 @pytest.mark.parametrize("extra", ["", "  runs_per_job: 3\n", "  run_as_user: 4321\n"])

@@ -73,9 +73,10 @@ def test_the_walk_through_works_as_it_stands_there(clone: Path) -> None:
         env=environment(),
         capture_output=True,
         text=True,
-        timeout=240,
+        timeout=300,
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    for told in ("no way to the goal", "collision", "plans/flat.fpm", "flat-1-1-2-2-2"):
+    told_last = ("depot-1-2-1", "traffic ready")
+    for told in ("no way to the goal", "collision", "plans/flat.fpm", "flat-1-1-2-2-2", *told_last):
         assert told in done.stdout

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-from robovast_testbed import cache
-from support.campaigns.local import EXAMPLES, ROOT
+from support.campaigns import local
+from support.campaigns.local import EXAMPLES
 from support.pages import code_blocks
 
 VAST = Path(sys.executable).with_name("vast")
@@ -45,10 +45,7 @@ def vast(*arguments: object, **environment: str) -> str:
 @pytest.fixture(scope="module")
 def ros_environment() -> str:
     """Folder of the environment that the README says how to make."""
-    command = [str(ROOT / "scripts" / "ros-environment")]
-    environment = {**os.environ, "PYTHON": sys.executable, "XDG_CACHE_HOME": str(cache.root())}
-    done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
-    return done.stdout.strip()
+    return local.ros_environment()
 
 
 def execute(path: Path, out: Path, ros_environment: str, select: str) -> Path:

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from robovast_testbed import cache
 
 from robovast.campaign.decisions import told
 from robovast.campaign.run_record import RunRecord
@@ -91,6 +96,14 @@ def run(path: Path, output: Path, observer: Recorder | None = None, **options: A
     """Execute a new campaign, as plain processes unless told otherwise."""
     chosen = LocalOptions(**{"runtime": "process", **options})
     return run_campaign(load_document(path), output, chosen, observer or Recorder())
+
+
+def ros_environment() -> str:
+    """Folder of the environment with ROS 2 and MuJoCo for plain processes; made once."""
+    command = [str(ROOT / "scripts" / "ros-environment")]
+    environment = {**os.environ, "PYTHON": sys.executable, "XDG_CACHE_HOME": str(cache.root())}
+    done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
+    return done.stdout.strip()
 
 
 def resume(campaign: Path, observer: Recorder | None = None, **options: Any) -> Summary:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from grid import Grid
@@ -10,14 +12,15 @@ from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from pilot import Pilot
 from rclpy.node import Node
 from sensor_msgs.msg import LaserScan
+from world import STEP
 
 
 class Follower(Node):
     """`outcome` says why it gave up."""
 
-    def __init__(self, goal, clearance: float, speed: float) -> None:
+    def __init__(self, goal, clearance: float, speed: float, memory: float = math.inf) -> None:
         super().__init__("follower")
-        self.goal, self.clearance, self.speed = goal, clearance, speed
+        self.goal, self.clearance, self.speed, self.memory = goal, clearance, speed, memory
         self.pilot: Pilot | None = None
         self.at: Odometry | None = None
         self.seen: LaserScan | None = None
@@ -33,7 +36,8 @@ class Follower(Node):
         cells = np.array(message.data, np.int8).reshape(info.height, info.width)
         origin = info.origin.position
         grid = Grid(cells != 0, info.resolution, (origin.x, origin.y))
-        self.pilot = Pilot(grid, self.goal, self.clearance, self.speed)
+        steps = self.memory / STEP
+        self.pilot = Pilot(grid, self.goal, self.clearance, self.speed, steps)
         self.answer()
 
     def take_odometry(self, message: Odometry) -> None:
@@ -63,10 +67,15 @@ class Follower(Node):
         self.command.publish(command)
 
     def tell(self, here, stamp) -> None:
-        """Publish the new way, or say that there is none."""
+        """Publish the new way, or say that there is none.
+
+        Where others move, the robot waits for one.
+        """
         way, frame = self.pilot.way, header("map", 0.0)
         frame.stamp = stamp
         if not way:
+            if math.isfinite(self.memory):
+                return
             self.outcome = "no way to the goal"
             self.get_logger().error(f"{self.outcome} from {here[0]:.2f}, {here[1]:.2f}")
             return

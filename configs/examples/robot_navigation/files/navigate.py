@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import csv
+import math
 import os
 import re
 import socket
@@ -21,10 +22,13 @@ from grid import Grid
 from rclpy.experimental import EventsExecutor
 from recorder import Recorder
 from simulator import Simulator
+from traffic import connect
 from world import STEP, World
 
 DOMAINS = range(1, 102)
 """Those that every Linux has free ports for."""
+MEMORY = 2.0
+"""How long the robot believes what its laser saw, where others move [s]."""
 
 
 def main() -> int:
@@ -38,13 +42,22 @@ def main() -> int:
         (place(obstacle["spawn_pose"]), *size(obstacle))
         for obstacle in ast.literal_eval(given["obstacles"])
     ]
-    world = World(grid, boxes, start, radius, seed)
+    ends = [float(word) for word in given.get("traffic", "").split()]
+    world = World(grid, boxes, start, radius, seed, tuple(ends[:2]) or None)
+    traffic = ends and connect(
+        seed=seed,
+        ends=[ends[:2], ends[2:]],
+        speed=float(given["traffic_speed"]),
+        courtesy=float(given["courtesy"]),
+    )
     lock, domain = own_domain()
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     rclpy.init(args=["--ros-args", "--disable-external-lib-logs"], domain_id=domain)
     recorder = Recorder(output / "rosbag2")
-    follower = Follower(goal, radius + float(given["margin"]), float(given["speed"]))
-    simulator = Simulator(grid, world, goal, float(given["limit"]), float(given["pace"]))
+    memory = MEMORY if ends else math.inf
+    follower = Follower(goal, radius + float(given["margin"]), float(given["speed"]), memory)
+    limit, pace = float(given["limit"]), float(given["pace"])
+    simulator = Simulator(grid, world, goal, limit, pace, traffic)
     executor = EventsExecutor()
     for node in (recorder, follower, simulator):
         executor.add_node(node)

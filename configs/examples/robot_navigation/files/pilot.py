@@ -14,12 +14,17 @@ FASTEST_TURN = 1.5
 
 
 class Pilot:
-    """Knows its map, its goal, and what the laser hit so far."""
+    """Knows its map, its goal, and what the laser hit so far, or in the last `memory` steps."""
 
-    def __init__(self, grid: Grid, goal, clearance: float, speed: float) -> None:
+    def __init__(
+        self, grid: Grid, goal, clearance: float, speed: float, memory: float = math.inf
+    ) -> None:
+        self.map, self.memory, self.steps = grid, memory, 0
+        self.seen = np.full(grid.occupied.shape, -np.inf)
         self.grid = Grid(grid.occupied.copy(), grid.resolution, grid.origin)
         self.goal, self.clearance, self.speed = goal, clearance, speed
-        self.blocked, self.disc = grid.inflated(clearance), grid.disc(clearance)
+        self.known, self.disc = grid.inflated(clearance), grid.disc(clearance)
+        self.blocked = self.known.copy()
         self.walls = grid.inflated(grid.resolution)
         self.way: list[tuple[float, float]] = []
 
@@ -49,16 +54,28 @@ class Pilot:
         near = np.isfinite(ranges)
         right = here[0] + ranges[near] * np.cos(here[2] + angles[near])
         up = here[1] + ranges[near] * np.sin(here[2] + angles[near])
-        inside = ~self.grid.is_occupied(right, up)
+        if self.memory < math.inf:
+            self.forget()
+        known = self.grid if self.memory == math.inf else self.map
+        inside = ~known.is_occupied(right, up)
         rows, columns = self.grid.cell(right[inside], up[inside])
         new = ~self.walls[rows, columns]
         if new.any():
-            self.grid.occupied[rows[new], columns[new]] = True
-            cells = np.column_stack([rows[new], columns[new]])
-            around = (cells[:, None] + self.disc).reshape(-1, 2)
-            height, width = self.blocked.shape
-            inside = ((around >= 0) & (around < (height, width))).all(axis=1)
-            self.blocked[tuple(around[inside].T)] = True
+            self.seen[rows[new], columns[new]] = self.steps
+            self.block(rows[new], columns[new])
+
+    def forget(self) -> None:
+        """Leave on the grid what the map shows and what was seen lately."""
+        self.steps += 1
+        self.grid.occupied, self.blocked = self.map.occupied.copy(), self.known.copy()
+        self.block(*np.nonzero(self.seen > self.steps - self.memory))
+
+    def block(self, rows, columns) -> None:
+        """Put cells on the grid, and keep off them."""
+        self.grid.occupied[rows, columns] = True
+        around = (np.column_stack([rows, columns])[:, None] + self.disc).reshape(-1, 2)
+        inside = ((around >= 0) & (around < self.blocked.shape)).all(axis=1)
+        self.blocked[tuple(around[inside].T)] = True
 
     def is_way_blocked(self) -> bool:
         rows, columns = self.grid.cell(*np.array(self.way).T)

@@ -29,11 +29,15 @@ class Simulator(Node):
     """Waits for the command of each step, so a drive is the same on every machine.
 
     `outcome` is empty until the run is over: `arrived`, or why it is not. `trajectory` is a hash
-    of all places. With a `pace` above 0, that many simulated seconds pass in a second at most.
+    of all places. `traffic` says how a second robot moves, if there is one. With a `pace` above 0,
+    that many simulated seconds pass in a second at most.
     """
 
-    def __init__(self, grid: Grid, world: World, goal, limit: float, pace: float) -> None:
+    def __init__(
+        self, grid: Grid, world: World, goal, limit: float, pace: float, traffic=None
+    ) -> None:
         super().__init__("simulator")
+        self.traffic = traffic
         self.world, self.goal, self.limit, self.pace = world, goal, limit, pace
         self.steps, self.began = 0, time.monotonic()
         self.places = [world.place()]
@@ -59,7 +63,11 @@ class Simulator(Node):
         """Move for one step, then look."""
         if self.outcome:
             return
-        self.world.move(command.twist.linear.x, command.twist.angular.z)
+        second = ()
+        if self.traffic:
+            both = self.world.second_place(), self.places[-1][:2]
+            second = self.traffic(self.steps * STEP, *both)
+        self.world.move(command.twist.linear.x, command.twist.angular.z, second)
         self.steps += 1
         self.places.append(self.world.place())
         if self.pace:

@@ -41,22 +41,37 @@ class World:
     """Moves by one step for each command."""
 
     def __init__(
-        self, grid: Grid, boxes: list[Box], start: Place, radius: float, seed: int
+        self,
+        grid: Grid,
+        boxes: list[Box],
+        start: Place,
+        radius: float,
+        seed: int,
+        second: tuple[float, float] | None = None,
     ) -> None:
         self.chance = np.random.default_rng(seed)
         placed = tuple(np.add(start, self.chance.normal(0.0, PLACED)))
         self.track = 2 * 0.75 * radius
-        self.model = mujoco.MjModel.from_xml_string(scene(grid, boxes, placed, radius, self.track))
+        body, motors = ("", "") if second is None else (cart(*second), CART_MOTORS)
+        self.model = mujoco.MjModel.from_xml_string(
+            scene(grid, [*map(box, boxes), body], motors, placed, radius, self.track)
+        )
         self.data = mujoco.MjData(self.model)
         self.robot, self.laser = self.model.body("robot").id, self.model.site("laser").id
         self.ticks = round(STEP / self.model.opt.timestep)
         self.push = 0.0
         mujoco.mj_forward(self.model, self.data)
 
-    def move(self, speed: float, turn: float) -> None:
-        """Drive for one step [m/s, rad/s]; `push` is the strongest force on the hull in it [N]."""
+    def move(self, speed: float, turn: float, second: tuple[float, ...] = ()) -> None:
+        """Drive for one step [m/s, rad/s]; `push` is the strongest force on the hull in it [N].
+
+        Args:
+            speed: of the robot.
+            turn: of the robot.
+            second: velocity of the second robot, if there is one.
+        """
         sides = np.array([1, -1]) * self.track / 2
-        self.data.ctrl[:] = (speed + turn * sides) / WHEEL
+        self.data.ctrl[:] = (*((speed + turn * sides) / WHEEL), *second)
         self.push = 0.0
         for _ in range(self.ticks):
             mujoco.mj_step(self.model, self.data)
@@ -66,6 +81,10 @@ class World:
         x, y, _ = self.data.xpos[self.robot]
         ahead = self.data.xmat[self.robot]
         return float(x), float(y), math.atan2(ahead[3], ahead[0])
+
+    def second_place(self) -> tuple[float, float]:
+        x, y, _ = self.data.body("second").xpos
+        return float(x), float(y)
 
     def speeds(self) -> tuple[float, float]:
         """Of the robot, ahead and turning [m/s, rad/s]."""
@@ -92,7 +111,9 @@ SEEN = np.array([1, 0, 0, 0, 0, 0], np.uint8)
 """Groups of geoms that the laser sees: all but the robot's."""
 
 
-def scene(grid: Grid, boxes: list[Box], start: Place, radius: float, track: float) -> str:
+def scene(
+    grid: Grid, others: list[str], motors: str, start: Place, radius: float, track: float
+) -> str:
     """The model in MuJoCo's language. Walls are boxes, because it takes a mesh's convex hull."""
     x, y, yaw = start
     return f"""
@@ -102,7 +123,7 @@ def scene(grid: Grid, boxes: list[Box], start: Place, radius: float, track: floa
   <worldbody>
     <geom type="plane" size="0 0 1" friction="0.01"/>
     {"".join(walls(grid))}
-    {"".join(map(box, boxes))}
+    {"".join(others)}
     <body name="robot" pos="{x} {y} {WHEEL}" euler="0 0 {yaw}">
       <freejoint/>
       <geom type="cylinder" size="{radius} 0.06" pos="0 0 0.04" mass="8" friction="0.3" group="1"/>
@@ -115,6 +136,7 @@ def scene(grid: Grid, boxes: list[Box], start: Place, radius: float, track: floa
   <actuator>
     <velocity joint="right" kv="0.5" forcerange="-0.6 0.6"/>
     <velocity joint="left" kv="0.5" forcerange="-0.6 0.6"/>
+    {motors}
   </actuator>
   <sensor><touch site="bumper"/></sensor>
 </mujoco>"""
@@ -147,3 +169,15 @@ def box(given: Box) -> str:
     (x, y, yaw), length, width = given
     return f"""<body pos="{x} {y} 0.2" euler="0 0 {yaw}"><freejoint/>
       <geom type="box" size="{length / 2} {width / 2} 0.2" mass="2" friction="0.5"/></body>"""
+
+
+def cart(x: float, y: float) -> str:
+    """The second robot: it floats above the floor, and its motors move it any way."""
+    return f"""<body name="second" pos="{x} {y} 0.22">
+      <joint name="second_x" type="slide" axis="1 0 0"/>
+      <joint name="second_y" type="slide" axis="0 1 0"/>
+      <geom type="cylinder" size="0.2 0.2" mass="20" friction="0.5"/></body>"""
+
+
+CART_MOTORS = """<velocity joint="second_x" kv="200" forcerange="-150 150"/>
+    <velocity joint="second_y" kv="200" forcerange="-150 150"/>"""
