@@ -31,6 +31,8 @@ _TAXONOMY = {
         "run_log": "a log of a run",
         "artifact": "a file that a campaign used or made",
         "provenance": "what made which file, from what",
+        "search": "a campaign whose configurations a strategy proposes, batch by batch",
+        "search_sets": "the parameter sets of a search with their scores",
         "plugin": "an installed extension",
     },
 }

@@ -16,6 +16,7 @@ from robovast.mcp.artifacts import ArtifactTools
 from robovast.mcp.campaigns import CampaignTools
 from robovast.mcp.orientation import OrientationTools
 from robovast.mcp.queries import QueryTools
+from robovast.mcp.searches import SearchTools
 from robovast.mcp.tools import McpPlugin
 
 GROUP = "robovast.mcp_plugins"
@@ -58,6 +59,7 @@ def make_server(results: Path, auth: AuthProvider | None = None) -> FastMCP:
         CampaignTools(library),
         ArtifactTools(library.results),
         QueryTools(library),
+        SearchTools(library),
     ):
         own.register(server)
     for name in plugins_of(GROUP):

@@ -1,0 +1,97 @@
+"""Tools for searches: what was proposed by which strategy, and what came of it.
+
+They read what is stored, and never load a strategy or an extractor: those are code of others.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastmcp import FastMCP
+
+from robovast.base.errors import InputError
+from robovast.campaign.layout import Layout
+from robovast.evaluation.inside import MissingError, resolved
+from robovast.evaluation.library import Library
+from robovast.mcp.bounds import page
+from robovast.mcp.tools import add_tools
+from robovast.search.history import FOLDER, Batch, History
+
+
+class SearchTools:
+    """Searches, batch by batch and set by set."""
+
+    name = "searches"
+
+    def __init__(self, library: Library) -> None:
+        self._library = library
+
+    def register(self, mcp: FastMCP) -> None:
+        """Add the tools to a server."""
+        add_tools(mcp, self.get_search, self.list_search_sets)
+
+    def get_search(self, campaign: str, offset: int = 0) -> dict[str, Any]:
+        """Get the batches of a search: who proposed them, from what, and what was reached.
+
+        `told` is the number of evaluations of earlier batches that the strategy knew, `metrics` are
+        its own numbers after the batch, such as the share of the space that fails.
+
+        Args:
+            campaign: its name.
+            offset: batches to skip.
+        """
+        return page([_batch(batch) for batch in self._batches(campaign)], offset, name="batches")
+
+    def list_search_sets(self, campaign: str, offset: int = 0) -> dict[str, Any]:
+        """List the parameter sets of a search with their scores, as they were proposed.
+
+        `config` is the configuration whose runs were scored; `error` says why a set has no score.
+
+        Args:
+            campaign: its name.
+            offset: sets to skip.
+        """
+        rows = [row for batch in self._batches(campaign) for row in _sets(batch)]
+        return page(rows, offset, name="sets")
+
+    def _batches(self, campaign: str) -> list[Batch]:
+        if campaign not in self._library.names():
+            raise MissingError(f"There is no campaign {campaign}: `list_campaigns` lists them.")
+        root = self._library.results
+        if not (root / campaign / FOLDER).is_dir():
+            raise InputError(f"{campaign} is no search, or has not proposed anything yet.")
+        resolved(root, f"{campaign}/{FOLDER}")
+        return History(Layout(root / campaign)).batches
+
+
+def _batch(batch: Batch) -> dict[str, Any]:
+    made, outcome = batch.proposal, batch.outcome
+    return {
+        "batch": batch.number,
+        "strategy": made.strategy,
+        "version": made.version,
+        "seed": made.seed,
+        "told": made.told,
+        "sets": len(made.sets),
+        "metrics": dict(outcome.metrics) if outcome else None,
+        "elapsed": outcome.elapsed if outcome else None,
+    }
+
+
+def _sets(batch: Batch) -> list[dict[str, Any]]:
+    scores = {score.id: score for score in batch.outcome.scores} if batch.outcome else {}
+    rows = []
+    for params, config in zip(batch.proposal.sets, batch.proposal.configs, strict=True):
+        score = scores.get(params.id)
+        found = (
+            {
+                "objectives": dict(score.objectives),
+                "measures": dict(score.measures),
+                "n_samples": score.n_samples,
+                "error": score.error,
+            }
+            if score
+            else {}
+        )
+        rows.append({"batch": batch.number, "config": config, "values": params.values, **found})
+    return rows
