@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import subprocess
 import sys
 import time
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from support.campaigns.local import Recorder, make_campaign, resume, run, verdicts
+from support.pages import code_blocks
 
 RULE = "  runs: {min: 2, max: 4, decide: {good: 0.1, bad: 0.6, error: 0.1}}\n"
 SCRIPT = """\
@@ -35,9 +37,19 @@ DECIDED = {"one-1": "sound after 3", "one-2": "broken after 2", "one-3": "undeci
 SUMMED_UP = "1 sound after 3, 1 broken after 2, 1 undecided at 4; 9 of 12 runs needed"
 
 
-def vast(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    program = Path(sys.executable).with_name("vast")
-    return subprocess.run([program, *words], capture_output=True, text=True, check=False)
+HERE = ["--runtime", "process", "--jobs", "1"]
+
+
+def vast(*words: str | Path, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
+    program = [Path(sys.executable).with_name("vast"), *words]
+    return subprocess.run(program, capture_output=True, text=True, check=False, cwd=folder)
+
+
+def page_commands() -> list[list[str]]:
+    """What docs/confidence.md types about runs as needed, without `vast`."""
+    blocks = code_blocks("docs/confidence.md", "bash")
+    block = next(block for block in blocks if "vast config list" in block)
+    return [shlex.split(line, comments=True)[1:] for line in block.splitlines()]
 
 
 @pytest.mark.parametrize("per_job", [1, 3])
@@ -106,17 +118,18 @@ def test_more_runs_at_most_continue_what_is_undecided(tmp_path: Path) -> None:
     assert SUMMED_UP in said
 
 
-def test_the_command_says_what_was_decided(tmp_path: Path) -> None:
-    path = make_campaign(tmp_path / "in", SCRIPT, RULE)
-    said = vast("--vast-file", path, "config", "list").stdout
+def test_each_command_of_the_page_says_what_it_decides(tmp_path: Path) -> None:
+    folder = make_campaign(tmp_path / "in", SCRIPT, RULE).parent
+    listed, run_all, run_few = page_commands()
+    said = vast(*listed, folder=folder).stdout
     assert "3 configurations, 2 to 4 runs each: at most 12 in all" in said
-    words = ["exec", "local", "run", tmp_path / "out", "--runtime", "process", "--jobs", "1"]
-    done = vast("--vast-file", path, *words)
+    done = vast(*run_all, *HERE, folder=folder)
     assert done.returncode == 1, done.stderr
     for name, decision in DECIDED.items():
         assert f"{name}: {decision} runs" in done.stdout
-    assert (
-        "1 sound after 3, 1 broken after 2, 1 undecided at 4; 9 of 12 runs needed." in done.stdout
-    )
+    assert f"{SUMMED_UP}." in done.stdout
     assert "12 runs: 5 passed, 4 failed, 3 not needed." in done.stdout
     assert "Continue" not in done.stdout
+    assert run_few[-2:] == ["--runs", "20"]
+    few = vast(*run_few[:-1], "1", *HERE, folder=folder).stdout
+    assert "3 undecided at 1; 3 of 3 runs needed." in few

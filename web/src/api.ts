@@ -35,6 +35,8 @@ export interface Columns {
   /** Command that executes what is missing; empty when there is none. */
   resume: string;
   verdicts: Verdict[];
+  /** What the campaign's test says of each configuration, `sound after 18`; empty without one. */
+  decided: string[];
   reasons: string[];
   /** What reasons have in common, and for each reason its place in that. */
   causes: string[];

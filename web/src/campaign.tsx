@@ -234,6 +234,9 @@ function columnsOf(data: Columns, names: string[], measure: Shown | null): Colum
         </a>
       ),
     },
+    ...(data.decided.length
+      ? [{ id: "decided", label: "Configuration", cell: (run: Run) => data.decided[data.runs.variant[run]!] }]
+      : []),
     { id: "reason", label: "Reason", cell: (run) => <Reason text={data.reasons[data.runs.reason[run]!]!} /> },
     ...names.slice(0, MOST_COLUMNS).map((name): Column => {
       const kind = data.variants.values[name]!.some((one) => typeof one === "number") ? "number" : "text";

@@ -12,6 +12,7 @@ function campaign(values: Record<string, unknown[]>, verdicts: string[]): Column
     resume: "",
     verdicts: names as Columns["verdicts"],
     reasons: ["", "goal not reached"],
+    decided: [],
     causes: ["no reason is known", "goal not reached"],
     cause: [0, 1],
     variants: { name: Array.from({ length: variants }, (_, i) => `hall-${i + 1}`), entry: [], values },

@@ -26,6 +26,8 @@ export function valueOf(data: Columns, run: Run, column: string): unknown {
       return runs.duration[run];
     case "started":
       return runs.started[run];
+    case "decided":
+      return data.decided[runs.variant[run]!];
     case "reason":
       return data.reasons[runs.reason[run]!];
     default:

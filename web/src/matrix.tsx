@@ -33,7 +33,7 @@ export function Matrix(props: MatrixProps) {
     () => cells(data, runs, across, down, props.measure?.of, isBad),
     [data, runs, across, down, props.measure, isBad],
   );
-  const intervalOf = intervalFor(data.summary.state);
+  const intervalOf = intervalFor(data.summary);
   const scale = scaleOf(found.flat(), measure, signed);
   const rows = () => [
     [y || "all", x || "all", "runs", "not passed", "failure rate", "from", "to", measure && `mean ${measure}`],

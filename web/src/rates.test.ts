@@ -27,9 +27,13 @@ describe("intervals", () => {
   });
 
   it("follow the state of the campaign", () => {
-    expect(intervalFor("finished")).toBe(wilson);
-    expect(intervalFor("running")).toBe(anytime);
-    expect(intervalFor("incomplete")).toBe(anytime);
+    expect(intervalFor({ state: "finished", execution: {} })).toBe(wilson);
+    expect(intervalFor({ state: "running", execution: {} })).toBe(anytime);
+    expect(intervalFor({ state: "incomplete", execution: {} })).toBe(anytime);
+  });
+
+  it("hold where a test has ended the runs", () => {
+    expect(intervalFor({ state: "finished", execution: { decide: { good: 0.05 } } })).toBe(anytime);
   });
 
   it("are short to read", () => {

@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from robovast.base.sequential import SequentialTest
+from robovast.campaign.decisions import told
 from robovast.campaign.failure_groups import causes
 from robovast.campaign.verdict import Verdict
-from robovast.evaluation.summaries import VariantRuns
+from robovast.evaluation.summaries import VariantRuns, decision_of
 
 VERDICTS = list(Verdict)
 """Verdicts; a verdict's index is its code."""
 
 
-def columns(variants: Sequence[VariantRuns]) -> dict[str, Any]:
-    """Variants and runs of a campaign.
+def columns(variants: Sequence[VariantRuns], test: SequentialTest | None = None) -> dict[str, Any]:
+    """Variants and runs of a campaign, and what its test says of each variant in `decided`.
 
     Returns:
         `verdicts`: names of the codes. `variants`: `name`, `entry` and, by factor or parameter,
@@ -35,6 +37,7 @@ def columns(variants: Sequence[VariantRuns]) -> dict[str, Any]:
     codes = {verdict: code for code, verdict in enumerate(VERDICTS)}
     return {
         "verdicts": VERDICTS,
+        "decided": [told(decision_of(test, one)) for one in variants] if test else [],
         "reasons": list(reasons),
         "causes": list(place_of),
         "cause": [place_of[cause_of[reason]] for reason in reasons],

@@ -182,6 +182,19 @@ def test_columns_say_the_same_as_the_runs(index: CampaignIndex) -> None:
     assert found["causes"][found["cause"][reason]] == "goal not reached: no goal after 20 s"
 
 
+def test_a_test_ends_the_runs_of_a_configuration(root: Path) -> None:
+    decide = "decide: {min: 1, good: 0.1, bad: 0.6, error: 0.4}"
+    write(root / "_execution" / "execution.yaml", f"runs: 7\n{decide}\n")
+    index = CampaignIndex(root.parent, NAME)
+    index.refresh()
+    summary = index.summary()
+    assert columns(index.variants, summary.test)["decided"] == ["sound after 2", "broken after 1"]
+    assert (summary.planned, summary.state) == (4, "finished")
+    write(root / "_execution" / "execution.yaml", "runs: 7\ndecide: {good: 3}\n")
+    index.refresh()
+    assert (index.summary().planned, index.summary().test) == (14, None)
+
+
 def test_names_that_a_page_cannot_show_are_left_out(root: Path) -> None:
     os.mkdir(os.fsencode(root) + b"/broken\xff")
     (root / "\u00b2-\u0663").mkdir()

@@ -51,6 +51,13 @@ def rejected(change: Any, files: dict[str, bytes] | None = None) -> Rejected:
     return found
 
 
+def test_runs_until_a_decision_are_refused() -> None:
+    def change(obj: Any) -> None:
+        obj["spec"]["vast"]["execution"]["runs"] = {"decide": {"good": 0.05, "bad": 0.2}}
+
+    assert "cannot be executed on a cluster yet: give a number" in rejected(change).message
+
+
 def test_only_our_own_containers_see_credentials_and_nobody_a_token() -> None:
     job = job_of(accepted())
     pod = job["spec"]["template"]["spec"]

@@ -146,7 +146,7 @@ class Pages:
                 "summary": summary,
                 "resume": as_shell(resume_words(self._library.results, summary)),
                 "active": index.active or (),
-                **columns(index.variants),
+                **columns(index.variants, summary.test),
             }
         )
 
