@@ -49,6 +49,7 @@ SCREENS = {
     "mixed": f"#/campaign/{NAME}?view=mixed",
     "document": f"#/campaign/{NAME}?view=sources",
     "maps": f"#/campaign/{NAME}?view=maps",
+    "logs": f"#/campaign/{NAME}?view=logs&text=goal+not+reached",
     "log": f"#/campaign/{NAME}/hall-9/0",
     "plots": f"#/campaign/{NAME}/hall-9/0?tab=plots",
     "siblings": f"#/campaign/{NAME}/hall-9/0?tab=plots&everyone=1",
@@ -434,6 +435,24 @@ def test_a_column_is_drawn_for_all_runs_of_a_configuration(page: Page, server: S
     expect(plots).to_have_count(1)
     page.get_by_role("combobox", name="Table").select_option("resource_usage_main.csv")
     expect(page.get_by_role("button", name="All runs")).to_have_count(0)  # it is of the job
+
+
+def test_a_text_is_searched_in_the_logs_of_all_runs(page: Page, tmp_path: Path) -> None:
+    root = write_campaign(tmp_path, runs=60, judge=lambda _, n: "passed" if n % 2 else "failed")
+    for job in (3, 4):
+        write(root / "_jobs" / f"job-{job}" / "logs" / "system.log", "sensor <b>lost\n")
+    with browsing(page, tmp_path) as address:
+        page.goto(f"{address}#/campaign/{NAME}?view=logs")
+        page.get_by_label("Text in the logs").fill("SENSOR")
+        page.keyboard.press("Enter")
+        expect(page.get_by_role("search").get_by_role("status")).to_have_text(
+            "2 runs of 120 searched"
+        )
+        headings = page.get_by_role("tabpanel").get_by_role("heading", level=2)
+        expect(headings).to_have_text([re.compile("^goal not reached.* 1 run$"), "passed 1 run"])
+        expect(page.locator(".found code").first).to_have_text("sensor <b>lost")
+        page.locator(".found").get_by_role("link", name="hall-1/4").click()
+        expect(page.locator("mark")).to_have_text("sensor")
 
 
 def test_a_campaign_that_runs_needs_no_reload(page: Page, tmp_path: Path) -> None:

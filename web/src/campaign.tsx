@@ -13,6 +13,7 @@ import { Matrix } from "./matrix";
 import { Chooser, useMeasure } from "./measure";
 import { MixedList } from "./mixed";
 import { Notebooks } from "./notebooks";
+import { LogSearch } from "./log-search";
 import { Maps } from "./player/maps";
 import { Parallel } from "./parallel";
 import { Copy, Export, Folded, Mark, State, Tabs, VerdictBar, Waiting } from "./parts";
@@ -146,6 +147,7 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
       show: () => <MixedList {...{ data, names }} runs={rated} sort={query.get("mixed") ?? ""} />,
     },
     { id: "maps", label: "Maps", show: () => <Maps data={data} runs={rated} /> },
+    { id: "logs", label: "Logs", show: () => <LogSearch {...{ data, query }} runs={inCell} /> },
     {
       id: "notebooks",
       label: "Notebooks",

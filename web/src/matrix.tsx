@@ -72,7 +72,7 @@ export function Matrix(props: MatrixProps) {
               </td>
               {across.labels.map((label, i) => (
                 <th key={i} scope="col">
-                  {label}
+                  {label || <span class="hidden">all</span>}
                 </th>
               ))}
             </tr>
@@ -80,7 +80,7 @@ export function Matrix(props: MatrixProps) {
           <tbody>
             {found.map((row, j) => (
               <tr key={j}>
-                <th scope="row">{down.labels[j]}</th>
+                <th scope="row">{down.labels[j] || <span class="hidden">all</span>}</th>
                 {row.map((cell, i) => (
                   <CellOf
                     key={i}

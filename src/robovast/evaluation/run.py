@@ -96,8 +96,8 @@ def read_run(results: Path, campaign: str, variant: str, number: int) -> RunDeta
         record=record,
         files=files,
         job_files=job_files,
-        packed=job is not None and _finished_runs(results, job) > 1,
-        logs=[entry.path for entry in (*job_files, *files) if entry.kind == "log"],
+        packed=_is_packed(results, job),
+        logs=_logs(job_files, files),
         usage=[e.path for e in (*job_files, *files) if _is_usage(e.name)],
         sysinfo=_sysinfo(results, place, job),
         bags=list(_bags(results, files)),
@@ -128,6 +128,27 @@ def _job_folder(results: Path, campaign: str, place: str, record: Mapping[str, A
         if folder.is_dir() and folder.is_relative_to(results / campaign):
             return folder.relative_to(results).as_posix()
     return None
+
+
+def logs_of(
+    results: Path, campaign: str, place: str, record: Mapping[str, Any]
+) -> tuple[list[str], bool]:
+    """Paths of a run's logs, the most useful first, and whether they are of other runs too.
+
+    Raises:
+        InputError: there is no such run.
+    """
+    job = _job_folder(results, campaign, place, record)
+    job_files = list_files(results, job) if job else []
+    return _logs(job_files, list_files(results, place)), _is_packed(results, job)
+
+
+def _logs(job_files: list[FileEntry], files: list[FileEntry]) -> list[str]:
+    return [entry.path for entry in (*job_files, *files) if entry.kind == "log"]
+
+
+def _is_packed(results: Path, job: str | None) -> bool:
+    return job is not None and _finished_runs(results, job) > 1
 
 
 def _finished_runs(results: Path, job: str) -> int:

@@ -28,6 +28,7 @@ from robovast.evaluation.inside import OutsideError, open_inside
 from robovast.evaluation.launch.commands import as_shell, resume_words
 from robovast.evaluation.launch.launcher import BusyError
 from robovast.evaluation.library import Library
+from robovast.evaluation.log_search import search_logs
 from robovast.evaluation.logs import LogQuestion, read_log
 from robovast.evaluation.map_picture import draw_map
 from robovast.evaluation.metrics import metric, metric_columns
@@ -75,6 +76,7 @@ def make_app(
         Route("/campaigns/{campaign}/about", pages.about),
         Route("/campaigns/{campaign}/factors", pages.factors),
         Route("/campaigns/{campaign}/metrics", pages.metrics),
+        Route("/campaigns/{campaign}/logs", pages.logs),
         Route("/campaigns/{campaign}/metric", pages.metric),
         Route("/campaigns/{campaign}/{variant}/{run:int}", pages.run),
         Route("/map/{campaign}/{variant}", pages.map),
@@ -168,6 +170,12 @@ class Pages:
         """One number per run from `column` of `table`, by `aggregate`."""
         asked = (_asked(request, key) for key in ("table", "column", "aggregate"))
         return Data(metric(self._library.results, request.path_params["campaign"], *asked))
+
+    def logs(self, request: Request) -> Response:
+        """Runs among `run` with `text` in a log."""
+        runs = request.query_params.getlist("run")
+        name = request.path_params["campaign"]
+        return Data(search_logs(self._library.results, name, runs, _asked(request, "text")))
 
     def run(self, request: Request) -> Response:
         """One run; number, verdict and start of all runs of its variant."""
