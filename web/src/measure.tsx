@@ -3,7 +3,7 @@ import { useMemo } from "preact/hooks";
 import { address, type Columns, type Metric, type Metrics } from "./api";
 import { variantOf, type Run, type Shown } from "./data";
 import { useAnswer } from "./live";
-import { Select } from "./parts";
+import { Select, type Option } from "./parts";
 import { choose } from "./route";
 
 const AGGREGATES: Record<string, string> = { mean: "mean", least: "minimum", most: "maximum", sum: "sum" };
@@ -42,10 +42,10 @@ interface ChooserProps {
 export function Chooser({ campaign, colour, aggregate }: ChooserProps) {
   const { data } = useAnswer<Metrics>(address(["campaigns", campaign, "metrics"]));
   const columns = Object.entries(data ?? {}).flatMap(([table, names]) =>
-    names.map((name): [string, string] => [`${table}/${name}`, `${table}: ${name}`]),
+    names.map((name): Option => [`${table}/${name}`, name, table]),
   );
   const chosen = parts(colour);
-  const options: [string, string][] = [["", "failure rate"], ["duration", "mean duration [s]"], ...columns];
+  const options: Option[] = [["", "failure rate"], ["duration", "mean duration [s]"], ...columns];
   if (chosen && !columns.some(([key]) => key === colour)) options.push([colour, colour]);
   return (
     <>
