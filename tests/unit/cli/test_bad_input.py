@@ -37,7 +37,7 @@ error: 1 problem in bad.vast
         "  resources:\n    memory: [8Gi]\n",
         """\
 bad.vast:4:9: execution.runs: must be a whole number, not 'many'
-    How often each configuration is run.
+    How often each configuration is run; or `min`, `max` and `decide`: as often as it takes.
 bad.vast:6:28: execution.secondary_containers[0].nav.resources.gpu: must be a whole number or a \
 list, not 'a lot'
 bad.vast:8:14: execution.resources.memory[0]: must be a `name: value` pair, not '8Gi'

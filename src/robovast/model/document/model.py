@@ -406,8 +406,12 @@ class RunsAsNeeded(Section):
         return SequentialTest(decide.good, decide.bad, decide.error, min(self.min, most), most)
 
 
+KINDS_OF_RUNS = ("a number of runs", "runs as needed")
+"""What pydantic's locations of `execution.runs` end with."""
+
+
 def _kind_of_runs(value: Any) -> str:
-    return "as-needed" if isinstance(value, dict | RunsAsNeeded) else "number"
+    return KINDS_OF_RUNS[isinstance(value, dict | RunsAsNeeded)]
 
 
 class Execution(Section):
@@ -416,7 +420,7 @@ class Execution(Section):
     image: str | None = None
     """Container image; the `--image` option and `ROBOVAST_IMAGE` come before it."""
     runs: Annotated[
-        Annotated[Count, Tag("number")] | Annotated[RunsAsNeeded, Tag("as-needed")],
+        Annotated[Count, Tag(KINDS_OF_RUNS[0])] | Annotated[RunsAsNeeded, Tag(KINDS_OF_RUNS[1])],
         Discriminator(_kind_of_runs),
     ] = 1
     """How often each configuration is run; or `min`, `max` and `decide`: as often as it takes."""

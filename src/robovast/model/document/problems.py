@@ -12,6 +12,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from robovast.base.errors import Problem
+from robovast.model.document.model import KINDS_OF_RUNS
 from robovast.model.document.source import KeyPath, Source
 
 
@@ -86,7 +87,9 @@ def _key_problem(
 def _value_problem(
     path: KeyPath, group: list[ErrorDetails], source: Source, model: type[BaseModel]
 ) -> Problem:
-    return source.problem(path, sentence(*group), _describe(model, group[0]["loc"]))
+    *loc, kind = group[0]["loc"] or ("",)
+    known = (*loc, kind) if kind not in KINDS_OF_RUNS else tuple(loc)
+    return source.problem(path, sentence(*group), _describe(model, known))
 
 
 def sentence(*group: ErrorDetails) -> str:
