@@ -142,6 +142,7 @@ class Bench:
 
     def campaign(self, name: str, cost: Cost) -> None:
         obj = self.lab.prepared(self.path, name)
+        self._clear()
         with self._measured(cost, name):
             self.lab.kubectl("create", "--filename=-", stdin=json.dumps(obj))
             self.lab.wait(name, seconds=PATIENCE)
@@ -150,6 +151,7 @@ class Bench:
 
     def bare(self, name: str, cost: Cost) -> None:
         objects = bare_job(self.lab, self.path, name, self.runs)
+        self._clear()
         with self._measured(cost, name):
             for obj in objects:
                 self.lab.kubectl("create", "--filename=-", stdin=json.dumps(obj))
@@ -166,7 +168,11 @@ class Bench:
         own = self._containers(SPACE)
         cost.cpu.append(self._cpu(own) + self._cpu(system) - before)
         self.names |= {id_: f"{what} of {name}" for id_, what in own.items()}
+
+    def _clear(self) -> None:
+        """Remove what was measured before, with its pods."""
         self.lab.kubectl("delete", "campaigns,jobs", "--all", "--wait", "--cascade=foreground")
+        self.lab.kubectl("wait", "pods", "--all", "--for=delete", f"--timeout={PATIENCE}s")
 
     def _cpu(self, ids: dict[str, str]) -> float:
         self.seen.look()
