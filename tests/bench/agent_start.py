@@ -4,8 +4,8 @@
     python tests/bench/agent_start.py [--repeat 12]
 
 Imports the modules of `fetch` and `agent` in new processes: as in the pods, with the docstrings of
-models, without what is left out of the S3 client, and with a standard library that has no bytecode.
-They alternate; prints the least CPU seconds and the memory of each.
+models, and with a standard library that has no bytecode. They alternate; prints the least CPU
+seconds and the memory of each.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from tempfile import TemporaryDirectory
 
 from robovast.base.docstrings import WITHOUT
 
-LEAN = "from robovast.agent import __main__ as program; program._spare_unused()\n"
 START = "import robovast.agent.__main__, robovast.agent.agent, robovast.agent.fetch"
 
 
@@ -49,10 +48,9 @@ def main() -> None:
         usual = {**described, WITHOUT: "true"}
         bare = {**usual, "PYTHONPYCACHEPREFIX": partial, "PYTHONDONTWRITEBYTECODE": "1"}
         cases = {
-            "as in pods": (LEAN + START, usual),
-            "with docstrings": (LEAN + START, described),
-            "with all of the S3 client": (START, usual),
-            "without bytecode of the standard library": (LEAN + START, bare),
+            "as in pods": (START, usual),
+            "with docstrings": (START, described),
+            "without bytecode of the standard library": (START, bare),
         }
         found: dict[str, list[tuple[float, float]]] = {name: [] for name in cases}
         for _ in range(options.repeat):

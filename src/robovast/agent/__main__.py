@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 
 from robovast.agent.mounts import Folders
 from robovast.base.errors import RobovastError
@@ -37,16 +36,6 @@ _COMMANDS = {
 """Each command is a function in the module of the same name."""
 
 
-_USERS_CODE = frozenset({"compose", "propose", "process", "share"})
-"""Commands that execute users' code, which may import whatever it likes."""
-
-_UNUSED = (
-    *("lifecycleconfig", "minioadmin", "notificationconfig", "objectlockconfig"),
-    *("replicationconfig", "select"),
-)
-"""Modules of `minio` of which the other commands use nothing."""
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command of the command line; return the exit code."""
     options = _parser().parse_args(arguments)
@@ -65,8 +54,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _carry_out(options: argparse.Namespace, folders: Folders) -> AgentExit:
-    if options.command not in _USERS_CODE:
-        _spare_unused()
     module = import_module(f"robovast.agent.{options.command}")
     arguments: list[object] = [folders]
     index = int(os.environ.get(INDEX, "0"))
@@ -82,17 +69,6 @@ def _carry_out(options: argparse.Namespace, folders: Folders) -> AgentExit:
         arguments.append(module.Request(options.campaign, options.bucket, place, options.uid))
     code: AgentExit = getattr(module, options.command)(*arguments)
     return code
-
-
-def _spare_unused() -> None:
-    """Let `minio` import nothing in place of modules that are not used.
-
-    They, and the cryptography library of one, would be a third of each pod's start-up time.
-    """
-    for name in _UNUSED:
-        nothing = ModuleType(f"minio.{name}")
-        nothing.__getattr__ = lambda _: None  # type: ignore[method-assign]
-        sys.modules[nothing.__name__] = nothing
 
 
 def _parser() -> argparse.ArgumentParser:

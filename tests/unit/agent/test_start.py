@@ -11,14 +11,12 @@ from robovast.base.docstrings import WITHOUT
 START = """\
 import sys
 from importlib import import_module
-from robovast.agent import __main__ as program
 
-program._spare_unused()
 for command in ("fetch", "agent"):
     import_module(f"robovast.agent.{command}")
 from robovast.model.document.model import Execution
 
-unused = {"Crypto", "argon2", "IPython", "numpy", "pandas"}
+unused = {"IPython", "numpy", "pandas", "scipy"}
 print(sorted(unused & set(sys.modules)), bool(Execution.model_fields["timeout"].description))
 """
 

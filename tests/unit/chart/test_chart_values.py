@@ -65,6 +65,7 @@ def test_no_object_takes_keys_that_nobody_described() -> None:
         "values.kueue.resources",
         "values.metrics.serviceMonitor.labels",
         "values.metrics.prometheusRule.labels",
+        "values.metrics.grafanaDashboard.labels",
     }
 
 
