@@ -22,6 +22,8 @@ from robovast.base.errors import CannotRunError, InputError, RobovastError
 _FILE_REFERENCE = re.compile(r"^(?P<path>.+\.py):(?P<name>[A-Za-z_]\w*)$")
 
 
+_MOST = 2000
+"""Most characters of what is told of an exception."""
 _OURS = f"{Path(__file__).parents[1]}{os.sep}"
 _PYTHON = f"{sysconfig.get_path('stdlib')}{os.sep}"
 
@@ -36,7 +38,24 @@ def raised(error: BaseException) -> str:
     folder = os.path.dirname(others[0][0]) if others else ""
     own = [f"{file}:{line}" for file, line in others if file.startswith(folder + os.sep)]
     place = f" ({own[-1]})" if own else ""
-    return f"{type(error).__name__}: {error}".removesuffix(": ") + place
+    said = f"{type(error).__name__}: {_text(error)}".removesuffix(": ")
+    return told(said, _MOST) + told(place, _MOST)
+
+
+def told(text: str, most: int) -> str:
+    """A text of a plugin that can be printed and stored: lone surrogates escaped, the middle left
+    out where it is longer than `most` characters."""
+    whole = text.encode("utf-8", "backslashreplace").decode()
+    half = most // 2
+    return whole if len(whole) <= most else f"{whole[:half]} … {whole[-half:]}"
+
+
+def _text(error: BaseException) -> str:
+    """What an exception says; those of plugins may fail to say anything."""
+    try:
+        return str(error)
+    except Exception as failed:
+        return f"(its text cannot be had: {type(failed).__name__})"
 
 
 @contextlib.contextmanager

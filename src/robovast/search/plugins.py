@@ -6,12 +6,15 @@ import traceback
 from typing import Any
 
 from robovast.base.errors import InputError
-from robovast.base.plugins import plugin_errors, raised
+from robovast.base.plugins import plugin_errors, raised, told
 from robovast.model.document import Document
 from robovast.model.document.model import Search
 from robovast.model.document.search.plugins import EXTRACTORS, STRATEGIES, load_search_plugin
 from robovast.search.extractor import Extractor
 from robovast.search.strategy import SearchStrategy
+
+_TRACE = 4000
+"""Most characters of a traceback: the file with a batch's scores must stay readable."""
 
 
 def search_of(document: Document) -> Search:
@@ -57,8 +60,8 @@ def make_extractor(document: Document) -> Extractor:
 
 
 def trace(error: BaseException) -> str:
-    """The traceback of a plugin's error."""
-    return "".join(traceback.format_exception(error))
+    """The traceback of a plugin's error, its middle left out where it is long."""
+    return told("".join(traceback.format_exception(error)), _TRACE)
 
 
 def _cannot_be_made(document: Document, what: str, error: BaseException) -> InputError:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from robovast.base.errors import InputError
+from robovast.base.errors import InputError, RobovastError
 from robovast.base.plugins import plugin_errors, raised
 from robovast.model.document import Document
 from robovast.model.document.search.space import holds, set_id
@@ -29,12 +29,18 @@ def ask(document: Document, strategy: SearchStrategy) -> list[ParamSet]:
     search = search_of(document)
     with plugin_errors(lambda error: _error(document, f"`ask` raised {raised(error)}")):
         proposed = strategy.ask(search.per_batch)
+    with plugin_errors(lambda error: _unreadable(document, error)):
+        return _sets(document, proposed)
+
+
+def _sets(document: Document, proposed: Any) -> list[ParamSet]:
+    most = search_of(document).per_batch
     if not isinstance(proposed, list | tuple) or not all(
         isinstance(item, ParamSet) for item in proposed
     ):
         raise _error(document, f"`ask` must return a list of ParamSet, not {proposed!r:.80}")
-    if len(proposed) > search.per_batch:
-        raise _error(document, f"proposed {len(proposed)} sets where {search.per_batch} are asked")
+    if len(proposed) > most:
+        raise _error(document, f"proposed {len(proposed)} sets where {most} are asked")
     return [_checked(document, item) for item in proposed]
 
 
@@ -52,6 +58,8 @@ def _checked(document: Document, item: ParamSet) -> ParamSet:
             raise _error(document, f"proposed {name} = {value!r}, which is not in the space")
         if space[name].type == "int":
             values[name] = int(value)
+        elif space[name].type == "float":  # 1 is 1.0, and -0.0 is 0.0: equal sets are run once
+            values[name] = float(value) + 0.0
     if item.n_reps is not None and (not isinstance(item.n_reps, int) or item.n_reps < 1):
         raise _error(document, f"wants {item.n_reps!r} repetitions; it must be at least 1")
     return ParamSet({name: values[name] for name in space}, set_id(values), item.n_reps)
@@ -60,6 +68,13 @@ def _checked(document: Document, item: ParamSet) -> ParamSet:
 def _plain(value: Any) -> Any:
     """A value of NumPy as Python's."""
     return value.item() if hasattr(value, "item") and not hasattr(value, "__len__") else value
+
+
+def _unreadable(document: Document, error: BaseException) -> RobovastError:
+    """The error about a proposal: what is wrong with it, or what it raises when it is read."""
+    if isinstance(error, RobovastError):
+        return error
+    return _error(document, f"proposed what cannot be read: {raised(error)}")
 
 
 def _error(document: Document, message: str) -> InputError:

@@ -21,7 +21,7 @@ from robovast.campaign.layout import Layout
 from robovast.model.document import Document
 from robovast.model.document.search.criteria import Criterion, Progress, criteria
 from robovast.model.expansion import Composition, Variant
-from robovast.model.packs import Block
+from robovast.model.packs import RUNS_LIMIT, Block
 from robovast.search.extractor import Extractor
 from robovast.search.history import Batch, History, Outcome, Proposal
 from robovast.search.plugins import make_strategy, search_of
@@ -215,7 +215,11 @@ class Rounds:
         return batch
 
     def _blocks(self, sets: list[ParamSet], names: dict[str, str]) -> list[Block]:
-        """The runs that sets need beyond those that are planned; equal sets are run once."""
+        """The runs that sets need beyond those that are planned; equal sets are run once.
+
+        Raises:
+            InputError: they are too many.
+        """
         usual = self.document.vast.execution.most_runs
         wanted: dict[str, int] = {}
         for params in sets:
@@ -231,6 +235,11 @@ class Rounds:
             if runs > have:
                 added = Block(first_variant=index, variants=1, first_run=have, runs=runs - have)
                 _append(blocks, added)
+        total = sum(block.size for block in (*self.history.blocks, *blocks))
+        if total > RUNS_LIMIT:
+            raise self._error(
+                f"with its sets the campaign has {total:,} runs, more than {RUNS_LIMIT:,}"
+            )
         return blocks
 
     def _execute_again(self, batch: Batch) -> None:
@@ -345,4 +354,9 @@ def _append(blocks: list[Block], added: Block) -> None:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    if not isinstance(value, Real) or isinstance(value, bool):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an int that is too large for a float
+        return False

@@ -76,13 +76,12 @@ def holds(dimension: SearchDimension, value: Any) -> bool:
     values = choices(dimension)
     if values is not None:
         return _index(values, value) >= 0
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        return False
     low, high = float(dimension.low or 0), float(dimension.high or 0)
-    whole = dimension.type == "float" or (
+    if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+        return False
+    return dimension.type == "float" or (
         float(value).is_integer() and (int(value) - int(low)) % (dimension.step or 1) == 0
     )
-    return whole and low <= value <= high
 
 
 def size(space: Space) -> float:
