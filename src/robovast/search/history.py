@@ -24,6 +24,8 @@ from robovast.base import safe_paths
 from robovast.base.atomic import make_folder, write_atomically
 from robovast.base.errors import InputError
 from robovast.campaign.layout import Layout
+from robovast.model.document.model import Search
+from robovast.model.document.search.space import holds
 from robovast.model.naming import EXECUTION
 from robovast.model.packs import Block
 from robovast.search.types import Evaluation, ParamSet
@@ -159,6 +161,25 @@ class History:
             for params, config in pairs
             if params.id in scores and not scores[params.id].error
         ]
+
+    def check(self, search: Search) -> None:
+        """Check that the stored sets and scores are those of a search.
+
+        Raises:
+            InputError: a set is not in its space, or a score lacks an objective.
+        """
+        space, names = search.search_space, {objective.name for objective in search.objectives}
+        for batch in self.batches:
+            for params in batch.proposal.sets:
+                if set(params.values) != set(space) or not all(
+                    holds(space[name], value) for name, value in params.values.items()
+                ):
+                    why = f"the set {params.id} is not in the search space"
+                    raise self._wrong(batch.number, "", why)
+            for score in batch.outcome.scores if batch.outcome else ():
+                if not score.error and not names <= set(score.objectives):
+                    why = f"the score of {score.id} lacks an objective"
+                    raise self._wrong(batch.number, ".result", why)
 
     def propose(self, proposal: Proposal) -> Batch:
         """Store a new batch."""

@@ -39,7 +39,7 @@ def draw_map(stored: StoredSearch, over: Sequence[str], fixed: Mapping[str, Any]
     if unknown := [name for name in over if name not in space]:
         raise InputError(f"`{unknown[0]}` is no dimension of the search space.")
     chosen = list(over or [name for name in space if name not in fixed][:2])
-    if len(set(chosen)) != 2:
+    if len(chosen) != 2 or chosen[0] == chosen[1]:
         raise InputError("a map needs two different dimensions: --over NAME --over NAME.")
     base = stored.middle(fixed)
     found: FailureMap = stored.failure_map()
@@ -62,7 +62,7 @@ def draw_map(stored: StoredSearch, over: Sequence[str], fixed: Mapping[str, Any]
     shown = ", ".join(
         f"{n} {v:.4g}" if isinstance(v, float) else f"{n} {v}" for n, v in others.items()
     )
-    plot.set_title(shown or stored.document.vast.campaign_name)
+    plot.set_title(shown or stored.document.vast.campaign_name, parse_math=False)
     return figure
 
 
@@ -75,7 +75,7 @@ def draw_progress(stored: StoredSearch) -> Figure:
     for plot, name in zip(np.ravel(figure.subplots(len(names), sharex=True)), names, strict=True):
         column = answer.columns.index(name)
         plot.plot(batches, [row[column] for row in answer.rows], marker=".")
-        plot.set_ylabel(name)
+        plot.set_ylabel(name, parse_math=False)
     figure.supxlabel("batch")
     return figure
 
@@ -124,5 +124,6 @@ def _label(plot: Axes, space: Mapping[str, SearchDimension], chosen: Sequence[st
         few = choices(dimension) is not None
         ticks = _units(dimension) if few else np.linspace(0.0, 1.0, 6)
         values = [at(dimension, tick) for tick in ticks]
-        axis.set_ticks(ticks, [f"{v:.3g}" if isinstance(v, float) else str(v) for v in values])
-        axis.set_label_text(name)
+        texts = [f"{v:.3g}" if isinstance(v, float) else str(v) for v in values]
+        axis.set_ticks(ticks, texts, parse_math=False)
+        axis.set_label_text(name, parse_math=False)

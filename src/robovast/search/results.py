@@ -9,6 +9,7 @@ from typing import Any
 
 from robovast.analysis.tables.query import Answer
 from robovast.base.errors import InputError
+from robovast.base.plugins import plugin_errors, raised
 from robovast.campaign.configurations import read_configurations
 from robovast.campaign.layout import Layout
 from robovast.model.document import Document, load_document
@@ -34,16 +35,28 @@ class StoredSearch:
         self.document: Document = load_document(layout.config / name)
         self.search = search_of(self.document)
         self.history = History(layout)
+        self.history.check(self.search)
         if not self.history.finished:
             raise InputError(f"{campaign}: no batch of the search is finished yet.")
 
     def strategy(self) -> SearchStrategy:
-        """The strategy after all batches that were scored."""
+        """The strategy after all batches that were scored.
+
+        Raises:
+            InputError: it raises.
+        """
         made = make_strategy(self.document)
         for batch in self.history.finished:
             evaluations = self.history.evaluations(batch)
-            made.replay(batch.proposal.asked, batch.proposal.sets, evaluations)
+            with plugin_errors(self._replay_failed):
+                made.replay(batch.proposal.asked, batch.proposal.sets, evaluations)
         return made
+
+    def _replay_failed(self, error: BaseException) -> InputError:
+        name = self.search.strategy
+        return InputError(
+            f"{self.document.path}: the strategy `{name}`: `replay` raised {raised(error)}."
+        )
 
     def sets(self) -> Answer:
         """All evaluated sets, a row each time that one was proposed."""

@@ -105,6 +105,7 @@ class Rounds:
     """The best value of the first objective after each batch."""
 
     def __post_init__(self) -> None:
+        self.history.check(search_of(self.document))
         self.strategy = make_strategy(self.document)
         for batch in self.history.finished:
             self._replay(batch)
