@@ -26,6 +26,7 @@ class _Limits:
 
 _STEPS = tuple(_Limits(*pair) for pair in ((8000, 400), (2000, 100), (500, 40), (150, 12), (60, 4)))
 _DEEPEST = 12
+_TOO_DEEP = "… (nested too deeply to be shown)"
 
 
 def fitted(value: Any, most: int = MOST_BYTES) -> Any:
@@ -35,7 +36,7 @@ def fitted(value: Any, most: int = MOST_BYTES) -> Any:
         value: dataclasses, mappings, sequences, scalars.
         most: largest size of the result as JSON [bytes].
     """
-    data = to_jsonable_python(value, fallback=str, bytes_mode="base64")
+    data = to_jsonable_python(_shallow(value, _DEEPEST), fallback=str, bytes_mode="base64")
     for limits in _STEPS:
         result = _cut(data, limits, _DEEPEST)
         if size(result) <= most:
@@ -70,6 +71,21 @@ def size(data: Any) -> int:
     return len(json.dumps(data, ensure_ascii=False).encode())
 
 
+def _shallow(value: Any, depth: int) -> Any:
+    """A value without what is nested too deeply to be made JSON, nor keys that cannot be."""
+    if not isinstance(value, list | tuple | dict):
+        return value
+    if depth == 0:
+        return _TOO_DEEP
+    if not isinstance(value, dict):
+        return [_shallow(item, depth - 1) for item in value]
+    return {_encodable(key): _shallow(item, depth - 1) for key, item in value.items()}
+
+
+def _encodable(key: Any) -> Any:
+    return key.encode("utf-8", "replace").decode() if isinstance(key, str) else key
+
+
 def _cut(data: Any, limits: _Limits, depth: int) -> Any:
     if isinstance(data, str):
         return _shortened(data, limits.text)
@@ -78,7 +94,7 @@ def _cut(data: Any, limits: _Limits, depth: int) -> Any:
     if not isinstance(data, list | dict):
         return data
     if depth == 0:
-        return "… (nested too deeply to be shown)"
+        return _TOO_DEEP
     if isinstance(data, dict):
         return _cut_mapping(data, limits, depth)
     kept = [_cut(item, limits, depth - 1) for item in data[: limits.many]]
@@ -96,7 +112,7 @@ def _cut_mapping(data: Mapping[str, Any], limits: _Limits, depth: int) -> dict[s
 
 
 def _shortened(text: str, most: int) -> str:
-    whole = text.encode("utf-8", "replace").decode()  # lone surrogates cannot be encoded
+    whole: str = _encodable(text)  # lone surrogates cannot be
     if len(whole) <= most:
         return whole
     return f"{whole[:most]}… ({len(whole) - most} characters cut)"

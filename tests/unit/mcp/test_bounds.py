@@ -48,6 +48,8 @@ def test_every_value_can_be_sent() -> None:
     json.dumps(fitted([*values, "\ud800"]), allow_nan=False).encode()
     assert fitted(math.nan) is None
     assert "too deeply" in json.dumps(fitted(nested(30)))
+    assert "too deeply" in json.dumps(fitted({"x": nested(900)}))
+    assert fitted({"\ud800": {"\ud800": 1}}) == {"?": {"?": 1}}
 
 
 def test_pages_hold_every_item_once() -> None:
