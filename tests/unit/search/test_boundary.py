@@ -107,6 +107,25 @@ def test_noise_is_answered_with_more_runs_of_known_sets() -> None:
     assert any(params.n_reps == 4 for params in again)
 
 
+def test_runs_that_errored_are_no_reason_to_ask_for_nothing_new() -> None:
+    """All sets of a small space are known; half of their eight runs came to no verdict."""
+    cfg = Search.model_validate(
+        {
+            "strategy": "boundary",
+            "search_space": {"load": {"type": "int", "low": 0, "high": 1}},
+            "objectives": [{"name": "failure_rate"}],
+            "budget": [{"batches": 9}],
+        }
+    )
+    made = BoundaryStrategy(cfg, BoundaryParameters())
+    wanted = []
+    for _ in range(4):
+        sets = made.ask(2)
+        made.tell([Evaluation(p, {"failure_rate": 0.5}, {}, 4) for p in sets])
+        wanted.append(max(params.n_reps or 8 for params in sets))
+    assert max(wanted[1:]) > 8, "what is run already is asked for again and again"
+
+
 def test_an_objective_that_is_no_rate_is_refused() -> None:
     made = strategy()
     (params, *_) = made.ask(1)

@@ -175,9 +175,13 @@ class BoundaryStrategy(HistoryStrategy):
             return []
         means, _ = process.predict(np.array([self.place(ev.params) for ev in known]))
         near = np.argsort(np.abs(means - logit(self.params.level)), kind="stable")[:_KNOWN]
-        return [
-            ParamSet(known[i].params.values, n_reps=known[i].n_samples + self._runs) for i in near
-        ]
+        return [self._with_more_runs(known[i]) for i in near]
+
+    def _with_more_runs(self, known: Evaluation) -> ParamSet:
+        """A set with further runs; beyond those that were asked for, of which some may have
+        errored."""
+        asked = self.asked.get(known.params.id, known.params).n_reps or 0
+        return ParamSet(known.params.values, n_reps=max(known.n_samples, asked) + self._runs)
 
 
 def _straddle(
