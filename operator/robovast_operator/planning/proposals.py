@@ -17,6 +17,9 @@ from robovast_operator.planning.campaign import Accepted, Rejected, Revision
 ENTRY = "search"
 """Name of the only entry of a search's plan; its variants are those that were proposed."""
 
+_PLAN_LIMIT = 600_000
+"""Longest plan [byte]: with the document it must fit into a ConfigMap, which may have 1 MiB."""
+
 
 def grown(
     accepted: Accepted, revisions: Sequence[Revision], said: Proposed, name: str, limit: int
@@ -49,6 +52,10 @@ def grown(
         runs_per_job=accepted.vast.execution.runs_per_job,
         breaks=_breaks(newest.plan.breaks if newest else "", known, said),
     )
+    if len(plan.model_dump_json()) > _PLAN_LIMIT:
+        raise ValueError(
+            f"with {len(plan.blocks):,} blocks of runs it is too large for a ConfigMap"
+        )
     text = newest.document if newest else accepted.document_text
     entries = (Entry(name=ENTRY, variants=variants),)
     return Revision(len(revisions), name, plan, entries, {}, text, said.digest)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import timedelta
 from typing import Any
 
@@ -12,6 +13,7 @@ from pydantic import ValidationError
 from support.kube.fake_cluster import SCENARIO, SEARCH, SETTINGS, World, accepted, campaign
 
 from robovast.kubeapi.pod_contract.messages import BLOCKS_LIMIT, Proposed
+from robovast.model.packs import Block, PlanSpec
 from robovast_operator.planning.accept import accept
 from robovast_operator.planning.campaign import Rejected
 from robovast_operator.planning.configurations import own_configurations
@@ -149,6 +151,18 @@ def test_words_that_make_no_plan_end_the_search_and_say_why(said: Proposed, why:
     assert found["Succeeded"].reason == "InvalidPlan"
     assert why in found["Succeeded"].message
     assert found["ResultsAvailable"].status == "True", "what was stored is indexed"
+
+
+def test_a_plan_that_no_config_map_has_room_for_ends_the_search() -> None:
+    made = accepted(SEARCH)
+    first = first_plan(made, batch((0, 2, 0, 3), variants=2), "plan-0", 1000, "")
+    assert not isinstance(first, Rejected)
+    many = tuple(Block(first_variant=i % 2, variants=1, first_run=i, runs=1) for i in range(12_000))
+    long = replace(first, plan=first.plan.model_copy(update={"blocks": many}))
+    said = batch((2, 1, 0, 3), variants=1)
+    assert grown(made, [replace(first, plan=PlanSpec(blocks=many[:8_000]))], said, "", 1000)
+    with pytest.raises(ValueError, match="12,001 blocks of runs it is too large for a ConfigMap"):
+        grown(made, [long], said, "plan-1", 1000)
 
 
 def test_a_message_is_bounded() -> None:
