@@ -33,6 +33,8 @@ from robovast.search.types import Evaluation, ParamSet
 FOLDER = f"{EXECUTION}/search"
 Keep = Callable[[Path, str], None]
 _EXACT = ConfigDict(extra="forbid", allow_inf_nan=False)
+_MOST = 128 << 20
+"""Largest file [byte]: of `SETS_LIMIT` sets, each with a trace or hundreds of measures."""
 _RESTORE = "It is written once and never changed: restore it from a copy, or start a new search."
 
 
@@ -240,7 +242,7 @@ class History:
     def _load(self, number: int, part: str, kind: Any) -> Any:
         path = self._path(number, part)
         try:
-            data = json.loads(safe_paths.read_text(path))
+            data = json.loads(safe_paths.read_text(path, most=_MOST))
             return TypeAdapter(kind).validate_python(data)
         except FileNotFoundError:
             return None

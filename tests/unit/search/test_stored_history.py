@@ -11,6 +11,7 @@ import pytest
 
 from robovast.base.errors import ExitCode, InputError
 from robovast.campaign.layout import Layout
+from robovast.model.document.model import SETS_LIMIT
 from robovast.model.packs import Block
 from robovast.search.history import FOLDER, History, Outcome, Proposal, Scored
 from robovast.search.local import SearchSummary
@@ -82,6 +83,17 @@ def test_a_batch_that_was_deleted_is_named(tmp_path: Path, number: int) -> None:
     (stored(tmp_path) / f"batch-000{number}.json").unlink()
     with pytest.raises(InputError, match=rf"batch-000{number}\.json: is missing"):
         History(Layout(tmp_path))
+
+
+def test_a_batch_of_as_many_sets_as_may_be_asked_for_is_read_again(tmp_path: Path) -> None:
+    sets = tuple(ParamSet({"x": x}) for x in range(SETS_LIMIT))
+    configs = tuple(f"c{params.id}" for params in sets)
+    measures = {f"measure {n}": n / 3 for n in range(30)}
+    history = History(Layout(tmp_path))
+    batch = history.propose(Proposal(SETS_LIMIT, "random", "1", 0, 0, sets, configs, ()))
+    scores = tuple(Scored(params.id, {"rate": 1.0}, measures) for params in sets)
+    history.finish(batch, Outcome(scores, 1.0, 2.0))
+    assert len(History(Layout(tmp_path)).scores()) == SETS_LIMIT
 
 
 def test_a_search_that_scored_nothing_has_no_verdict(tmp_path: Path) -> None:
