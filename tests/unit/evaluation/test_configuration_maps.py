@@ -10,6 +10,7 @@ from support.campaigns.stored import NAME, add_map, write, write_campaign
 from robovast.base.serialization import dump_yaml
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.drive.maps import configuration_maps, failure_places
+from robovast.evaluation.map_picture import map_records
 from robovast.evaluation.summaries import RunSummary, VariantRuns
 
 HEAD = "frame,timestamp,position.x,position.y,position.z\n"
@@ -38,7 +39,17 @@ def test_every_configuration_has_its_map_and_the_ends_of_its_runs(root: Path) ->
 
 
 @pytest.mark.parametrize(
-    "content", ["", HEAD, HEAD + "base_link,0\n", HEAD + "a,0,x,y,0\n", "a,b\n1,2\n", "\0"]
+    "content",
+    [
+        "",
+        HEAD,
+        HEAD + "base_link,0\n",
+        HEAD + "a,0,x,y,0\n",
+        HEAD + "a,0,nan,1,0\n",
+        HEAD + "a,0,1,1e999,0\n",
+        "a,b\n1,2\n",
+        "\0",
+    ],
 )
 def test_a_table_that_tells_no_end_is_left_out(root: Path, content: str) -> None:
     write(root / "hall-1" / "0" / "poses.csv", content)
@@ -74,3 +85,23 @@ def test_equal_maps_of_many_configurations_are_told_once(root: Path) -> None:
     write(root / "_transient" / "configurations.yaml", dump_yaml({"configs": configs}))
     found = configuration_maps(root.parent, NAME, ["hall-1", "hall-2"])
     assert ([one.ground for one in found.configurations], len(found.grounds)) == ([0, 0], 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("  _navigation:\n    goals:\n    - x: 1\n      map_file: a\n    map_file: b\n", "b"),
+        (
+            "  config:\n    map_file: a\n  _navigation:\n    path: []\n  _c:\n    map_file: a\n",
+            None,
+        ),
+        ("  config: {}\n  _navigation: {map_file: b}\n", "b"),
+        ("  _navigation:\n    map_file: [\n", None),
+    ],
+)
+def test_the_map_alone_is_read_from_what_was_recorded(
+    root: Path, text: str, expected: str | None
+) -> None:
+    write(root / "_transient" / "configurations.yaml", f"configs:\n- name: hall-1\n{text}")
+    found = map_records(root.parent, NAME, ["hall-1"])
+    assert found["hall-1"].get("map_file") == expected

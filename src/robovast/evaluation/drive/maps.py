@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,7 +14,13 @@ from robovast.base.errors import InputError, RobovastError
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.drive.ground import Ground, Planned, planned, stored_ground
 from robovast.evaluation.inside import open_inside, resolved
-from robovast.evaluation.map_picture import RECORD, MapFiles, entries, read_map_files
+from robovast.evaluation.map_picture import (
+    RECORD,
+    MapFiles,
+    entries,
+    map_records,
+    read_map_files,
+)
 from robovast.evaluation.summaries import VariantRuns
 from robovast.evaluation.untrusted import mapping
 
@@ -101,10 +108,8 @@ def failure_places(results: Path, campaign: str, variants: Sequence[VariantRuns]
     ]
     found = FailurePlaces()
     grounds = _Grounds(results, campaign, found.grounds)
-    recorded = entries(results, campaign, {name for name, _, _ in ends})
-    ground_of = {
-        name: grounds.index(name, mapping(entry.get(RECORD))) for name, entry in recorded.items()
-    }
+    recorded = map_records(results, campaign, {name for name, _, _ in ends})
+    ground_of = {name: grounds.index(name, record) for name, record in recorded.items()}
     found.places = [(name, number, ground_of.get(name), *end) for name, number, end in ends]
     return found
 
@@ -148,6 +153,7 @@ def _last_position(results: Path, run: str) -> tuple[float, float] | None:
             rows = file.read(_END).decode("utf-8", "replace").splitlines()
         names, row = csv.reader([head, rows[-1]])
         at = dict(zip(names, row, strict=True))
-        return round(float(at["position.x"]), 3), round(float(at["position.y"]), 3)
+        x, y = float(at["position.x"]), float(at["position.y"])
     except (InputError, ValueError, LookupError, csv.Error):
         return None
+    return (round(x, 3), round(y, 3)) if math.isfinite(x) and math.isfinite(y) else None
