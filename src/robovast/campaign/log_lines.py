@@ -26,7 +26,11 @@ _SEARCHED = 200
 """Characters in which a level is searched."""
 _DEEPEST = 4
 """Most prefixes in front of one text."""
-_ESCAPES = re.compile(r"\x1b\[[0-9;?]*[ -/]*[@-~]|\x1b\][^\x07]*\x07|[\x00-\x08\x0b-\x1f\x7f]")
+_ESCAPES = re.compile(
+    r"\x1b\[[0-9;?]*[ -/]*[@-~]|\x1b\][^\x07\x1b\n]*(?:\x07|\x1b\\)|[\x00-\x08\x0b-\x1f\x7f]"
+)
+"""A sequence ends in its line and before the next one: if each were searched to the end of a text,
+time would grow with the square of its length."""
 
 
 class Message(NamedTuple):

@@ -45,3 +45,11 @@ def test_nothing_is_found_of_runs_that_are_gone_or_elsewhere(root: Path) -> None
 def test_an_answer_is_bounded(root: Path) -> None:
     runs = ["hall-1/0"] * (MOST_RUNS + 1)
     assert len(runs_found(root, "goal not reached", *runs)) == MOST_RUNS
+
+
+def test_sequences_that_do_not_end_hide_nothing_and_take_no_time(root: Path) -> None:
+    title = "\x1b]0;robot\x1b\\"
+    log = f"{title}goal lost\n\x1b]goal lost\nbell\x07\n" + "\x1b]" * (1 << 20)
+    write(root / "_jobs" / "job-0" / "logs" / "system.log", log)
+    (found,) = search_logs(root.parent, NAME, ["hall-1/0"], "goal lost")
+    assert [line.text for line in found.lines] == ["goal lost", "]goal lost"]
