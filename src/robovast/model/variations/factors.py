@@ -40,12 +40,17 @@ def note_factors(
     known = config.get(FACTORS, {})
     if factors is None and not known:
         return
-    noted = {name: item for name, item in known.items() if name not in values}
+    parameters = config.get("config", {})
+    kept = {n: item for n, item in known.items() if n not in values or n not in parameters}
+    taken = {*parameters, *values, *kept}
+    noted = {_free(n, taken) if n in values else n: item for n, item in kept.items()}
     if factors is not None:
         noted |= dict.fromkeys(values)
-    taken = {*config.get("config", ()), *noted} - set(values)
+    taken = {*parameters, *noted} - set(values)
     for name, given in (factors or {}).items():
-        noted[_free(name, taken)] = _data(name, given)
+        free = _free(name, taken)
+        taken.add(free)
+        noted[free] = _data(name, given)
     config[FACTORS] = noted
 
 

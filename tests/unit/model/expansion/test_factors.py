@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,6 +12,7 @@ from robovast.campaign.configurations import configuration_record, variant_of, v
 from robovast.campaign.layout import Layout
 from robovast.model.document import load_document
 from robovast.model.expansion import Variant, expand
+from robovast.model.variations.factors import all_factors, factor_values, note_factors
 
 SCENARIO = """\
 scenario a:
@@ -104,3 +106,22 @@ def test_stored_factors_are_read_again_and_change_no_digest(tmp_path: Path) -> N
     older = variant_of(Layout(tmp_path), record)
     assert older.factors == {}
     assert variants_digest([older]) == variants_digest([first])
+
+
+def test_a_number_in_a_name_takes_none_of_another() -> None:
+    config: dict[str, Any] = {}
+    note_factors(config, {}, {"kind": "a"})
+    note_factors(config, {}, {"kind": "b", "kind_2": "c"})
+    assert [item["value"] for item in config["_factors"].values()] == ["a", "b", "c"]
+
+
+def test_a_parameter_takes_no_factor_of_its_name() -> None:
+    config: dict[str, Any] = {
+        "config": {"door": "own.yaml"},
+        "_factors": {"door": None, "wall": {"value": "brick"}},
+    }
+    note_factors(config, {"wall": 3}, None)
+    assert factor_values(all_factors(config["_factors"], {"door": "own.yaml", "wall": 3})) == {
+        "wall_2": "brick",
+        "wall": 3,
+    }
