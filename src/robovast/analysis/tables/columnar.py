@@ -9,12 +9,19 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
+from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from robovast.analysis.tables.csv_files import KEYS, column_names, csv_files, read_header
+from robovast.analysis.tables.csv_files import (
+    KEYS,
+    column_names,
+    csv_files,
+    folded,
+    read_header,
+)
 from robovast.analysis.tables.runs import COLUMNS, run_rows
 from robovast.analysis.tables.staging import (
     Types,
@@ -175,14 +182,26 @@ def _load_records(
     connection: DuckDBPyConnection, layout: Layout, runs: Sequence[str], scratch: Path
 ) -> None:
     rows = list(run_rows(layout, runs))
-    columns = list(dict.fromkeys([*COLUMNS, *(name for row in rows for name in row)]))
+    spelt = dict(_spelt(tuple(COLUMNS)))
+    for row in rows:
+        for name, spelling in _spelt(tuple(row)).items():
+            spelt.setdefault(name, spelling)
+    columns = list(spelt.values())
     path = scratch / "records.csv"
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow(columns)
-        writer.writerows([_text(row.get(name)) for name in columns] for row in rows)
+        writer.writerow(range(len(columns)))  # names may have line breaks
+        for row in rows:
+            cells = dict(zip(_spelt(tuple(row)), row.values(), strict=True))
+            writer.writerow([_text(cells.get(name)) for name in spelt])
     stage(connection, [path], columns)
     append(connection, RECORDS, columns, COLUMNS)
+
+
+@lru_cache(maxsize=64)  # most runs of a campaign have equal names
+def _spelt(names: tuple[str, ...]) -> Mapping[str, str]:
+    """Names of a run's columns, by what SQL takes for the same; equal ones get numbers."""
+    return {folded(name): name for name in column_names(names, ())}
 
 
 def _text(value: object) -> object:

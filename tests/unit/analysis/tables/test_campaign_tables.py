@@ -481,3 +481,15 @@ def test_what_was_varied_has_columns_where_it_is_stated(tmp_path: Path) -> None:
     path.write_text(dump_yaml(listed))
     update(campaign, c_1_0="2", c_1_1="2")
     assert rows(campaign, "SELECT DISTINCT factor_clutter FROM runs") == [(0.25,)]
+
+
+def test_names_that_are_alike_in_sql_have_columns_of_their_own(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 2)
+    path = campaign / "_transient" / "configurations.yaml"
+    listed = parse_yaml(path.read_text())
+    odd = {"Width": 1, "width": 2, 'a"b\nc': 3}
+    listed["configs"][0]["_factors"] = {name: {"value": value} for name, value in odd.items()}
+    path.write_text(dump_yaml(listed))
+    update(campaign)
+    query = 'SELECT DISTINCT "factor_Width", factor_width_2, "factor_a\'b\nc" FROM runs'
+    assert rows(campaign, query) == [(1, 2, 3)]
