@@ -265,7 +265,7 @@ class Graph:
                 "references": files,
                 "variations": [activity for activity, _ in self._applied(entry)],
                 "config_identifier": entry.get("config_identifier"),
-                "factor": _factors(entry.get("factors")),
+                "factor": factor_nodes(entry.get("factors")),
             }
         )
 
@@ -391,17 +391,19 @@ def _plain_contribution(found: Any) -> tuple[list[Node], Node, list[str]]:
     )
 
 
-def _factors(factors: Any) -> list[Node]:
+def factor_nodes(factors: Any) -> list[Node]:
     """What was varied; structured values as JSON text."""
     units = factor_units(factors)
     return [
-        compact(
-            {
-                "@type": "robovast:Factor",
-                "name": name,
-                "value": json.dumps(value) if isinstance(value, dict | list) else value,
-                "unit": units.get(name),
-            }
+        plain_node(
+            compact(
+                {
+                    "@type": "robovast:Factor",
+                    "name": name,
+                    "value": json.dumps(value) if isinstance(value, dict | list) else value,
+                    "unit": units.get(name),
+                }
+            )
         )
         for name, value in factor_values(factors).items()
     ]
