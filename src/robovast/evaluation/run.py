@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import xml.etree.ElementTree as ET  # entities are refused below
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -23,6 +24,8 @@ from robovast.evaluation.inside import read_small, resolved
 from robovast.evaluation.launch.commands import as_shell, repeat_words
 from robovast.evaluation.map_picture import has_map
 from robovast.evaluation.untrusted import LONGEST, mapping, parse_json, read_yaml
+
+_WHOLE = re.compile(r"[0-9]{1,20}")
 
 
 @dataclass(frozen=True)
@@ -225,4 +228,4 @@ def _bag(path: str, data: Mapping[str, Any]) -> Bag:
 
 def _whole(value: Any) -> int:
     """A whole number; `plain` converts numbers that are too large for JavaScript to text."""
-    return int(value) if str(value).isdigit() else 0
+    return int(value) if _WHOLE.fullmatch(str(value)) else 0

@@ -100,6 +100,15 @@ def test_the_topics_of_a_bag(root: Path) -> None:
     assert bag.topics == [("/scan", "sensor_msgs/msg/LaserScan", 95)]
 
 
+@pytest.mark.parametrize("count", ["²", "9" * 400, "9" * 5000])
+def test_a_count_that_is_no_number_is_none(root: Path, count: str) -> None:
+    write(
+        root / "hall-1" / "0" / "rosbag2" / "metadata.yaml",
+        f"rosbag2_bagfile_information: {{duration: {{nanoseconds: '{count}'}}}}\n",
+    )
+    assert [bag.duration for bag in read_run(root.parent, NAME, "hall-1", 0).bags] == [0]
+
+
 def test_what_postprocessing_made_says_how(root: Path) -> None:
     write(
         root / "hall-1" / "0" / "postprocessing.yaml",
