@@ -10,13 +10,16 @@ from typing import Any
 
 from robovast.base.errors import InputError
 from robovast.campaign.layout import EXECUTION_RECORD
+from robovast.evaluation.bounds import Bound
 from robovast.evaluation.files import list_files
 from robovast.evaluation.inside import read_small
 from robovast.evaluation.untrusted import LONGEST, mapping, parse_yaml, read_yaml
 from robovast.model.naming import CONFIG
 
-LONGEST_TEXT = 5_000
-"""Longest files whose lines are compared [lines]."""
+LONGEST_TEXT = 2_000
+"""Longest files whose lines are compared [lines]; the time may grow with the cube of it."""
+_SECONDS = 2.0
+"""How long lines of all files may be compared; after that, only which files differ is told."""
 MOST_LINES = 400
 """Lines of a difference that are shown."""
 _CIRCUMSTANCES = ("image", "image_revision", "robovast_version", "execution_type", "env", "runs")
@@ -85,13 +88,14 @@ def _circumstances(results: Path, before: str, after: str) -> Iterator[Change]:
 
 def _changed_files(results: Path, before: str, after: str) -> Iterator[Change]:
     one, other = _files(results, before), _files(results, after)
+    bound = Bound(_SECONDS)
     for name in sorted({**one, **other}, key=lambda name: (not _is_document(name), name)):
         old = _content(results, before, name) if name in one else b""
         new = _content(results, after, name) if name in other else b""
         if old == new and one.get(name) == other.get(name):
             continue
         kind = "added" if name not in one else "removed" if name not in other else "changed"
-        lines = _diff(old, new)
+        lines = [] if bound.late() else _diff(old, new)
         yield Change(name, kind, lines[:MOST_LINES], max(0, len(lines) - MOST_LINES))
 
 

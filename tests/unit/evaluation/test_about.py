@@ -72,3 +72,14 @@ def test_a_long_difference_is_cut_and_says_so(results: Path) -> None:
     write(results / LATER / "_config" / "long.txt", "line\n" * 1000)
     (found,) = changes(results, NAME, LATER)
     assert (len(found.lines), found.more) == (400, 601)
+
+
+def test_when_comparing_lines_takes_too_long_it_is_told_which_files_differ(
+    results: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robovast.evaluation.about._SECONDS", 0.0)
+    for number in range(3):
+        write(results / NAME / "_config" / f"{number}.txt", "old\n")
+        write(results / LATER / "_config" / f"{number}.txt", "new\n")
+    found = [(change.name, change.lines) for change in changes(results, NAME, LATER)]
+    assert found == [("0.txt", []), ("1.txt", []), ("2.txt", [])]
