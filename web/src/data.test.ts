@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { Columns } from "./api";
-import { axis, cells, csv, factors, matcher, show, sorted, variantMatcher } from "./data";
+import { axis, cells, csv, factors, matcher, show, sorted, titled, variantMatcher } from "./data";
 import { failedFor, failures } from "./failures";
 
 function campaign(values: Record<string, unknown[]>, verdicts: string[]): Columns {
@@ -138,4 +138,12 @@ it("shows different times as different", () => {
 
 it("writes CSV that keeps commas, quotes and lines", () => {
   expect(csv([["a", 'say "x", y\n'], [null, { b: 1 }]])).toBe('a,"say ""x"", y\n"\r\n,"{""b"":1}"\r\n');
+});
+
+describe("a column's title", () => {
+  it("has the unit of the column, and none of what every object has", () => {
+    const data = { units: { width: "m" } };
+    expect(titled(data, "width")).toBe("width [m]");
+    expect(titled(data, "constructor")).toBe("constructor");
+  });
 });

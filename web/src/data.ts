@@ -49,8 +49,13 @@ export function others(data: Pick<Columns, "variants" | "factors">): string[] {
 
 /** A column's name with its unit. */
 export function titled(data: Pick<Columns, "units">, name: string): string {
-  const unit = data.units[name];
+  const unit = unitOf(data, name);
   return unit ? `${name} [${unit}]` : name;
+}
+
+/** The unit of a column, or nothing; a column may be named as what every object has, such as `constructor`. */
+export function unitOf({ units }: Pick<Columns, "units">, name: string): string {
+  return Object.hasOwn(units, name) ? units[name]! : "";
 }
 
 function distinct(values: unknown[]): number {

@@ -1,7 +1,7 @@
 // What was varied, and which of it makes runs fail.
 import { useMemo, useRef } from "preact/hooks";
 import { address, type Columns, type Effect, type Explained } from "./api";
-import { axis, factors, others, titled, type Axis } from "./data";
+import { axis, factors, others, titled, unitOf, type Axis } from "./data";
 import { percent } from "./format";
 import { useAnswer } from "./live";
 import type { Option } from "./parts";
@@ -107,6 +107,7 @@ export function Effects({ data, axes }: { data: Columns; axes: Axes }) {
 function Item({ data, effect, chosen }: { data: Columns; effect: Effect; chosen: boolean }) {
   const { factor, worse, better, low, high, p, same } = effect;
   const clear = p < LEVEL;
+  const unit = unitOf(data, factor);
   const points = (share: number) => `${share > 0 ? "+" : ""}${Math.round(100 * share)}`;
   const places = (from: number, to: number) => ({
     left: `${Math.max(0, 100 * from).toFixed(1)}%`,
@@ -124,7 +125,7 @@ function Item({ data, effect, chosen }: { data: Columns; effect: Effect; chosen:
       >
         <span class="cause">
           {[factor, ...same].join(" = ")} {worse.condition}
-          {data.units[factor] ? ` ${data.units[factor]}` : ""}
+          {unit && ` ${unit}`}
         </span>
         <span class="amount">{points(rate(worse) - rate(better))} points</span>
         <span class="gauge" aria-hidden="true">

@@ -38,7 +38,9 @@ export function FailureMaps({ data, runs }: { data: Columns; runs: Run[] }) {
   for (const [variant, number, ground, x, y] of answer.places) {
     const run = wanted.get(`${variant}/${number}`);
     if (run === undefined) continue;
-    byMap.set(ground, [...(byMap.get(ground) ?? []), { run, at: [x, y] }]);
+    const known = byMap.get(ground) ?? [];
+    known.push({ run, at: [x, y] });
+    byMap.set(ground, known);
   }
   const maps = [...byMap].sort((a, b) => b[1].length - a[1].length);
   if (!maps.length) return null;
