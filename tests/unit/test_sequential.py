@@ -36,12 +36,15 @@ def test_what_is_no_evidence_counts_as_a_run_alone() -> None:
     assert USUAL.decide([None] * 60) == Decision(State.UNDECIDED, 50, 0)
 
 
-@pytest.mark.parametrize("rates", [(1e-300, 2e-300), (0.1, 0.10000000000000002), (0.01, 1 - 1e-16)])
+@pytest.mark.parametrize(
+    "rates", [(1e-310, 0.5), (1e-300, 2e-300), (0.1, 0.10000000000000002), (0.01, 1 - 1e-16)]
+)
 def test_rates_that_no_run_tells_apart_are_never_told_apart(rates: tuple[float, float]) -> None:
     good, bad = rates
-    test = SequentialTest(good, bad, 0.4999, least=1, most=30)
-    assert test.decide([False] * 30).runs <= 30
-    assert test.decide([True] * 30).runs <= 30
+    for error in (0.4999, 1e-310):
+        test = SequentialTest(good, bad, error, least=1, most=30)
+        assert test.decide([False] * 30).runs <= 30
+        assert test.decide([True] * 30).runs <= 30
 
 
 @given(st.lists(st.sampled_from([True, False, None]), max_size=60))

@@ -97,12 +97,12 @@ class SequentialTest:
 
     @property
     def _limit(self) -> float:
-        return log(1 / self.error)
+        return -log(self.error)
 
     @property
     def _failure(self) -> float:
         """What a failure adds to the logarithm of the ratio."""
-        return log(self.bad / self.good)
+        return log(self.bad) - log(self.good)
 
     @property
     def _success(self) -> float:
