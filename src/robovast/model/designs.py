@@ -116,12 +116,14 @@ def missing_pairs(rows: Iterable[Row], sizes: Sequence[int]) -> _Pairs:
 def completing(rows: Iterable[Row], sizes: Sequence[int]) -> list[Row]:
     """Few further rows, so that each two values of different variations occur together."""
     left = missing_pairs(rows, sizes)
+    in_order = {axes: iter(sorted(values)) for axes, values in left.items()}
     generator = random.Random(0)  # noqa: S311  # repeatable on purpose
     candidates = _CANDIDATES if pairs_of(sizes) <= _FEW_PAIRS else 1
     further = []
     while any(left.values()):
         axes = max(left, key=lambda pair: len(left[pair]))
-        first = dict(zip(axes, min(left[axes]), strict=True))
+        least = next(values for values in in_order[axes] if values in left[axes])
+        first = dict(zip(axes, least, strict=True))
         row = _best([_filled(first, sizes, left, generator) for _ in range(candidates)], left)
         for pair, values in pairs_in(row):
             left[pair].discard(values)

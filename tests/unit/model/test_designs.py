@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections import Counter
 
 import pytest
@@ -101,3 +102,9 @@ def test_seeds_choose_differently(kind: str) -> None:
 
 def test_few_of_a_huge_product_are_chosen_at_once() -> None:
     assert len(rows_of(design("random", 1000), [1000] * 16)) == 1000
+
+
+def test_the_pairs_of_two_long_lists_are_covered_at_once() -> None:
+    started = time.process_time()
+    assert count_of(design("pairwise"), [300, 300]) == 90_000
+    assert time.process_time() - started < 30  # looking through all that is left takes minutes
