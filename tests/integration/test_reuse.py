@@ -155,6 +155,30 @@ def test_what_cannot_be_trusted_is_executed_and_said(first: Path) -> None:
     ]
 
 
+def edit_record(run: Path, **changes: object) -> None:
+    """Change keys of a run's record."""
+    record = json.loads((run / "run.json").read_text())
+    (run / "run.json").write_text(json.dumps({**record, **changes}))
+
+
+def test_a_verdict_that_is_not_that_of_the_test_result_is_not_taken_over(first: Path) -> None:
+    edit_record(first / "one-2/0", verdict="passed", reason="")
+    second, told = again(first, select="one-2")
+    assert list(verdicts(second).values()) == ["failed"]
+    name = first.name
+    assert told.messages == [
+        "Reused 0 of 1 runs.",
+        f"Not reused: {name}/one-2/0: it is passed, but failed by its test.xml.",
+    ]
+
+
+def test_a_reused_run_has_the_parameters_of_its_own_campaign(first: Path) -> None:
+    edit_record(first / "one-1/0", parameters={"x": 99})
+    second, _ = again(first, select="one-1")
+    assert list(reused(second)) == ["one-1/0"]
+    assert second.records[0].parameters == {"x": 1}
+
+
 def test_without_key_or_checksums_a_run_is_executed_and_that_is_said(first: Path) -> None:
     for number, key in ((1, "key"), (2, "outputs")):
         path = first / f"one-{number}/0/run.json"

@@ -12,9 +12,9 @@ from pathlib import Path
 from robovast.base import safe_paths
 from robovast.base.locks import is_locked
 from robovast.campaign.checksums import DifferentError, copy_files, copy_verified
-from robovast.campaign.layout import RUNNING, Layout, job_folder, parameters_key
+from robovast.campaign.layout import RUNNING, TEST_RESULT, Layout, job_folder, parameters_key
 from robovast.campaign.run_record import RunRecord, read_run_record
-from robovast.campaign.verdict import Verdict
+from robovast.campaign.verdict import Verdict, read_test_result
 from robovast.execution.job_config import parameter_documents
 from robovast.execution.local.events import Observer
 from robovast.execution.local.session import Session
@@ -158,13 +158,17 @@ def _stage(stage: Path, found: Sequence[tuple[Path, RunRecord]], source: _Source
     """Copy the files of runs.
 
     Raises:
-        DifferentError: some are not what they were.
+        DifferentError: some are not what they were, or not what the record says.
     """
     safe_paths.remove(stage, stage.parent)
     for number, (folder, record) in enumerate(found):
-        (stage / str(number)).mkdir(parents=True)
+        copy = stage / str(number)
+        copy.mkdir(parents=True)
         try:
-            copy_verified(folder, stage / str(number), record.outputs or {})
+            copy_verified(folder, copy, record.outputs or {})
+            verdict = read_test_result(copy).verdict
+            if verdict is not record.verdict:  # somebody has edited the one or the other
+                raise DifferentError(f"it is {record.verdict}, but {verdict} by its {TEST_RESULT}")
         except DifferentError as error:
             source.refuse(str(error), folder)
             raise
@@ -189,6 +193,8 @@ def _store(
             run=run.number,
             id=run.id,
             job=pack.name,
+            seed=run.seed,
+            parameters=dict(run.variant.parameters),
             factors=dict(run.variant.factors),
             reused_from=origin,
             files=None,
