@@ -84,8 +84,11 @@ def test_no_mutation_keeps_the_key_of_the_last_run(tmp_path: Path) -> None:
 
 def test_a_file_that_is_executable_is_another_one(tmp_path: Path) -> None:
     before = keys(INPUTS, tmp_path)
+    (tmp_path / "own-1/plan.fpm").chmod(0o755)
+    between = keys(INPUTS, tmp_path)
+    assert (between[0], between[1] == before[1]) == (before[0], False)
     (tmp_path / "common/entrypoint.sh").chmod(0o755)
-    assert not set(before) & set(keys(INPUTS, tmp_path))
+    assert not set(between) & set(keys(INPUTS, tmp_path))
 
 
 def test_a_run_of_a_pack_depends_on_those_before_it_alone(tmp_path: Path) -> None:

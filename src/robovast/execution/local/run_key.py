@@ -43,10 +43,7 @@ def common_key(settings: Mapping[str, Any], files: Path) -> str:
     environment = settings["environment"]
     own = {name: environment[name] for name in environment if name not in _OF_ONE_CAMPAIGN}
     found = sorted(path for path in files.rglob("*") if path.is_file())
-    content = {
-        path.relative_to(files).as_posix(): [_sha256(path), os.access(path, os.X_OK)]
-        for path in found
-    }
+    content = {path.relative_to(files).as_posix(): _content(path) for path in found}
     return fingerprint(
         [_VERSION, COMPAT_VERSION, _plain({**settings, "environment": own}), content]
     )
@@ -65,13 +62,13 @@ def run_keys(common: str, job: PackStart, scenario: Scenario) -> dict[int, str]:
 
 def _own(run: Run, scenario: Scenario) -> list[Any]:
     parameters = parameter_documents(PackStart(0, (run,)), scenario)
-    files = {file.name: _sha256(Path(file.source)) for file in run.variant.files}
+    files = {file.name: _content(Path(file.source)) for file in run.variant.files}
     return [run.path, run.seed, parameters, files]
 
 
-def _sha256(path: Path) -> str:
+def _content(path: Path) -> list[Any]:
     with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        return [hashlib.file_digest(file, "sha256").hexdigest(), os.access(path, os.X_OK)]
 
 
 def _plain(value: Any) -> Any:
