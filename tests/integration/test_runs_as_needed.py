@@ -118,6 +118,17 @@ def test_more_runs_at_most_continue_what_is_undecided(tmp_path: Path) -> None:
     assert SUMMED_UP in said
 
 
+def test_more_runs_than_the_first_few_bring_back_the_least_ones(tmp_path: Path) -> None:
+    rule = RULE.replace("min: 2", "min: 4").replace("max: 4", "max: 6")
+    path = make_campaign(tmp_path / "in", SCRIPT, rule)
+    summary = run(path, tmp_path / "out", jobs=1, runs=2, select="one-2")
+    recorder = Recorder()
+    resume(summary.campaign, recorder, jobs=1, runs=6)
+    assert recorder.decided["one-2"] == "broken after 4"
+    said = vast("results", "summary", summary.campaign).stdout
+    assert "1 broken after 4" in said
+
+
 def test_each_command_of_the_page_says_what_it_decides(tmp_path: Path) -> None:
     folder = make_campaign(tmp_path / "in", SCRIPT, RULE).parent
     listed, run_all, run_few = page_commands()

@@ -10,9 +10,11 @@ from tempfile import TemporaryDirectory
 
 from robovast.base.atomic import sync_folder, sync_tree, write_atomically
 from robovast.base.errors import InputError
+from robovast.base.sequential import SequentialTest
 from robovast.base.serialization import dump_yaml
 from robovast.base.yaml_files import read_mapping
 from robovast.campaign.configurations import read_variants
+from robovast.campaign.decisions import DECIDE, test_record
 from robovast.campaign.layout import Layout
 from robovast.execution.generate import write_configurations, write_execution
 from robovast.execution.local.campaign import execute_campaign
@@ -97,17 +99,18 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
     runs = [run for run in runs if run.variant.name in chosen]
     runtime = choose_runtime(document, options, observer.message)
     session = Session(document, layout, options, runtime, runtime.check())
-    _record_more_runs(layout, repeated)
     test = document.vast.execution.test(repeated)
+    _record_more_runs(layout, repeated, test)
     return execute_campaign(session, plan, runs, observer, test)
 
 
-def _record_more_runs(layout: Layout, runs: int) -> None:
-    """Record that more runs are planned than before."""
+def _record_more_runs(layout: Layout, runs: int, test: SequentialTest | None) -> None:
+    """Record that more runs are planned than before; fewer ones may have lowered the test's."""
     record = read_mapping(layout.execution_record)
     if type(record.get("runs")) is int and runs > record["runs"]:
+        own = {DECIDE: test_record(test)} if test is not None else {}
         with explained(layout.root):
-            write_atomically(layout.execution_record, dump_yaml({**record, "runs": runs}))
+            write_atomically(layout.execution_record, dump_yaml({**record, "runs": runs, **own}))
 
 
 def _stored_files(layout: Layout, variants: Sequence[Variant]) -> list[Variant]:
