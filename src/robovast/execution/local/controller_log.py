@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from robovast.base.printable import PrintableFormatter
 from robovast.campaign.decisions import told
 from robovast.campaign.layout import Layout
 from robovast.campaign.run_record import RunRecord
@@ -34,7 +35,7 @@ def logged(layout: Layout, observer: Observer) -> Iterator[Observer]:
     with explained(layout.root):
         layout.execution.mkdir(exist_ok=True)
         handler = logging.FileHandler(layout.execution / FILE, encoding="utf-8")
-    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    handler.setFormatter(PrintableFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     library = logging.getLogger("robovast")
     _log.setLevel(logging.INFO)
     for logger in (_log, library):
