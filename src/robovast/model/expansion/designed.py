@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,10 @@ from robovast.model.designs import Row
 from robovast.model.document.model import ConfigurationEntry
 from robovast.model.variations.loader import levels
 
+Configs = list[dict[str, Any]]
+_AT_ONCE = 10_000
+"""Most configurations that a variation makes before those that are not needed are dropped."""
+
 
 def design_sizes(entry: ConfigurationEntry, folder: Path) -> list[int]:
     """Number of values of each variation of an entry with a design, which was checked."""
@@ -20,9 +24,10 @@ def design_sizes(entry: ConfigurationEntry, folder: Path) -> list[int]:
 
 
 class Chooser:
-    """Drops the configurations that no chosen combination begins with, after each variation.
+    """Drops the configurations that no chosen combination begins with, in each variation.
 
-    So the product, which may be very large, is never made.
+    So the product, which may be very large, is never made, nor that of the chosen ones with all
+    values of the next variation.
     """
 
     def __init__(
@@ -33,21 +38,29 @@ class Chooser:
         self._rows = rows
         self._prefixes: list[Row] = [()]
 
-    def chosen(self, configs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-        """Those of the configurations that the next variation made which are needed.
+    def vary(self, configs: Configs, variation: Callable[[Configs], Configs]) -> Configs:
+        """Those of the configurations that the next variation makes which are needed.
+
+        It makes them of a few at a time.
 
         Raises:
-            InputError: the variation made another number than it had announced.
+            InputError: the variation makes another number than it has announced.
         """
         axis = len(self._prefixes[0])
-        values = range(self._sizes[axis])
-        made = [(*prefix, value) for prefix, value in product(self._prefixes, values)]
-        if len(made) != len(configs):
-            raise InputError(
-                f"configuration `{self._name}`: variation {axis + 1} made {len(configs)} "
-                f"configurations where its `levels` announced {len(made)}; a design needs as many."
-            )
+        size = self._sizes[axis]
         wanted = {row[: axis + 1] for row in self._rows}
-        kept = [pair for pair in zip(made, configs, strict=True) if pair[0] in wanted]
+        few = max(1, _AT_ONCE // size)
+        kept: list[tuple[Row, dict[str, Any]]] = []
+        for first in range(0, len(configs), few):
+            made = variation(configs[first : first + few])
+            before = self._prefixes[first : first + few]
+            places = [(*prefix, value) for prefix, value in product(before, range(size))]
+            if len(made) != len(places):
+                raise InputError(
+                    f"configuration `{self._name}`: variation {axis + 1} made {len(made)} "
+                    f"configurations where its `levels` announced {len(places)}; a design needs as "
+                    "many."
+                )
+            kept += [pair for pair in zip(places, made, strict=True) if pair[0] in wanted]
         self._prefixes = [prefix for prefix, _ in kept]
         return [config for _, config in kept]

@@ -18,7 +18,7 @@ from robovast.model.designs import Row, rows_of
 from robovast.model.document import Document
 from robovast.model.document.model import NAME_PATTERN, ConfigurationEntry, PluginCall, merge_pairs
 from robovast.model.expansion.containers import ContainerRunner, Containers
-from robovast.model.expansion.designed import Chooser, design_sizes
+from robovast.model.expansion.designed import Chooser, Configs, design_sizes
 from robovast.model.expansion.limit import refuse_too_many, too_many, variant_limit
 from robovast.model.expansion.variant import ConfigFile, Variant, VariationRecord
 from robovast.model.scenario import Scenario, read_scenario
@@ -143,19 +143,29 @@ def _expand_entry(
     chooser: Chooser | None,
 ) -> Iterable[Variant]:
     parameters = merge_pairs(entry.parameters or [])
-    configs: list[dict[str, Any]] = [
-        {"name": entry.name, "config": parameters, "_config_files": []}
-    ]
+    configs: Configs = [{"name": entry.name, "config": parameters, "_config_files": []}]
     records: list[VariationRecord] = []
     for call in entry.variations or []:
         started, clock = datetime.now(UTC), time.perf_counter()
-        variation, configs = _apply(surroundings, entry, call, configs)
-        used.append(variation)
-        configs = chooser.chosen(configs) if chooser else configs
+        vary = _applying(surroundings, entry, call, used)
+        configs = chooser.vary(configs, vary) if chooser else vary(configs)
         duration = round(time.perf_counter() - clock, 6)
         records.append(VariationRecord(call.name, started.isoformat(), duration))
     _warn_of_unknown(entry, configs, scenario)
     return [_variant(entry, config, tuple(records)) for config in configs]
+
+
+def _applying(
+    surroundings: _Surroundings, entry: ConfigurationEntry, call: PluginCall, used: list[Variation]
+) -> Callable[[Configs], Configs]:
+    """A call of a variation type as a function, which notes each variation that it used."""
+
+    def vary(configs: Configs) -> Configs:
+        variation, made = _apply(surroundings, entry, call, configs)
+        used.append(variation)
+        return made
+
+    return vary
 
 
 def _warn_of_unknown(
@@ -177,8 +187,8 @@ def _apply(
     surroundings: _Surroundings,
     entry: ConfigurationEntry,
     call: PluginCall,
-    configs: list[dict[str, Any]],
-) -> tuple[Variation, list[dict[str, Any]]]:
+    configs: Configs,
+) -> tuple[Variation, Configs]:
     """The configurations that one variation type makes from the given ones."""
     document = surroundings.document
     where = f"configuration `{entry.name}`, variation `{call.name}`"

@@ -127,3 +127,29 @@ def test_a_variation_that_makes_another_number_than_announced_is_named(tmp_path:
     )
     with pytest.raises(InputError, match="variation 1 made 2 configurations where its `levels`"):
         names(tmp_path, "  - mine.py:Mine", "{kind: full}")
+
+
+def test_the_product_of_what_is_chosen_with_the_next_values_is_never_made_at_once(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "mine.py").write_text(
+        "from robovast.common.variation import Variation\n"
+        "class Mine(Variation):\n"
+        "    @classmethod\n"
+        "    def levels(cls, parameters, base_path):\n"
+        "        return 200\n"
+        "    def variation(self, configs):\n"
+        "        assert len(configs) <= 50\n"
+        "        return [self.update_config(c, {'b': n}) for c in configs for n in range(200)]\n"
+    )
+    values = list(range(200))
+    both = f"  - ParameterVariationList: {{name: a, values: {values}}}\n  - mine.py:Mine"
+    found = names(tmp_path, both, "{kind: lhs, count: 200}")
+    assert found == {name: {"a": a - 1, "b": b - 1} for name, a, b in map(numbered, found)}
+    assert len(found) == 200
+
+
+def numbered(name: str) -> tuple[str, int, int]:
+    """A name, and the numbers in it."""
+    _, first, second = name.split("-")
+    return name, int(first), int(second)
