@@ -14,9 +14,8 @@ from robovast.campaign.verdict import Verdict
 from robovast.evaluation.summaries import VariantRuns
 from robovast.model.designs import (
     MOST_PAIRS,
-    STRENGTHS,
     Row,
-    coverage,
+    coverages,
     missing_pairs,
     pairs_in,
     pairs_of,
@@ -80,8 +79,7 @@ class EntryCoverage:
 
     def covered(self) -> dict[str, tuple[int, int]]:
         """How many values, pairs and triples were run, and how many there are."""
-        sizes, rows = self.sizes, list(self.counts)
-        return {w: coverage(rows, sizes, n) for n, w in STRENGTHS.items() if n <= len(sizes)}
+        return coverages(list(self.counts), self.sizes)
 
     def bad_pairs(self) -> list[Pair]:
         """Pairs of which runs did not pass, the worst first."""

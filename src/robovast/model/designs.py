@@ -31,6 +31,8 @@ MOST_PAIRS = 100_000
 
 STRENGTHS = {1: "values", 2: "pairs", 3: "triples"}
 """What combinations of so many values are called."""
+_MOST_LOOKED_AT = 20_000_000
+"""Most combinations of values that are counted, in about ten seconds."""
 _BITS = 32
 _DIRECTIONS: tuple[tuple[int, tuple[int, ...]], ...] = (
     (0, (1,)),
@@ -79,9 +81,21 @@ def count_of(design: Design, sizes: Sequence[int]) -> int:
 
 def coverage(rows: Sequence[Row], sizes: Sequence[int], strength: int) -> tuple[int, int]:
     """How many combinations of the values of so many variations occur, and how many there are."""
-    chosen = list(combinations(range(len(sizes)), strength))
-    covered = sum(len({tuple(row[axis] for axis in axes) for row in rows}) for axes in chosen)
-    return covered, sum(math.prod(sizes[axis] for axis in axes) for axes in chosen)
+    covered = total = 0
+    for axes in combinations(range(len(sizes)), strength):
+        covered += len({tuple(row[axis] for axis in axes) for row in rows})
+        total += math.prod(sizes[axis] for axis in axes)
+    return covered, total
+
+
+def coverages(rows: Sequence[Row], sizes: Sequence[int]) -> dict[str, tuple[int, int]]:
+    """The coverage of values, pairs and triples, as far as it is counted in reasonable time."""
+    effort = max(1, len(rows))
+    return {
+        words: coverage(rows, sizes, strength)
+        for strength, words in STRENGTHS.items()
+        if strength <= len(sizes) and math.comb(len(sizes), strength) * effort <= _MOST_LOOKED_AT
+    }
 
 
 def pairs_of(sizes: Sequence[int]) -> int:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import qmc
 
-from robovast.model.designs import MOST_SOBOL, count_of, coverage, rows_of
+from robovast.model.designs import MOST_SOBOL, count_of, coverage, coverages, rows_of
 from robovast.model.document.model import Design
 
 SIZES = st.lists(st.integers(1, 6), min_size=1, max_size=5)
@@ -108,3 +108,12 @@ def test_the_pairs_of_two_long_lists_are_covered_at_once() -> None:
     started = time.process_time()
     assert count_of(design("pairwise"), [300, 300]) == 90_000
     assert time.process_time() - started < 30  # looking through all that is left takes minutes
+
+
+def test_triples_of_very_many_variations_are_not_counted() -> None:
+    assert set(coverages([(0,) * 2000], [2] * 2000)) == {"values", "pairs"}
+    assert coverages([(0, 1, 0)], [2] * 3) == {
+        "values": (3, 6),
+        "pairs": (3, 12),
+        "triples": (1, 8),
+    }

@@ -17,7 +17,7 @@ from robovast.base.errors import InputError, RobovastError
 from robovast.base.statistics import percent
 from robovast.compat.differences import differences
 from robovast.execution.local.scenario_syntax import check_syntax
-from robovast.model.designs import STRENGTHS, coverage, rows_of
+from robovast.model.designs import coverages, rows_of
 from robovast.model.document import Document
 from robovast.model.document.model import ConfigurationEntry
 from robovast.model.expansion import Variant
@@ -165,11 +165,7 @@ def _designs(document: Document) -> Iterator[str]:
         if entry.design is not None:
             sizes = design_sizes(entry, document.folder)
             rows = rows_of(entry.design, sizes)
-            covered = [
-                f"{words} {_share(*coverage(rows, sizes, strength))}"
-                for strength, words in STRENGTHS.items()
-                if strength <= len(sizes)
-            ]
+            covered = [f"{w} {_share(*found)}" for w, found in coverages(rows, sizes).items()]
             product = f"{len(rows):,} of {math.prod(sizes):,} combinations"
             yield f"{entry.name}: {product}; {', '.join(covered)}"
 
