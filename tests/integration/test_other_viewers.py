@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -157,6 +158,24 @@ def test_rerun_shows_the_recording_and_tells_nobody(results: Path, rerun: tuple[
         (_, first), (words, second) = map(json.loads, log.read_text().splitlines())
         assert first["analytics_enabled"] is second["analytics_enabled"] is False
         assert words[:3] == ["--serve-web", "--bind", "127.0.0.1"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM])
+def test_a_closed_terminal_leaves_no_files_and_no_viewer(
+    results: Path,
+    rerun: tuple[str, Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    number: int,
+) -> None:
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    monkeypatch.setenv("TMPDIR", str(scratch))
+    with viewed(results / NAME / "hall-1" / "0", "--rerun", path=rerun[0]) as (page, _):
+        assert list(scratch.iterdir())
+        page.process.send_signal(number)
+        page.process.wait(timeout=30)
+    assert not list(scratch.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,27 @@ def call_on_signals(action: Callable[[], None]) -> Iterator[None]:
 
 
 @contextmanager
+def unwound_by_signals() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP raise SystemExit, so that what is open is closed before the end.
+
+    SIGHUP stays ignored under nohup. Ctrl-C raises KeyboardInterrupt anyway.
+    """
+
+    def end(number: int, frame: FrameType | None) -> None:
+        del frame
+        raise SystemExit(128 + number)
+
+    ended = [n for n in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(n) is signal.SIG_DFL]
+    for number in ended:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number in ended:
+            signal.signal(number, signal.SIG_DFL)
+
+
+@contextmanager
 def end_at_ctrl_c() -> Iterator[None]:
     """Let Ctrl-C end the process at once, even within a library that looks at signals rarely.
 

@@ -22,6 +22,7 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
+from robovast.base.signals import unwound_by_signals
 from robovast.evaluation.drive.one_file import one_file
 from robovast.evaluation.server.answers import send_file
 from robovast.evaluation.server.guard import LOOPBACK, Guard
@@ -100,7 +101,7 @@ def _serve(
     ready: Callable[[str], None],
 ) -> None:
     """Serve an application that needs a folder, which is removed whatever ends the server."""
-    with ExitStack() as stack:
+    with unwound_by_signals(), ExitStack() as stack:
 
         def made(token: str) -> ASGIApp:
             folder = stack.enter_context(TemporaryDirectory(prefix="robovast-view-"))
