@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,6 +24,9 @@ from robovast.model.designs import (
 from robovast.model.document import Document
 from robovast.model.document.model import ConfigurationEntry, PluginCall
 from robovast.model.variations.loader import levels
+
+_LARGEST = sys.float_info.max / 2
+"""Largest number whose distance from any other one is finite."""
 
 
 @dataclass(frozen=True)
@@ -156,8 +160,9 @@ def _numbered(
     for variant in variants:
         head, _, tail = variant.name.partition(f"{entry.name}-")
         numbers = tail.split("-")
-        is_own = not head and len(numbers) == len(entry.variations or ())
-        if is_own and all(number.isdecimal() for number in numbers):
+        is_own = variant.entry in {entry.name, variant.name}  # its own name: no record says which
+        is_named = not head and len(numbers) == len(entry.variations or ())
+        if is_own and is_named and all(number.isdecimal() for number in numbers):
             yield list(map(int, numbers)), variant
 
 
@@ -195,9 +200,14 @@ def _drawn(
     if buckets is None or not isinstance(name, str):
         raise InputError(str(where))
     found = [variant.parameters.get(name) for _, variant in own]
-    numbers = [float(value) for value in found if isinstance(value, int | float)]
+    numbers = [
+        float(value) for value in found if isinstance(value, int | float) and abs(value) <= _LARGEST
+    ]
     if len(numbers) < len(found) or not numbers:
-        raise InputError(f"`{name}` of `{entry.name}` is no number in all configurations.")
+        raise InputError(
+            f"`{name}` of `{entry.name}` is not a number, or not a finite one, in all "
+            "configurations."
+        )
     low, high = min(numbers), max(numbers)
     step = (high - low) / buckets
     labels = (f"{name} {low + n * step:.4g} – {low + (n + 1) * step:.4g}" for n in range(buckets))
