@@ -6,6 +6,7 @@ import hashlib
 import os
 import stat
 from collections.abc import Iterator, Mapping
+from io import BufferedReader
 from pathlib import Path
 from typing import BinaryIO
 
@@ -59,7 +60,7 @@ def copy_verified(source: Path, target: Path, sums: Mapping[str, str]) -> None:
         if not is_plain(name) or name.partition("/")[0] in OWN_NAMES:
             raise DifferentError(f"`{name}` is no path of a file that a run wrote")
         try:
-            file = safe_paths.open_file(source / name, source.parent.parent)
+            file = _open_whole(source / name, source.parent.parent)
         except OSError as error:
             raise DifferentError(f"`{name}` cannot be read: {error.strerror}") from None
         (target / name).parent.mkdir(parents=True, exist_ok=True)
@@ -101,14 +102,27 @@ def _files(folder: Path, root: Path, *, strict: bool = True) -> Iterator[Path]:
 
 
 def _checksum(path: Path, root: Path) -> str:
-    with safe_paths.open_file(path, root) as file:
-        safe_paths.refuse_holes(file)
+    with _open_whole(path, root) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _open_whole(path: Path, root: Path) -> BufferedReader:
+    """Open a file that is not sparse.
+
+    Raises:
+        OSError: it is, or it cannot be opened.
+    """
+    file = safe_paths.open_file(path, root)
+    try:
+        safe_paths.refuse_holes(file)
+    except OSError:
+        file.close()
+        raise
+    return file
 
 
 def _copy(source: BinaryIO, target: BinaryIO) -> str:
     """Copy content, mode and time of a file; return its SHA-256."""
-    safe_paths.refuse_holes(source)
     digest = hashlib.sha256()
     while chunk := source.read(_CHUNK):
         digest.update(chunk)
