@@ -135,7 +135,7 @@ class Course:
     variants: int = 6
     runs: int = 2
     runs_per_job: int = 4
-    timeout: int = 90
+    timeout: int = 180
     """When a run that hangs is ended; none else may come near it, on a busy machine neither [s]."""
     pause: float = 1.0
     """Between a run's first file and its others [s]."""
