@@ -332,7 +332,7 @@ def test_what_the_api_server_refuses_has_a_line_for_each_field(
 ) -> None:
     monkeypatch.setenv("KUBECONFIG", str(known_cluster.kubeconfig))
     document = yaml.safe_load(GROWTH.read_text())
-    document["execution"]["runs"] = "many"
+    document["execution"]["runs_per_job"] = "many"
     campaign = {
         "apiVersion": "robovast.io/v1alpha1",
         "kind": "Campaign",
@@ -344,7 +344,7 @@ def test_what_the_api_server_refuses_has_a_line_for_each_field(
     lines = str(caught.value).splitlines()
     assert lines[0].endswith("refuses the Campaign `bad`:")
     assert {line.strip().partition(":")[0] for line in lines[1:]} >= {
-        "execution.runs",
+        "execution.runs_per_job",
         "spec.parallelism",
     }
 
