@@ -101,6 +101,8 @@ class Rounds:
     elapsed: Callable[[], float]
     """For how long the search has been under way [s]."""
     strategy: SearchStrategy = field(init=False)
+    _asked: Batch | None = field(init=False, default=None)
+    """The last batch that this strategy was asked for."""
     best: list[float | None] = field(default_factory=list)
     """The best value of the first objective after each batch."""
 
@@ -211,7 +213,7 @@ class Rounds:
             configs=tuple(names[params.id] for params in sets),
             blocks=tuple(blocks),
         )
-        batch = self.history.propose(proposal)
+        batch = self._asked = self.history.propose(proposal)
         self.campaign.plan(blocks)
         return batch
 
@@ -295,7 +297,10 @@ class Rounds:
                 self.campaign.observer.message(f"{configs[scored.id]} is left out: {scored.error}")
         provisional = Outcome(scores, 0.0, 0.0)
         batch.outcome = provisional
-        self._tell(batch)
+        if batch is self._asked:
+            self._tell(batch)
+        else:  # another process has asked for it
+            self._replay(batch)
         metrics = {k: float(v) for k, v in self.report().extra.items() if _is_number(v)}
         elapsed = round(self.elapsed(), 3)
         self.history.finish(batch, Outcome(scores, elapsed, time.time(), metrics))

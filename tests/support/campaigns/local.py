@@ -10,8 +10,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from robovast_testbed import cache
-
 from robovast.campaign.decisions import told
 from robovast.campaign.run_record import RunRecord
 from robovast.execution.local import LocalOptions, Summary, resume_campaign, run_campaign
@@ -101,6 +99,8 @@ def run(path: Path, output: Path, observer: Recorder | None = None, **options: A
 def ros_environment() -> str:
     """Folder of the environment with ROS 2 and MuJoCo for plain processes; made once."""
     command = [str(ROOT / "scripts" / "ros-environment")]
+    from robovast_testbed import cache  # programs that tests start have no path to it
+
     environment = {**os.environ, "PYTHON": sys.executable, "XDG_CACHE_HOME": str(cache.root())}
     done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
     return done.stdout.strip()
