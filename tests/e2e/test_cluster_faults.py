@@ -123,7 +123,7 @@ def test_killing_the_operator_and_a_pod_loses_no_run_and_repeats_none(lab: Lab) 
         for _ in range(5):
             time.sleep(chance.uniform(0.3, 4))
             restart()
-        lab.wait("hunted")
+        lab.wait("hunted", seconds=600)  # an agent waits 300 s for a dead container
     status = lab.campaign("hunted")["status"]
     assert status["runs"] | {"active": 0, "waiting": 0} == {
         "total": 15, "active": 0, "waiting": 0, "undecided": 0, "stored": 15,
