@@ -13,6 +13,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from difflib import get_close_matches
 from functools import lru_cache
+from importlib.machinery import SourceFileLoader
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
@@ -127,11 +128,21 @@ def _load_entry_point(name: str, group: str) -> Any:
             f"there is no plugin `{name}` in {group}. {hint} A plugin in a file is written "
             "`<path>.py:<name>`."
         )
-    distribution = known[name].dist
-    package = distribution.name if distribution else "its package"
-    what = f"the plugin `{name}` of {package} ({known[name].value}) cannot be loaded"
-    with plugin_errors(lambda error: _failure(what, error)):
+    with plugin_errors(lambda error: _failure(_what(known[name]), error)):
         return known[name].load()
+
+
+def _what(plugin: EntryPoint) -> str:
+    """What cannot be loaded; to find the name of its package takes longer than to load it."""
+    package = plugin.dist.name if plugin.dist else "its package"
+    return f"the plugin `{plugin.name}` of {package} ({plugin.value}) cannot be loaded"
+
+
+class _WithoutBytecode(SourceFileLoader):
+    """Leaves nothing beside a file: its folder may be that of a campaign, which is a record."""
+
+    def set_data(self, path: object, data: object, *, _mode: int = 0) -> None:
+        """Write no bytecode."""
 
 
 @lru_cache
@@ -140,7 +151,8 @@ def _load_file(path: Path) -> Any:
         raise InputError(f"there is no plugin file {path}")
     digest = hashlib.sha256(str(path).encode()).hexdigest()[:8]
     name = f"robovast_plugin_{path.stem}_{digest}"
-    spec = importlib.util.spec_from_file_location(name, path)
+    loader = _WithoutBytecode(name, str(path))
+    spec = importlib.util.spec_from_file_location(name, path, loader=loader)
     if spec is None or spec.loader is None:
         raise InputError(f"{path} cannot be imported")
     module = importlib.util.module_from_spec(spec)

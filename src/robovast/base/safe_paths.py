@@ -71,11 +71,21 @@ def read_text(path: Path, root: Path | None = None, most: int = MOST) -> str:
     return read_file(path, root, most).decode("utf-8", "replace")
 
 
-def read_end(path: Path, root: Path, most: int) -> bytes:
-    """The last bytes of a regular file; see `open_file`."""
+def read_end(path: Path, root: Path, most: int, begin: int = 0) -> tuple[bytes, int]:
+    """The last bytes of a regular file, and where they end; see `open_file`.
+
+    Args:
+        path: of the file.
+        root: ancestor of it that nobody else can replace.
+        most: how many bytes.
+        begin: offset of the first; counts only if the file has grown since.
+    """
     with open_file(path, root) as file:
-        file.seek(max(0, os.fstat(file.fileno()).st_size - most))
-        return file.read(most)
+        size = os.fstat(file.fileno()).st_size
+        begin = max(begin if begin <= size else 0, size - most)
+        file.seek(begin)
+        found = file.read(most)
+        return found, begin + len(found)
 
 
 def has_holes(file: BinaryIO) -> bool:

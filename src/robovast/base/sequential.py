@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import ceil, log, log1p
 
@@ -57,6 +57,10 @@ class SequentialTest:
     """Runs before which nothing is decided."""
     most: int | None = None
     """Runs after which it is given up; None: never."""
+
+    def at_most(self, runs: int) -> SequentialTest:
+        """The test of a configuration that has so many runs."""
+        return replace(self, least=min(self.least, runs), most=runs)
 
     def decide(self, outcomes: Iterable[bool | None]) -> Decision:
         """The decision by the first runs that suffice, or by all of them.

@@ -11,6 +11,8 @@ from math import erfc, exp, lgamma, log, sqrt
 LEVEL = 0.05
 """Significance level of all statements; intervals have 1 - LEVEL."""
 _Z = 1.959964
+_ROUNDING = 1e-7
+"""Part of a percent by which computing misses 0 and 100 at most."""
 _STEPS = 50
 """Bisections of an interval's limit; they leave 1e-15."""
 
@@ -111,9 +113,13 @@ def log_choose(n: float, k: float) -> float:
 
 
 def percent(share: float) -> str:
-    """A share as people read it: `7.5 %`, `12 %`."""
+    """A share as people read it: `7.5 %`, `12 %`; only none is `0 %`, and only all `100 %`."""
     value = 100 * share
-    return f"{value:.1f} %" if 0.05 <= value < 9.95 else f"{value:.0f} %"
+    if min(value, 100 - value) < _ROUNDING:
+        return f"{value:.0f} %"
+    if not 0.05 <= value < 99.95:
+        return "<0.1 %" if value < 50 else ">99.9 %"
+    return f"{value:.0f} %" if 9.95 <= value < 99.5 else f"{value:.1f} %"
 
 
 def interval_text(interval: Interval) -> str:

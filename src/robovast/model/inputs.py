@@ -12,7 +12,7 @@ from robovast.base.plugins import load_plugin, plugin_errors, raised, split_file
 from robovast.model.document import Document
 from robovast.model.document.commands import BUILT_IN, GROUP
 from robovast.model.document.files import host_path, named_files, run_files
-from robovast.model.document.model import PluginCall
+from robovast.model.document.section import PluginCall
 from robovast.model.expansion import Composition
 
 _WANTED = "get_files_to_copy"

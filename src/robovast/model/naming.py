@@ -12,6 +12,11 @@ EXECUTION = "_execution"
 """Folder of records of the execution."""
 TRANSIENT = "_transient"
 """Folder of generated intermediate files."""
+CAMPAIGN_STORE = "campaign.db"
+METADATA = "metadata.yaml"
+GRAPH = "metadata.prov.json"
+OWN_FILES = frozenset({CAMPAIGN_STORE, METADATA, GRAPH})
+"""Files beside the variants' folders."""
 
 _CAMPAIGN = re.compile(r"^(?P<name>.+)-(?P<timestamp>\d{4}-\d{2}-\d{2}-\d{6}(?:\d{2})?)$")
 

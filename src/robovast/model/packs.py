@@ -66,6 +66,15 @@ class Block(_Data):
         return self.variants * self.runs
 
 
+class Round(_Data):
+    """Consecutive run ids that are cut into packs at one time, by what was measured until then."""
+
+    runs: PositiveInt
+    """How many they are."""
+    size: PositiveInt
+    """Runs of each pack; the last one before a break may be smaller."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Segment:
     """Run ids that are cut into packs of one size; the last pack may be smaller."""
@@ -73,6 +82,11 @@ class _Segment:
     first_id: int
     size: int
     first_pack: int
+    runs_per_pack: int
+
+    @property
+    def packs(self) -> int:
+        return -(-self.size // self.runs_per_pack)
 
 
 class PlanSpec(_Data):
@@ -82,6 +96,18 @@ class PlanSpec(_Data):
     runs_per_job: PositiveInt = 1
     breaks: str = ""
     """Indexes of variants that cannot share a pack with the previous variant, as ranges."""
+    by_variant: bool = False
+    """Whether each pack is all runs of a variant in a block, because their verdicts decide together
+    how many of them are needed; `runs_per_job` is what one start of the pack executes at most.
+    """
+    awaited: NonNegativeInt | None = None
+    """Of a search: how many of the first blocks have ended when it proposes further ones; all of
+    them when None.
+    """
+    rounds: tuple[Round, ...] | None = None
+    """What is cut into packs so far, where packs are measured (`runs_per_job: auto`); later plans
+    append to it. None where all runs are in packs of `runs_per_job`.
+    """
 
     @field_validator("breaks")
     @classmethod
@@ -93,6 +119,8 @@ class PlanSpec(_Data):
     def _check_size(self) -> PlanSpec:
         if self.total > RUNS_LIMIT:
             raise ValueError(f"{self.total} runs are more than a campaign can have: {RUNS_LIMIT}")
+        if self.in_packs > self.total:
+            raise ValueError(f"packs of {self.in_packs} runs are planned, of {self.total}")
         return self
 
     @cached_property
@@ -100,13 +128,39 @@ class PlanSpec(_Data):
         """Number of runs; their ids are 0 to `total` - 1."""
         return sum(block.size for block in self.blocks)
 
+    @property
+    def awaited_blocks(self) -> tuple[Block, ...]:
+        """The blocks that have ended when a search proposes further ones."""
+        return self.blocks[: self.awaited]
+
+    @property
+    def in_packs(self) -> int:
+        """How many of the runs are in packs: the first ones."""
+        return self.total if self.rounds is None else sum(round_.runs for round_ in self.rounds)
+
+    @property
+    def runs_per_pack(self) -> int:
+        """Most runs of a pack."""
+        return RUNS_LIMIT if self.by_variant else self.runs_per_start
+
+    @property
+    def runs_per_start(self) -> int:
+        """Most runs that one start of a pack executes."""
+        return max((round_.size for round_ in self.rounds or ()), default=self.runs_per_job)
+
+    def of_round(self, number: int) -> Span:
+        """The run ids of a round."""
+        assert self.rounds is not None  # noqa: S101  # the caller knows of it
+        first = sum(round_.runs for round_ in self.rounds[:number])
+        return first, first + self.rounds[number].runs - 1
+
     @cached_property
     def packs(self) -> int:
         """Number of packs."""
         if not self._segments:
             return 0
         last = self._segments[-1]
-        return last.first_pack + -(-last.size // self.runs_per_job)
+        return last.first_pack + last.packs
 
     def pack(self, index: int) -> range:
         """The run ids of a pack.
@@ -118,8 +172,8 @@ class PlanSpec(_Data):
             raise IndexError(f"pack {index} of {self.packs}")
         at = bisect_right(self._segments, index, key=lambda segment: segment.first_pack) - 1
         segment = self._segments[at]
-        first = (index - segment.first_pack) * self.runs_per_job
-        last = min(first + self.runs_per_job, segment.size)
+        first = (index - segment.first_pack) * segment.runs_per_pack
+        last = min(first + segment.runs_per_pack, segment.size)
         return range(segment.first_id + first, segment.first_id + last)
 
     def run(self, id_: int) -> tuple[int, int]:
@@ -150,6 +204,18 @@ class PlanSpec(_Data):
             first += block.size
         raise IndexError(f"run {number} of variant {variant}")
 
+    def numbers_of(self, variant: int) -> dict[int, int]:
+        """Run ids of all runs of a variant by their numbers, in order."""
+        found: dict[int, int] = {}
+        first = 0
+        for block in self.blocks:
+            place = variant - block.first_variant
+            if 0 <= place < block.variants:
+                begin = first + place * block.runs
+                found |= {block.first_run + n: begin + n for n in range(block.runs)}
+            first += block.size
+        return dict(sorted(found.items()))
+
     def stretch_of(self, id_: int) -> int:
         """Index of the stretch, i.e. of runs that may all share a pack, that contains a run id.
 
@@ -158,7 +224,7 @@ class PlanSpec(_Data):
         """
         if not 0 <= id_ < self.total:
             raise IndexError(f"run {id_} of {self.total}")
-        return bisect_right(self._segments, id_, key=lambda segment: segment.first_id) - 1
+        return bisect_right(self._stretch_starts, id_) - 1
 
     def stretches(self, run_ids: Iterable[int]) -> Iterator[list[int]]:
         """Run ids, which are sorted, by the stretch that they are in.
@@ -168,13 +234,24 @@ class PlanSpec(_Data):
         """
         return (list(stretch) for _, stretch in groupby(run_ids, self.stretch_of))
 
+    def by_variants(self, run_ids: Iterable[int]) -> Iterator[list[int]]:
+        """Run ids, which are sorted, by their variant, whichever block they are in.
+
+        Raises:
+            IndexError: there is no such run.
+        """
+        found: dict[int, list[int]] = {}
+        for id_ in run_ids:
+            found.setdefault(self.run(id_)[0], []).append(id_)
+        return iter(found.values())
+
     def packed(self, run_ids: Iterable[int]) -> Iterator[list[int]]:
         """Run ids, which are sorted, in packs that are full, whichever ids are left out.
 
         Raises:
             IndexError: there is no such run.
         """
-        size = self.runs_per_job
+        size = self.runs_per_pack
         for stretch in self.stretches(run_ids):
             yield from (stretch[first : first + size] for first in range(0, len(stretch), size))
 
@@ -182,10 +259,13 @@ class PlanSpec(_Data):
         """Index of the pack that contains a run id.
 
         Raises:
-            IndexError: there is no such run.
+            IndexError: there is no such run, or it is in no pack yet.
         """
-        segment = self._segments[self.stretch_of(id_)]
-        return segment.first_pack + (id_ - segment.first_id) // self.runs_per_job
+        if not 0 <= id_ < self.in_packs:
+            raise IndexError(f"run {id_} of {self.in_packs} in packs")
+        at = bisect_right(self._segments, id_, key=lambda segment: segment.first_id) - 1
+        segment = self._segments[at]
+        return segment.first_pack + (id_ - segment.first_id) // segment.runs_per_pack
 
     def ids_of(self, packs: Sequence[Span]) -> list[Span]:
         """The run ids of spans of packs: consecutive packs have consecutive ids."""
@@ -194,13 +274,27 @@ class PlanSpec(_Data):
     @cached_property
     def _segments(self) -> list[_Segment]:
         segments: list[_Segment] = []
-        for first_id, size in self._stretches():
-            pack = 0
-            if segments:
-                before = segments[-1]
-                pack = before.first_pack + -(-before.size // self.runs_per_job)
-            segments.append(_Segment(first_id, size, pack))
+        pack = 0
+        for first_id, size, runs_per_pack in self._cuts():
+            segments.append(_Segment(first_id, size, pack, runs_per_pack))
+            pack += segments[-1].packs
         return segments
+
+    def _cuts(self) -> Iterator[tuple[int, int, int]]:
+        """First id and number of runs that are cut together, and the size of their packs."""
+        if self.rounds is None:
+            yield from ((first, size, self.runs_per_pack) for first, size in self._stretches())
+            return
+        starts = self._stretch_starts
+        for number, round_ in enumerate(self.rounds):
+            first, last = self.of_round(number)
+            low, high = bisect_right(starts, first), bisect_right(starts, last)
+            for begin, end in pairwise([first, *starts[low:high], last + 1]):
+                yield begin, end - begin, round_.size
+
+    @cached_property
+    def _stretch_starts(self) -> list[int]:
+        return [first_id for first_id, _ in self._stretches()]
 
     def _stretches(self) -> Iterator[tuple[int, int]]:
         """First id and size of every stretch of runs that no break divides."""
@@ -211,6 +305,8 @@ class PlanSpec(_Data):
             end = block.first_variant + block.variants
             inside = [cut for cut in cuts if block.first_variant < cut < end]
             starts = [block.first_variant, *inside, end]
+            if self.by_variant:
+                starts = list(range(block.first_variant, end + 1))
             for start, stop in pairwise(starts):
                 size = (stop - start) * block.runs
                 yield first_id, size
@@ -297,6 +393,8 @@ class CampaignPlan(_Data):
     """Where the inputs are, unless they are in the mounted folder of files."""
     select: tuple[str, ...] = ()
     """Patterns of variant names; no pattern selects all."""
+    reuse: bool = False
+    """Whether runs are taken over from other campaigns, and offered to them."""
     runs: PositiveInt
     """Runs of every variant of the document."""
     seed: int | None = None

@@ -6,9 +6,10 @@ The plan is a pure function of the variants in order, the number of runs and the
 from __future__ import annotations
 
 import filecmp
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 from robovast.base.errors import InputError
 from robovast.model.expansion.variant import Variant
@@ -47,13 +48,29 @@ class PackStart:
         return f"job-{self.index}"
 
 
-def plan_variants(variants: Sequence[Variant], runs: int, runs_per_job: int = 1) -> PlanSpec:
+def plan_variants(
+    variants: Sequence[Variant],
+    runs: int,
+    runs_per_job: int = 1,
+    more: Mapping[str, int] = MappingProxyType({}),
+) -> PlanSpec:
     """The plan for executing each variant `runs` times.
+
+    Args:
+        variants: of the campaign, in order.
+        runs: of each variant.
+        runs_per_job: most runs of a pack.
+        more: runs in all of variants that have more than that, by name.
 
     Raises:
         InputError: a campaign cannot have so many runs.
     """
-    total = len(variants) * runs
+    further = [
+        Block(first_variant=place, variants=1, first_run=runs, runs=wanted - runs)
+        for place, variant in enumerate(variants)
+        if (wanted := more.get(variant.name, 0)) > runs
+    ]
+    total = len(variants) * runs + sum(block.size for block in further)
     if total > RUNS_LIMIT:
         raise InputError(
             f"the campaign would have {total:,} runs, more than {RUNS_LIMIT:,}: lower "
@@ -61,7 +78,7 @@ def plan_variants(variants: Sequence[Variant], runs: int, runs_per_job: int = 1)
         )
     apart = format_breaks(breaks(variants))
     blocks = (Block(first_variant=0, variants=len(variants), runs=runs),) if total > 0 else ()
-    return PlanSpec(blocks=blocks, runs_per_job=runs_per_job, breaks=apart)
+    return PlanSpec(blocks=(*blocks, *further), runs_per_job=runs_per_job, breaks=apart)
 
 
 def plan_runs(plan: PlanSpec, variants: Sequence[Variant], seed: int | None = None) -> list[Run]:

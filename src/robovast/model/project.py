@@ -12,8 +12,8 @@ from robovast.base.atomic import write_atomically
 from robovast.base.errors import DocumentError, InputError
 from robovast.base.file_errors import writing
 from robovast.base.serialization import dump_yaml
-from robovast.model.document.model import Section
 from robovast.model.document.problems import nearest, problems_of
+from robovast.model.document.section import Section
 from robovast.model.document.source import Source
 
 PROJECT_FILE = ".robovast_project"

@@ -26,17 +26,23 @@ def retry_groups(plan: PlanSpec, runs: Iterable[Span]) -> list[list[int]]:
     Runs of one stretch fill groups of a pack's size. The remainder of each stretch is split into
     groups whose sizes are powers of two, so that few sizes describe all groups. Larger groups come
     first.
+
+    Runs of a variant that decide together how many of them are needed are one group, since each
+    waits for those before it. Of 64 and more, the last few are others: sizes have six digits.
     """
-    stretches = plan.stretches(ids(merge(runs)))
-    groups = [group for run_ids in stretches for group in _cut(run_ids, plan.runs_per_job)]
+    bad, size = ids(merge(runs)), plan.runs_per_pack
+    together, digits = (plan.by_variants(bad), 6) if plan.by_variant else (plan.stretches(bad), 1)
+    groups = [group for run_ids in together for group in _cut(run_ids, size, digits)]
     return sorted(groups, key=len, reverse=True)
 
 
-def _cut(run_ids: Sequence[int], size: int) -> Iterator[list[int]]:
+def _cut(run_ids: Sequence[int], size: int, digits: int) -> Iterator[list[int]]:
+    """Parts of at most a size; smaller ones have so many binary digits before zeros."""
     first = 0
     while first < len(run_ids):
         left = len(run_ids) - first
-        step = size if left >= size else 1 << (left.bit_length() - 1)
+        zeros = max(0, left.bit_length() - digits)
+        step = size if left >= size else left >> zeros << zeros
         yield list(run_ids[first : first + step])
         first += step
 

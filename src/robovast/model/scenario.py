@@ -2,14 +2,14 @@
 
 scenario-execution pins versions that conflict with ours, and calling it takes half a second. A
 scenario's overwritable parameters are the `name: type = default` lines at the first level of
-indentation in its body; this module reads nothing else.
+indentation in its body, as the fields of a `struct` are; this module reads nothing else.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from robovast.base.errors import InputError
 from robovast.base.yaml_files import parse_yaml
 
 _SCENARIO = re.compile(r"^scenario\s+([A-Za-z_][\w.]*)\b[^:]*:")
+_STRUCT = re.compile(r"^struct\s+([A-Za-z_]\w*)(?:\s+inherits\s+([A-Za-z_]\w*))?\s*(?::.*)?$")
 _PARAMETER = re.compile(
     r"^(?P<names>[A-Za-z_]\w*(?:\s*,\s*[A-Za-z_]\w*)*)\s*:\s*"
     r"(?P<type>(?:list\s+of\s+)?[A-Za-z_][\w.]*)\s*(?:=\s*(?P<default>.+?))?\s*(?:with\s*:.*)?$"
@@ -46,11 +47,28 @@ class Scenario:
 
     name: str
     parameters: tuple[ScenarioParameter, ...]
+    structs: Mapping[str, tuple[ScenarioParameter, ...]] = field(default_factory=dict)
+    """Fields of the structures that its file declares, by name."""
+    file: str = ""
+    """Name of its file."""
+
+    def parameter(self, name: str) -> ScenarioParameter | None:
+        """The parameter of a name; None if there is none."""
+        return next((p for p in self.parameters if p.name == name), None)
+
+    @property
+    def types(self) -> dict[str, str]:
+        """Declared types by name."""
+        return {p.name: p.type for p in self.parameters}
 
     @property
     def takes_seed(self) -> bool:
         """Whether it declares the number `seed`, to which a run's seed is given."""
         return any(p.name == SEED and p.type in _NUMBERS for p in self.parameters)
+
+
+_Block = tuple[str, tuple[ScenarioParameter, ...]]
+"""A statement, such as `scenario drive:`, and the parameters in its body."""
 
 
 def read_scenario(path: str | Path) -> Scenario:
@@ -77,10 +95,25 @@ def read_scenarios(path: str | Path) -> list[Scenario]:
         raise InputError(f"{path} is not a text file in UTF-8 (byte {error.start})") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
-    scenarios = list(_scenarios(text.splitlines()))
+    blocks = list(_blocks(text.splitlines()))
+    structs = _structs(blocks)
+    scenarios = [
+        Scenario(match[1], parameters, structs, path.name)
+        for head, parameters in blocks
+        if (match := _SCENARIO.match(head))
+    ]
     if not scenarios:
         raise InputError(f"{path} declares no scenario: a line `scenario <name>:` is missing")
     return scenarios
+
+
+def _structs(blocks: list[_Block]) -> dict[str, tuple[ScenarioParameter, ...]]:
+    """Fields of each structure, unless it inherits some from elsewhere."""
+    fields: dict[str, tuple[ScenarioParameter, ...]] = {}
+    for head, own in blocks:
+        if (match := _STRUCT.match(head)) and (match[2] is None or match[2] in fields):
+            fields[match[1]] = (*fields.get(match[2] or "", ()), *own)
+    return fields
 
 
 def get_scenario_parameters(scenario_file: str | Path) -> dict[str, list[dict[str, Any]]]:
@@ -111,7 +144,7 @@ def scenario_defaults(scenario_file: str | Path) -> dict[str, Any]:
 def parameter_types(scenario_file: str | Path) -> dict[str, str]:
     """Declared types of the first scenario's parameters; empty if the file cannot be read."""
     try:
-        return {p.name: p.type for p in read_scenario(scenario_file).parameters}
+        return read_scenario(scenario_file).types
     except InputError:
         return {}
 
@@ -128,8 +161,9 @@ def _default(text: str | None) -> Any:
         return text
 
 
-def _scenarios(lines: list[str]) -> Iterator[Scenario]:
-    name, indent, depth = "", 0, 0
+def _blocks(lines: list[str]) -> Iterator[_Block]:
+    """Each statement without indentation, with the parameters in its body."""
+    head, indent, depth = "", 0, 0
     parameters: list[ScenarioParameter] = []
     for number, line in enumerate(lines, start=1):
         code = _without_comment(line).expandtabs(4).rstrip()
@@ -140,14 +174,13 @@ def _scenarios(lines: list[str]) -> Iterator[Scenario]:
             continue
         width = len(code) - len(code.lstrip())
         if width == 0:
-            if name:
-                yield Scenario(name, tuple(parameters))
-            match = _SCENARIO.match(code)
-            name, indent, parameters = match[1] if match else "", 0, []
-        elif name and width == (indent := indent or width):
+            if head:
+                yield head, tuple(parameters)
+            head, indent, parameters = code, 0, []
+        elif head and width == (indent := indent or width):
             parameters += _parameters(code.strip(), number)
-    if name:
-        yield Scenario(name, tuple(parameters))
+    if head:
+        yield head, tuple(parameters)
 
 
 def _parameters(code: str, line: int) -> Iterator[ScenarioParameter]:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,18 +18,13 @@ from robovast.base.sequential import State
 from robovast.model.designs import MOST_PAIRS, MOST_SOBOL, pairs_of
 from robovast.model.document.commands import BUILT_IN, GROUP, PROCESS, TopicsToCsv
 from robovast.model.document.files import host_path, match_run_files
-from robovast.model.document.model import (
-    ConfigurationEntry,
-    Design,
-    Execution,
-    Notebooks,
-    Plugin,
-    PluginCall,
-    Search,
-)
-from robovast.model.document.problems import nearest, problems_of, suggest
-from robovast.model.document.source import KeyPath, Source
-from robovast.model.scenario import Scenario, read_scenario
+from robovast.model.document.model import ConfigurationEntry, Design, Notebooks
+from robovast.model.document.parameters import unknown_parameter, wrong_parameters_in, wrong_value
+from robovast.model.document.parts import Parts
+from robovast.model.document.problems import nearest, problems_of
+from robovast.model.document.section import Plugin, PluginCall
+from robovast.model.document.source import KeyPath
+from robovast.model.scenario import Scenario
 from robovast.model.variation_config import unknown_parameters
 from robovast.model.variations import BUILT_IN_TYPES, Variation
 from robovast.model.variations.loader import levels, load_variation
@@ -44,40 +38,6 @@ _OF_RESULTS = (
     ("results_processing", "metadata_processing", "robovast.metadata_processing"),
 )
 """Plugin lists of results, each with the entry-point group of its plugins."""
-
-
-@dataclass(frozen=True)
-class Parts:
-    """Those parts of a document that are valid on their own."""
-
-    folder: Path
-    source: Source
-    entries: dict[int, ConfigurationEntry]
-    execution: Execution | None
-    search: Search | None
-
-    @cached_property
-    def scenario_key(self) -> KeyPath:
-        """Path of the key that names the scenario; `execution` when no key does."""
-        if self.execution is not None and self.execution.scenario_file is not None:
-            return ("execution", "scenario_file")
-        for index, entry in self.entries.items():
-            if entry.scenario_file is not None:
-                return ("configuration", index, "scenario_file")
-        return ("execution",)
-
-    @cached_property
-    def scenario(self) -> Scenario | InputError | None:
-        """The scenario; an error when it cannot be read; None when none is named."""
-        names = [self.execution.scenario_file if self.execution else None]
-        names += [entry.scenario_file for entry in self.entries.values()]
-        name = next((name for name in names if name is not None), None)
-        if name is None:
-            return None
-        try:
-            return read_scenario(self.folder / name)
-        except InputError as error:
-            return error
 
 
 def check_parts(parts: Parts) -> list[Problem]:
@@ -178,43 +138,17 @@ def _check_names(parts: Parts) -> Iterator[Problem]:
 def _check_parameters(parts: Parts) -> Iterator[Problem]:
     for index, entry in parts.entries.items():
         base: KeyPath = ("configuration", index, "parameters")
-        yield from unknown_parameters_in(parts, base, entry.parameters or [])
+        yield from wrong_parameters_in(parts, base, entry.parameters or [], entry.variations)
     if parts.execution is not None:
         base = ("execution", "local", "parameter_overrides")
-        yield from unknown_parameters_in(parts, base, parts.execution.local.parameter_overrides)
-
-
-def unknown_parameters_in(
-    parts: Parts, base: KeyPath, pairs: Iterable[dict[str, Any]]
-) -> Iterator[Problem]:
-    """Names of parameters that the scenario lacks."""
-    for position, pair in enumerate(pairs):
-        for name in pair:
-            problem = unknown_parameter(parts, (*base, position, name), name, at_key=True)
-            if problem is not None:
-                yield problem
-
-
-def unknown_parameter(parts: Parts, path: KeyPath, name: str, *, at_key: bool) -> Problem | None:
-    """The problem of a name that is no parameter of the scenario; None if it is one."""
-    if not isinstance(parts.scenario, Scenario):
-        return None
-    known = [parameter.name for parameter in parts.scenario.parameters]
-    if name in known:
-        return None
-    return parts.source.problem(
-        path,
-        f"the scenario `{parts.scenario.name}` has no parameter `{name}`",
-        suggest(name, known) or "It declares no parameters.",
-        at_key=at_key,
-    )
+        yield from wrong_parameters_in(parts, base, parts.execution.local.parameter_overrides)
 
 
 def _check_variations(parts: Parts) -> Iterator[Problem]:
     for index, entry in parts.entries.items():
         base: KeyPath = ("configuration", index, "variations")
         for position, call in enumerate(entry.variations or []):
-            yield from check_variation(parts, (*base, position), call)
+            yield from check_variation(parts, (*base, position), call, entry.variations or [])
 
 
 def _check_designs(parts: Parts) -> Iterator[Problem]:
@@ -253,8 +187,10 @@ def _wrong_design(
         yield pairs, "Give fewer values, or use `lhs`."
 
 
-def check_variation(parts: Parts, path: KeyPath, call: PluginCall) -> Iterator[Problem]:
-    """Problems of one variation."""
+def check_variation(
+    parts: Parts, path: KeyPath, call: PluginCall, variations: Sequence[PluginCall]
+) -> Iterator[Problem]:
+    """Problems of one of an entry's variations."""
     try:
         variation = load_variation(call.name, parts.folder)
     except RobovastError as error:
@@ -262,7 +198,8 @@ def check_variation(parts: Parts, path: KeyPath, call: PluginCall) -> Iterator[P
         yield replace(problem, is_lacking=isinstance(error, CannotRunError))
         return
     base = _place_of_parameters(parts, path, call)
-    yield from _check_variation_parameters(parts, base, variation, call.parameters)
+    wrong = list(_check_variation_parameters(parts, base, variation, call.parameters))
+    yield from wrong or _check_given_values(parts, base, variation, call.parameters, variations)
 
 
 def _place_of_parameters(parts: Parts, path: KeyPath, call: PluginCall) -> KeyPath:
@@ -297,9 +234,19 @@ def _check_variation_parameters(
         return
     named = parameters.get("name")
     for name in [named] if isinstance(named, str) else named or []:
-        problem = unknown_parameter(parts, (*base, "name"), name, at_key=False)
-        if problem is not None:
-            yield problem
+        yield from unknown_parameter(parts, (*base, "name"), name, at_key=False)
+
+
+def _check_given_values(
+    parts: Parts,
+    base: KeyPath,
+    variation: type[Variation],
+    parameters: dict[str, Any],
+    variations: Sequence[PluginCall],
+) -> Iterator[Problem]:
+    types = parts.scenario.types if isinstance(parts.scenario, Scenario) else {}
+    for given in variation.given_values(parameters, types):
+        yield from wrong_value(parts, (*base, *given.path), given, variations)
 
 
 def _misspelt(

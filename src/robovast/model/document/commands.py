@@ -12,7 +12,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from pydantic_core import PydanticCustomError
 
 from robovast.base.errors import InputError
-from robovast.model.document.model import PluginCall
+from robovast.model.document.section import PluginCall
 from robovast.model.variation_config import get_validated_config
 
 ModelT = TypeVar("ModelT", bound=BaseModel)

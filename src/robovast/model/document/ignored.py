@@ -13,7 +13,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from robovast.base.errors import Problem
-from robovast.model.document.model import CONTRACT_ENVIRONMENT, Vast
+from robovast.model.document.execution import CONTRACT_ENVIRONMENT
+from robovast.model.document.model import Vast
 from robovast.model.document.problems import allowed_keys, data_path, nearest
 from robovast.model.document.source import KeyPath, Source
 

@@ -9,11 +9,14 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from robovast.base.errors import DocumentError, Problem
-from robovast.model.document.checks import Parts, check_parts, warnings_of
+from robovast.model.document.checks import check_parts, warnings_of
+from robovast.model.document.execution import Execution
 from robovast.model.document.ignored import without_ignored
-from robovast.model.document.model import ConfigurationEntry, Execution, Search, Vast
+from robovast.model.document.model import ConfigurationEntry, Vast
+from robovast.model.document.parts import Parts
 from robovast.model.document.problems import problems_of
 from robovast.model.document.search.checks import check_search, search_warnings
+from robovast.model.document.search.section import Search
 from robovast.model.document.source import KeyPath, Source
 
 ModelT = TypeVar("ModelT", bound=BaseModel)

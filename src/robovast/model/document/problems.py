@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from robovast.base.errors import Problem
-from robovast.model.document.model import KINDS_OF_RUNS
+from robovast.model.document.execution import KINDS_OF_PACKS, KINDS_OF_RUNS
 from robovast.model.document.source import KeyPath, Source
 
 
@@ -88,7 +88,7 @@ def _value_problem(
     path: KeyPath, group: list[ErrorDetails], source: Source, model: type[BaseModel]
 ) -> Problem:
     *loc, kind = group[0]["loc"] or ("",)
-    known = (*loc, kind) if kind not in KINDS_OF_RUNS else tuple(loc)
+    known = (*loc, kind) if kind not in (*KINDS_OF_RUNS, *KINDS_OF_PACKS) else tuple(loc)
     return source.problem(path, sentence(*group), _describe(model, known))
 
 

@@ -10,13 +10,9 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from robovast.model.document.model import (
-    Output,
-    Pair,
-    PluginCall,
-    SecondaryContainer,
-    Vast,
-)
+from robovast.model.document.execution import Output, SecondaryContainer
+from robovast.model.document.model import Vast
+from robovast.model.document.section import Pair, PluginCall
 
 _INTRODUCTION = """\
 # The .vast file

@@ -16,12 +16,14 @@ from robovast.base.plugins import raised
 from robovast.base.serialization import to_plain
 from robovast.model.designs import Row, rows_of
 from robovast.model.document import Document
-from robovast.model.document.model import NAME_PATTERN, ConfigurationEntry, PluginCall, merge_pairs
+from robovast.model.document.model import NAME_PATTERN, ConfigurationEntry
+from robovast.model.document.section import PluginCall, merge_pairs
 from robovast.model.expansion.containers import ContainerRunner, Containers
 from robovast.model.expansion.designed import Chooser, Configs, design_sizes
 from robovast.model.expansion.limit import refuse_too_many, too_many, variant_limit
 from robovast.model.expansion.variant import ConfigFile, Variant, VariationRecord
 from robovast.model.scenario import Scenario, read_scenario
+from robovast.model.scenario_values import declaration, refusal
 from robovast.model.variations import Variation
 from robovast.model.variations.factors import FACTORS, all_factors
 from robovast.model.variations.loader import load_variation
@@ -152,7 +154,10 @@ def _expand_entry(
         duration = round(time.perf_counter() - clock, 6)
         records.append(VariationRecord(call.name, started.isoformat(), duration))
     _warn_of_unknown(entry, configs, scenario)
-    return [_variant(entry, config, tuple(records)) for config in configs]
+    variants = [_variant(entry, config, tuple(records)) for config in configs]
+    for variant in variants:
+        _refuse_wrong_values(surroundings.document, variant, scenario)
+    return variants
 
 
 def _applying(
@@ -241,6 +246,17 @@ def _variant(
         return Variant(name, entry.name, values, files, records, to_plain(extra), to_plain(factors))
     except TypeError as error:
         raise InputError(f"configuration `{name}`: {error}") from error
+
+
+def _refuse_wrong_values(document: Document, variant: Variant, scenario: Scenario) -> None:
+    """Refuse what a variation made and scenario-execution would not begin with."""
+    for name, value in variant.parameters.items():
+        why = refusal(scenario, name, value)
+        if why is not None:
+            raise InputError(
+                f"{document.path}: configuration `{variant.name}`: {why}; "
+                f"{declaration(scenario, name)}. Give such values, or change that line."
+            )
 
 
 def _input_files(document: Document, used: list[Variation]) -> tuple[Path, ...]:

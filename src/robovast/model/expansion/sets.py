@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from robovast.model.document import Document
-from robovast.model.document.model import Search
+from robovast.model.document.search.section import Search
 from robovast.model.document.search.space import Values, choices, values_at
 from robovast.model.document.search.template import entry_of
 

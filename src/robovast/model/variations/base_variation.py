@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -28,6 +28,18 @@ class ProvContribution:
     """Properties of the configuration's concrete scenario."""
     run_used_iris: list[Any] = field(default_factory=list)
     """Values of `prov:used` for every run of the configuration."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """A value that a variation gives to a scenario parameter, or one of its kind."""
+
+    path: tuple[str | int, ...]
+    """Its place in the variation's parameters."""
+    name: str
+    value: Any
+    remedy: str = ""
+    """What to change there, if the value does not stand there."""
 
 
 class Variation:
@@ -122,6 +134,17 @@ class Variation:
         """
         del parameters, base_path
         return None
+
+    @classmethod
+    def given_values(cls, parameters: Any, types: Mapping[str, str]) -> Iterable[Given]:
+        """Values for scenario parameters, as far as they are known before anything is expanded.
+
+        Args:
+            parameters: valid ones.
+            types: declared types of the scenario's parameters.
+        """
+        del parameters, types
+        return ()
 
     def update_config(
         self,

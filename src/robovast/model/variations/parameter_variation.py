@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any
 
 from pydantic import AliasChoices, ConfigDict, Field, model_validator
@@ -13,7 +13,7 @@ from pydantic import AliasChoices, ConfigDict, Field, model_validator
 from robovast.base.yaml_files import parse_yaml
 from robovast.model.scenario import parameter_types
 from robovast.model.variation_config import VariationConfig, get_validated_config
-from robovast.model.variations.base_variation import Variation
+from robovast.model.variations.base_variation import Given, Variation
 from robovast.model.variations.legacy_random import LegacyRandom
 
 Configs = list[dict[str, Any]]
@@ -60,15 +60,29 @@ class ParameterVariationList(Variation):
 
     def variation(self, in_configs: Configs) -> Configs:
         """Each configuration with each value."""
-        chosen = list(self._chosen())
+        chosen = list(_chosen(self.parameters, parameter_types(self.scenario_file)))
         return [self.update_config(c, values) for c in in_configs for values in chosen]
 
-    def _chosen(self) -> list[dict[str, Any]]:
-        name, values = self.parameters.name, self.parameters.values
+    @classmethod
+    def given_values(cls, parameters: Any, types: Mapping[str, str]) -> Iterator[Given]:
+        """Each value."""
+        config = get_validated_config(parameters, ParameterVariationListConfig)
+        for row, values in enumerate(_chosen(config, types)):
+            for column, (name, value) in enumerate(values.items()):
+                inner = () if isinstance(config.name, str) else (column,)
+                yield Given(("values", row, *inner), name, value)
+
+
+def _chosen(
+    config: ParameterVariationListConfig, types: Mapping[str, str]
+) -> Iterator[dict[str, Any]]:
+    """The values of each configuration."""
+    name = config.name
+    for item in config.values:
         if isinstance(name, list):
-            return [dict(zip(name, item, strict=True)) for item in values]
-        is_text = parameter_types(self.scenario_file).get(name) == "string"
-        return [{name: value if is_text else _number_in(value)} for value in values]
+            yield dict(zip(name, item, strict=True))
+        else:
+            yield {name: item if types.get(name) == "string" else _number_in(item)}
 
 
 def _number_in(value: Any) -> Any:
@@ -135,12 +149,29 @@ class ParameterVariationDistributionGaussianConfig(_DistributionConfig):
     """Higher values are lowered to this."""
 
 
+class _Drawn(_DistributionConfig):
+    model_config = ConfigDict(extra="ignore")
+
+
+_OF_KIND: Mapping[str, Value] = {"int": 1, "float": 0.5, "bool": True, "text": "1"}
+_NO_TYPE = "Without `type`, fractions are drawn."
+
+
 class _DistributionVariation(Variation):
     @classmethod
     def most_of_each(cls, parameters: Any, base_path: str) -> int | None:
         """The number of drawn values."""
         del base_path
         return _Number.model_validate(parameters).num_variations
+
+    @classmethod
+    def given_values(cls, parameters: Any, types: Mapping[str, str]) -> Iterator[Given]:
+        """A value of the kind that is drawn."""
+        del types
+        config = _Drawn.model_validate(parameters)
+        path = ("type",) if "type" in parameters else ()
+        remedy = f"`type: {config.type}` draws such values." if path else _NO_TYPE
+        yield Given(path, config.name, _OF_KIND[config.kind], remedy)
 
     def _with_each(self, in_configs: Configs, draw: Callable[[], Value]) -> Configs:
         """Each configuration with each drawn value; all configurations get the same values."""

@@ -10,18 +10,17 @@ from pydantic import BaseModel, ValidationError
 
 from robovast.base.errors import InputError, Problem
 from robovast.base.plugins import plugin_errors, raised
-from robovast.model.document.checks import (
-    Parts,
-    check_variation,
-    unknown_parameter,
-    unknown_parameters_in,
-)
-from robovast.model.document.model import PluginCall, Search
+from robovast.model.document.checks import check_variation
+from robovast.model.document.parameters import unknown_parameter, wrong_parameters_in, wrong_value
+from robovast.model.document.parts import Parts
 from robovast.model.document.problems import problems_of, suggest
 from robovast.model.document.search.plugins import EXTRACTORS, STRATEGIES, load_search_plugin
-from robovast.model.document.search.space import values_at
+from robovast.model.document.search.section import Search
+from robovast.model.document.search.space import Values, at, choices, values_at
 from robovast.model.document.search.template import doubtful, markers, replaced
+from robovast.model.document.section import PluginCall
 from robovast.model.document.source import KeyPath
+from robovast.model.variations.base_variation import Given
 
 _BASE: KeyPath = ("search",)
 _TEMPLATE = ("variations", "parameters")
@@ -84,24 +83,54 @@ def _check_markers(parts: Parts, search: Search) -> Iterator[Problem]:
 
 def _check_parameters(parts: Parts, search: Search) -> Iterator[Problem]:
     """Parameters and dimensions without marker are parameters of the scenario."""
-    yield from unknown_parameters_in(parts, (*_BASE, "parameters"), search.parameters or [])
+    for values in _samples(search):
+        pairs = [
+            replaced(p, values) if _is_known(p, values) else {} for p in search.parameters or []
+        ]
+        yield from wrong_parameters_in(parts, (*_BASE, "parameters"), pairs, search.variations)
     section = parts.source.data["search"]
     used = {name for key in _TEMPLATE for _, name in markers(section.get(key))}
     for name in search.search_space:
         if name not in used:
             path = (*_BASE, "search_space", name)
-            problem = unknown_parameter(parts, path, name, at_key=True)
-            if problem is not None:
-                yield problem
+            yield from unknown_parameter(parts, path, name, at_key=True)
+            yield from _check_dimension(parts, search, path, name)
+
+
+def _check_dimension(parts: Parts, search: Search, path: KeyPath, name: str) -> Iterator[Problem]:
+    """Values that the scenario does not accept for the parameter of a dimension's name."""
+    dimension = search.search_space[name]
+    remedy = f"`type: {dimension.type}` proposes such values."
+    given = [Given(("type",), name, at(dimension, 0.5), remedy)]
+    if dimension.type == "choice":
+        values = enumerate(choices(dimension) or ())
+        given = [Given(("values", index), name, value) for index, value in values]
+    for one in given:
+        yield from wrong_value(parts, (*path, *one.path), one, search.variations)
+
+
+def _samples(search: Search) -> Iterator[Values]:
+    """A set from the middle of the space, and others so that every choice occurs."""
+    space = search.search_space
+    middle = values_at(space, dict.fromkeys(space, 0.5))
+    yield middle
+    for name, dimension in space.items():
+        yield from ({**middle, name: value} for value in choices(dimension) or ())
+
+
+def _is_known(template: Any, values: Values) -> bool:
+    """Whether all of its markers name dimensions."""
+    return all(name in values for _, name in markers(template))
 
 
 def _check_template(parts: Parts, search: Search) -> Iterator[Problem]:
-    """The variations of a set from the middle of the space."""
-    middle = values_at(search.search_space, dict.fromkeys(search.search_space, 0.5))
+    """The variations, with sets from the space."""
     for position, call in enumerate(search.variations or []):
-        if all(name in middle for _, name in markers(call.parameters)):
-            given = PluginCall(name=call.name, parameters=replaced(call.parameters, middle))
-            yield from check_variation(parts, (*_BASE, "variations", position), given)
+        for values in _samples(search):
+            if _is_known(call.parameters, values):
+                given = PluginCall(name=call.name, parameters=replaced(call.parameters, values))
+                path = (*_BASE, "variations", position)
+                yield from check_variation(parts, path, given, search.variations or [])
 
 
 def _check_strategy(parts: Parts, search: Search) -> Iterator[Problem]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from robovast.model.document.model import MetricReached, NoImprovement, Search
+from robovast.model.document.search.section import MetricReached, NoImprovement, Search
 
 _OPERATIONS: dict[str, Callable[[float, float], bool]] = {
     ">=": operator.ge,

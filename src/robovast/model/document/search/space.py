@@ -12,10 +12,12 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from robovast.model.document.model import SearchDimension
+from robovast.model.document.search.section import SearchDimension
 
 Space = Mapping[str, SearchDimension]
 Values = dict[str, Any]
+_TICKS = 6
+"""Values at an axis of numbers, if there are more."""
 
 
 def set_id(values: Mapping[str, Any]) -> str:
@@ -92,6 +94,17 @@ def size(space: Space) -> float:
 def values_at(space: Space, units: Mapping[str, float]) -> Values:
     """A parameter set from places in the unit interval."""
     return {name: at(dimension, units[name]) for name, dimension in space.items()}
+
+
+def ticks(dimension: SearchDimension) -> list[tuple[float, str]]:
+    """Places of the unit interval with the text of their values, as an axis has them."""
+    count = parts(dimension)
+    if count is None or (count > _TICKS and choices(dimension) is None):
+        spots = [i / (_TICKS - 1) for i in range(_TICKS)]
+    else:
+        spots = [(i + 0.5) / count for i in range(count)]
+    values = [(spot, at(dimension, spot)) for spot in spots]
+    return [(spot, f"{v:.3g}" if isinstance(v, float) else str(v)) for spot, v in values]
 
 
 def _size(dimension: SearchDimension) -> float:

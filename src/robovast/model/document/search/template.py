@@ -7,8 +7,10 @@ from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from typing import Any
 
-from robovast.model.document.model import ConfigurationEntry, PluginCall, Search, merge_pairs
+from robovast.model.document.model import ConfigurationEntry
+from robovast.model.document.search.section import Search
 from robovast.model.document.search.space import set_id
+from robovast.model.document.section import PluginCall, merge_pairs
 
 _MARKER = re.compile(r"\$(?:(?P<plain>[A-Za-z_]\w*)|\{(?P<braced>[A-Za-z_]\w*)\})")
 
