@@ -43,10 +43,16 @@ def checksums(folder: Path) -> dict[str, str] | None:
             names += len(name)
             if len(found) == MOST_FILES or names > MOST_NAMES:
                 return None
-            found[name] = _checksum(path, folder)
+            found[name] = checksum(path, folder)
     except OSError:
         return None
     return found
+
+
+def recorded(sums: dict[str, str]) -> dict[str, str] | None:
+    """Checksums, if a record has room for them."""
+    fits = len(sums) <= MOST_FILES and sum(map(len, sums)) <= MOST_NAMES
+    return sums if fits else None
 
 
 def copy_verified(source: Path, target: Path, sums: Mapping[str, str]) -> None:
@@ -101,7 +107,12 @@ def _files(folder: Path, root: Path, *, strict: bool = True) -> Iterator[Path]:
                 raise OSError(f"{folder / name} is no file")
 
 
-def _checksum(path: Path, root: Path) -> str:
+def checksum(path: Path, root: Path) -> str:
+    """SHA-256 of a file.
+
+    Raises:
+        OSError: it cannot be read, or is no plain file that was written as a whole.
+    """
     with _open_whole(path, root) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

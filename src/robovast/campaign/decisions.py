@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from robovast.base.sequential import Decision, SequentialTest, State
+from robovast.campaign.planned_runs import PlannedRuns, planned_runs
 from robovast.campaign.verdict import Verdict
 
 DECIDE = "decide"
@@ -16,6 +18,19 @@ DECIDE = "decide"
 
 _EVIDENCE = {Verdict.PASSED: False, Verdict.FAILED: True}
 """Whether a run failed; an errored one says nothing of the robot."""
+
+
+@dataclass(frozen=True)
+class CampaignTest:
+    """What ends the runs of the configurations of a campaign."""
+
+    rule: SequentialTest
+    """Of a configuration that was given no more runs than the others."""
+    planned: PlannedRuns
+
+    def of(self, variant: str) -> SequentialTest:
+        """The test of a configuration."""
+        return self.rule.at_most(self.planned.of(variant))
 
 
 def decide(test: SequentialTest, verdicts: Mapping[int, Verdict]) -> Decision:
@@ -26,6 +41,23 @@ def decide(test: SequentialTest, verdicts: Mapping[int, Verdict]) -> Decision:
         verdicts: of its runs by number; those after the first that is missing do not count yet.
     """
     return test.decide(_EVIDENCE.get(verdict) for verdict in _known(verdicts))
+
+
+def runs_to_start(decision: Decision, left: Sequence[int], most: int) -> list[int]:
+    """The runs of a configuration to start next, by number, if it is not decided.
+
+    Args:
+        decision: about the configuration so far.
+        left: numbers of the runs that can be started, in order.
+        most: how many may be started together.
+
+    Returns:
+        Those that are needed whatever becomes of runs under way, else one that may be.
+    """
+    if decision.is_over:
+        return []
+    certain = [number for number in left if number < decision.runs + decision.further]
+    return certain[:most] or list(left[:1])
 
 
 def _known(verdicts: Mapping[int, Verdict]) -> Iterator[Verdict]:
@@ -50,10 +82,10 @@ def test_record(test: SequentialTest) -> dict[str, float]:
     return {"min": test.least, "good": test.good, "bad": test.bad, "error": test.error}
 
 
-def recorded_test(execution: Mapping[str, Any]) -> SequentialTest | None:
+def recorded_test(execution: Mapping[str, Any]) -> CampaignTest | None:
     """The test in the content of `_execution/execution.yaml`; None without one that is valid."""
-    most = execution.get("runs")
-    if DECIDE not in execution or type(most) is not int or most < 1:
+    planned = planned_runs(execution)
+    if DECIDE not in execution or not planned.each:
         return None
     try:
         found = _Recorded.model_validate(execution[DECIDE])
@@ -61,7 +93,8 @@ def recorded_test(execution: Mapping[str, Any]) -> SequentialTest | None:
         return None
     if found.good >= found.bad:
         return None
-    return SequentialTest(found.good, found.bad, found.error, found.min, most)
+    rule = SequentialTest(found.good, found.bad, found.error, found.min, planned.each)
+    return CampaignTest(rule, planned)
 
 
 def told(decision: Decision) -> str:
@@ -70,6 +103,17 @@ def told(decision: Decision) -> str:
         return f"{State.UNDECIDED} after {decision.runs} so far"
     word = "at" if decision.state is State.UNDECIDED else "after"
     return f"{decision.state} {word} {decision.runs}"
+
+
+def runs_needed(decisions: Collection[Decision], most: int) -> str:
+    """`70 sound after 18-41, 30 broken after 3; 1,740 of 5,000 runs needed`.
+
+    Args:
+        decisions: about all configurations.
+        most: how many runs these could have had.
+    """
+    needed = sum(decision.runs for decision in decisions)
+    return f"{summed_up(decisions)}; {needed:,} of {most:,} runs needed"
 
 
 def summed_up(decisions: Iterable[Decision]) -> str:

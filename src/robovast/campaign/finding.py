@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from pathlib import Path
 
 from robovast.base.errors import InputError
@@ -44,8 +45,9 @@ def find_campaigns(results: Path) -> list[Path]:
 
 
 def _warn_of_names(folder: Path) -> None:
-    for path in sorted(folder.iterdir()):
-        if path.is_dir() and not is_printable(path.name):
+    odd = sorted(name for name in os.listdir(folder) if not is_printable(name))
+    for path in (folder / name for name in odd):
+        if path.is_dir():
             LOGGER.warning(
                 "%s: left out: no campaign or configuration has such a name. Rename it.",
                 one_line(str(path)),

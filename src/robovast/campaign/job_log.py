@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 
 from robovast.campaign.layout import LOGS, SYSTEM_LOG
@@ -13,6 +14,7 @@ RUN = f"{OWN}run "
 _EXECUTES = "Executing scenario "
 """In what scenario-execution says when a run begins."""
 _ENDS = (RUN, f"{OWN}job ", f"{OWN}ended with code ")
+_END = re.compile("|".join(f"^{re.escape(end)}" for end in _ENDS).encode(), re.MULTILINE)
 
 
 def log_path(secondary: str | None) -> str:
@@ -28,6 +30,21 @@ def has_parts(lines: Iterable[str]) -> bool | None:
         if _EXECUTES in line:
             return False
     return None
+
+
+def own_part(log: bytes, run: str) -> slice:
+    """Where the lines about one run are in a part of a pack's log; all where it names no run.
+
+    Args:
+        log: that part, which has none about runs before it if it lacks the beginning of this one.
+        run: `<variant>/<number>`.
+    """
+    if RUN.encode() not in log:
+        return slice(0, len(log))
+    begun = re.search(rf"^{re.escape(RUN + run)}$\n?".encode(), log, re.MULTILINE)
+    begin = begun.end() if begun else 0
+    end = _END.search(log, begin)
+    return slice(begin, end.start() if end else len(log))
 
 
 def part_of(lines: Iterable[str], run: str) -> Iterator[str]:

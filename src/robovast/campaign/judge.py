@@ -33,7 +33,9 @@ class Ending:
         return self.timed_out or self.interrupted
 
 
-def judge(result: TestResult, ending: Ending, timeout: int | None, log: bytes) -> TestResult:
+def judge(
+    result: TestResult, ending: Ending, timeout: int | None, log: bytes, run: str = ""
+) -> TestResult:
     """The final result of a run.
 
     Args:
@@ -41,6 +43,7 @@ def judge(result: TestResult, ending: Ending, timeout: int | None, log: bytes) -
         ending: how the process ended.
         timeout: the document's limit [s].
         log: the end of the job's log, which says why the run did not pass.
+        run: `<variant>/<number>`, by which the log of a pack names the run.
     """
     if ending.timed_out:
         reason = f"stopped after {timeout} s, the limit of execution.timeout"
@@ -50,13 +53,13 @@ def judge(result: TestResult, ending: Ending, timeout: int | None, log: bytes) -
     if ending.lacked_memory and result.verdict is not Verdict.PASSED:
         result = replace(result, reason=f"{result.reason}; {_LACKED_MEMORY}", explained=True)
     if result.verdict is Verdict.FAILED:
-        lines = lines_of_run(log, result.started_at)
+        lines = lines_of_run(log, result.started_at, run)
         why = explain_failure(result.reason, result.action, result.explained, lines)
         return replace(result, reason=why)
     if result.verdict is not Verdict.ERRORED or ending.exit_code is None:
         return result
     explained = CONTAINER_KILLED if ending.container_killed else _explain(ending.exit_code)
-    why = explain_error(f"{result.reason}; {explained}", lines_of_run(log, None))
+    why = explain_error(f"{result.reason}; {explained}", lines_of_run(log, None, run))
     return TestResult(Verdict.ERRORED, why)
 
 

@@ -23,7 +23,11 @@ from pathlib import Path
 
 from robovast.base.printable import is_printable
 from robovast.base.safe_paths import is_folder
-from robovast.model.naming import CONFIG, EXECUTION, TRANSIENT
+from robovast.model.naming import (
+    CONFIG,
+    EXECUTION,
+    TRANSIENT,
+)
 
 JOBS = "_jobs"
 CONFIGURATIONS = f"{TRANSIENT}/configurations.yaml"
@@ -32,12 +36,15 @@ JOB_LINKS = f"{TRANSIENT}/job_links.yaml"
 PARTS = f"{TRANSIENT}/variants/"
 """Of a composed campaign in a bucket: its variants in parts."""
 EXECUTION_RECORD = f"{EXECUTION}/execution.yaml"
+INPUTS = f"{EXECUTION}/inputs.json"
+"""Of a campaign on one machine: checksums of the inputs that all runs share."""
 INDEX = f"{EXECUTION}/index.json"
+SEARCH = f"{EXECUTION}/search"
+"""Of a search: what its batches proposed, and their scores."""
 COLUMNAR_TABLES = f"{EXECUTION}/tables.duckdb"
+RUNS_TABLE = f"{EXECUTION}/runs.duckdb"
+"""Of a campaign on a cluster: the row of each run, without tables of the runs' own files."""
 SQLITE_TABLES = f"{EXECUTION}/data.db"
-CAMPAIGN_STORE = "campaign.db"
-METADATA = "metadata.yaml"
-GRAPH = "metadata.prov.json"
 POSTPROCESSING = "postprocessing.yaml"
 """Provenance of generated files, in each run's folder and in `_transient`."""
 
@@ -97,6 +104,10 @@ class Layout:
     def execution_record(self) -> Path:
         """Record of when and how the campaign was executed."""
         return self.root / EXECUTION_RECORD
+
+    def batch(self, number: int, part: str = "") -> Path:
+        """A file of a search: what a batch proposed; its `.again` or its `.result`."""
+        return self.root / SEARCH / f"batch-{number:04d}{part}.json"
 
     @property
     def jobs(self) -> Path:

@@ -28,6 +28,7 @@ from robovast.campaign.layout import (
     is_variant,
     job_link_target,
 )
+from robovast.campaign.planned_runs import ADDED, MORE_RUNS, is_fixed
 from robovast.campaign.run_record import copy_run_record, read_run_record
 from robovast.campaign.verdict import read_test_result
 
@@ -257,6 +258,9 @@ def _write_records(
     layout: Layout, campaigns: Sequence[Layout], merged: dict[str, list[_Part]], runs: _Runs
 ) -> None:
     execution = _execution(campaigns[-1])
+    execution.pop(MORE_RUNS, None)  # of names of one of them
+    if not all(is_fixed(_execution(campaign)) for campaign in campaigns):
+        execution[ADDED] = True
     origins = [origin for campaign in campaigns for origin in _origins(campaign)]
     layout.execution.mkdir()
     layout.execution_record.write_text(

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import re
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from robovast.base.errors import RobovastError
 from robovast.base.plugins import load_plugin, plugins_of, raised
+from robovast.campaign.job_log import RUN, own_part
 from robovast.campaign.log_lines import BAD, Message, parse_line, without_escapes
 
 RULES = "robovast.failure_reasons"
@@ -29,6 +30,10 @@ _STARTED = "Executing scenario '"
 _TREE_BEGINS = re.compile(r"(?:^| )(?:-\^-|\{-\}|\[-\]|/_/) ")
 """The root of a behaviour tree, in the line of the executor's log that ends a run that failed."""
 _OURS = re.compile(r"\[robovast\] |/config/(?:secondary_)?entrypoint\.sh: line \d+:")
+_EXECUTORS = re.compile(
+    r"(?<=[^\n])(?=\[(?:DEBUG|INFO|WARN|ERROR|FATAL)\] \[\d+\.\d+\] \[scenario_execution\]: )"
+)
+"""Where a message of the executor begins within a line."""
 _CLOCKS_DIFFER = 1.0
 """Most that a start in the log may be later than in test.xml [s]."""
 
@@ -41,6 +46,12 @@ _ERROR = re.compile(
     re.IGNORECASE,
 )
 _HARMLESS = frozenset({"debug", "info", "warn"})
+_FATAL = re.compile(r"Fatal Python error: (?P<what>.*)")
+"""What Python says of its own crash; its frames follow, the innermost first."""
+_FRAME = re.compile(r'File "(?P<path>[^"]*)", line (?P<line>\d+) in (?P<function>\S+)')
+_OF_PYTHON = re.compile(r"^<|/lib/python\d")
+_CURRENT = "Current thread "
+_MODULES = "Extension modules: "
 _CONSEQUENCE = re.compile(
     r"process has died|failed with (?:code )?-?\d|exit(?:ed)?(?: with)?(?: code| status)? -?\d"
     r"|non-zero exit|terminate called after|core dumped|Traceback \(most recent",
@@ -90,22 +101,33 @@ def _joined(*parts: str) -> str:
     return "; ".join(part.removesuffix(".") for part in parts if part)
 
 
-def lines_of_run(log: bytes, started_at: float | None) -> list[str]:
+def lines_of_run(log: bytes, started_at: float | None, run: str = "") -> list[str]:
     """Lines of one run in the end of its job's log, which may have the runs before and after it.
 
     Args:
         log: the end of the log.
-        started_at: start of the run [s since the epoch]; None means the last run.
+        started_at: start of the run [s since the epoch]; None means the last run. Counts only where
+            the log does not name its runs.
+        run: `<variant>/<number>`.
     """
-    text = log.decode("utf-8", "replace")
+    named = bool(run) and RUN.encode() in log
+    text = log[own_part(log, run)].decode("utf-8", "replace")
     runs: list[tuple[float, list[str]]] = [(float("-inf"), [])]
-    for line in (line[:_LONGEST_LINE] for line in text.split("\n")):
+    for line in (line[:_LONGEST_LINE] for line in _separated(text).split("\n")):
         if _STARTED in line and (said := parse_line(line)).source == _EXECUTOR:
             runs.append((said.stamp or 0.0, []))
         else:
             runs[-1][1].append(line)
-    until = float("inf") if started_at is None else started_at + _CLOCKS_DIFFER
+    until = float("inf") if named or started_at is None else started_at + _CLOCKS_DIFFER
     return [lines for start, lines in runs if start <= until][-1]
+
+
+def _separated(text: str) -> str:
+    """A log in which each message of the executor begins a line.
+
+    Its threads write side by side, so that one may begin where another has not ended its line.
+    """
+    return _EXECUTORS.sub("\n", text)
 
 
 def _find(lines: Sequence[str]) -> _Found:
@@ -115,7 +137,7 @@ def _find(lines: Sequence[str]) -> _Found:
         if told:
             return _Found(plain(told), "", "")
     error = complaint = consequence = last = ""
-    for said, is_exception in _messages(lines):
+    for said, is_exception in _without_dumps(_messages(lines)):
         if _own_level(said) not in _HARMLESS and (is_exception or _is_error(said)):
             text = _error_text(said.text)
             consequence, error = (text, error) if _CONSEQUENCE.search(text) else ("", text)
@@ -155,9 +177,36 @@ def _messages(lines: Sequence[str]) -> Iterator[tuple[Message, bool]]:
         yield said, is_exception
 
 
+def _without_dumps(
+    messages: Iterable[tuple[Message, bool]],
+) -> Iterator[tuple[Message, bool]]:
+    """A crash that Python reports itself becomes one exception: what it was, and where."""
+    crash: Message | None = None
+    is_current = False
+    for said, is_exception in messages:
+        if found := _FATAL.match(said.text):
+            crash, is_current = said._replace(text=found["what"]), False
+        elif crash and said.text.startswith(_CURRENT):
+            is_current = True
+        elif crash and (frame := _FRAME.match(said.text)):
+            if is_current and not _OF_PYTHON.search(frame["path"]):
+                where = f"{frame['function']} ({frame['path']}, line {frame['line']})"
+                yield crash._replace(text=f"{crash.text} in {where}"), True
+                crash = None
+        elif not said.text.startswith(_MODULES):
+            yield said, is_exception
+    if crash:
+        yield crash, True
+
+
 def says_error(line: str) -> bool:
-    """Whether a line of a log is an error by itself, not because the executor passed it as one."""
+    """Whether a line of a log is an error by itself, not because the executor passed it as one.
+
+    So is the executor's own result: what a program that it stops says afterwards is no cause.
+    """
     said = parse_line(line)
+    if _FATAL.match(said.text) or (said.source == _EXECUTOR and _TREE_BEGINS.search(said.text)):
+        return True
     if _own_level(said) in _HARMLESS:
         return False
     is_exception = said.text.startswith(_TRACEBACK) or _EXCEPTION.fullmatch(said.text) is not None
@@ -187,6 +236,7 @@ _PATH = re.compile(
     r"(?<![\w.:/])(?:file://)?~?(?:/[^\s/'\",:;()\[\]{}]+)*/(?P<name>[^\s/'\",:;()\[\]{}]*)"
 )
 _BY_SIGNAL = "was ended by "
+_ENDED = re.compile(r"\bfailed with -?\d+$|^$")
 _ROOTS = ("out", "config", "tmp", "home", "usr", "opt", "root", "var", "mnt", "data", "work", "etc")
 _IS_FILE = re.compile(r".*\.[A-Za-z]\w{0,5}")
 
@@ -204,6 +254,14 @@ def plain(text: str) -> str:
 def is_command(text: str) -> bool:
     """Whether a text says no more than that a command is executed or failed."""
     return _COMMAND.fullmatch(text.strip()) is not None
+
+
+def says_only_that_it_failed(reason: str) -> bool:
+    """Whether a reason names a program and how it ended, and not why.
+
+    What a program says last may be lost, so that equal failures have such a reason or another one.
+    """
+    return _ENDED.search(reason) is not None
 
 
 def _told(found: re.Match[str]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -65,6 +65,32 @@ def make_record(ended: EndedRun, circumstances: Circumstances) -> RunRecord:
         parameters=dict(run.variant.parameters),
         factors=dict(run.variant.factors),
         **asdict(circumstances),
+    )
+
+
+def copied_record(origin: RunRecord, executed: str, run: Run, campaign: str, job: str) -> RunRecord:
+    """The record of a run that is a copy of another campaign's; its files are not stored yet.
+
+    Args:
+        origin: record of the run that is copied.
+        executed: `<campaign>/<variant>/<run>` of that.
+        run: the run that need not be executed.
+        campaign: of the run.
+        job: the job that would have executed it.
+    """
+    return replace(
+        origin,
+        campaign=campaign,
+        variant=run.variant.name,
+        entry=run.variant.entry,
+        run=run.number,
+        id=run.id,
+        job=job,
+        seed=run.seed,
+        parameters=dict(run.variant.parameters),
+        factors=dict(run.variant.factors),
+        reused_from=origin.reused_from or executed,
+        files=None,
     )
 
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,8 @@ PLACE = "files"
 """Key that refers to the run's files in a bucket; not a property of the run itself."""
 
 
+_TEXTS = frozenset({"campaign", "variant", "entry", "reason", "parameters", "factors", "image"})
+"""Keys of texts that are written into other files."""
 _LEFT_OUT_EMPTY = (PLACE, "missing", "pod", "factors", "key", "reused_from")
 
 
@@ -144,12 +147,31 @@ def parse_run_record(text: str | bytes) -> RunRecord | None:
     return record if record.schema <= SCHEMA else None
 
 
+def parse_known(text: str | bytes) -> RunRecord | None:
+    """As `parse_run_record`, without the keys of newer versions: to list very many records."""
+    try:
+        record = _adapter().validate_json(text)
+    except ValueError:
+        return parse_run_record(text)
+    if not isfinite(record.duration):  # may be a whole number that no float can hold
+        return parse_run_record(text)
+    return record if record.schema <= SCHEMA else None
+
+
 def _parse(text: str | bytes) -> Any:
-    """JSON data, by the faster parser where it can: it knows no lone surrogates."""
+    """JSON data, by the faster parser where it can: it knows no lone surrogates.
+
+    Names of files keep those, since they stand for bytes; no file could hold them in other texts.
+    """
     try:
         return from_json(text)
     except ValueError:
-        return json.loads(text)
+        data = json.loads(text)
+        for key in _TEXTS & data.keys():
+            data[key] = from_json(
+                json.dumps(data[key], ensure_ascii=False).encode(errors="replace")
+            )
+        return data
 
 
 def result_without_record(folder: Path) -> TestResult:
@@ -166,7 +188,8 @@ def result_without_record(folder: Path) -> TestResult:
     result = read_test_result(folder)
     if status(folder / RUN_RECORD, folder.parent) is None:
         return result
-    note = f"{RUN_RECORD} cannot be read, so {TEST_RESULT} decides"
+    decides = "" if result.verdict is Verdict.ERRORED else f", so {TEST_RESULT} decides"
+    note = f"{RUN_RECORD} cannot be read{decides}"
     return replace(result, reason="; ".join(filter(None, (result.reason, note))))
 
 

@@ -21,9 +21,12 @@ class Verdict(StrEnum):
     FAILED = "failed"
     """The scenario ran and failed: a result, not an error."""
     ERRORED = "errored"
-    """No verdict: a crash, a timeout, a missing test.xml."""
+    """No verdict: a crash, a timeout, a missing test.xml, a scenario that cannot be parsed."""
     INTERRUPTED = "interrupted"
     """Stopped by the user; the run counts as not executed."""
+
+    __hash__ = str.__hash__
+    """That of enumerations is slow, which shows when 100,000 runs are counted."""
 
 
 @dataclass(frozen=True)
@@ -218,6 +221,9 @@ class _Report:
     def _failure(self) -> TestResult:
         told = [self._failures[name] for name in ("failure", "error") if name in self._failures]
         message, text = next(iter([*told, *self._failures.values()]), ("", []))
+        if message == _PARSING_FAILED:
+            why = next(iter("".join(text).strip().splitlines()), "")
+            return TestResult(Verdict.ERRORED, f"the scenario cannot be parsed: {plain(why)}")
         return _failed("" if message == _NO_MESSAGE else message, "".join(text))
 
 
@@ -253,6 +259,8 @@ def _seconds(text: str | None) -> float | None:
     return number if 0 <= number < _LATEST else None
 
 
+_PARSING_FAILED = "parsing failed"
+"""Of scenario-execution, for a scenario or parameters that it cannot read: nothing was tried."""
 _NO_MESSAGE = "execution failed."
 """Of scenario-execution, for every failure of a scenario."""
 _NODE = re.compile(

@@ -2,6 +2,10 @@
 
 A structural schema can say less than JSON Schema: no references, one type at each place. Where
 a value may be of several kinds, any is let through here and the operator says what is wrong.
+
+Both versions have one schema, so that the API server converts by the name alone. The second one is
+not served yet: after a rollback to a definition that does not know it, nobody could apply an object
+that was written as it any more (docs/api.md).
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
 from robovast.kubeapi.resources import (
     COMPARED_VALUES,
     GROUP,
+    NEXT_VERSION,
     ONE_ADDRESS,
     VERSION,
     CampaignSpec,
@@ -91,10 +96,13 @@ def campaign_crd() -> Schema:
             _column("Errored", "integer", ".status.runs.errored"),
             _column("Verdict", "string", '.status.conditions[?(@.type=="Passed")].status'),
             _column("Age", "date", ".metadata.creationTimestamp"),
-            _column("Batch", "integer", ".status.search.batch", wide=True),
+            _column("Not needed", "integer", ".status.runs.notNeeded", wide=True),
+            _column("Decisions", "string", ".status.decisions", wide=True),
+            _column("Batches", "integer", ".status.search.batch", wide=True),
             _column("Best", "string", ".status.search.best", wide=True),
             _column("Queue", "string", ".spec.queueName", wide=True),
             _column("Place", "string", ".status.queue.summary", wide=True),
+            _column("Ends", "string", ".status.estimate.end", wide=True),
             _column("Results", "string", ".status.bucket", wide=True),
             _column(
                 "Reason", "string", '.status.conditions[?(@.type=="Reconciling")].reason', wide=True
@@ -302,14 +310,15 @@ def _crd(
             },
             "versions": [
                 {
-                    "name": VERSION,
-                    "served": True,
-                    "storage": True,
+                    "name": version,
+                    "served": version == VERSION,
+                    "storage": version == VERSION,
                     "subresources": {"status": {}},
                     "additionalPrinterColumns": columns,
                     "selectableFields": [{"jsonPath": path} for path in selectable],
                     "schema": {"openAPIV3Schema": schema},
                 }
+                for version in (VERSION, NEXT_VERSION)
             ],
         },
     }

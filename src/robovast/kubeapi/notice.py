@@ -8,35 +8,23 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
-from pydantic.alias_generators import to_camel
+from pydantic import Field
 
-from robovast.base import docstrings
 from robovast.base.statistics import anytime, interval_text, percent, wilson
 from robovast.kubeapi.resources import Notification
-from robovast.kubeapi.status import Runs
+from robovast.kubeapi.status import Lenient, Runs, SearchStatus
 
 NOTICE_VARIABLE = "ROBOVAST_NOTICE"
 """Variable of the Job's pods with an `Order`."""
 
-Event = Literal["Finished", "GivenUp", "Stalled", "Recovered"]
+Event = Literal["Finished", "GivenUp", "Stalled", "Recovered", "Started", "Batch", "Progress"]
 
 _LONGEST_TEXT = 3500
 """ntfy makes a file of what is longer than 4096 bytes [byte]."""
 _MOST_NAMED = 5
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(
-        extra="ignore",
-        frozen=True,
-        use_attribute_docstrings=docstrings.READ,
-        alias_generator=to_camel,
-        populate_by_name=True,
-    )
-
-
-class Named(_Model):
+class Named(Lenient):
     """The campaign that a notice is about."""
 
     namespace: str
@@ -49,7 +37,7 @@ class Named(_Model):
     """Bucket of the results."""
 
 
-class Notice(_Model):
+class Notice(Lenient):
     """One thing that happened to a campaign."""
 
     version: Literal[1] = 1
@@ -65,6 +53,8 @@ class Notice(_Model):
     runs: Runs = Field(default_factory=Runs)
     failing: list[str] = Field(default_factory=list)
     """First bad runs by results folder."""
+    search: SearchStatus | None = None
+    """How far its search is, where the document has one."""
     seconds: float | None = None
     """How long the campaign has taken so far [s]."""
     reason: str = ""
@@ -85,6 +75,13 @@ class Notice(_Model):
                 return f"{name} needs help: {self.reason}"
             case "Recovered":
                 return f"{name} goes on"
+            case "Started":
+                return f"{name} has started"
+            case "Batch":
+                scored = self.search.batch if self.search else 0
+                return f"{name}: batch {scored - 1} is scored"
+            case "Progress":
+                return f"{name}: {self.runs.decided} of {self.runs.total} runs are done"
 
     @property
     def text(self) -> str:
@@ -93,7 +90,8 @@ class Notice(_Model):
         over = self.event in {"Finished", "GivenUp"}
         then = f"vast results download {campaign}" if over else "vast exec cluster monitor"
         why = _cut(self.message, _LONGEST_TEXT // 2)
-        lines = [self._numbers(), self._rate() if over else "", why, self._failing(), then]
+        rate = "" if self.event == "Started" else self._rate()
+        lines = [self._numbers(), rate, self._found(), why, self._failing(), then]
         return _cut("\n".join(filter(None, lines)), _LONGEST_TEXT)
 
     def payload(self) -> dict[str, Any]:
@@ -106,8 +104,16 @@ class Notice(_Model):
         if not runs.total:
             return ""
         counts = f"{runs.passed} passed, {runs.failed} failed, {runs.errored} errored"
+        counts += f", {runs.not_needed} not needed" if runs.not_needed else ""
         took = "" if self.seconds is None else f" after {_duration(self.seconds)}"
         return f"{runs.total} runs: {counts}{took}"
+
+    def _found(self) -> str:
+        """How far a search is, and the best that it has found."""
+        if self.search is None:
+            return ""
+        best = f"best {self.search.best}" if self.search.best else ""
+        return " | ".join(filter(None, [self.search.criteria, best]))
 
     def _rate(self) -> str:
         """How often runs do not pass; the interval holds anytime if they are not all over."""
@@ -124,7 +130,7 @@ class Notice(_Model):
         return f"Not passed: {', '.join(named)}{more}" if named else ""
 
 
-class Order(_Model):
+class Order(Lenient):
     """The notice and receivers of a Job; its pod N sends to the N-th receiver."""
 
     notice: Notice

@@ -6,7 +6,7 @@ reads, and what the command line writes. Keys are spelled as Kubernetes spells t
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic.alias_generators import to_camel
@@ -17,6 +17,9 @@ from robovast.kubeapi.secret_names import MADE_FOR_CAMPAIGNS
 
 GROUP = "robovast.io"
 VERSION = "v1alpha1"
+"""Of the stored objects, which operator and command line use."""
+NEXT_VERSION = "v1beta1"
+"""The same schema under the name that stays; a later version of the chart serves it."""
 API_VERSION = f"{GROUP}/{VERSION}"
 
 CAMPAIGN_LABEL = f"{GROUP}/campaign"
@@ -25,11 +28,13 @@ UID_LABEL = f"{GROUP}/campaign-uid"
 """Uid of the Campaign: two of one name, one after the other, differ."""
 ROLE_LABEL = f"{GROUP}/role"
 """What our Jobs and their pods do: `shard`, `compose`, `finish`, `process`, `purge`, `notify` or
-`share`."""
+`share`; a pod alone: `debug`."""
 SHARD_ROLE = "shard"
 """Of the Jobs that execute runs, and of their pods."""
 SHARD_LABEL = f"{GROUP}/shard"
 """Number of the shard, on its Job and its pods."""
+ASSETS_LABEL = f"{GROUP}/assets"
+"""On a PersistentVolumeClaim, `true`: campaigns may read it."""
 MANAGED_LABEL = "app.kubernetes.io/managed-by"
 MANAGED_BY = "robovast"
 
@@ -132,6 +137,13 @@ class Storage(_Spec):
     """Begins the bucket's name."""
     retention: Literal["Retain", "Delete"] = "Retain"
     """Whether the bucket stays when the Campaign is deleted. `Delete` sets a finalizer."""
+
+
+class ShareTarget(_Spec):
+    """A place outside of the cluster that a campaign's results are uploaded to."""
+
+    secret_name: SecretName
+    """Secret of the namespace with the variables that describe it, as `ROBOVAST_SHARE_TYPE`."""
 
 
 class Acceptance(_Spec):
@@ -252,7 +264,8 @@ class SecretKey(SecretReference):
 
 
 HttpUrl = Annotated[str, Field(pattern=r"^https?://[!-~]+$", max_length=2048)]
-Subject = Literal["Finished", "Trouble"]
+Subject = Literal["Started", "Progress", "Finished", "Trouble"]
+SUBJECTS: tuple[Subject, ...] = get_args(Subject)
 
 
 class Notification(_Spec):
@@ -266,10 +279,10 @@ class Notification(_Spec):
     """The same from a Secret, for a URL that nobody may read."""
     token_from: SecretKey | None = None
     """Token of an account, from a Secret; sent as `Authorization: Bearer`."""
-    subjects: Annotated[list[Subject], Field(min_length=1, max_length=2)] = Field(
+    subjects: Annotated[list[Subject], Field(min_length=1, max_length=len(SUBJECTS))] = Field(
         default_factory=lambda: list[Subject](["Finished", "Trouble"])
     )
-    """What about; default both."""
+    """What about; default its end and trouble."""
     link: HttpUrl | None = None
     """Page that the message leads to."""
 
@@ -314,10 +327,17 @@ class CampaignSpec(_Spec):
     """Stops all pods; set back, the campaign goes on after its last stored run."""
     queue_name: Annotated[str, Field(pattern=DNS_LABEL, max_length=63)] | None = None
     """Kueue LocalQueue that admits the campaign's Jobs."""
+    queue_priority_class_name: ObjectName | None = None
+    """Kueue WorkloadPriorityClass of the campaign's Jobs: what is higher comes first in a queue."""
+    reuse: bool = False
+    """Take over runs that other campaigns of the storage have stored with the same inputs and seed,
+    if they have it set, too. The image needs a digest, and the document a seed."""
     options: Annotated[str, Field(pattern=r"^[-A-Za-z0-9_=. ]*$", max_length=500)] = ""
     """Further options of the scenario execution, as `-t -d`."""
     storage: Storage = Field(default_factory=Storage)
     """Where results go."""
+    share: ShareTarget | None = None
+    """Where an archive of the results is uploaded to whenever they are complete."""
     process_results: bool = False
     """Work the results up in the cluster, too, as the document's `results_processing` says."""
     acceptance: Acceptance = Field(default_factory=Acceptance)

@@ -99,12 +99,13 @@ def share_variables(kind: str, provider: BaseShareProvider, folder: Path) -> dic
 
 
 def share_job(upload: Upload, secret: str) -> Object:
-    """The Job, suspended until the Secret is there.
+    """The Job of somebody who asks for an upload, suspended until the Secret is there.
 
     Args:
         upload: what it uploads.
         secret: name of the Secret that describes the share.
     """
+    # Not the labels of the operator's own Jobs: it has nothing to do with this one.
     labels = {ROLE_LABEL: ROLE, **_campaign_labels(upload.owner)}
     metadata: Object = {"name": upload.job, "labels": labels}
     if upload.owner is not None:
@@ -115,11 +116,34 @@ def share_job(upload: Upload, secret: str) -> Object:
         "metadata": metadata,
         "spec": {
             "suspend": True,
-            "backoffLimit": RETRIES,
-            "ttlSecondsAfterFinished": KEEP,
-            **failure_policy(on_exit("FailJob", ROLE, USELESS)),
-            "template": {"metadata": {"labels": labels}, "spec": _pod(upload, secret)},
+            **job_spec(),
+            "template": {"metadata": {"labels": labels}, "spec": pod_spec(upload, secret)},
         },
+    }
+
+
+def job_spec() -> Object:
+    """How an upload is tried again, and when its Job goes."""
+    return {
+        "backoffLimit": RETRIES,
+        "ttlSecondsAfterFinished": KEEP,
+        **failure_policy(on_exit("FailJob", ROLE, USELESS)),
+    }
+
+
+def pod_spec(upload: Upload, secret: str) -> Object:
+    """The pod of an upload; it says itself what is missing in the Secret, or that there is none."""
+    mounts, arguments = (Mount.CREDENTIALS, Mount.SHARE), [ROLE, *_arguments(upload)]
+    container = own_container(upload.image, ROLE, arguments, mounts, WHOLE_CAMPAIGN)
+    share = Mount.SHARE.secret(secret)
+    share["secret"]["optional"] = True
+    return confined_pod(OWN_USER, GRACE_SECONDS, upload.scheduling) | {
+        "containers": [container],
+        "volumes": [
+            {"name": str(Mount.WORK), "emptyDir": {}},
+            Mount.CREDENTIALS.secret(upload.secret),
+            share,
+        ],
     }
 
 
@@ -144,19 +168,6 @@ def agent_image(jobs: Iterable[Mapping[str, Any]]) -> str | None:
     return None
 
 
-def _pod(upload: Upload, secret: str) -> Object:
-    mounts, arguments = (Mount.CREDENTIALS, Mount.SHARE), [ROLE, *_arguments(upload)]
-    container = own_container(upload.image, ROLE, arguments, mounts, WHOLE_CAMPAIGN)
-    return confined_pod(OWN_USER, GRACE_SECONDS, upload.scheduling) | {
-        "containers": [container],
-        "volumes": [
-            {"name": str(Mount.WORK), "emptyDir": {}},
-            Mount.CREDENTIALS.secret(upload.secret),
-            Mount.SHARE.secret(secret),
-        ],
-    }
-
-
 def _arguments(upload: Upload) -> list[str]:
     given = {
         "campaign": upload.campaign,
@@ -169,7 +180,6 @@ def _arguments(upload: Upload) -> list[str]:
 
 
 def _campaign_labels(owner: Mapping[str, Any] | None) -> dict[str, str]:
-    # Not those of the operator's own Jobs: it has nothing to do with this one.
     if owner is None:
         return {}
     metadata = owner["metadata"]

@@ -23,6 +23,8 @@ NOTIFIED_LIMIT = 50
 
 FAILING_LIMIT = 10
 
+DECISIONS_LIMIT = 250
+
 YEARS = range(1970, 3000)
 """Of times that can be reckoned with."""
 
@@ -56,7 +58,9 @@ Time = Annotated[str, AfterValidator(_check_given_time)]
 Ranges = Annotated[str, AfterValidator(_check_ranges)]
 
 
-class _Status(BaseModel):
+class Lenient(BaseModel):
+    """Data that another version may have written: unknown keys are ignored."""
+
     model_config = ConfigDict(
         extra="ignore",
         frozen=True,
@@ -66,7 +70,7 @@ class _Status(BaseModel):
     )
 
 
-class Condition(_Status):
+class Condition(Lenient):
     """One fact about an object, as Kubernetes writes them."""
 
     type: str
@@ -83,7 +87,7 @@ class Condition(_Status):
     """When `status` changed."""
 
 
-class Runs(_Status):
+class Runs(Lenient):
     """Numbers of runs."""
 
     total: int = 0
@@ -103,13 +107,21 @@ class Runs(_Status):
     undecided: int = 0
     """Runs that have ended and whose verdict is not known yet; the index in the bucket tells."""
 
+    not_needed: int = 0
+    """Runs that are not executed, since others have decided about their configuration."""
+
     @property
     def decided(self) -> int:
         """Runs with a verdict."""
         return self.passed + self.failed + self.errored
 
+    @property
+    def needed(self) -> int:
+        """All runs but those that are known not to be needed."""
+        return self.total - self.not_needed
 
-class Shard(_Status):
+
+class Shard(Lenient):
     """One Job over consecutive packs of runs."""
 
     index: int
@@ -128,13 +140,15 @@ class Shard(_Status):
     """Of a shard that has ended: its runs that failed."""
     errored: int = 0
     """Of a shard that has ended: its runs that errored."""
+    not_needed: int = 0
+    """Of a shard that has ended: its runs that are not needed."""
     configuration: str = ""
     """Configuration object that it belongs to; empty when it belongs to the document."""
     plan: str = ""
     """ConfigMap with its plan."""
 
 
-class Settled(_Status):
+class Settled(Lenient):
     """What is known of the shards that have ended and are remembered as numbers only."""
 
     shards: int = 0
@@ -149,9 +163,11 @@ class Settled(_Status):
     """Their runs that failed."""
     errored: int = 0
     """Their runs that errored."""
+    not_needed: int = 0
+    """Their runs that are not needed."""
 
 
-class BadRuns(_Status):
+class BadRuns(Lenient):
     """The failed and errored runs that the last index of the bucket names."""
 
     shards: int
@@ -170,7 +186,7 @@ class BadRuns(_Status):
     """Sizes of the groups in which they are executed once more, `20x13,4x1`."""
 
 
-class QueuePlace(_Status):
+class QueuePlace(Lenient):
     """Where a campaign that waits stands in its Kueue queue."""
 
     position: int
@@ -183,7 +199,20 @@ class QueuePlace(_Status):
     """`3 of 7, about 12 min`, for people."""
 
 
-class SearchStatus(_Status):
+class Estimate(Lenient):
+    """When a campaign ends, by its own pace; it changes with the numbers of runs only."""
+
+    end: Time
+    """When it ends."""
+    earliest: Time
+    """Nine of ten campaigns end between this time"""
+    latest: Time
+    """and this one."""
+    cpu_hours: float | None = None
+    """What its pods ask for until then [CPU-hours]; absent where the document limits no CPUs."""
+
+
+class SearchStatus(Lenient):
     """How far a search is."""
 
     batch: int = 0
@@ -198,9 +227,11 @@ class SearchStatus(_Status):
     """What has ended the search: a criterion, `exhausted`, `errors` or `strategy`."""
     stop_reason: str = ""
     """Why, for people."""
+    plan: str = ""
+    """The ConfigMap with the plan that this is about."""
 
 
-class CampaignStatus(_Status):
+class CampaignStatus(Lenient):
     """What is known about a campaign."""
 
     observed_generation: int = 0
@@ -208,7 +239,7 @@ class CampaignStatus(_Status):
     state: str = "Pending"
     """One word for people; programs read the conditions."""
     progress: str = ""
-    """`912/1000`: runs with a result, of all."""
+    """`912/1000`: runs with a result, of all that are needed."""
     campaign: str = ""
     """Name of the results folder."""
     bucket: str = ""
@@ -239,19 +270,25 @@ class CampaignStatus(_Status):
     """The bad runs that the index in the bucket names; `spec.attempt` repeats them."""
     search: SearchStatus | None = None
     """How far its search is, where the document has one."""
+    decisions: Annotated[str, Field(max_length=DECISIONS_LIMIT)] = ""
+    """What is decided about configurations, where `execution.runs` decides; at the end."""
     queue: QueuePlace | None = None
     """Its place in the queue, while all of it waits there."""
+    estimate: Estimate | None = None
+    """When it ends, while its runs are executed and one has ended."""
     start_time: Time | None = None
     """When the first Job was made."""
     completion_time: Time | None = None
     """When the last run ended."""
+    shared: str = ""
+    """Which of the results a Job uploads to `spec.share`, or has."""
     notified: Annotated[list[str], Field(max_length=NOTIFIED_LIMIT)] = Field(default_factory=list)
     """What `spec.notifications` were told, the last of it."""
     conditions: Annotated[list[Condition], Field(max_length=16)] = Field(default_factory=list)
     """Facts that programs wait for."""
 
 
-class ConfigurationStatus(_Status):
+class ConfigurationStatus(Lenient):
     """What is known about a configuration."""
 
     observed_generation: int = 0
@@ -259,14 +296,14 @@ class ConfigurationStatus(_Status):
     variants: int = 0
     """How many variants it expands to."""
     progress: str = ""
-    """`18/20`: runs with a result, of all."""
+    """`18/20`: runs with a result, of all that are needed."""
     runs: Runs = Field(default_factory=Runs)
     """Numbers of runs."""
     conditions: Annotated[list[Condition], Field(max_length=16)] = Field(default_factory=list)
     """Facts that programs wait for."""
 
 
-Status = TypeVar("Status", bound=_Status)
+Status = TypeVar("Status", bound=Lenient)
 
 
 def read_status(kind: type[Status], data: object) -> Status:

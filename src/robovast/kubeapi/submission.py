@@ -60,8 +60,12 @@ class SubmitOptions:
     """Name of the cluster in values that the document gives per cluster."""
     queue: str | None = None
     """Kueue LocalQueue."""
+    queue_priority: str | None = None
+    """Kueue WorkloadPriorityClass."""
     parallelism: int | None = None
     """Most pods at once."""
+    reuse: bool = False
+    """Take over runs of other campaigns of the storage."""
 
 
 @dataclass(frozen=True)
@@ -270,7 +274,9 @@ def _spec(
         "runs": options.runs,
         "parallelism": options.parallelism,
         "queue_name": options.queue,
+        "queue_priority_class_name": options.queue_priority,
         "options": " ".join(flag for flag, on in flags.items() if on),
+        "reuse": options.reuse,
     }
     try:
         spec = CampaignSpec(

@@ -13,6 +13,8 @@ BUCKET_LIMIT = 63
 UID_DIGITS = 10
 
 BUNDLES_BUCKET = "robovast-bundles"
+REUSE_BUCKET = "robovast-reuse"
+"""Where runs are stored, by key (docs/agent.md, "Reused runs")."""
 
 
 def campaign_id(name: str, created: datetime) -> str:

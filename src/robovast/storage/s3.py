@@ -369,10 +369,40 @@ class ObjectStore:
         if _noted(headers, MODE):
             part.chmod(EXECUTABLE)
 
+    def find(self, bucket: str, key: str) -> StoredObject | None:
+        """An object as a listing has it; None if it is missing."""
+        with self._explained(f"look at {bucket}/{key}"):
+            found = self._stat(bucket, key)
+        if found is None:
+            return None
+        return StoredObject(key, found.size, found.last_modified.timestamp(), _etag(found))
+
+    def read_part(self, bucket: str, item: StoredObject, offset: int, length: int) -> bytes:
+        """Some bytes of an object; fewer at its end.
+
+        Raises:
+            ObjectError: the object was replaced since it was listed.
+        """
+        length = min(length, item.size - offset)
+        if length <= 0:
+            return b""
+
+        def read() -> bytes:
+            with self._opened(bucket, item.key, offset, item.etag, length) as answer:
+                content: bytes = answer.read()
+            if len(content) < length:
+                raise ProtocolError(f"only {len(content)} of {length} bytes arrived")
+            return content
+
+        with self._explained(f"read {bucket}/{item.key}"):
+            return self._persist(read)
+
     @contextmanager
-    def _opened(self, bucket: str, key: str, offset: int = 0, etag: str = "") -> Iterator[Any]:
+    def _opened(
+        self, bucket: str, key: str, offset: int = 0, etag: str = "", length: int = 0
+    ) -> Iterator[Any]:
         headers: Any = {"If-Match": f'"{etag}"'} if etag else None
-        answer = self._client.get_object(bucket, key, offset, request_headers=headers)
+        answer = self._client.get_object(bucket, key, offset, length, request_headers=headers)
         try:
             yield answer
         finally:

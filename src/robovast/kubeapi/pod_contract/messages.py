@@ -9,14 +9,16 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.alias_generators import to_camel
 
 from robovast.base.ranges import format_ranges, spans, truncate
+from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
-from robovast.model.document.model import SETS_LIMIT
+from robovast.kubeapi.status import DECISIONS_LIMIT
+from robovast.model.document.search.section import SETS_LIMIT
 
 LIMIT = 4096
 """Longest message that Kubernetes keeps [byte]."""
@@ -26,6 +28,10 @@ SUMMARY_LIMIT = 1500
 """Longest text of one kind of runs in `Summary` [byte]."""
 ERROR_LIMIT = 1500
 """[byte]"""
+BAD_TOLD = 3
+"""Most bad runs whose reasons are in `Verdicts`."""
+BAD_LIMIT = 250
+"""Longest text of such a run [byte]."""
 BLOCKS_LIMIT = 100
 """Most blocks in `Proposed`."""
 BREAKS_LIMIT = 400
@@ -66,6 +72,26 @@ class Message(BaseModel):
             _rewrite(path, self.text)
 
 
+class BadRun(BaseModel):
+    """A run that did not pass, and why."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    run: Annotated[str, Field(max_length=BAD_LIMIT)]
+    """`<variant>/<number>`."""
+    verdict: Literal["failed", "errored"]
+    reason: Annotated[str, Field(max_length=BAD_LIMIT)]
+
+    @classmethod
+    def of(cls, record: RunRecord) -> Self:
+        """What is told of a record."""
+        run = shortened(f"{record.variant}/{record.run}", BAD_LIMIT)
+        verdict: Literal["failed", "errored"] = (
+            "failed" if record.verdict is Verdict.FAILED else "errored"
+        )
+        return cls(run=run, verdict=verdict, reason=shortened(record.reason, BAD_LIMIT))
+
+
 class Verdicts(Message):
     """Message of `agent`: ids of the pod's stored runs; the counts are always exact."""
 
@@ -76,21 +102,48 @@ class Verdicts(Message):
     """Counts of runs; older agents do not write them."""
     truncated: bool | None = None
     """Whether there was no room for some ids."""
+    not_needed: Count | None = None
+    """How many other runs of the pod need not be executed, since these have decided."""
+    executed: Count | None = None
+    """How many runs this very pod has executed."""
+    seconds: Annotated[float, Field(ge=0, lt=2**31)] | None = None
+    """How long these took together."""
+    bad: Annotated[tuple[BadRun, ...], Field(max_length=BAD_TOLD)] | None = None
+    """The first bad runs that it has executed."""
 
     @classmethod
-    def of(cls, verdicts: Mapping[int, Verdict]) -> Self:
-        """The message for the verdicts of a pod's runs, by id."""
+    def of(
+        cls,
+        verdicts: Mapping[int, Verdict],
+        not_needed: int = 0,
+        took: Collection[float] = (),
+        bad: Collection[BadRun] = (),
+    ) -> Self:
+        """The message of a pod.
+
+        Args:
+            verdicts: of its runs, by id.
+            not_needed: how many others are not.
+            took: how long each run took that it has executed itself [s].
+            bad: the first bad runs; left out where there is no room, which an error may need.
+        """
         kinds = (Verdict.PASSED, Verdict.FAILED, Verdict.ERRORED)
         ids = [[id_ for id_, found in verdicts.items() if found is kind] for kind in kinds]
         texts, cut = zip(*(id_ranges(some, VERDICTS_LIMIT) for some in ids), strict=True)
         passed, failed, errored = texts
-        return cls(
+        made = cls(
             passed=passed,
             failed=failed,
             errored=errored,
             counts=(len(ids[0]), len(ids[1]), len(ids[2])),
             truncated=any(cut) or None,
+            not_needed=not_needed or None,
+            executed=len(took) or None,
+            seconds=round(sum(took), 3) if took else None,
+            bad=tuple(bad) or None,
         )
+        fits = len(made.text) <= LIMIT - ERROR_LIMIT - len('"error": , ')
+        return made if fits else made.model_copy(update={"bad": None})
 
 
 class Composed(Message):
@@ -120,6 +173,8 @@ class Proposed(Message):
     """Which of these cannot share a pack with the one before, from 0, as ranges."""
     digest: Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")] = ""
     """`CampaignPlan.composed`: all variants, with the new ones."""
+    awaited: Count | None = None
+    """`PlanSpec.awaited`: how many blocks end before it is asked again."""
     batch: Count = 0
     """How many batches are scored."""
     evaluated: Count = 0
@@ -150,6 +205,10 @@ class Summary(Message):
     failed: Count
     errored: Count
     stored: Count | None = None
+    not_needed: Count | None = None
+    """Runs that were not executed, since others have decided about their configuration."""
+    decisions: Annotated[str, Field(max_length=DECISIONS_LIMIT)] | None = None
+    """What is decided about configurations, for people."""
     failed_runs: str = ""
     errored_runs: str = ""
     truncated: bool = False

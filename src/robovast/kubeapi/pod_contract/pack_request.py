@@ -20,6 +20,7 @@ RUN = "robovast"
 """The container of the runs."""
 
 FIRST_PACK, ATTEMPT, REPEAT = "--first-pack", "--attempt", "--repeat"
+ONLY = "--run"
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,8 @@ class PackRequest:
     attempt: int = 1
     repeat: str | None = None
     """Name of the list of bad runs that are repeated, in groups; whole packs when None."""
+    run: int | None = None
+    """The only run, by its id, of which nothing is stored; None: those of the pack or group."""
 
     @classmethod
     def of_pod(cls, pod: Mapping[str, Any]) -> PackRequest | None:
@@ -55,6 +58,8 @@ class PackRequest:
     @property
     def arguments(self) -> list[str]:
         """Arguments of `fetch`; the pod knows its index itself."""
+        if self.run is not None:
+            return [ONLY, str(self.run)]
         repeat = [REPEAT, self.repeat] if self.repeat else []
         return [FIRST_PACK, str(self.first_pack), ATTEMPT, str(self.attempt), *repeat]
 
@@ -70,6 +75,8 @@ class PackRequest:
         Raises:
             IndexError: the plan has no such runs.
         """
+        if self.run is not None:
+            return plan.pack_of(self.run), [self.run]
         number = self.first_pack + self.index
         if self.repeat is None:
             return number, plan.pack(number)
