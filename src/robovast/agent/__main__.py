@@ -10,13 +10,20 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
+from robovast.agent import quick_start  # isort: skip  # before whatever imports minio
 from robovast.agent.mounts import Folders
 from robovast.base.errors import RobovastError
 from robovast.base.file_errors import sentence
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit, exit_code_of_error
 from robovast.kubeapi.pod_contract.messages import write_error
 from robovast.kubeapi.pod_contract.mounts import Mount
-from robovast.kubeapi.pod_contract.pack_request import ATTEMPT, FIRST_PACK, REPEAT, PackRequest
+from robovast.kubeapi.pod_contract.pack_request import (
+    ATTEMPT,
+    FIRST_PACK,
+    ONLY,
+    REPEAT,
+    PackRequest,
+)
 from robovast.storage.endpoint import Endpoint
 
 INDEX = "JOB_COMPLETION_INDEX"
@@ -25,6 +32,7 @@ INDEX = "JOB_COMPLETION_INDEX"
 _COMMANDS = {
     "fetch": "prepare the runs of a pod",
     "agent": "store the runs of a pod as they end",
+    "hold": "keep the run of a pod alive, and store nothing",
     "compose": "expand a document and store what its pods need",
     "propose": "score what a search has run, and propose what it runs next",
     "finish": "complete a campaign's results and sum them up",
@@ -38,7 +46,7 @@ _COMMANDS = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command of the command line; return the exit code."""
-    options = _parser().parse_args(arguments)
+    options = _parse(sys.argv[1:] if arguments is None else arguments)
     given = {name: getattr(options, name) for name in Folders.__dataclass_fields__}
     folders = Folders(**{name: value for name, value in given.items() if value is not None})
     try:
@@ -55,10 +63,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _carry_out(options: argparse.Namespace, folders: Folders) -> AgentExit:
     module = import_module(f"robovast.agent.{options.command}")
+    quick_start.done()
     arguments: list[object] = [folders]
     index = int(os.environ.get(INDEX, "0"))
     if options.command == "fetch":
-        asked = options.first_pack, index, options.attempt, options.repeat
+        asked = options.first_pack, index, options.attempt, options.repeat, options.run
         arguments.append(PackRequest(*asked))
     elif options.command == "agent":
         arguments.append(options.silence)
@@ -71,10 +80,17 @@ def _carry_out(options: argparse.Namespace, folders: Folders) -> AgentExit:
     return code
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parse(arguments: Sequence[str]) -> argparse.Namespace:
+    """The options; only the parser of the command that is asked is made, if it is one."""
+    asked = arguments[0] if arguments and arguments[0] in _COMMANDS else None
+    return _parser([asked] if asked else list(_COMMANDS)).parse_args(arguments)
+
+
+def _parser(names: Sequence[str]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m robovast.agent", description=__doc__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    for name, text in _COMMANDS.items():
+    for name in names:
+        text = _COMMANDS[name]
         command = commands.add_parser(name, help=text, description=text)
         for folder in (*Mount, "message"):
             command.add_argument(f"--{folder}", type=Path, metavar="PATH")
@@ -94,6 +110,7 @@ def _add_runs(fetch: argparse.ArgumentParser) -> None:
     fetch.add_argument(FIRST_PACK, type=int, default=0, help=f"the pack or group of ${INDEX} 0")
     fetch.add_argument(ATTEMPT, type=int, default=1, help="which repetition it is, from 1")
     fetch.add_argument(REPEAT, help="name of the list of runs that are repeated")
+    fetch.add_argument(ONLY, type=int, help="id of the only run, of which nothing is stored")
 
 
 def _add_results(share: argparse.ArgumentParser) -> None:

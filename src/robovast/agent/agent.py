@@ -22,10 +22,10 @@ from robovast.base.safe_paths import pinned
 from robovast.base.signals import call_on_signals
 from robovast.campaign.layout import JOBS
 from robovast.campaign.records import EndedRun
+from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit, exit_code_of
-from robovast.kubeapi.pod_contract.messages import Verdicts
-from robovast.model.plan import Run
+from robovast.kubeapi.pod_contract.messages import BAD_TOLD, BadRun, Verdicts
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
 
@@ -43,6 +43,8 @@ def agent(folders: Folders, silence: float = 0.0) -> AgentExit:
     """
     pack = read_pack(folders.pack)
     verdicts = dict(pack.done)
+    bad: list[RunRecord] = []
+    took: list[float] = []
     container = RunContainer(folders)
     stop = Event()
     try:
@@ -55,13 +57,21 @@ def agent(folders: Folders, silence: float = 0.0) -> AgentExit:
                 bucket = Bucket(store, pack.bucket, pack.owner)
                 bucket.claim()
                 results = Results(bucket, pack, os.environ.get("POD_NAME", ""))
-                keeper = _Keeper(folders, results, background, verdicts)
+                keeper = _Keeper(folders, results, background, verdicts, bad, took)
                 watched = Silence(folders.work / SILENT, silence)
                 _follow_jobs(folders, pack, container, keeper, stop, watched)
         return _ending(pack, verdicts)
     finally:
         container.end()
-        Verdicts.of(verdicts).write(folders.message)
+        told = [BadRun.of(record) for record in bad]
+        Verdicts.of(verdicts, _not_needed(pack, verdicts), took, told).write(folders.message)
+
+
+def _not_needed(pack: Pack, verdicts: Mapping[int, Verdict]) -> int:
+    """How many runs will never be executed, since the others have decided."""
+    if pack.next_runs(verdicts):
+        return 0
+    return sum(run.id not in verdicts for run in pack.runs)
 
 
 def _follow_jobs(
@@ -72,22 +82,24 @@ def _follow_jobs(
     stop: Event,
     silence: Silence,
 ) -> None:
-    left: tuple[Run, ...] | None = pack.left
-    number = 1
-    while left:
-        job = pack.job(number, left)
-        if number > 1:
-            keeper.wait()  # what is stored makes room on the pod's disk
+    job = pack.first
+    while job is not None:
+        if job.index > 1:
             prepare_later_job(folders, pack, job)
-            container.run(number)
+            container.run(job.index)
         left = follow_job(
             folders, job, pack.timeout, pack.secondaries, keeper, stop.is_set, silence
         )
-        number += 1
+        if left is None:
+            return
+        keeper.wait()  # verdicts decide what is next, and what is stored makes room on the disk
+        lost = [run for run in job.runs if run not in left and run.id not in keeper.verdicts]
+        runs = left or pack.next_runs(keeper.verdicts)
+        job = pack.job(job.index + 1, runs) if runs and not lost else None
 
 
 def _ending(pack: Pack, verdicts: Mapping[int, Verdict]) -> AgentExit:
-    if any(run.id not in verdicts for run in pack.runs):
+    if pack.next_runs(verdicts):
         return AgentExit.RUNS_LEFT
     return exit_code_of(verdicts.values())
 
@@ -101,11 +113,16 @@ class _Keeper:
         results: Results,
         background: Background,
         verdicts: dict[int, Verdict],
+        bad: list[RunRecord],
+        took: list[float],
     ) -> None:
         self._folders = folders
         self._results = results
         self._background = background
-        self._verdicts = verdicts
+        self.verdicts = verdicts
+        """Of the runs that are stored."""
+        self._bad = bad
+        self._took = took
 
     def run_over(self, ended: EndedRun) -> None:
         self._background.do(lambda: self._store_run(ended, self._folders.out / JOBS))
@@ -129,4 +146,9 @@ class _Keeper:
                 pinned(jobs, self._folders.out) as own,
             ):
                 self._results.store_snapshot(ended.job, own / ended.job.name)
-        self._verdicts[ended.run.id] = self._results.store_run(ended)
+        began, finished = ended.observed
+        self._took.append(max(0.0, finished - began))
+        record = self._results.store_run(ended)
+        self.verdicts[ended.run.id] = record.verdict
+        if record.verdict in {Verdict.FAILED, Verdict.ERRORED} and len(self._bad) < BAD_TOLD:
+            self._bad.append(record)

@@ -18,22 +18,24 @@ from robovast.agent.campaign import (
 )
 from robovast.agent.claims import claim_job, hopeless
 from robovast.agent.container_control import RunContainer
-from robovast.agent.job_files import prepare_output, write_environment
+from robovast.agent.job_files import prepare_output, write_environment, write_parameters
 from robovast.agent.mounts import Folders
-from robovast.agent.pack import Pack
+from robovast.agent.pack import Deciding, Pack
 from robovast.agent.results import Results
+from robovast.agent.reuse import key_parts, take_over
 from robovast.execution.contract import contract_files
 from robovast.execution.generate import copy_file
 from robovast.execution.job_config import build_config_folder, job_environment
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit, PlanError
 from robovast.kubeapi.pod_contract.pack_request import PackRequest
 from robovast.model.document import Document
-from robovast.model.document.model import merge_pairs
+from robovast.model.document.section import merge_pairs
 from robovast.model.expansion import Variant
 from robovast.model.inputs import container_files
 from robovast.model.plan import PackStart, Run, planned_run
 from robovast.model.quantities import machine_cpus, machine_memory
 from robovast.model.scenario import read_scenario
+from robovast.storage.bucket_names import REUSE_BUCKET
 
 START = Path(__file__).with_name("start.sh")
 
@@ -48,19 +50,30 @@ def fetch(folders: Folders, request: PackRequest) -> AgentExit:
         OSError: the pod's disk cannot be written.
     """
     campaign = open_campaign(folders)
-    campaign.bucket.claim()
+    looking = request.run is not None  # into it: nothing is claimed, taken over or stored
+    if not looking:
+        campaign.bucket.claim()
     number, ids = _chosen(campaign, request)
     document, variants = _variants(campaign)
     runs = [_run(campaign, variants, id_) for id_ in ids]
-    pack = _claimed(campaign, _pack(campaign, document, request, number, runs))
-    job = pack.first
-    if job is not None:
-        pack = dataclasses.replace(pack, environment=_environment(campaign, document, job))
+    pack = _pack(campaign, document, request, number, runs)
+    pack = (
+        dataclasses.replace(pack, done={}, deciding=None) if looking else _claimed(campaign, pack)
+    )
+    if pack.first is not None:
         left = [run for run in runs if run.id not in pack.done]
         if campaign.plan.expansion != "pure":
             for variant in {run.variant.name: run.variant for run in left}.values():
                 fetch_variant_files(campaign, variants, variant)
-        _build_config(campaign, document, pack, left)
+        common = _common_files(campaign, document)
+        if campaign.plan.reuse and not looking:
+            environment = _environment(campaign, document, pack.first)
+            parts = key_parts(campaign, document, pack.scenario, left, environment, common)
+            pack = _reusing(campaign, dataclasses.replace(pack, keys=parts))
+    job = pack.first
+    if job is not None:
+        pack = dataclasses.replace(pack, environment=_environment(campaign, document, job))
+        _build_config(campaign, pack, [run for run in left if run.id not in pack.done], common)
         prepare_output(folders, job)
         write_environment(folders, pack.environment)
     else:
@@ -123,7 +136,26 @@ def _pack(
         timeout=execution.timeout,
         secondaries=tuple(container.name for container in execution.secondary_containers),
         environment={},
+        deciding=_deciding(campaign, document, request, runs),
     )
+
+
+def _deciding(
+    campaign: Campaign, document: Document, request: PackRequest, runs: Sequence[Run]
+) -> Deciding | None:
+    """What decides how many of these runs are needed; None if all are."""
+    variant, _ = campaign.packs.run(runs[0].id)
+    numbers = campaign.packs.numbers_of(variant)
+    test = document.vast.execution.test(len(numbers))
+    if test is None or not campaign.packs.by_variant:
+        return None
+    own = {run.number for run in runs}
+    read = [number for number in numbers if number not in own or request.attempt > 1]
+    name, record = runs[0].variant.name, campaign.bucket.record
+    stored = {number: found for number in read if (found := record(f"{name}/{number}"))}
+    others = {n: found.verdict for n, found in stored.items() if n not in own}
+    again = tuple(n for n, found in stored.items() if n in own and found.attempt < request.attempt)
+    return Deciding(test, campaign.packs.runs_per_job, others, again)
 
 
 def _claimed(campaign: Campaign, pack: Pack) -> Pack:
@@ -135,13 +167,30 @@ def _claimed(campaign: Campaign, pack: Pack) -> Pack:
     if stuck is not None:
         folder = campaign.folders.scratch / "nothing"
         folder.mkdir(parents=True, exist_ok=True)
-        verdict = Results(campaign.bucket, pack, pod="").store_run(
+        record = Results(campaign.bucket, pack, pod="").store_run(
             dataclasses.replace(stuck, folder=folder)
         )
-        pack = dataclasses.replace(pack, done={**pack.done, stuck.run.id: verdict})
+        pack = dataclasses.replace(pack, done={**pack.done, stuck.run.id: record.verdict})
     if pack.first is None:
         return pack
     return dataclasses.replace(pack, first_job=claim_job(campaign.bucket, pack, pack.first))
+
+
+def _reusing(campaign: Campaign, pack: Pack) -> Pack:
+    """The pack without the runs that others have executed with the same keys.
+
+    A repetition executes its runs, whatever is stored.
+    """
+    if pack.keys is not None:
+        campaign.store.make_bucket(REUSE_BUCKET)
+    while pack.keys is not None and pack.attempt == 1 and pack.first is not None:
+        verdicts = take_over(campaign, pack, pack.first)
+        if not verdicts:
+            break
+        done = {**pack.done, **verdicts}
+        pack = dataclasses.replace(pack, done=done, first_job=pack.first_job + 1)
+        pack = _claimed(campaign, pack)
+    return pack
 
 
 def _without_files(run: Run) -> Run:
@@ -169,11 +218,18 @@ def _environment(campaign: Campaign, document: Document, job: PackStart) -> dict
     )
 
 
-def _build_config(campaign: Campaign, document: Document, pack: Pack, left: Sequence[Run]) -> None:
-    folders = campaign.folders
-    common = folders.scratch / "common"
+def _common_files(campaign: Campaign, document: Document) -> Path:
+    """A folder of the files that all runs share."""
+    common = campaign.folders.scratch / "common"
     for path in container_files(document):
         copy_file(document.folder / path, common / path)
     for script in (*contract_files(), START):
         copy_file(script, common / script.name)
+    return common
+
+
+def _build_config(campaign: Campaign, pack: Pack, left: Sequence[Run], common: Path) -> None:
+    folders = campaign.folders
     build_config_folder(folders.config, common, PackStart(0, tuple(left)), pack.scenario)
+    if pack.first is not None:  # which may have some of the runs only
+        write_parameters(folders, pack.first, pack.scenario)

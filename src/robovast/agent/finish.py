@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import asdict
 from datetime import UTC, datetime
 from itertools import islice
 from typing import Any
@@ -17,16 +20,24 @@ from robovast.agent.composed import Composed
 from robovast.agent.mounts import Folders
 from robovast.agent.sightings import completed, read_sightings
 from robovast.agent.untrusted_files import SIDE_BY_SIDE, store_own_tree
+from robovast.base.errors import CannotRunError
 from robovast.base.printable import printable
 from robovast.base.ranges import spans
+from robovast.base.sequential import Decision
 from robovast.base.serialization import dump_yaml
-from robovast.campaign.layout import INDEX, JOB_LINKS, Layout
+from robovast.campaign.decisions import decide, runs_needed
+from robovast.campaign.layout import INDEX, JOB_LINKS, RUNS_TABLE, Layout
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.execution.generate import write_execution
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
-from robovast.kubeapi.pod_contract.messages import SUMMARY_LIMIT, Repeat, Summary, id_ranges
-from robovast.kubeapi.status import FAILING_LIMIT
+from robovast.kubeapi.pod_contract.messages import (
+    SUMMARY_LIMIT,
+    Repeat,
+    Summary,
+    id_ranges,
+)
+from robovast.kubeapi.status import DECISIONS_LIMIT, FAILING_LIMIT
 from robovast.model.document import Document
 from robovast.model.expansion import Variant
 from robovast.model.naming import EXECUTION, TRANSIENT, campaign_time
@@ -34,6 +45,10 @@ from robovast.model.plan import Run, plan_runs
 from robovast.model.repetition import GroupSizes, list_key, list_name, list_text, retry_groups
 
 NO_RESULT = "no pod of it has stored a result"
+NOT_DECIDED = (
+    "no pod of it has stored a result, and its configuration is not decided: repeat bad runs once "
+    "more to go on with it"
+)
 
 
 def finish(folders: Folders) -> AgentExit:
@@ -54,11 +69,45 @@ def finish(folders: Folders) -> AgentExit:
     damaged = check_runs(bucket, {run.path: s for run, s in zip(runs, seen, strict=True)})
     for run, damage in damaged.items():
         print(printable(f"{run}: {damage}"))  # noqa: T201
-    index = [_entry(run, record, damaged) for run, (record, _) in zip(runs, seen, strict=True)]
-    _store_execution(campaign, document, bucket, index)
+    records = {run.id: record for run, (record, _) in zip(runs, seen, strict=True)}
+    decisions = _decisions(campaign, document, runs, records)
+    needed = [run for run in runs if records[run.id] is not None or not _is_over(decisions, run)]
+    index = [_entry(run, records[run.id], damaged, decisions) for run in needed]
+    stored = [record for record in records.values() if record is not None]
+    _store_execution(campaign, document, bucket, index, stored, decisions)
     repeat = _store_bad_runs(campaign, bucket, index)
-    summary(index, repeat).fitting().write(folders.message)
+    told = runs_needed(decisions.values(), len(runs)) if decisions else ""
+    summary(index, repeat, len(runs) - len(index), told).fitting().write(folders.message)
     return AgentExit.PASSED
+
+
+def _decisions(
+    campaign: Campaign,
+    document: Document,
+    runs: Iterable[Run],
+    records: Mapping[int, RunRecord | None],
+) -> dict[str, Decision]:
+    """What is decided about each variant; nothing when the number of runs is fixed."""
+    if document.vast.execution.test() is None or not campaign.packs.by_variant:
+        return {}
+    verdicts: dict[str, dict[int, Verdict]] = {}
+    planned: Counter[str] = Counter()
+    for run in runs:
+        known = verdicts.setdefault(run.variant.name, {})
+        planned[run.variant.name] += 1
+        if (record := records[run.id]) is not None:
+            known[run.number] = record.verdict
+    tests = {most: document.vast.execution.test(most) for most in set(planned.values())}
+    return {
+        name: decide(test, known)
+        for name, known in verdicts.items()
+        if (test := tests[planned[name]]) is not None
+    }
+
+
+def _is_over(decisions: Mapping[str, Decision], run: Run) -> bool:
+    decision = decisions.get(run.variant.name)
+    return decision is not None and decision.is_over
 
 
 def _complete_inputs(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
@@ -75,11 +124,17 @@ def _runs(campaign: Campaign, variants: Sequence[Variant]) -> list[Run]:
     return plan_runs(campaign.packs, variants, campaign.plan.seed)
 
 
-def _entry(run: Run, record: RunRecord | None, damaged: Mapping[str, str]) -> dict[str, Any]:
+def _entry(
+    run: Run,
+    record: RunRecord | None,
+    damaged: Mapping[str, str],
+    decisions: Mapping[str, Decision],
+) -> dict[str, Any]:
     """A run's entry in `index.json`; a run without a record is errored."""
     place = {"id": run.id, "variant": run.variant.name, "run": run.number}
     if record is None:
-        return {**place, "verdict": Verdict.ERRORED, "reason": NO_RESULT, "attempt": 0}
+        reason = NOT_DECIDED if run.variant.name in decisions else NO_RESULT
+        return {**place, "verdict": Verdict.ERRORED, "reason": reason, "attempt": 0}
     return {
         **place,
         "verdict": record.verdict,
@@ -95,7 +150,12 @@ def _entry(run: Run, record: RunRecord | None, damaged: Mapping[str, str]) -> di
 
 
 def _store_execution(
-    campaign: Campaign, document: Document, bucket: Bucket, index: Iterable[Mapping[str, Any]]
+    campaign: Campaign,
+    document: Document,
+    bucket: Bucket,
+    index: Iterable[Mapping[str, Any]],
+    records: Sequence[RunRecord],
+    decisions: Mapping[str, Decision],
 ) -> None:
     layout = Layout(campaign.folders.work / "executed")
     for folder in (layout.execution, layout.transient):
@@ -109,14 +169,32 @@ def _store_execution(
         kind="cluster",
         image=campaign.plan.image,
         image_revision="",
+        added=any(block.first_run for block in campaign.packs.blocks),
+        test=document.vast.execution.test(campaign.plan.runs),
     )
     links = {f"{item['variant']}/{item['run']}": item["job"] for item in index if "job" in item}
     (layout.root / JOB_LINKS).write_text(dump_yaml(links), encoding="utf-8")
-    text = json.dumps({"campaign": campaign.plan.campaign, "runs": index}, indent=1)
+    content: dict[str, Any] = {"campaign": campaign.plan.campaign, "runs": index}
+    if decisions:
+        content["decisions"] = {name: asdict(one) for name, one in decisions.items()}
+    text = json.dumps(content, indent=1)
     (layout.root / INDEX).write_text(text + "\n", encoding="utf-8")
+    _write_runs(layout, records)
     prefixes = (f"{EXECUTION}/", f"{TRANSIENT}/")
     there = {o.key for prefix in prefixes for o in bucket.store.objects(bucket.name, prefix)}
     store_own_tree(bucket, layout.root, there=there)
+
+
+def _write_runs(layout: Layout, records: Sequence[RunRecord]) -> None:
+    """Write the rows of all runs, which are then asked in the bucket, without a download.
+
+    A smaller image without DuckDB writes none; who asks then reads the index.
+    """
+    from robovast.analysis.tables.columnar import write_runs
+    from robovast.analysis.tables.runs import record_rows
+
+    with suppress(CannotRunError):
+        write_runs(layout.root / RUNS_TABLE, list(record_rows(records)))
 
 
 def _store_bad_runs(
@@ -136,17 +214,31 @@ def _store_bad_runs(
     return Repeat(list=name, sizes=str(sizes))
 
 
-def summary(index: Sequence[Mapping[str, Any]], repeat: Repeat | None = None) -> Summary:
-    """Counts, ranges of bad runs and the first of them, from the entries of `index.json`."""
+def summary(
+    index: Sequence[Mapping[str, Any]],
+    repeat: Repeat | None = None,
+    not_needed: int = 0,
+    decisions: str = "",
+) -> Summary:
+    """Counts, ranges of bad runs and the first of them, from the entries of `index.json`.
+
+    Args:
+        index: the entries.
+        repeat: the list of bad runs.
+        not_needed: how many other runs the campaign could have had.
+        decisions: what is decided about configurations, for people.
+    """
     ids = {kind: [item["id"] for item in index if item["verdict"] is kind] for kind in Verdict}
     failed, failed_cut = id_ranges(ids[Verdict.FAILED], SUMMARY_LIMIT)
     errored, errored_cut = id_ranges(ids[Verdict.ERRORED], SUMMARY_LIMIT)
     bad = (item for item in index if item["verdict"] is not Verdict.PASSED)
     return Summary(
-        total=len(index),
+        total=len(index) + not_needed,
         passed=len(ids[Verdict.PASSED]),
         failed=len(ids[Verdict.FAILED]),
         errored=len(ids[Verdict.ERRORED]),
+        not_needed=not_needed or None,
+        decisions=decisions[:DECISIONS_LIMIT] or None,
         stored=sum(item["attempt"] > 0 for item in index),
         failed_runs=failed,
         errored_runs=errored,

@@ -16,6 +16,7 @@ from robovast.execution.job_config import (
     own_environment,
     parameter_documents,
 )
+from robovast.model.scenario import Scenario
 
 ENVIRONMENT_FILE = "environment.sh"
 
@@ -36,10 +37,15 @@ def write_environment(folders: Folders, environment: Mapping[str, str]) -> None:
     (folders.config / ENVIRONMENT_FILE).write_text("".join(lines), encoding="utf-8")
 
 
+def write_parameters(folders: Folders, job: PodStart, scenario: Scenario) -> None:
+    """Write the parameters of a job's runs."""
+    parameters = parameter_documents(job, scenario)
+    (folders.config / PARAMETER_FILE).write_text(parameters, encoding="utf-8")
+
+
 def prepare_later_job(folders: Folders, pack: Pack, job: PodStart) -> None:
     """Replace the inputs of the job before by those of this one."""
-    parameters = parameter_documents(job, pack.scenario)
-    (folders.config / PARAMETER_FILE).write_text(parameters, encoding="utf-8")
+    write_parameters(folders, job, pack.scenario)
     common = {k: value for k, value in pack.environment.items() if k != SEED_VARIABLE}
     write_environment(folders, {**common, **own_environment(job, folders.out_seen)})
     prepare_output(folders, job)

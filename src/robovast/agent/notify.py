@@ -27,9 +27,21 @@ from robovast.storage.http_client import HttpClient, HttpError
 TIMEOUT = 20.0
 """How long a server may send nothing [s]."""
 
-_PRIORITIES: Mapping[Event, str] = {"GivenUp": "5", "Stalled": "4", "Finished": "3"}
+_PRIORITIES: Mapping[Event, str] = {
+    "GivenUp": "5",
+    "Stalled": "4",
+    "Started": "2",
+    "Batch": "2",
+    "Progress": "2",
+}
 """Priorities of ntfy: 5 rings, 3 is usual, 2 makes no sound."""
-_TAGS: Mapping[Event, str] = {"GivenUp": "rotating_light", "Stalled": "warning"}
+_TAGS: Mapping[Event, str] = {
+    "GivenUp": "rotating_light",
+    "Stalled": "warning",
+    "Started": "rocket",
+    "Batch": "mag",
+    "Progress": "hourglass_flowing_sand",
+}
 """Tags of ntfy, which shows them as pictures."""
 
 
@@ -130,9 +142,9 @@ def _secret(file: Path, named: SecretKey | None) -> str:
         text = ""
     if not (text and text.isascii() and text.isprintable()):
         raise InputError(
-            f"the Secret `{named.name}` is not there, has no line of ASCII under the key "
-            f"`{named.key}`, or is not for campaigns (the names of those begin with "
-            f"`{SECRET_PREFIX}`): spec.notifications wants it."
+            f"spec.notifications needs the Secret `{named.name}` with one line of ASCII under the "
+            f"key `{named.key}`: it does not exist, has no such line, or is not for campaigns "
+            f"(their Secrets' names begin with `{SECRET_PREFIX}`)."
         )
     return text
 

@@ -26,6 +26,10 @@ START_PATIENCE = 300.0
 """Time limit for the start of a run's container; its image is on the node already [s]."""
 STOP_PATIENCE = 30.0
 """Time limit for the end of a job after a request, and of its secondary containers [s]."""
+GONE_INTERVAL = 1.0
+"""How often to look whether the run's container was killed, which takes longer than others [s]."""
+PAUSE = 0.5
+"""Longest time between two looks at a job [s]."""
 KILL_DELAY = 2.0
 """Time to wait whether the whole pod is being killed, before the run is judged [s]."""
 KILLED = 137
@@ -60,6 +64,7 @@ class PodProcess:
     """Is called repeatedly while the job runs; an exception ends the watch."""
     _give_up: float = field(default_factory=lambda: time.monotonic() + START_PATIENCE)
     _stopwatch: Stopwatch | None = None
+    _next_look: float = 0.0
 
     def started(self) -> Stopwatch | None:
         """Stopwatch since the start of the job; None before that."""
@@ -71,7 +76,7 @@ class PodProcess:
         code = self.container.exit_code(self.job)
         if code is not None:
             return Ending(code, lacked_memory=self.container.lacked_memory(self.job))
-        if self.started() is not None and self.container.is_gone(self.job):
+        if self.started() is not None and self._is_gone():
             time.sleep(KILL_DELAY)
             return Ending(KILLED, container_killed=True)
         return None
@@ -83,7 +88,15 @@ class PodProcess:
     def _never_starts(self) -> bool:
         if self.started() is not None:
             return False
-        return time.monotonic() > self._give_up or self.container.is_gone(self.job)
+        return time.monotonic() > self._give_up or self._is_gone()
+
+    def _is_gone(self) -> bool:
+        """Whether the container was killed, noticed within `GONE_INTERVAL`."""
+        now = time.monotonic()
+        if now < self._next_look:
+            return False
+        self._next_look = now + GONE_INTERVAL
+        return self.container.is_gone(self.job)
 
     def stop(self) -> int | None:
         """Ask it to end; return its exit code, if there is one."""
@@ -92,9 +105,13 @@ class PodProcess:
         return self.container.exit_code(self.job)
 
     def wait(self, seconds: float) -> None:
-        """Wait for this time."""
+        """Wait for this time, or for a hundredth of that which the job has taken, up to `PAUSE`.
+
+        Each look takes CPU that belongs to the run.
+        """
         self.check()
-        time.sleep(seconds)
+        age = self._stopwatch.seconds if self._stopwatch else 0.0
+        time.sleep(max(seconds, min(age / 100, PAUSE)))
 
     def wait_for_all(self, secondaries: Iterable[str]) -> None:
         """Wait until the job has ended in all secondary containers."""

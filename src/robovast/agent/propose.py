@@ -7,16 +7,19 @@ the place of this one: it says the same.
 from __future__ import annotations
 
 import shutil
+import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from tempfile import mkdtemp
 
 from robovast.agent.bucket import Bucket
 from robovast.agent.campaign import Campaign, download, load_inputs, open_campaign
 from robovast.agent.compose import files_below, store_inputs
 from robovast.agent.composed import Composed, store_grown
+from robovast.agent.deadline import deadline
 from robovast.agent.digests import check_files
 from robovast.agent.mounts import Folders
 from robovast.agent.process import add_to_run
@@ -25,7 +28,7 @@ from robovast.analysis.postprocessing.content import changed, scan
 from robovast.base.atomic import write_atomically
 from robovast.base.errors import InputError, StorageError
 from robovast.campaign.configurations import read_variants
-from robovast.campaign.layout import CAMPAIGN_STORE, CONFIGURATIONS, Layout
+from robovast.campaign.layout import CONFIGURATIONS, SEARCH, Layout
 from robovast.campaign.places import run_of
 from robovast.campaign.run_files import escaped
 from robovast.execution.generate import write_configurations
@@ -36,23 +39,28 @@ from robovast.kubeapi.pod_contract.messages import (
     TEXT_LIMIT,
     Proposed,
     shortened,
+    write_error,
 )
 from robovast.model.document import Document
 from robovast.model.expansion import Composition, Variant, compose
 from robovast.model.expansion.containers import refuse_containers
 from robovast.model.growing import GrowingPlan
-from robovast.model.naming import CONFIG
+from robovast.model.naming import CAMPAIGN_STORE, CONFIG
 from robovast.model.packs import Block, format_breaks
 from robovast.model.plan import breaks
-from robovast.search.history import FOLDER, History
+from robovast.search.ending import Stop
+from robovast.search.history import History
 from robovast.search.plugins import make_extractor
 from robovast.search.processing import call_postprocessing
 from robovast.search.proposing import with_runs
-from robovast.search.rounds import Rounds, Stop
+from robovast.search.rounds import Rounds
 from robovast.search.store import write_search_store
 from robovast.storage.bucket_ownership import owner_of
 from robovast.storage.download import Silent, download_campaign
 from robovast.storage.folder_ownership import occupy
+
+LONGEST = 2 * 3600.0
+"""How long proposing may take [s]; what takes longer hangs."""
 
 
 def propose(folders: Folders) -> AgentExit:
@@ -64,6 +72,23 @@ def propose(folders: Folders) -> AgentExit:
     """
     campaign = open_campaign(folders, connections=SIDE_BY_SIDE)
     campaign.bucket.claim()
+    with deadline(LONGEST, partial(_tell_hanging, folders)):
+        _go_on(campaign).write(folders.message)
+    return AgentExit.PASSED
+
+
+def _tell_hanging(folders: Folders, where: str) -> None:
+    """Say that something takes too long."""
+    text = (
+        f"proposing is not done after {LONGEST / 3600:g} h: it is in {where}. Mend the strategy, "
+        "the extractor or the postprocessing that takes so long, and create another Campaign."
+    )
+    print(f"error: {text}", file=sys.stderr)  # noqa: T201
+    write_error(folders.message, text, as_json=True)
+
+
+def _go_on(campaign: Campaign) -> Proposed:
+    """Go on with a search until it needs runs, or ends."""
     document = with_runs(load_inputs(campaign), campaign.plan.runs)
     grown = _open(campaign, document)
     history = History(grown.layout, partial(_keep, campaign.bucket, grown.layout))
@@ -82,8 +107,7 @@ def propose(folders: Folders) -> AgentExit:
     store = grown.layout.root / CAMPAIGN_STORE
     if store.exists():
         campaign.bucket.store.put_file(campaign.bucket.name, CAMPAIGN_STORE, store)
-    _words(rounds, grown, stop).write(folders.message)
-    return AgentExit.PASSED
+    return _words(rounds, grown, stop)
 
 
 class _Log:
@@ -100,12 +124,17 @@ class ProposedCampaign(GrowingPlan):
 
     campaign: Campaign
     layout: Layout
-    executed: Sequence[Block]
-    """The blocks of the mounted plan: all of their runs have ended."""
+    planned: Sequence[Block]
+    """The blocks of the mounted plan."""
+    ended: Sequence[Block]
+    """Those of them whose runs have ended, as the plan says: no other run is looked at, so that
+    what follows does not depend on how fast runs are."""
     made: Composed | None
     """The variants of the mounted plan."""
     digest: str = ""
     """`CampaignPlan.composed` of all variants."""
+    inputs: dict[str, str] = field(default_factory=dict)
+    """SHA-256 of the files beside the document, by path."""
     interrupted: bool = False
     observer: _Log = field(default_factory=_Log)
 
@@ -120,36 +149,36 @@ class ProposedCampaign(GrowingPlan):
         Raises:
             InputError: they are not those of the mounted plan.
         """
-        if list(blocks[: len(self.executed)]) != list(self.executed):
+        if list(blocks[: len(self.planned)]) != list(self.planned):
             raise InputError(
-                f"{self.campaign.plan.bucket}/{FOLDER}: its batches are not those that the runs "
+                f"{self.campaign.plan.bucket}/{SEARCH}: its batches are not those that the runs "
                 "were planned with. They are written once and never changed: restore them from a "
                 "copy, or create another Campaign."
             )
         self.blocks = list(blocks)
 
     def add_variants(self, document: Document, composition: Composition) -> None:
-        """Store the inputs of further variants."""
-        earlier, new = self.variants[: self.known], composition.variants
+        """Store the inputs of further variants; those of the batch before may be among the new."""
         bucket, name = self.campaign.bucket, document.path.name
-        stored = store_inputs(self.campaign, document, composition, earlier)
+        stored = store_inputs(self.campaign, document, composition, self.variants)
         plugins = files_below(self.layout.config)
         for path in plugins:
             key = escaped(f"{CONFIG}/{path}")
             bucket.store.put_file(bucket.name, key, self.layout.config / path)
-        before = self.made.inputs if self.made is not None else {}
-        inputs = {**before, **plugins, **files_below(stored.config)}
-        self.digest = store_grown(bucket, name, inputs, self.made, new)
+        self.inputs |= plugins | files_below(stored.config)
+        self.variants = [*self.variants, *composition.variants]
+        new = self.variants[self.known :]
+        self.digest = store_grown(bucket, name, self.inputs, self.made, new)
         shutil.copyfile(stored.configurations, self.layout.configurations)
-        self.variants = [*earlier, *new]
 
     def plan(self, blocks: Sequence[Block]) -> None:
         """Append blocks to the plan."""
         self.blocks += blocks
 
-    def execute(self, blocks: Sequence[Block]) -> None:
-        """Fetch the runs of blocks that are executed; others are left to the cluster."""
-        if not set(blocks) <= set(self.executed):
+    def execute(self, blocks: Sequence[Block], meanwhile: Sequence[Block]) -> None:
+        """Fetch the runs of blocks that have ended; others are left to the cluster."""
+        del meanwhile
+        if not set(blocks) <= set(self.ended):
             self.interrupted = True
             return
         wanted = {i for b in blocks for i in range(b.first_variant, b.first_variant + b.variants)}
@@ -167,16 +196,25 @@ def _open(campaign: Campaign, document: Document) -> ProposedCampaign:
     plan, layout = campaign.plan, Layout(campaign.folders.work / "results" / campaign.plan.campaign)
     shutil.rmtree(layout.root, ignore_errors=True)
     occupy(layout.root, owner_of(campaign.store, plan.bucket))
-    download(campaign, f"{FOLDER}/", layout.root)
+    download(campaign, f"{SEARCH}/", layout.root)
     made, variants = None, []
     if plan.composed is not None:
         made = Composed(campaign.bucket, layout, plan.composed, growing=True)
         check_files(made.inputs, document.folder)
         variants = _with_timings(campaign, layout, list(made))
     write_configurations(document, Composition(()), layout.root, timings=True, earlier=variants)
-    executed = plan.plan.blocks if plan.plan is not None else ()
-    digest = plan.composed or ""
-    return ProposedCampaign(campaign, layout, executed, made, digest, variants=variants)
+    planned = plan.plan.blocks if plan.plan is not None else ()
+    ended = plan.plan.awaited_blocks if plan.plan is not None else ()
+    return ProposedCampaign(
+        campaign,
+        layout,
+        planned,
+        ended,
+        made,
+        digest=plan.composed or "",
+        inputs=dict(made.inputs) if made is not None else {},
+        variants=variants,
+    )
 
 
 def _with_timings(campaign: Campaign, layout: Layout, planned: list[Variant]) -> list[Variant]:
@@ -201,16 +239,16 @@ def _keep(bucket: Bucket, layout: Layout, path: Path, text: str) -> None:
 
 
 def _expand(campaign: Campaign, document: Document) -> Composition:
-    scratch = campaign.folders.scratch
-    shutil.rmtree(scratch, ignore_errors=True)
-    scratch.mkdir(parents=True)
+    """The variants of a batch; their files stay, since another batch may follow."""
+    campaign.folders.scratch.mkdir(parents=True, exist_ok=True)
+    scratch = Path(mkdtemp(dir=campaign.folders.scratch))
     return compose(document, scratch, print, refuse_containers)
 
 
 def _elapsed(campaign: Campaign, history: History) -> float:
     """Time since the first batch was proposed, by the clock of the S3 server."""
     bucket = campaign.bucket
-    begun = bucket.store.look(bucket.name, f"{FOLDER}/batch-0000.json")
+    begun = bucket.store.look(bucket.name, f"{SEARCH}/batch-0000.json")
     return max(history.elapsed, time.time() - begun.modified if begun else 0.0)
 
 
@@ -232,7 +270,8 @@ def _words(rounds: Rounds, grown: ProposedCampaign, stop: Stop | None) -> Propos
     cuts = format_breaks([0, *breaks(new)] if grown.known and new else breaks(new))
     if len(cuts) > BREAKS_LIMIT:
         cuts = format_breaks(range(0 if grown.known else 1, len(new)))
-    left = grown.blocks[len(grown.executed) :][:BLOCKS_LIMIT]
+    known = len(grown.planned)
+    left = grown.blocks[known:][:BLOCKS_LIMIT]
     scores = rounds.history.scores().values()
     criteria = " | ".join(str(criterion) for criterion in rounds.criteria())
     return Proposed(
@@ -240,6 +279,7 @@ def _words(rounds: Rounds, grown: ProposedCampaign, stop: Stop | None) -> Propos
         variants=len(new),
         breaks=cuts,
         digest=grown.digest,
+        awaited=_awaited(rounds.history, grown, known + len(left)),
         batch=len(rounds.history.finished),
         evaluated=sum(not score.error for score in scores),
         best=shortened(rounds.best_value, TEXT_LIMIT),
@@ -247,3 +287,15 @@ def _words(rounds: Rounds, grown: ProposedCampaign, stop: Stop | None) -> Propos
         stop=stop.kind if stop else "",
         stop_reason=shortened(stop.reason, TEXT_LIMIT) if stop else "",
     )
+
+
+def _awaited(history: History, grown: ProposedCampaign, told: int) -> int | None:
+    """How many blocks must have ended before the search can go on: those of its oldest open batch.
+
+    What no message has room for is asked for at once.
+    """
+    if not history.open:
+        return None
+    wanted = set(history.open[0].blocks)
+    needed = max((n for n, block in enumerate(grown.blocks, 1) if block in wanted), default=0)
+    return needed if needed <= told else len(grown.ended)

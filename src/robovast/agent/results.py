@@ -6,6 +6,7 @@ import json
 import os
 import socket
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -13,18 +14,19 @@ from typing import BinaryIO
 
 from robovast.agent.bucket import Bucket
 from robovast.agent.claims import claim_job
+from robovast.agent.offers import make_offer
 from robovast.agent.pack import Pack
 from robovast.agent.untrusted_files import open_files, store_files
 from robovast.base import safe_paths
 from robovast.base.containers import named_digest
+from robovast.campaign.checksums import recorded
 from robovast.campaign.layout import JOBS
 from robovast.campaign.own_names import set_own_names_aside
 from robovast.campaign.places import Keys
-from robovast.campaign.records import Circumstances, EndedRun, make_record
+from robovast.campaign.records import Circumstances, EndedRun, copied_record, make_record
 from robovast.campaign.run_files import MOST_TOLD, StoredFile, Writer, escaped
 from robovast.campaign.run_record import RunRecord
-from robovast.campaign.verdict import Verdict
-from robovast.model.plan import PackStart
+from robovast.model.plan import PackStart, Run
 
 RUNTIME = "kubernetes"
 """Name of this runtime in run.json."""
@@ -59,25 +61,44 @@ class Results:
         self._names: dict[int, str] = {}
         self._next_snapshot = 0.0
 
-    def store_run(self, ended: EndedRun) -> Verdict:
+    def store_run(self, ended: EndedRun) -> RunRecord:
         """Store a finished run, and remove its folder.
 
         Returns:
-            The stored verdict: that of another pod, if it stored the run before.
+            The stored record: that of another pod, if it stored the run before.
         """
         set_own_names_aside(ended.folder)
-        verdict = self._settled(ended)
-        while verdict is None:
-            verdict = self._settled(ended)
-        _remove(ended.folder)
-        return verdict
+        return self._store(ended.run, ended.folder, lambda: self._record(ended))
 
-    def _settled(self, ended: EndedRun) -> Verdict | None:
-        """The stored verdict; None if another writer came in between."""
-        run = ended.run.path
+    def store_copy(self, job: PackStart, run: Run, origin: RunRecord, folder: Path) -> RunRecord:
+        """Store a run as another campaign has stored it, and remove the folder of its files.
+
+        Args:
+            job: the job that would have executed it.
+            run: the run.
+            origin: record of the other campaign's.
+            folder: its files.
+
+        Returns:
+            The stored record, as `store_run` does.
+        """
+        executed = f"{origin.campaign}/{origin.variant}/{origin.run}"
+        copied = copied_record(origin, executed, run, self._pack.campaign, self._name(job))
+        record = replace(copied, attempt=self._pack.attempt)
+        return self._store(run, folder, lambda: record)
+
+    def _store(self, run: Run, folder: Path, made: Callable[[], RunRecord]) -> RunRecord:
+        record = self._settled(run.path, folder, made)
+        while record is None:
+            record = self._settled(run.path, folder, made)
+        _remove(folder)
+        return record
+
+    def _settled(self, run: str, folder: Path, made: Callable[[], RunRecord]) -> RunRecord | None:
+        """The stored record; None if another writer came in between."""
         earlier, etag = self._bucket.seen(run)
         if earlier is not None and earlier.attempt >= self._pack.attempt:
-            return earlier.verdict
+            return earlier
         writer = Writer(run)
 
         def store(path: str, number: int, file: BinaryIO) -> StoredFile:
@@ -85,10 +106,15 @@ class Results:
             sent = self._bucket.store.put_new(self._bucket.name, f"{run}/{key}", file)
             return StoredFile(path, key, sent.size, sent.sha256)
 
-        stored, missing = store_files(ended.folder, store)
+        stored, missing = store_files(folder, store)
         files = self._bucket.store_list(writer, stored)
-        record = replace(self._record(ended), files=files, missing=missing.told(MOST_TOLD))
-        return record.verdict if self._bucket.settle(run, record, etag) else None
+        record = replace(made(), files=files, missing=missing.told(MOST_TOLD))
+        if record.key and not record.missing:
+            record = replace(record, outputs=recorded({f.path: f.sha256 for f in stored}))
+        if not self._bucket.settle(run, record, etag):
+            return None
+        make_offer(self._bucket.store, self._bucket.name, record)
+        return record
 
     def _record(self, ended: EndedRun) -> RunRecord:
         circumstances = Circumstances(
@@ -100,6 +126,7 @@ class Results:
             image_digest=named_digest(self._pack.image),
             host=self._host,
             pod=self._pod,
+            key=self._pack.keys_of(ended.job).get(ended.run.id, ""),
         )
         return make_record(ended, circumstances)
 

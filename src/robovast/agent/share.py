@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -67,11 +67,27 @@ def _open(folder: Path) -> Share:
     Files that are called as no variable can be are the provider's own.
     """
     paths = [path for path in folder.iterdir() if path.name.isidentifier() and path.is_file()]
-    variables = {path.name: path.read_text(encoding="utf-8") for path in paths}
+    variables = {path.name: _text(path) for path in paths}
     if SHARE_TYPE not in variables:
         raise InputError(f"{folder}: the Secret that describes the share has no {SHARE_TYPE}.")
     os.environ.update(variables)
     return Share(load_provider(variables[SHARE_TYPE], folder))
+
+
+def _text(path: Path) -> str:
+    """The value of a variable.
+
+    Raises:
+        InputError: no variable can have it.
+    """
+    content = path.read_bytes()
+    with suppress(UnicodeDecodeError):
+        if b"\0" not in content:
+            return content.decode()
+    raise InputError(
+        f"{path}: the Secret that describes the share has a value that is no text. Files of a "
+        "provider have another name than a variable, such as `key.p12`."
+    )
 
 
 def _pack(folders: Folders, request: Request, archive: Path) -> None:

@@ -24,6 +24,12 @@ word='' number='' job=0 child='' begun=0 terminated='' held=''
 
 read_order() { read -r word number <"$here/order"; }
 
+# As sleep does, which would be a process each time: nobody writes into this pipe.
+pause() { # SECONDS
+    read -rt "$1" -u 7
+    (($? > 128)) || sleep "$1"
+} 2>/dev/null
+
 # Sets uptime [s]; $SECONDS would follow a clock that is set.
 read_uptime() {
     read -r uptime _ </proc/uptime
@@ -55,12 +61,12 @@ await_job() {
         [[ $word == end ]] && return 1
         [[ $word == run ]] && ((number > job)) && job=$number && return
         agent_lives || return 1
-        sleep 0.1
+        pause 0.1
     done
     return 1
 }
 
-# Descriptor 8 is closed for every child: only this shell holds the lock.
+# Descriptors 7 and 8 are closed for every child: only this shell holds the lock.
 hold_lock() {
     exec 8>>"$answers/lock" &&
         { flock 8 || python3 -I -S -c 'import fcntl; fcntl.flock(8, fcntl.LOCK_EX)'; } 2>/dev/null &&
@@ -72,7 +78,7 @@ answer() { # WHAT
 }
 
 enter_job() {
-    exec 8>&-
+    exec 7>&- 8>&-
     # shellcheck source=/dev/null
     source "$here/environment.sh"
     cd "$ROBOVAST_OUT_DIR" || exit
@@ -85,7 +91,7 @@ enter_job() {
 # Ends the job when that is ordered, or when nobody is there to store it.
 watch_orders() {
     exec 8>&-
-    while sleep 0.5 && read_order && [[ $word == run ]] && ((number == job)) && agent_lives; do
+    while pause 0.5 && read_order && [[ $word == run ]] && ((number == job)) && agent_lives; do
         :
     done
     kill -TERM "$child"
@@ -126,6 +132,7 @@ terminate() {
 main() {
     local answers uptime
     trap terminate TERM INT
+    exec 7<> <(:)
     read_uptime
     begun=$uptime
     read_order

@@ -10,13 +10,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from robovast.base.atomic import appearing_file
+from robovast.base.atomic import appearing_file, part_name, put_in_place, sync_tree
 from robovast.base.sequential import SequentialTest
 from robovast.base.serialization import dump_yaml, to_plain
 from robovast.base.version import __version__
 from robovast.campaign.configurations import configuration_record
 from robovast.campaign.decisions import DECIDE, test_record
 from robovast.campaign.layout import SCENARIO_CONFIG, VARIANT_RECORD, Layout
+from robovast.campaign.planned_runs import PlannedRuns
 from robovast.execution.contract import contract_files
 from robovast.model.document import Document
 from robovast.model.expansion import Composition, Variant
@@ -33,9 +34,12 @@ def write_configurations(
     *,
     timings: bool,
     earlier: Sequence[Variant] = (),
+    lasting: bool = False,
     tell: Callable[[str], None] = lambda _: None,
 ) -> None:
     """Write `_config`, `_transient` and every `<variant>/_config` of a campaign.
+
+    Inputs that the campaign has already stay as they are, even if the document's have changed.
 
     Args:
         document: the checked document.
@@ -44,6 +48,7 @@ def write_configurations(
         timings: also record when each variation was applied and how long it took; without timings,
             equal input produces equal bytes.
         earlier: variants that were written before; they come first in the list.
+        lasting: sync the files of variants to the disk before the list names them.
         tell: receives occasional progress messages.
     """
     layout = Layout(output)
@@ -51,17 +56,20 @@ def write_configurations(
         folder.mkdir(parents=True, exist_ok=True)
     if document.folder != layout.config:  # otherwise it is the campaign's own copy
         for path in campaign_files(document, composition):
-            copy_file(document.folder / path, layout.config / path)
+            if not (layout.config / path).exists():  # runs may have begun with what is there
+                _copy_whole(document.folder / path, layout.config / path)
     for file in composition.transient_files:
-        copy_file(file.source, layout.transient / file.name)
+        _copy_whole(file.source, layout.transient / file.name)
     for script in contract_files():
-        copy_file(script, layout.transient / script.name)
+        _copy_whole(script, layout.transient / script.name)
     scenario = read_scenario(document.scenario).name
     identities = Identities(document)
     for number, variant in enumerate(composition.variants):
         if number % 100 == 0:
             tell(variant.name)
         _write_variant(layout, variant, scenario, identities.of(variant))
+        if lasting:
+            sync_tree(layout.variant(variant.name))
     variants = (*earlier, *composition.variants)
     with (
         appearing_file(layout.configurations) as part,
@@ -80,15 +88,30 @@ def write_execution(
     kind: str,
     image: str,
     image_revision: str,
+    added: bool = False,
     test: SequentialTest | None = None,
-    replay_of: str | None = None,
+    again: tuple[str, str] | None = None,
 ) -> None:
-    """Write `_execution/execution.yaml`: when, with what and how the campaign is executed."""
+    """Write `_execution/execution.yaml`: when, with what and how the campaign is executed.
+
+    Args:
+        layout: of the campaign.
+        document: of the campaign.
+        started: when it began.
+        runs: of each variant.
+        seed: of the campaign, if its runs have seeds of it.
+        kind: who executes it.
+        image: what executes its runs.
+        image_revision: digest of the image.
+        added: whether runs were added since it began.
+        test: when the runs of a variant are enough.
+        again: a key, and the run of another campaign that is executed again.
+    """
     layout.execution.mkdir(exist_ok=True)
     record = {
         "execution_time": started.astimezone(UTC).isoformat(timespec="seconds"),
         "robovast_version": __version__,
-        "runs": runs,
+        **PlannedRuns(runs, added=added).record(),
         "seed": seed,
         "execution_type": kind,
         "image": image,
@@ -98,8 +121,8 @@ def write_execution(
     }
     if test is not None:
         record[DECIDE] = test_record(test)
-    if replay_of is not None:
-        record["replay_of"] = replay_of
+    if again is not None:
+        record.update([again])
     layout.execution_record.write_text(dump_yaml(record), encoding="utf-8")
 
 
@@ -107,6 +130,13 @@ def copy_file(source: Path, target: Path) -> None:
     """Copy a file with its mode; create missing folders."""
     target.parent.mkdir(parents=True, exist_ok=True)
     shutil.copy2(source, target)
+
+
+def _copy_whole(source: Path, target: Path) -> None:
+    """Copy a file; whoever continues after a kill finds all of it, or none."""
+    part = part_name(target)
+    copy_file(source, part)
+    put_in_place(part, target, lasting=False)
 
 
 def _write_variant(layout: Layout, variant: Variant, scenario: str, identity: Any) -> None:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
 from robovast.base import safe_paths
-from robovast.campaign.layout import SYSTEM_LOG
+from robovast.campaign.layout import SYSTEM_LOG, TEST_RESULT
 from robovast.model.plan import Run
 
 FINISHED_RUNS = "finished_runs"
 """File in a job's folder where the contract's scripts list finished runs."""
-_LOG_END = 256 << 10
-"""Part of a log that is searched for the reason why a run did not pass [bytes]."""
+_LOG_END = 2 << 20
+"""Most of a log that is searched for the reason why a run did not pass [bytes]; also more than the
+next run writes until this one is noticed to be finished."""
 
 
 @dataclass(frozen=True)
@@ -29,31 +30,28 @@ class PackOutput:
     console: Path | None = None
     """Log to use if the job has none; in a folder that the job cannot replace."""
 
-    def is_over(self, runs: Sequence[Run], index: int) -> bool:
-        """Whether a run is finished: the job reports it, or a later run has begun.
-
-        Args:
-            runs: the job's runs, in order.
-            index: index of the run.
-        """
-        if runs[index].path in self._finished_runs():
-            return True
-        return any(self.has_begun(run) for run in runs[index + 1 :])
-
-    def _finished_runs(self) -> list[str]:
+    def is_over(self, run: Run) -> bool:
+        """Whether the contract's driver says that a run is finished, which no folder can say."""
         try:
-            return safe_paths.read_text(self.own / FINISHED_RUNS, self.root).splitlines()
+            listed = safe_paths.read_text(self.own / FINISHED_RUNS, self.root)
         except OSError:
-            return []
+            return False
+        return run.path in listed.splitlines()
+
+    def has_result(self, run: Run) -> bool:
+        """Whether the run has a test.xml."""
+        return safe_paths.is_file(self.out / run.path / TEST_RESULT, self.out)
 
     def has_begun(self, run: Run) -> bool:
         """Whether the run's folder exists."""
         return safe_paths.is_folder(self.out / run.path, self.out)
 
-    def log_end(self) -> bytes:
-        """The end of the job's log; empty if there is none."""
-        log = _end_of(self.own / SYSTEM_LOG, self.root)
-        return log or (_end_of(self.console, self.console.parent) if self.console else b"")
+    def log_end(self, begin: int) -> tuple[bytes, int]:
+        """The end of the job's log, not before `begin`, and where it ends; empty without a log."""
+        found = _end_of(self.own / SYSTEM_LOG, self.root, begin)
+        if not found[1] and self.console:
+            return _end_of(self.console, self.console.parent, begin)
+        return found
 
     def take(self, run: Run, stored: Path) -> Path:
         """Move a run's output out of the job's reach, whatever modes its folders have.
@@ -72,12 +70,11 @@ class PackOutput:
         return target
 
 
-def _end_of(log: Path, root: Path) -> bytes:
-    """The end of a log below a folder; empty if there is none."""
+def _end_of(log: Path, root: Path, begin: int) -> tuple[bytes, int]:
     try:
-        return safe_paths.read_end(log, root, _LOG_END)
+        return safe_paths.read_end(log, root, _LOG_END, begin)
     except OSError:
-        return b""
+        return b"", 0
 
 
 def keep_the_rest(out: Path, own: Path, but: Collection[str] = ()) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from robovast.base.stopwatch import Stopwatch
+from robovast.campaign.job_log import own_part
 from robovast.campaign.judge import Ending, judge
 from robovast.campaign.records import EndedRun
 from robovast.campaign.verdict import Verdict, read_test_result
@@ -70,6 +71,8 @@ class PackWatch:
     """Receives each finished run while the job continues."""
     _current: int = 0
     """Index of the current run."""
+    _log_begin: int = 0
+    """Where the log of the run before ended [bytes]."""
     _stopwatch: Stopwatch | None = None
     """Stopwatch of the current run; None before its start."""
 
@@ -94,17 +97,22 @@ class PackWatch:
         """Pass on finished runs. The end is checked first, so that no earlier run is missed."""
         ended = self.process.ending()
         interrupted = self.process.is_interrupted()
-        while self._is_over():
+        while self._is_over(ended):
             self.run_over(self._take(Ending(None)))
             self._stopwatch = Stopwatch()
         self._stopwatch = self._stopwatch or self.process.started()
         seconds = self._stopwatch.seconds if self._stopwatch else 0.0
         return final_ending(ended, interrupted, seconds, self.timeout)
 
-    def _is_over(self) -> bool:
-        """Whether the current run, unless it is the last one, is finished."""
-        runs = self.job.runs
-        if self._current == len(runs) - 1 or not self.output.is_over(runs, self._current):
+    def _is_over(self, ended: Ending | None) -> bool:
+        """Whether the current run, unless it is the last one, is finished.
+
+        Where the driver cannot be used nobody says so, and results are written at the job's end.
+        """
+        if len(self.left) == 1:
+            return False
+        run = self.left[0]
+        if not self.output.is_over(run) and (ended is None or not self.output.has_result(run)):
             return False
         # An interruption is announced before the run can write its consequences.
         return not self.process.is_interrupted() or self._has_passed()
@@ -118,6 +126,8 @@ class PackWatch:
         run = self.left[0]
         folder = self.output.take(run, self.stored)
         self._current += 1
-        result = judge(read_test_result(folder), ending, self.timeout, self.output.log_end())
+        log, end = self.output.log_end(self._log_begin)
+        self._log_begin = end - len(log) + own_part(log, run.path).stop
+        result = judge(read_test_result(folder), ending, self.timeout, log, run.path)
         period = (self._stopwatch or Stopwatch()).period
         return EndedRun(self.job, run, folder, result, period, ending.exit_code)

@@ -38,7 +38,7 @@ PAGE = os.sysconf("SC_PAGE_SIZE")
 class Process:
     """One line of /proc/PID/stat."""
 
-    __slots__ = ("began", "cpu", "name", "pid", "rss")
+    __slots__ = ("began", "cpu", "is_over", "name", "pid", "rss")
 
     def __init__(self, stat: str) -> None:
         """Parse; the name stands in parentheses and may itself hold any character."""
@@ -46,6 +46,7 @@ class Process:
         pid, _, self.name = head.partition(" (")
         fields = tail.split()
         self.pid = int(pid)
+        self.is_over = fields[0] == "Z"  # only its parent has not asked for its exit code
         self.cpu = (int(fields[11]) + int(fields[12])) / TICKS
         self.began = int(fields[19]) / TICKS
         self.rss = int(fields[21]) * PAGE
@@ -115,6 +116,7 @@ def sample(file: TextIO, root: int | None, last: dict[Identity, Usage]) -> dict[
     else:  # an orphan is still ours, one that reuses its pid is not
         orphans = [one for one in processes(pid for pid, _ in last) if one.identity in last]
         watched = processes(family([root, *(one.pid for one in orphans)]))
+    watched = [one for one in watched if not one.is_over]
     now = time.time()
     uptime = time.clock_gettime(time.CLOCK_BOOTTIME)
     file.write("".join(row(one, now, uptime, last.get(one.identity)) for one in watched))

@@ -10,10 +10,14 @@ unchanged but for what a pack needs:
 - A line of the log, `[robovast] run FOLDER`, says which run the lines after it belong to.
 - What a scenario started is shut down before the next one begins.
 - The post command (`--post-run`) runs once per run, with that run's folder.
+- Whatever processes a run and its post command leave behind are ended, so that none changes the
+  run's files once others have taken them. What was there before the first run stays, and so does
+  what a step-based simulation starts when it is set up or reset.
 - ROBOVAST_SEED is that of the run, for all that it starts (scenario.seeds.json has them all).
 - Each run that is over, post command included, gets a line in $OUTPUT_DIR/finished_runs: its
   folder, relative to the output folder of the pack.
-- A parameter document, a setup or a tick that raises fails its own run only.
+- A setup or a tick that raises fails its own run only; a parameter document that is wrong leaves
+  only its own run without a verdict.
 - A request to stop ends the pack, not only the scenario that runs.
 - The loop does not sleep one more tick after a scenario has ended.
 
@@ -33,6 +37,7 @@ import sys
 # Modules come from where the executor finds them; the folder of this file is the user's.
 sys.path[0] = os.path.dirname(os.path.abspath(sys.argv[1]))
 
+import contextlib
 import gc
 import importlib
 import inspect
@@ -47,11 +52,21 @@ from xml.sax.saxutils import escape, quoteattr
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterable, Iterator
     from typing import Any
 
 POST_COMMAND_TIMEOUT = 600
 """Seconds, as many as scenario-execution grants."""
+
+ENDING = ((signal.SIGTERM, 2.0), (signal.SIGKILL, 10.0))
+"""Signals to what runs leave behind, and how long it may take to end [s]."""
+
+PR_SET_CHILD_SUBREAPER = 36
+"""Of prctl: a process whose parent has ended becomes a child of the caller."""
+
+PARSING_FAILED = "parsing failed"
+"""The failure message that scenario-execution gives to a scenario that it cannot parse: that run
+never begins, and is errored."""
 
 STOPPED = "Aborted"
 """The failure message that scenario-execution gives to a run that was asked to stop."""
@@ -103,10 +118,17 @@ def test_suite(results: list[Any]) -> Iterator[str]:
 
 def write_test_xml(folder: str, results: list[Any]) -> None:
     """Write a run's verdict; it appears complete or not at all."""
-    path = os.path.join(folder, "test.xml")
-    with open(path + ".part", "w", encoding="utf-8") as file:
-        file.writelines(line + "\n" for line in test_suite(results))
-    os.replace(path + ".part", path)
+    write_anew(os.path.join(folder, "test.xml"), test_suite(results))
+
+
+def write_anew(path: str, lines: Iterable[str]) -> None:
+    """Write a file, complete or not at all, whatever (a pipe, a link) a run put in its place."""
+    part = path + ".part"
+    with contextlib.suppress(FileNotFoundError):
+        os.remove(part)
+    with open(part, "x", encoding="utf-8") as file:
+        file.writelines(line + "\n" for line in lines)
+    os.replace(part, path)
 
 
 def run_post_command(command: str, folder: str, logger: Any) -> None:
@@ -147,7 +169,7 @@ def unparsable(name: str, reason: str) -> Any:
     def setup(**_: Any) -> None:
         raise ValueError(reason)
 
-    tree.setup = setup
+    tree.setup, tree.failure_message = setup, PARSING_FAILED
     return tree
 
 
@@ -160,8 +182,7 @@ def parse_one_by_one(execution: Any) -> None:
             scenarios += execution.scenarios_list
         else:
             failure = execution.results.pop()
-            reason = f"{failure.failure_message}: {failure.failure_output}"
-            scenarios.append((unparsable(name, reason), {}, folder))
+            scenarios.append((unparsable(name, failure.failure_output), {}, folder))
     execution.scenarios_list = scenarios
 
 
@@ -169,10 +190,12 @@ class Pack:
     """Methods that take the place of those of ScenarioExecution, whose instance `self` is."""
 
     def parse(self: Any) -> bool:
-        """Parse; a document that is wrong becomes a run that fails."""
+        """Parse; a document that is wrong becomes a run without verdict."""
         if not original.parse(self):
             self.results.clear()
             parse_one_by_one(self)
+        if self.simulation is not None:
+            finish_before_reset(self)
         if state.stopped:  # meanwhile: no run begins, nor leaves a folder as if it had
             self.scenarios_list.clear()
         return bool(self.scenarios_list)
@@ -197,6 +220,8 @@ class Pack:
         """Set a scenario up; the one before is over, and a verdict of an earlier attempt goes."""
         gc.enable()
         finish_runs(self)
+        if state.kept is None:
+            state.kept = frozenset(descendants())
         folder = current_output_dir or self.output_dir
         run = os.path.relpath(folder, self.output_dir)
         if run != ".":
@@ -216,6 +241,8 @@ class Pack:
         run = [one for one in self.results if one.output_dir == result.output_dir]
         if any(one.name == result.name for one in run):
             return  # asked to stop when the scenario had just ended: its verdict stands
+        if hasattr(self.current_scenario, "failure_message") and not state.stopped:
+            result.failure_message = self.current_scenario.failure_message
         original.add_result(self, result)
         if result.output_dir is not None:  # else it is not a run's result, see parse
             write_test_xml(result.output_dir, [*run, result])
@@ -266,13 +293,90 @@ def shut_down(execution: Any) -> None:
         execution.logger.error(f"Shutting the scenario down failed: {error}")
 
 
+def finish_before_reset(execution: Any) -> None:
+    """Finish each run before the simulation is reset for the next; what it starts then stays."""
+    reset = execution.simulation.reset
+
+    def finish_and_reset(**kwargs: Any) -> None:
+        finish_runs(execution)
+        reset(**kwargs)
+        state.kept = frozenset(descendants())
+
+    execution.simulation.reset = finish_and_reset
+
+
+def adopt_orphans() -> None:
+    """Make all that runs start descendants of this process for good; on Linux only."""
+    with contextlib.suppress(ImportError, OSError, AttributeError):
+        importlib.import_module("ctypes").CDLL(None).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+
+
+def has_children() -> bool:
+    """Return whether this process has any child, alive or not; takes no search."""
+    try:
+        os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+    except ChildProcessError:
+        return False
+    return True
+
+
+def descendants(but: Collection[int] = ()) -> list[int]:
+    """Return the processes below this one, but for some children and what is below these."""
+    children: dict[int, list[int]] = {}
+    for name in os.listdir("/proc") if sys.platform == "linux" and has_children() else ():
+        with contextlib.suppress(OSError):  # it has ended
+            if name.isdigit():
+                with open(f"/proc/{name}/stat", "rb") as file:
+                    parent = int(file.read().rpartition(b")")[2].split()[1])
+                children.setdefault(parent, []).append(int(name))
+    found = [child for child in children.get(os.getpid(), ()) if child not in but]
+    for process in found:
+        found += children.get(process, ())
+    return found
+
+
+def end_leftovers() -> list[int]:
+    """End all that runs have left behind; return the processes that cannot be ended."""
+    left: list[int] = []
+    for number, seconds in ENDING:
+        told: set[int] = set()
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            # Anything found, dead or not, may have started something that was not.
+            left = descendants(but=state.kept or ())
+            if not left:
+                return []
+            for process in left:
+                if not reaped(process) and process not in told:
+                    told.add(process)
+                    with contextlib.suppress(OSError):
+                        os.kill(process, number)
+            time.sleep(0.002)
+    return left
+
+
+def reaped(process: int) -> bool:
+    """Return whether a process was a child that has ended; now it is gone."""
+    try:
+        return os.waitpid(process, os.WNOHANG)[0] == process
+    except ChildProcessError:
+        return False
+
+
 def finish_runs(execution: Any) -> None:
-    """Run the post commands of the runs that ended, and tell that these are over."""
+    """Run the post commands of the runs that ended, end what is left, and tell that they are over.
+
+    What cannot be ended here ends with the container, and so the pack ends, too.
+    """
     for folder in dict.fromkeys(state.ended):
         for command in execution.post_run or []:
             run_post_command(command, folder, execution.logger)
-        with open(os.path.join(os.environ["OUTPUT_DIR"], "finished_runs"), "a") as file:
-            file.write(os.path.relpath(folder, execution.output_dir) + "\n")
+        run = os.path.relpath(folder, execution.output_dir)
+        left = end_leftovers()
+        if left:
+            sys.exit(f"[robovast] error: run {run} has left processes that cannot be ended: {left}")
+        state.over.append(run)
+        write_anew(os.path.join(os.environ["OUTPUT_DIR"], "finished_runs"), state.over)
     state.ended.clear()
 
 
@@ -293,8 +397,9 @@ def take_over() -> None:
 original = types.SimpleNamespace()
 """The methods that `Pack` replaced."""
 
-state = types.SimpleNamespace(ended=[], stopped=False, seeds={})
-"""Folders of runs that ended and are not over yet; whether the pack was asked to stop; seeds."""
+state = types.SimpleNamespace(ended=[], over=[], stopped=False, seeds={}, kept=None)
+"""Folders of runs that ended and are not over yet; runs that are; whether the pack was asked to
+stop; seeds; processes that belong to no run."""
 
 
 def main() -> None:
@@ -311,6 +416,7 @@ def main() -> None:
         )
         sys.stdout.flush()
         os.execv(executor, command)  # noqa: S606
+    adopt_orphans()
     state.seeds.update(read_seeds())
     sys.argv = command
     runpy.run_path(executor, run_name="__main__")

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from robovast.base.atomic import sync_folder, sync_tree, write_atomically
 from robovast.base.errors import InputError
-from robovast.base.sequential import SequentialTest
 from robovast.base.serialization import dump_yaml
 from robovast.base.yaml_files import read_mapping
 from robovast.campaign.configurations import read_variants
 from robovast.campaign.decisions import DECIDE, test_record
 from robovast.campaign.layout import Layout
+from robovast.campaign.planned_runs import PlannedRuns, planned_runs
 from robovast.execution.generate import write_configurations, write_execution
-from robovast.execution.local.campaign import execute_campaign
+from robovast.execution.local.campaign import execute_campaign, execute_planned, executing
 from robovast.execution.local.choose import choose_runtime
+from robovast.execution.local.continuing import continued_session
+from robovast.execution.local.edited_inputs import record_inputs
 from robovast.execution.local.events import LocalOptions, Observer, Summary
 from robovast.execution.local.prepare import open_shell, prepare_run
 from robovast.execution.local.replay import replay_run
@@ -27,6 +31,7 @@ from robovast.execution.local.store import explained, make_campaign_folder, refu
 from robovast.execution.local.variants import campaign_seed, choose_variants
 from robovast.model.document import Document, load_document
 from robovast.model.expansion import Variant, select_any
+from robovast.model.packs import PlanSpec
 from robovast.model.plan import plan_runs, plan_variants
 
 __all__ = [
@@ -55,7 +60,7 @@ def run_campaign(
         composition = choose_variants(document, Path(scratch), options, observer.message)
         runs = options.runs or document.vast.execution.most_runs
         test = document.vast.execution.test(runs)
-        plan = plan_variants(composition.variants, runs, document.vast.execution.runs_per_job)
+        plan = plan_variants(composition.variants, runs, document.vast.execution.runs_per_start)
         runtime = choose_runtime(document, options, observer.message)
         identity = runtime.check()
         started, seed = datetime.now().astimezone(), campaign_seed(document)
@@ -73,6 +78,7 @@ def run_campaign(
                 image_revision=identity.digest,
                 test=test,
             )
+            record_inputs(document, layout)
             sync_tree(layout.root)
             sync_folder(output)
     variants = _stored_files(layout, composition.variants)
@@ -85,32 +91,47 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
 
     Raises:
         InputError: the folder is not a campaign.
-        CannotRunError: the runtime is not usable.
+        CannotRunError: the runtime is not usable, or the environment of plain processes is gone.
         StorageError: results cannot be written, or another program executes the campaign.
     """
     refuse_bytes(campaign)
     layout = Layout(campaign.absolute())
     name, variants = read_variants(layout)
     document = load_document(layout.config / name)
-    repeated = options.runs or planned_runs(layout)
-    plan = plan_variants(variants, repeated, document.vast.execution.runs_per_job)
-    runs = plan_runs(plan, variants, recorded_seed(layout))
     chosen = {variant.name for variant in select_any(variants, options.select)}
-    runs = [run for run in runs if run.variant.name in chosen]
-    runtime = choose_runtime(document, options, observer.message)
-    session = Session(document, layout, options, runtime, runtime.check())
-    test = document.vast.execution.test(repeated)
-    _record_more_runs(layout, repeated, test)
-    return execute_campaign(session, plan, runs, observer, test)
+    seed, execution, wanted = recorded_seed(layout), document.vast.execution, options.runs or 0
+
+    def planned() -> tuple[PlannedRuns, PlanSpec]:
+        before = recorded_runs(layout, options.runs)
+        each = before.raised(wanted, None if len(chosen) == len(variants) else chosen)
+        return each, plan_variants(variants, each.each, execution.runs_per_start, each.more)
+
+    planned()  # refuses what cannot be planned, before anything is prepared
+    session = continued_session(document, layout, options, observer)
+    with executing(session, observer) as told:
+        each, plan = planned()  # another program may have planned more since
+        test = execution.test(max(map(each.of, chosen)))
+        if each != recorded_runs(layout, options.runs):
+            # fewer runs than the document's may have lowered those that the test needs at least
+            rule = {DECIDE: test_record(test)} if test is not None else {}
+            record_again(layout, {**each.record(), **rule})
+        runs = [
+            run
+            for run in plan_runs(plan, variants, seed)
+            if run.variant.name in chosen and not 0 < wanted <= run.number
+        ]
+        return execute_planned(session, plan, runs, told, test)
 
 
-def _record_more_runs(layout: Layout, runs: int, test: SequentialTest | None) -> None:
-    """Record that more runs are planned than before; fewer ones may have lowered the test's."""
+def record_again(layout: Layout, changes: Mapping[str, Any]) -> None:
+    """Change what is recorded of how a campaign is executed.
+
+    Raises:
+        StorageError: it cannot be written.
+    """
     record = read_mapping(layout.execution_record)
-    if type(record.get("runs")) is int and runs > record["runs"]:
-        own = {DECIDE: test_record(test)} if test is not None else {}
-        with explained(layout.root):
-            write_atomically(layout.execution_record, dump_yaml({**record, "runs": runs, **own}))
+    with explained(layout.root):
+        write_atomically(layout.execution_record, dump_yaml({**record, **changes}))
 
 
 def _stored_files(layout: Layout, variants: Sequence[Variant]) -> list[Variant]:
@@ -127,19 +148,20 @@ def _stored_files(layout: Layout, variants: Sequence[Variant]) -> list[Variant]:
     ]
 
 
-def planned_runs(layout: Layout) -> int:
-    """The runs of each variant that were planned.
+def recorded_runs(layout: Layout, given: int | None = None) -> PlannedRuns:
+    """The runs of each variant that were planned; `given` ones where that is not recorded.
 
     Raises:
-        InputError: it is not recorded.
+        InputError: it is neither recorded nor given.
     """
     path = layout.execution_record
-    try:
-        return int(read_mapping(path)["runs"])
-    except (InputError, ValueError, TypeError, KeyError):
-        raise InputError(
-            f"{path}: does not say how many runs were planned; give `--runs`."
-        ) from None
+    with suppress(InputError):
+        found = planned_runs(read_mapping(path))
+        if found.each:
+            return found
+    if given is None:
+        raise InputError(f"{path}: does not say how many runs were planned; give `--runs`.")
+    return PlannedRuns(given)
 
 
 def recorded_seed(layout: Layout) -> int | None:
@@ -149,6 +171,11 @@ def recorded_seed(layout: Layout) -> int | None:
         raise InputError(
             f"{layout.root} is a replay of {record['replay_of']}, which cannot be continued: "
             "`vast replay` begins another one."
+        )
+    if "minimise_of" in record:
+        raise InputError(
+            f"{layout.root} minimises {record['minimise_of']}: `vast minimise --resume` "
+            "continues it."
         )
     found = record.get("seed")
     if found is None or type(found) is int:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import queue
 import shutil
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from threading import Event, Thread
 
 from robovast.base.atomic import write_atomically
@@ -19,7 +21,9 @@ from robovast.campaign.verdict import Verdict
 from robovast.execution.contract import contract_files
 from robovast.execution.generate import copy_file
 from robovast.execution.local.controller_log import logged
+from robovast.execution.local.edited_inputs import told_edited
 from robovast.execution.local.events import Observer, Summary
+from robovast.execution.local.measured_queue import MeasuredQueue
 from robovast.execution.local.pack_execution import PackExecution
 from robovast.execution.local.pack_queue import (
     Decided,
@@ -32,6 +36,7 @@ from robovast.execution.local.reuse import reused_runs, why_nothing
 from robovast.execution.local.session import COMMON, Session
 from robovast.execution.local.store import explained, finished_runs, first_free_job
 from robovast.model.inputs import container_files
+from robovast.model.packing import Sample
 from robovast.model.packs import PlanSpec
 from robovast.model.plan import PackStart, Run
 
@@ -45,16 +50,32 @@ def execute_campaign(
 ) -> Summary:
     """Execute all these runs of a plan that have no finished record yet.
 
-    With a test, as many of each configuration as it takes.
+    Args:
+        session: how they are executed.
+        plan: their plan.
+        runs: the runs.
+        observer: is told what happens.
+        test: as many runs of each configuration are executed as it takes; None for all.
 
     Raises:
         StorageError: another program executes the campaign, or results cannot be stored.
     """
     with executing(session, observer) as told:
-        done = stored_runs(session, runs, told)
-        told.campaign_started(session.layout.root, len(runs), len(done), how(session, len(runs)))
-        records, interrupted = execute_runs(session, plan, runs, done, told, test)
-        write_job_links(session.layout, records)
+        return execute_planned(session, plan, runs, told, test)
+
+
+def execute_planned(
+    session: Session,
+    plan: PlanSpec,
+    runs: Sequence[Run],
+    observer: Observer,
+    test: SequentialTest | None = None,
+) -> Summary:
+    """The same within `executing`."""
+    done = stored_runs(session, runs, observer)
+    observer.campaign_started(session.layout.root, len(runs), len(done), how(session, len(runs)))
+    records, interrupted = execute_runs(session, plan, runs, done, observer, test)
+    write_job_links(session.layout, records)
     found = [records[run.id] for run in runs if run.id in records]
     decided = decisions_of(test, runs, records) if test is not None else []
     return Summary(session.layout.root, len(runs), found, interrupted, decided)
@@ -75,6 +96,8 @@ def executing(session: Session, observer: Observer) -> Iterator[Observer]:
     ):
         session.runtime.clean_up_campaign(session.token)
         _prepare_common(session)
+        if edited := told_edited(session.layout):
+            told.message(edited)
         if session.options.reuse and (why := why_nothing(session)):
             told.message(f"Nothing is reused: {why}")
         yield told
@@ -104,17 +127,21 @@ def execute_runs(
     Returns:
         All records by id, and whether the user interrupted.
     """
-    done = done | reused_runs(session, plan, [run for run in runs if run.id not in done], observer)
+    missing = [run for run in runs if run.id not in done]
+    done = done | reused_runs(session, plan, missing, first_free_job(session.layout), observer)
     todo = [run for run in runs if run.id not in done]
     first_job = first_free_job(session.layout)
     packs: PackQueue = FixedQueue(plan, todo, first_job)
+    if session.document.vast.execution.packs_are_measured:
+        packs = MeasuredQueue(plan, todo, first_job, session.jobs_side_by_side)
     if test is not None:
         packs = DecidingQueue(test, runs, done, first_job, plan.runs_per_job)
         for decided in packs.decided_before:
             observer.configuration_decided(decided)
-    execution = _CampaignExecution(session, packs, observer, done)
-    interrupted = execution.run(min(session.jobs_side_by_side, len(todo)))
-    return execution.records, interrupted
+    execution = CampaignExecution(session, packs, observer, done)
+    execution.begin(min(session.jobs_side_by_side, len(todo)))
+    execution.wait()
+    return execution.records, execution.interrupted
 
 
 def _prepare_common(session: Session) -> None:
@@ -136,7 +163,7 @@ def write_job_links(layout: Layout, records: dict[int, RunRecord]) -> None:
         write_atomically(layout.root / JOB_LINKS, dump_yaml(links))
 
 
-class _CampaignExecution:
+class CampaignExecution:
     """Workers take jobs; their reports are handled in the caller's thread."""
 
     def __init__(
@@ -154,26 +181,49 @@ class _CampaignExecution:
         self._stop = Event()
         self._drain = Event()
         self._failure: BaseException | None = None
-        self._interrupted = False
+        self._threads: list[Thread] = []
+        self.interrupted = False
+        """Whether the user interrupted it."""
 
-    def run(self, workers: int) -> bool:
-        """Execute all jobs; return True if the user interrupted them."""
-        threads = [Thread(target=self._work_to_the_end, name=f"job-{n}") for n in range(workers)]
+    def begin(self, workers: int) -> None:
+        """Start workers."""
+        self._threads = [
+            Thread(target=self._work_to_the_end, name=f"job-{n}") for n in range(workers)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def wait(self, enough: Callable[[], bool] = lambda: False) -> None:
+        """Handle what workers report until it is enough, or until all of them have ended.
+
+        Raises:
+            StorageError: results cannot be stored.
+        """
         with call_on_signals(self._interrupt):
-            for thread in threads:
-                thread.start()
-            while any(thread.is_alive() for thread in threads) or not self._events.empty():
+            while self._is_under_way and not enough():
                 self._handle_event()
         if self._failure is not None:
             raise self._failure
-        return self._interrupted
+
+    @property
+    def is_stopping(self) -> bool:
+        """Whether workers take nothing any more, since they were interrupted or one has failed."""
+        return self._stop.is_set()
+
+    def stop(self) -> None:
+        """Have workers end what they do and take nothing any more."""
+        self._stop.set()
+
+    @property
+    def _is_under_way(self) -> bool:
+        return any(thread.is_alive() for thread in self._threads) or not self._events.empty()
 
     def _interrupt(self) -> None:
-        if not self._interrupted:
+        if not self.interrupted:
             stopping = "Stopping: waiting for running scenarios to end …"
             self._events.put(lambda: self._observer.message(stopping))
-        self._interrupted = True
-        self._stop.set()
+        self.interrupted = True
+        self.stop()
 
     def _handle_event(self) -> None:
         try:
@@ -188,15 +238,17 @@ class _CampaignExecution:
 
     def _work(self) -> None:
         while (job := self._take()) is not None:
-            execution = PackExecution(
-                self._session, job, self._stop, self._report_started, self._report_finished
-            )
+            took: list[float] = []
+            report = partial(self._report_finished, took)
+            execution = PackExecution(self._session, job, self._stop, self._report_started, report)
+            began = time.monotonic()
             try:
                 left = execution.execute()
             except BaseException as error:  # raised again in the caller's thread
                 self._failure = self._failure or error
                 self._stop.set()
                 return
+            self._packs.measured(Sample(len(took), sum(took), time.monotonic() - began))
             if left and not self._stop.is_set():
                 self._packs.put_back(left)
 
@@ -208,7 +260,8 @@ class _CampaignExecution:
     def _report_started(self, run: Run) -> None:
         self._events.put(lambda: self._observer.run_started(run))
 
-    def _report_finished(self, run: Run, record: RunRecord) -> None:
+    def _report_finished(self, took: list[float], run: Run, record: RunRecord) -> None:
+        took.append(record.duration)
         if record.verdict is not Verdict.PASSED and self._session.options.abort_on_failure:
             self._drain.set()
         decided = self._packs.ended(run, record.verdict)

@@ -46,6 +46,8 @@ class LocalOptions:
     """Names or globs of the configurations to run; None means all."""
     runs: int | None = None
     """Runs of each configuration; None means the document's number."""
+    batches: int | None = None
+    """Batches of a search in all, in place of its budget and of what stops it; None means those."""
     jobs: int | None = None
     """Number of parallel jobs; None derives it from CPUs and a run's CPU request."""
     runtime: str = "auto"

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from threading import Lock
+from threading import Condition, Lock
 from typing import Protocol
 
 from robovast.base.sequential import Decision, SequentialTest
-from robovast.campaign.decisions import decide
+from robovast.campaign.decisions import decide, runs_to_start
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
+from robovast.model.packing import Sample
 from robovast.model.packs import PlanSpec
 from robovast.model.plan import PackStart, Run, pack_runs
 
@@ -37,6 +38,10 @@ class PackQueue(Protocol):
 
     def ended(self, run: Run, verdict: Verdict) -> Decided | None:
         """Take note of a run's verdict; returns the decision that it brings about."""
+
+    def measured(self, sample: Sample) -> None:
+        """Take note of how long a pack took; where that decides nothing, nothing is done."""
+        del sample
 
 
 class FixedQueue(PackQueue):
@@ -66,21 +71,62 @@ class FixedQueue(PackQueue):
         del run, verdict
 
 
+class GrowingQueue(FixedQueue):
+    """Every run, in order; workers wait for further ones until it is closed."""
+
+    def __init__(self, plan: PlanSpec, first_job: int) -> None:
+        self._changed = Condition()
+        self._closed = False
+        super().__init__(plan, (), first_job)
+
+    def take(self) -> PackStart | None:
+        """The next pack, as soon as there is one; None when the queue is closed."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._closed or self._packs)
+            return None if self._closed else super().take()
+
+    def put_back(self, runs: Sequence[Run]) -> None:
+        """Put runs after all others."""
+        with self._changed:
+            super().put_back(runs)
+            self._changed.notify_all()
+
+    def add(self, plan: PlanSpec, runs: Sequence[Run]) -> None:
+        """Put runs of a longer plan after all others."""
+        with self._changed:
+            self._plan = plan
+            self.put_back(runs)
+
+    def reserve(self, jobs: int) -> int:
+        """Leave out numbers of jobs; returns the first of them."""
+        with self._changed:
+            self._next_job += jobs
+            return self._next_job - jobs
+
+    def close(self) -> None:
+        """Hand out nothing any more."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+
 @dataclass
 class _Variant:
     """The runs of a configuration under way."""
 
     name: str
-    decision: Decision
+    test: SequentialTest
     left: dict[int, Run] = field(default_factory=dict)
     """Runs to start, by number, in order."""
     verdicts: dict[int, Verdict] = field(default_factory=dict)
+    decision: Decision = field(init=False)
 
-    @property
-    def certain(self) -> range:
-        """Numbers of the next runs that are needed, whatever becomes of those under way."""
-        first, decision = next(iter(self.left)), self.decision
-        return range(first, decision.runs + decision.further)
+    def __post_init__(self) -> None:
+        self.decide()
+
+    def decide(self) -> None:
+        """Ask the test."""
+        self.decision = decide(self.test, self.verdicts)
 
     @property
     def ahead(self) -> int:
@@ -105,7 +151,6 @@ class DecidingQueue(PackQueue):
         first_job: int,
         runs_per_job: int,
     ) -> None:
-        self._test = test
         self._lock = Lock()
         self._next_job = first_job
         self._runs_per_job = runs_per_job
@@ -126,8 +171,8 @@ class DecidingQueue(PackQueue):
             if not waiting:
                 return None
             chosen = min(waiting, key=lambda one: one.ahead)
-            numbers = [n for n in chosen.certain if n in chosen.left][: self._runs_per_job]
-            runs = [chosen.left.pop(n) for n in numbers or [next(iter(chosen.left))]]
+            numbers = runs_to_start(chosen.decision, list(chosen.left), self._runs_per_job)
+            runs = [chosen.left.pop(number) for number in numbers]
             self._next_job += 1
             return PackStart(self._next_job - 1, tuple(runs))
 
@@ -146,7 +191,7 @@ class DecidingQueue(PackQueue):
             variant.verdicts[run.number] = verdict
             if variant.decision.is_over:
                 return None
-            variant.decision = decide(self._test, variant.verdicts)
+            variant.decide()
             if not variant.decision.is_over:
                 return None
             return Decided(variant.name, variant.decision, len(variant.left))
@@ -155,17 +200,18 @@ class DecidingQueue(PackQueue):
 def _variants(
     test: SequentialTest, runs: Iterable[Run], done: Mapping[int, RunRecord]
 ) -> dict[str, _Variant]:
-    found: dict[str, _Variant] = {}
+    planned: dict[str, list[Run]] = {}
     for run in runs:
-        name = run.variant.name
-        variant = found.setdefault(name, _Variant(name, decide(test, {})))
-        if run.id in done:
-            variant.verdicts[run.number] = done[run.id].verdict
-        else:
-            variant.left[run.number] = run
-    for variant in found.values():
-        variant.decision = decide(test, variant.verdicts)
-    return found
+        planned.setdefault(run.variant.name, []).append(run)
+    return {
+        name: _Variant(
+            name,
+            test.at_most(len(own)),
+            {run.number: run for run in own if run.id not in done},
+            {run.number: done[run.id].verdict for run in own if run.id in done},
+        )
+        for name, own in planned.items()
+    }
 
 
 def decisions_of(

@@ -51,7 +51,7 @@ def prepare_run(document: Document, output: Path, options: LocalOptions) -> Path
         write_configurations(document, composition, template.root, timings=True)
         execution = document.vast.execution
         runs, variants = options.runs or execution.most_runs, composition.variants
-        plan = plan_variants(variants, runs, execution.runs_per_job)
+        plan = plan_variants(variants, runs, execution.runs_per_start)
         jobs = pack_runs(plan, plan_runs(plan, variants, campaign_seed(document)))
         _write_jobs(document, options, output, jobs, Path(scratch))
     (output / "gui.yaml").write_text(dump_yaml(_gui(document)), encoding="utf-8")

@@ -23,6 +23,9 @@ REQUIREMENTS = Path(__file__).with_name("process_requirements.txt")
 VARIABLE = "ROBOVAST_PROCESS_ENV"
 """Variable with the path of an existing environment (with `bin/scenario_execution`) to use."""
 
+IMAGE = "process:"
+"""Begins what is recorded in place of an image; the environment's name follows."""
+
 VERSION_FILE = Path("etc") / "robovast_compat_version"
 
 
@@ -63,6 +66,28 @@ def named_environment(name: str) -> Path | None:
         folders.append(cache_folder() / name)
     executable = Path("bin") / "scenario_execution"
     return next((f for f in folders if f.name == name and (f / executable).is_file()), None)
+
+
+def environment_as_then(recorded: str, what: str, otherwise: str) -> Path | None:
+    """The environment in which plain processes were executed; None if it is the usual one.
+
+    Args:
+        recorded: what is recorded in place of an image.
+        what: was executed in it.
+        otherwise: how to do without it.
+
+    Raises:
+        CannotRunError: it is not here.
+    """
+    name = recorded.removeprefix(IMAGE)
+    found = named_environment(name)
+    if found is None and name not in {"", usual_name()}:
+        raise CannotRunError(
+            f"{what}: was executed in the environment {name}, which is not here. Name it in "
+            f"{VARIABLE} (for examples with ROS: `export {VARIABLE}=$(scripts/ros-environment)`), "
+            f"or {otherwise} in today's: `--runtime process`."
+        )
+    return found
 
 
 def cache_folder() -> Path:

@@ -15,6 +15,7 @@ from robovast.execution.compat import check_compat
 from robovast.execution.contract import CONFIG, OUT
 from robovast.execution.local import process_tree
 from robovast.execution.local.process_environment import (
+    IMAGE,
     VERSION_FILE,
     cache_folder,
     process_environment,
@@ -48,7 +49,7 @@ class ProcessRuntime:
         check_compat(str(folder), _read_version(folder))
         self._environment = folder
         self._isolate(folder)
-        return Identity(image=f"process:{folder.name}", digest="", content=_content(folder))
+        return Identity(image=f"{IMAGE}{folder.name}", digest="", content=_content(folder))
 
     def start(self, spec: StartSpec, console: Path) -> subprocess.Popen[bytes]:
         """Start the main entrypoint, and one for each secondary container."""

@@ -13,27 +13,24 @@ from typing import Any
 
 from robovast.base.atomic import sync_folder, sync_tree
 from robovast.base.containers import ENGINES, check_engine, fetch_image
-from robovast.base.errors import CannotRunError, InputError
+from robovast.base.errors import InputError
+from robovast.base.sequential import SequentialTest
 from robovast.base.serialization import dump_yaml
 from robovast.base.version import __version__
 from robovast.base.yaml_files import read_mapping
 from robovast.campaign.configurations import variant_of
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import RUN_RECORD, Layout
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.execution.generate import write_execution
 from robovast.execution.local.campaign import execute_campaign
 from robovast.execution.local.choose import choose_runtime
 from robovast.execution.local.events import LocalOptions, Observer, Summary
-from robovast.execution.local.process_environment import (
-    VARIABLE,
-    named_environment,
-    usual_name,
-)
+from robovast.execution.local.process_environment import environment_as_then
 from robovast.execution.local.runtime import Identity, Runtime
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, make_campaign_folder
 from robovast.execution.local.stored_inputs import check_inputs, copy_inputs, read_inputs
-from robovast.model.document import load_document
+from robovast.model.document import Document, load_document
 from robovast.model.expansion import Variant
 from robovast.model.packs import Block, PlanSpec
 from robovast.model.plan import plan_runs
@@ -60,6 +57,11 @@ class StoredRun:
         return f"{self.variant.name}/{self.number}"
 
     @property
+    def full_path(self) -> str:
+        """`<campaign>/<variant>/<number>`."""
+        return f"{self.record.campaign}/{self.path}"
+
+    @property
     def folder(self) -> Path:
         """What it left."""
         return self.layout.run(self.path)
@@ -79,16 +81,91 @@ def find_run(folder: Path) -> StoredRun:
     folder = Path(os.path.realpath(folder))  # `..` leads out of the run's folder, not of a link
     record = read_run_record(folder)
     if record is None or not folder.name.isdecimal():
-        raise InputError(
-            f"{folder}: there is no run with a `run.json` of this version. Name the folder of a "
-            "run, `<campaign>/<configuration>/<run>`."
-        )
+        raise InputError(f"{folder}: {_why_no_run(folder)}")
     if not record.finished:
         raise InputError(f"{folder}: was interrupted, so that there is nothing to compare with.")
     layout, name = Layout(folder.parent.parent), folder.parent.name
     data = read_inputs(layout, name)
     check_inputs(folder, data)
     return StoredRun(layout, variant_of(layout, data["configs"][0]), record, int(folder.name), data)
+
+
+def _why_no_run(folder: Path) -> str:
+    wanted = "Name the folder of a run, `<campaign>/<configuration>/<run>`"
+    runs = sorted(file.parent for up in ("*", "*/*") for file in folder.glob(f"{up}/{RUN_RECORD}"))
+    if runs:
+        return f"is not the folder of one run. {wanted}, such as {runs[0]}."
+    return f"there is no run with a `{RUN_RECORD}` of this version. {wanted}."
+
+
+@dataclass(frozen=True)
+class Again:
+    """A run that is executed again, and what executes it."""
+
+    run: StoredRun
+    document: Document
+    options: LocalOptions
+    runtime: Runtime
+    identity: Identity
+
+    def session(self, layout: Layout) -> Session:
+        """Of a campaign's folder with a copy of the run's inputs."""
+        copied = load_document(layout.config / self.document.path.name)
+        return Session(copied, layout, self.options, self.runtime, self.identity)
+
+
+def execute_again(run: StoredRun, options: LocalOptions, tell: Callable[[str], None]) -> Again:
+    """What executes a run again: runtime and image as then, unless others are chosen.
+
+    Raises:
+        InputError: the campaign's document cannot be read.
+        CannotRunError: the runtime is not usable, or the image is gone.
+    """
+    document = load_document(run.layout.config / str(run.configurations["vast"]))
+    options = _as_then(run, options)
+    runtime = choose_runtime(document, options, tell)
+    return Again(run, document, options, runtime, _check(run, options, runtime, tell))
+
+
+def begin_campaign(
+    again: Again, output: Path, kind: str, runs: int, test: SequentialTest | None = None
+) -> Session:
+    """Make a campaign's folder below `output` with the inputs of a run.
+
+    Args:
+        again: the run.
+        output: folder for the campaign's folder.
+        kind: what it is for; a part of its name, and its record has the key `<kind>_of`.
+        runs: that are planned.
+        test: when they are enough.
+
+    Raises:
+        InputError: `output` is in the run's own campaign.
+        StorageError: `output` cannot be written.
+    """
+    run, document = again.run, again.document
+    _refuse_inside(output, run.layout.root)
+    started = datetime.now().astimezone()
+    layout = make_campaign_folder(output, f"{document.vast.campaign_name}-{kind}", started)
+    with explained(layout.root):
+        copy_inputs(run.layout, run.variant.name, layout)
+        layout.transient.mkdir(exist_ok=True)
+        layout.configurations.write_text(dump_yaml(run.configurations), encoding="utf-8")
+        write_execution(
+            layout,
+            document,
+            started=started,
+            runs=runs,
+            seed=None,
+            kind="local",
+            image=again.identity.image,
+            image_revision=again.identity.digest,
+            test=test,
+            again=(f"{kind}_of", run.full_path),
+        )
+        sync_tree(layout.root)
+        sync_folder(output)
+    return again.session(layout)
 
 
 def replay_run(
@@ -101,36 +178,12 @@ def replay_run(
         CannotRunError: the runtime is not usable, or the image is gone.
         StorageError: `output` cannot be written.
     """
-    _refuse_inside(output, run.layout.root)
-    document = load_document(run.layout.config / str(run.configurations["vast"]))
-    options = _as_then(run, options)
-    runtime = choose_runtime(document, options, observer.message)
-    identity = _check(run, options, runtime, observer.message)
-    started = datetime.now().astimezone()
-    layout = make_campaign_folder(output, f"{document.vast.campaign_name}-replay", started)
-    with explained(layout.root):
-        copy_inputs(run.layout, run.variant.name, layout)
-        layout.transient.mkdir(exist_ok=True)
-        layout.configurations.write_text(dump_yaml(run.configurations), encoding="utf-8")
-        write_execution(
-            layout,
-            document,
-            started=started,
-            runs=times,
-            seed=None,
-            kind="local",
-            image=identity.image,
-            image_revision=identity.digest,
-            replay_of=f"{run.record.campaign}/{run.path}",
-        )
-        sync_tree(layout.root)
-        sync_folder(output)
+    again = execute_again(run, options, observer.message)
+    session = begin_campaign(again, output, "replay", times)
     block = Block(first_variant=0, variants=1, first_run=run.number, runs=times)
     plan = PlanSpec(blocks=(block,))
-    variant = variant_of(layout, run.configurations["configs"][0])
+    variant = variant_of(session.layout, run.configurations["configs"][0])
     runs = [dataclasses.replace(r, seed=run.record.seed) for r in plan_runs(plan, [variant])]
-    copied = load_document(layout.config / document.path.name)
-    session = Session(copied, layout, options, runtime, identity)
     return execute_campaign(session, plan, runs, observer)
 
 
@@ -153,24 +206,8 @@ def _as_then(run: StoredRun, options: LocalOptions) -> LocalOptions:
     then = dataclasses.replace(options, runtime=runtime, image=image)
     if in_container or options.runtime != OWN_RUNTIME:
         return then
-    return dataclasses.replace(then, process_environment=_environment(run))
-
-
-def _environment(run: StoredRun) -> Path | None:
-    """The environment in which a plain process was executed; None if it is the usual one.
-
-    Raises:
-        CannotRunError: it is not here.
-    """
-    name = run.record.image.removeprefix("process:")
-    found = named_environment(name)
-    if found is None and name not in {"", usual_name()}:
-        raise CannotRunError(
-            f"{run.folder}: was executed in the environment {name}, which is not here. Name it in "
-            f"{VARIABLE} (for examples with ROS: `export {VARIABLE}=$(scripts/ros-environment)`), "
-            "or replay the run in today's: `--runtime process`."
-        )
-    return found
+    environment = environment_as_then(run.record.image, str(run.folder), "replay the run")
+    return dataclasses.replace(then, process_environment=environment)
 
 
 def _check(

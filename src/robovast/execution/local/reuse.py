@@ -6,19 +6,20 @@ import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from robovast.base import safe_paths
 from robovast.base.locks import is_locked
 from robovast.campaign.checksums import DifferentError, copy_files, copy_verified
 from robovast.campaign.layout import RUNNING, TEST_RESULT, Layout, job_folder, parameters_key
+from robovast.campaign.records import copied_record
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.campaign.verdict import Verdict, read_test_result
 from robovast.execution.job_config import parameter_documents
 from robovast.execution.local.events import Observer
 from robovast.execution.local.session import Session
-from robovast.execution.local.store import explained, first_free_job, put_run_in_place
+from robovast.execution.local.store import explained, put_run_in_place
 from robovast.model.naming import holds_campaign
 from robovast.model.packs import PlanSpec
 from robovast.model.plan import PackStart, Run, pack_runs
@@ -29,11 +30,12 @@ _RESULTS = (Verdict.PASSED, Verdict.FAILED)
 
 
 def reused_runs(
-    session: Session, plan: PlanSpec, runs: Sequence[Run], observer: Observer
+    session: Session, plan: PlanSpec, runs: Sequence[Run], first_job: int, observer: Observer
 ) -> dict[int, RunRecord]:
     """Take over those of the runs that are stored elsewhere, if the user wants it.
 
-    A pack is taken over as a whole, or not at all: its runs are executed by one process.
+    A pack is taken over as a whole, or not at all: its runs are executed by one process. Its
+    number is `first_job` or a later one.
 
     Returns:
         Their records, by id.
@@ -43,7 +45,7 @@ def reused_runs(
     with explained(session.layout.root):
         source = _Source(session.layout.root)
         found: dict[int, RunRecord] = {}
-        for pack in pack_runs(plan, runs, first_free_job(session.layout)):
+        for pack in pack_runs(plan, runs, first_job):
             for run, record in _take_over(session, pack, source):
                 found[run.id] = record
                 observer.run_finished(run, record)
@@ -184,21 +186,8 @@ def _store(
     (layout.root / parameters_key(pack.name)).write_text(parameters, encoding="utf-8")
     records = []
     for number, (run, (folder, record)) in enumerate(zip(pack.runs, found, strict=True)):
-        origin = record.reused_from or f"{folder.parent.parent.name}/{run.path}"
-        new = replace(
-            record,
-            campaign=layout.root.name,
-            variant=run.variant.name,
-            entry=run.variant.entry,
-            run=run.number,
-            id=run.id,
-            job=pack.name,
-            seed=run.seed,
-            parameters=dict(run.variant.parameters),
-            factors=dict(run.variant.factors),
-            reused_from=origin,
-            files=None,
-        )
+        executed = f"{folder.parent.parent.name}/{run.path}"
+        new = copied_record(record, executed, run, layout.root.name, pack.name)
         put_run_in_place(layout, stage / str(number), new)
         records.append((run, new))
     return records

@@ -13,10 +13,11 @@ from pathlib import Path
 from robovast.campaign.layout import Layout
 from robovast.execution.job_config import job_environment
 from robovast.execution.local.events import LocalOptions
-from robovast.execution.local.run_key import common_key, run_keys
 from robovast.execution.local.runtime import Identity, Limits, Runtime, StartSpec
+from robovast.execution.run_key import common_key, run_keys
 from robovast.model.document import Document
-from robovast.model.document.model import Resources, merge_pairs
+from robovast.model.document.execution import Resources
+from robovast.model.document.section import merge_pairs
 from robovast.model.expansion import Variant
 from robovast.model.plan import PackStart, Run
 from robovast.model.quantities import (

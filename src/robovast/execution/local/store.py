@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shlex
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from datetime import datetime, timedelta
@@ -105,13 +106,20 @@ def finished_runs(
     """Records of the runs that need not be executed again, by id.
 
     Unknown content in a run's place (a record of a newer version, an empty record after a power
-    cut, a folder without record) is moved aside, since it may be all that is left of a run.
+    cut, that of another run, a folder without record) is moved aside, since it may be all that is
+    left of a run.
+
+    Raises:
+        StorageError: a configuration's folder is a link, which leads to other results.
     """
+    _refuse_links(session.layout, runs)
     found: dict[int, RunRecord] = {}
     aside = []
     for run in runs:
         place = session.layout.run(run.path)
         record = read_run_record(place)
+        if record is not None and f"{record.variant}/{record.run}" != run.path:
+            record = None
         if record is None and os.path.lexists(place):
             aside.append(run.path)
             _set_aside(session.layout, run)
@@ -122,9 +130,18 @@ def finished_runs(
         more = f" and {len(aside) - _NAMED} more" if len(aside) > _NAMED else ""
         tell(
             f"Not understood, so moved to `{session.layout.aside}` and executed again: "
-            f"{listed}{more} (no `run.json` of this version)."
+            f"{listed}{more} (no `run.json` of that run and this version)."
         )
     return found
+
+
+def _refuse_links(layout: Layout, runs: Sequence[Run]) -> None:
+    for name in dict.fromkeys(run.variant.name for run in runs):
+        if (folder := layout.variant(name)).is_symlink():
+            raise StorageError(
+                f"{folder}: is a link, and a run that is stored there would change what it leads "
+                "to. Put the folder itself in its place, or remove the link."
+            )
 
 
 def first_free_job(layout: Layout) -> int:
@@ -154,5 +171,5 @@ def explained(root: Path) -> Iterator[None]:
             cause, remedy = f"{error.strerror} ({error.filename})", "Mend that"
         raise StorageError(
             f"{root}: {cause}. The runs that were finished are stored. {remedy}, then continue "
-            f"with `vast exec local run --resume {root}`."
+            f"with `vast exec local run --resume {shlex.quote(str(root))}`."
         ) from error

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from robovast.execution.local.events import LocalOptions
 from robovast.model.document import Document
-from robovast.model.document.model import merge_pairs
+from robovast.model.document.section import merge_pairs
 from robovast.model.expansion import Composition, compose, select_any
 from robovast.model.seeds import draw_seed
 

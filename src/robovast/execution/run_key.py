@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -51,13 +51,23 @@ def common_key(settings: Mapping[str, Any], files: Path) -> str:
 
 def run_keys(common: str, job: PackStart, scenario: Scenario) -> dict[int, str]:
     """The key of each run of a job by id; all are empty if the common part is."""
+    return chained_keys(common, job, own_parts(job.runs, scenario))
+
+
+def chained_keys(common: str, job: PackStart, own: Mapping[int, list[Any]]) -> dict[int, str]:
+    """The same from the runs' own parts, by id."""
     if not common:
         return dict.fromkeys((run.id for run in job.runs), "")
     keys = {}
     key = fingerprint([common, is_pack(job)])
     for run in job.runs:
-        key = keys[run.id] = fingerprint([key, _own(run, scenario)])
+        key = keys[run.id] = fingerprint([key, own[run.id]])
     return keys
+
+
+def own_parts(runs: Iterable[Run], scenario: Scenario) -> dict[int, list[Any]]:
+    """What is each run's own in its key, as plain data by id."""
+    return {run.id: _own(run, scenario) for run in runs}
 
 
 def _own(run: Run, scenario: Scenario) -> list[Any]:

@@ -1,0 +1,38 @@
+"""What executes a campaign that is continued."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from robovast.base.yaml_files import read_mapping
+from robovast.campaign.layout import Layout
+from robovast.execution.local.choose import choose_runtime
+from robovast.execution.local.events import LocalOptions, Observer
+from robovast.execution.local.process_environment import IMAGE, environment_as_then
+from robovast.execution.local.session import Session
+from robovast.model.document import Document
+
+
+def continued_session(
+    document: Document, layout: Layout, options: LocalOptions, observer: Observer
+) -> Session:
+    """A session with what has executed the campaign so far, unless something else is chosen.
+
+    Raises:
+        CannotRunError: the runtime is not usable, or the environment of plain processes is gone.
+    """
+    before = str(read_mapping(layout.execution_record).get("image") or "")
+    options = _as_before(before, layout, options)
+    runtime = choose_runtime(document, options, observer.message)
+    identity = runtime.check()
+    if before not in {"", identity.image}:
+        observer.message(f"Going on with {identity.image}; so far it was {before}.")
+    return Session(document, layout, options, runtime, identity)
+
+
+def _as_before(before: str, layout: Layout, options: LocalOptions) -> LocalOptions:
+    """The options; where they leave the runtime open, plain processes go on as such."""
+    if options.runtime != "auto" or options.image or not before.startswith(IMAGE):
+        return options
+    environment = environment_as_then(before, str(layout.root), "go on")
+    return dataclasses.replace(options, runtime="process", process_environment=environment)
