@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
+from robovast.navigation.obstacle_boxes import corners, obstacle_boxes
 from robovast.navigation.occupancy import OccupancyMap
 from robovast.navigation.poses import Point, Pose, read_pose
 
@@ -29,6 +30,8 @@ class Line:
 
     points: Sequence[Point]
     colour: str
+    width: int = 3
+    """[pixels]"""
 
 
 @dataclass(frozen=True)
@@ -42,13 +45,31 @@ class Disc:
     label: str = ""
 
 
-Mark = Line | Disc
+@dataclass(frozen=True)
+class Area:
+    """A filled polygon on the map."""
+
+    corners: Sequence[Point]
+    colour: str
 
 
-def marks(record: Mapping[str, Any]) -> Iterator[Mark]:
-    """Marks for the records of navigation variations, in drawing order."""
+Mark = Line | Disc | Area
+
+
+def marks(record: Mapping[str, Any], parameters: Mapping[str, Any] | None = None) -> Iterator[Mark]:
+    """Marks for the records of navigation variations, in drawing order.
+
+    Args:
+        record: what the variations have recorded.
+        parameters: of the scenario, which tell the shapes of obstacles (default: all are discs).
+    """
+    boxes = obstacle_boxes(parameters or {})
     for obstacle in record.get("obstacles") or ():
-        yield Disc((obstacle["x"], obstacle["y"]), obstacle["radius"], _OBSTACLE)
+        place = (obstacle["x"], obstacle["y"])
+        if place in boxes:
+            yield Area(corners(boxes[place]), _OBSTACLE)
+        else:
+            yield Disc(place, obstacle["radius"], _OBSTACLE)
     if record.get("path"):
         yield Line([(x, y) for x, y in record["path"]], _PATH)
     radius = float(record.get("robot_diameter", 0.35)) / 2
@@ -85,16 +106,22 @@ def to_png(occupancy: OccupancyMap, found: Sequence[Mark], title: str) -> bytes:
     image = _image(occupancy).resize(size, Image.Resampling.NEAREST)
     draw = ImageDraw.Draw(image)
     for mark in found:
-        if isinstance(mark, Line):
-            draw.line([paper.at(point) for point in mark.points], mark.colour, 3, joint="curve")
-        else:
-            x, y = paper.at(mark.centre)
-            draw.circle((x, y), paper.length(mark.radius), mark.colour)
-            draw.text((x, y), mark.label, "white", anchor="mm")
+        _draw(mark, paper, draw)
     buffer, about = io.BytesIO(), PngInfo()
     about.add_text("Title", title)
     image.save(buffer, "PNG", pnginfo=about)
     return buffer.getvalue()
+
+
+def _draw(mark: Mark, paper: _Paper, draw: ImageDraw.ImageDraw) -> None:
+    match mark:
+        case Line(points, colour, width):
+            draw.line([paper.at(point) for point in points], colour, width, joint="curve")
+        case Area(ends, colour):
+            draw.polygon([paper.at(point) for point in ends], colour)
+        case Disc(centre, radius, colour, label):
+            draw.circle(paper.at(centre), paper.length(radius), colour)
+            draw.text(paper.at(centre), label, "white", anchor="mm")
 
 
 def _pose(pose: Pose, radius: float, colour: str, label: str) -> Iterator[Mark]:
@@ -136,9 +163,12 @@ def _svg(mark: Mark, paper: _Paper) -> str:
     if isinstance(mark, Line):
         points = " ".join(f"{x},{y}" for x, y in map(paper.at, mark.points))
         return (
-            f'<polyline points="{points}" fill="none" stroke="{mark.colour}" stroke-width="3"'
-            ' stroke-linejoin="round"/>'
+            f'<polyline points="{points}" fill="none" stroke="{mark.colour}"'
+            f' stroke-width="{mark.width}" stroke-linejoin="round"/>'
         )
+    if isinstance(mark, Area):
+        points = " ".join(f"{x},{y}" for x, y in map(paper.at, mark.corners))
+        return f'<polygon points="{points}" fill="{mark.colour}"/>'
     x, y = paper.at(mark.centre)
     radius = paper.length(mark.radius)
     disc = f'<circle cx="{x}" cy="{y}" r="{radius}" fill="{mark.colour}"/>'

@@ -12,9 +12,10 @@ Files are written atomically, once, and never changed.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from itertools import count
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -23,15 +24,15 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from robovast.base import safe_paths
 from robovast.base.atomic import make_folder, write_atomically
 from robovast.base.errors import InputError
-from robovast.campaign.layout import Layout
-from robovast.model.document.model import Search
+from robovast.campaign.layout import SEARCH, Layout
+from robovast.model.document.search.section import Search
 from robovast.model.document.search.space import holds
-from robovast.model.naming import EXECUTION
 from robovast.model.packs import Block
+from robovast.search.strategy import SearchStrategy
 from robovast.search.types import Evaluation, ParamSet
 
-FOLDER = f"{EXECUTION}/search"
 Keep = Callable[[Path, str], None]
+_NAME = re.compile(r"batch-([0-9]{4,})(|\.again|\.result)\.json")
 _EXACT = ConfigDict(extra="forbid", allow_inf_nan=False)
 _MOST = 128 << 20
 """Largest file [byte]: of `SETS_LIMIT` sets, each with a trace or hundreds of measures."""
@@ -57,6 +58,8 @@ class Proposal:
     """The configuration of each set."""
     blocks: tuple[Block, ...]
     """The runs that it adds to the campaign's plan."""
+    ahead: int = 0
+    """Number of batches before it whose runs were still executed when it was proposed."""
 
 
 @dataclass(frozen=True)
@@ -71,11 +74,13 @@ class Scored:
     n_samples: int = 0
     error: str = ""
     trace: str = ""
+    n_runs: int = 0
 
     def evaluation(self, params: ParamSet, folder: Path) -> Evaluation:
         """The evaluation as strategies are told it."""
         raw = {"config_dir": str(folder)}
-        return Evaluation(params, dict(self.objectives), dict(self.measures), self.n_samples, raw)
+        numbers = dict(self.objectives), dict(self.measures), self.n_samples
+        return Evaluation(params, *numbers, raw, self.n_runs)
 
 
 @dataclass(frozen=True)
@@ -107,6 +112,11 @@ class Batch:
         """All runs that the batch added to the plan."""
         return (*self.proposal.blocks, *(self.again or ()))
 
+    @property
+    def known(self) -> int:
+        """Number of batches whose evaluations it was proposed from."""
+        return self.number - self.proposal.ahead
+
 
 class History:
     """The stored batches of a search."""
@@ -120,18 +130,26 @@ class History:
         """
         self._layout = layout
         self._keep = keep
-        self._folder = layout.root / FOLDER
-        self.batches: list[Batch] = list(self._read())
+        self._folder = layout.root / SEARCH
+        self.batches = self._read()
 
     @property
     def blocks(self) -> list[Block]:
-        """All blocks of the campaign's plan, in order."""
-        return [block for batch in self.batches for block in batch.blocks]
+        """All blocks of the campaign's plan, in the order in which they were added: a batch when
+        those that it was made from were scored, runs once more before their own batch was."""
+        added = [(batch.known, 0, batch.number, batch.proposal.blocks) for batch in self.batches]
+        added += [(batch.number, 1, 0, batch.again or ()) for batch in self.batches]
+        return [block for *_, blocks in sorted(added, key=lambda a: a[:3]) for block in blocks]
 
     @property
     def finished(self) -> list[Batch]:
         """The batches that were scored."""
         return [batch for batch in self.batches if batch.outcome is not None]
+
+    @property
+    def open(self) -> list[Batch]:
+        """The batches that are not scored yet."""
+        return [batch for batch in self.batches if batch.outcome is None]
 
     @property
     def elapsed(self) -> float:
@@ -163,6 +181,19 @@ class History:
             for params, config in pairs
             if params.id in scores and not scores[params.id].error
         ]
+
+    def replay(self, strategy: SearchStrategy) -> None:
+        """Ask and tell a new strategy what was asked and told, in the same order."""
+        scored, told = self.finished, 0
+        for batch in self.batches:
+            self._tell(strategy, scored[told : batch.known])
+            told = max(told, batch.known)
+            strategy.repeat(batch.proposal.asked, batch.proposal.sets)
+        self._tell(strategy, scored[told:])
+
+    def _tell(self, strategy: SearchStrategy, batches: Sequence[Batch]) -> None:
+        for batch in batches:
+            strategy.tell(self.evaluations(batch))
 
     def check(self, search: Search) -> None:
         """Check that the stored sets and scores are those of a search.
@@ -201,31 +232,50 @@ class History:
         self._write(batch.number, ".result", asdict(outcome))
         batch.outcome = outcome
 
-    def _path(self, number: int, part: str) -> Path:
-        return self._folder / f"batch-{number:04d}{part}.json"
-
     def _write(self, number: int, part: str, data: Any) -> None:
         make_folder(self._folder)
-        self._keep(self._path(number, part), json.dumps(data, indent=1) + "\n")
+        self._keep(self._layout.batch(number, part), json.dumps(data, indent=1) + "\n")
 
-    def _read(self) -> Iterator[Batch]:
-        for number in count():
-            proposal = self._load(number, "", Proposal)
-            if proposal is None:
-                break
-            yield Batch(
-                number,
-                self._checked(number, proposal),
-                self._load(number, ".again", tuple[Block, ...]),
-                self._scores(number, proposal),
+    def _read(self) -> list[Batch]:
+        """The batches as they are at one moment: another program may store further ones."""
+        found = (_NAME.fullmatch(path.name) for path in self._folder.glob("batch-*.json"))
+        stored = {(int(name[1]), name[2]) for name in found if name}
+        batches: list[Batch] = []
+        while (number := len(batches), "") in stored:
+            proposal = self._checked(number, self._load(number, "", Proposal))
+            again = (number, ".again") in stored
+            scored = (number, ".result") in stored
+            batches.append(
+                Batch(
+                    number,
+                    proposal,
+                    self._load(number, ".again", tuple[Block, ...]) if again else None,
+                    self._scores(number, proposal) if scored else None,
+                )
             )
-        later = sorted(self._folder.glob("batch-*.json"))
-        if later and later[-1].name >= f"batch-{number:04d}":
-            raise InputError(
-                f"{self._path(number, '')}: is missing, but {later[-1].name} is there. {_RESTORE}"
-            )
+        self._refuse_gaps(stored, batches)
+        return batches
+
+    def _refuse_gaps(self, stored: Collection[tuple[int, str]], batches: Sequence[Batch]) -> None:
+        """Refuse batches of which an earlier file is missing: each was made from all before it.
+
+        Raises:
+            InputError: a file is missing.
+        """
+        scored = len(list(takewhile(lambda batch: batch.outcome is not None, batches)))
+        for number, part in sorted(stored):
+            if number >= len(batches):
+                missing = self._layout.batch(len(batches), "")
+            elif batches[number].known > scored or (part == ".result" and number >= scored):
+                missing = self._layout.batch(scored, ".result")
+            else:
+                continue
+            there = self._layout.batch(number, part).name
+            raise InputError(f"{missing}: is missing, but {there} is there. {_RESTORE}")
 
     def _checked(self, number: int, proposal: Proposal) -> Proposal:
+        if not 0 <= proposal.ahead <= number:
+            raise self._wrong(number, "", f"`ahead` must be from 0 to {number}")
         if len(proposal.configs) != len(proposal.sets):
             raise self._wrong(number, "", "has not one name in `configs` for each of its `sets`")
         for name in proposal.configs:
@@ -233,19 +283,17 @@ class History:
                 raise self._wrong(number, "", f"`{name}` in `configs` is no configuration's name")
         return proposal
 
-    def _scores(self, number: int, proposal: Proposal) -> Outcome | None:
-        outcome: Outcome | None = self._load(number, ".result", Outcome)
-        if outcome and not {p.id for p in proposal.sets} <= {s.id for s in outcome.scores}:
+    def _scores(self, number: int, proposal: Proposal) -> Outcome:
+        outcome: Outcome = self._load(number, ".result", Outcome)
+        if not {p.id for p in proposal.sets} <= {s.id for s in outcome.scores}:
             raise self._wrong(number, ".result", "`scores` lacks a set of the batch")
         return outcome
 
     def _load(self, number: int, part: str, kind: Any) -> Any:
-        path = self._path(number, part)
+        path = self._layout.batch(number, part)
         try:
             data = json.loads(safe_paths.read_text(path, most=_MOST))
             return TypeAdapter(kind).validate_python(data)
-        except FileNotFoundError:
-            return None
         except ValidationError as error:
             first = error.errors()[0]
             place = ".".join(map(str, first["loc"])) or "the file"
@@ -254,4 +302,4 @@ class History:
             raise self._wrong(number, part, str(error)) from error
 
     def _wrong(self, number: int, part: str, why: str) -> InputError:
-        return InputError(f"{self._path(number, part)}: cannot be used: {why}. {_RESTORE}")
+        return InputError(f"{self._layout.batch(number, part)}: cannot be used: {why}. {_RESTORE}")

@@ -9,7 +9,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from robovast.base.atomic import sync_folder, sync_tree
+from robovast.base.errors import InputError
 from robovast.base.stopwatch import Stopwatch
+from robovast.base.yaml_files import read_mapping
 from robovast.campaign.configurations import read_configurations
 from robovast.campaign.layout import Layout
 from robovast.execution.generate import write_configurations, write_execution
@@ -17,24 +19,29 @@ from robovast.execution.local import (
     LocalOptions,
     Observer,
     Summary,
-    planned_runs,
+    record_again,
+    recorded_runs,
     recorded_seed,
     resume_campaign,
     run_campaign,
 )
 from robovast.execution.local.campaign import executing
 from robovast.execution.local.choose import choose_runtime
+from robovast.execution.local.continuing import continued_session
+from robovast.execution.local.edited_inputs import record_inputs
 from robovast.execution.local.growing import GrowingCampaign
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, make_campaign_folder, refuse_bytes
 from robovast.execution.local.variants import campaign_seed, choose_variants
 from robovast.model.document import Document, load_document
 from robovast.model.expansion import Composition
+from robovast.model.plan import plan_variants
+from robovast.search.ending import Stop
 from robovast.search.history import History
 from robovast.search.plugins import make_extractor
 from robovast.search.processing import call_postprocessing
-from robovast.search.proposing import first_batch, with_runs
-from robovast.search.rounds import Rounds, Stop
+from robovast.search.proposing import first_batch, with_batches, with_runs
+from robovast.search.rounds import Rounds
 from robovast.search.store import write_search_store
 from robovast.search.types import SearchReport
 
@@ -57,8 +64,14 @@ def execute_document(
 ) -> Summary:
     """Execute a new campaign, or a search where the document has one; see `run_campaign`."""
     if document.vast.search is None:
+        _refuse_batches(document, options)
         return run_campaign(document, output, options, observer)
     return run_search(document, output, options, observer)
+
+
+def _refuse_batches(document: Document, options: LocalOptions) -> None:
+    if options.batches is not None:
+        raise InputError(f"{document.path}: has no `search`, and only a search has `--batches`.")
 
 
 def resume(campaign: Path, options: LocalOptions, observer: Observer) -> Summary:
@@ -67,11 +80,51 @@ def resume(campaign: Path, options: LocalOptions, observer: Observer) -> Summary
     layout = Layout(campaign.absolute())
     document = load_document(layout.config / str(read_configurations(layout).get("vast")))
     if document.vast.search is None:
+        _refuse_batches(document, options)
         return resume_campaign(campaign, options, observer)
-    document = with_runs(document, options.runs or planned_runs(layout))
-    runtime = choose_runtime(document, options, observer.message)
-    session = Session(document, layout, options, runtime, runtime.check())
+    options = _without_ignored(options, observer.message)
+    document = with_runs(document, options.runs or recorded_runs(layout).each)
+    document = with_batches(document, options.batches or recorded_batches(layout))
+    _refuse_fewer(layout, options.batches)
+    session = continued_session(document, layout, options, observer)
     return _search(session, observer)
+
+
+def _each_once(tell: Callable[[str], None]) -> Callable[[str], None]:
+    """Tells each text once: every set is expanded alike, and says the same."""
+    told: set[str] = set()
+
+    def tell_once(text: str) -> None:
+        if text not in told:
+            told.add(text)
+            tell(text)
+
+    return tell_once
+
+
+def recorded_batches(layout: Layout) -> int | None:
+    """The batches that a search was last told to end after; None where its document says it.
+
+    Raises:
+        InputError: what is recorded is no number of batches.
+    """
+    found = read_mapping(layout.execution_record).get("batches")
+    if found is None or (type(found) is int and found > 0):
+        return found
+    raise InputError(f"{layout.execution_record}: `batches` must be at least 1, not {found!r}.")
+
+
+def _refuse_fewer(layout: Layout, batches: int | None) -> None:
+    """Refuse a number of batches with which nothing would be executed.
+
+    Raises:
+        InputError: so many are done.
+    """
+    done = len(History(layout).finished)
+    if batches is not None and batches <= done:
+        raise InputError(
+            f"{layout.root} has {done} batches; `--batches` counts them all: give more than {done}."
+        )
 
 
 def run_search(
@@ -87,9 +140,11 @@ def run_search(
     options = _without_ignored(options, observer.message)
     if options.runs is not None:
         document = with_runs(document, options.runs)
+    document = with_batches(document, options.batches)
     make_extractor(document)
     with TemporaryDirectory(prefix="robovast-") as scratch:
-        first_batch(document, Path(scratch), observer.message)
+        first = first_batch(document, Path(scratch), _each_once(observer.message))
+        plan_variants(first.variants, document.vast.execution.most_runs)  # refuses too many runs
     runtime = choose_runtime(document, options, observer.message)
     identity = runtime.check()
     started = datetime.now().astimezone()
@@ -106,6 +161,7 @@ def run_search(
             image_revision=identity.digest,
             seed=campaign_seed(document),
         )
+        record_inputs(document, layout)
         sync_tree(layout.root)
         sync_folder(output)
     return _search(Session(document, layout, options, runtime, identity), observer)
@@ -126,13 +182,17 @@ def _search(session: Session, observer: Observer) -> SearchSummary:
         executing(session, observer) as told,
         TemporaryDirectory(prefix="robovast-") as scratch,
     ):
+        if session.options.batches is not None:
+            record_again(layout, {"batches": session.options.batches})
         history = History(layout)
         watch = Stopwatch(late=history.elapsed)
         campaign = GrowingCampaign(session, told, recorded_seed(layout))
         campaign.open(history.blocks)
 
+        tell = _each_once(told.message)
+
         def expand(derived: Document) -> Composition:
-            return choose_variants(derived, Path(scratch), session.options, told.message)
+            return choose_variants(derived, Path(scratch), session.options, tell)
 
         def finished(stop: Stop | None) -> None:
             write_search_store(layout, document, history, stop)
@@ -147,7 +207,10 @@ def _search(session: Session, observer: Observer) -> SearchSummary:
             expand=expand,
             elapsed=lambda: watch.seconds,
         )
-        stop = rounds.run()
+        if session.options.runs is not None and rounds.stop() is not None:
+            told.message("--runs has no effect, since the search has ended: give `--batches`, too.")
+        with campaign.working():
+            stop = rounds.run()
         report = rounds.report()
     records = [record for _, record in sorted(campaign.records.items())]
     scores = history.scores().values()

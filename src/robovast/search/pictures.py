@@ -12,13 +12,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robovast.base.errors import InputError
-from robovast.model.document.model import SearchDimension
-from robovast.model.document.search.space import at, choices, parts, place
+from robovast.model.document.problems import suggest
+from robovast.model.document.search.section import SearchDimension
+from robovast.model.document.search.space import at, place, ticks
 from robovast.search.results import StoredSearch
-from robovast.search.strategies.failure_map import FailureMap
 
-_POINTS = 61
-"""Points of an axis that is not counted."""
 _COLOURS: dict[str, Any] = {"vmin": 0, "vmax": 1, "cmap": "RdYlBu_r"}
 _INTERVAL = ("--", ":")
 """Lines where the lower and the upper end of the interval cross the level."""
@@ -37,24 +35,21 @@ def draw_map(stored: StoredSearch, over: Sequence[str], fixed: Mapping[str, Any]
     """
     space = stored.search.search_space
     if unknown := [name for name in over if name not in space]:
-        raise InputError(f"`{unknown[0]}` is no dimension of the search space.")
+        remedy = suggest(unknown[0], space)
+        raise InputError(f"`{unknown[0]}` is no dimension of the search space. {remedy}")
     chosen = list(over or [name for name in space if name not in fixed][:2])
     if len(chosen) != 2 or chosen[0] == chosen[1]:
         raise InputError("a map needs two different dimensions: --over NAME --over NAME.")
-    base = stored.middle(fixed)
-    found: FailureMap = stored.failure_map()
-    axes = [_units(space[name]) for name in chosen]
-    spots = np.tile(base, (len(axes[0]) * len(axes[1]), 1))
-    for name, values in zip(chosen, np.meshgrid(*axes), strict=True):
-        spots[:, list(space).index(name)] = values.ravel()
-    rates = [rate.reshape(len(axes[1]), len(axes[0])) for rate in found.probability(spots)]
+    base, found = stored.middle(fixed), stored.failure_map
+    drawn = found.over(chosen[0], chosen[1], base)
+    axes = (drawn.across, drawn.down)
     figure = Figure(figsize=(6.4, 4.8), layout="constrained")
     plot = figure.add_subplot()
-    mesh = plot.pcolormesh(*axes, rates[0], **_COLOURS, shading="nearest")
+    mesh = plot.pcolormesh(*axes, drawn.rate, **_COLOURS, shading="nearest")
     figure.colorbar(mesh, label="failure rate")
     if min(map(len, axes)) > 1:
-        plot.contour(*axes, rates[0], levels=[found.level], colors="black")
-        for rate, style in zip(rates[1:], _INTERVAL, strict=True):
+        plot.contour(*axes, drawn.rate, levels=[found.level], colors="black")
+        for rate, style in zip((drawn.low, drawn.high), _INTERVAL, strict=True):
             plot.contour(*axes, rate, levels=[found.level], colors="black", linestyles=style)
     _draw_sets(plot, stored, chosen)
     _label(plot, space, chosen)
@@ -62,7 +57,7 @@ def draw_map(stored: StoredSearch, over: Sequence[str], fixed: Mapping[str, Any]
     shown = ", ".join(
         f"{n} {v:.4g}" if isinstance(v, float) else f"{n} {v}" for n, v in others.items()
     )
-    plot.set_title(shown or stored.document.vast.campaign_name, parse_math=False)
+    plot.set_title(shown or stored.search.objectives[0].name, parse_math=False)
     return figure
 
 
@@ -94,17 +89,10 @@ def encoded(figure: Figure, path: Path) -> bytes:
     return file.getvalue()
 
 
-def _units(dimension: SearchDimension) -> Any:
-    count = parts(dimension)
-    if count is None or count > _POINTS:
-        return np.linspace(0.0, 1.0, _POINTS)
-    return (np.arange(count) + 0.5) / count
-
-
 def _draw_sets(plot: Axes, stored: StoredSearch, chosen: Sequence[str]) -> None:
     """Dots where sets were run; their colour is the rate of their own runs."""
     space, name = stored.search.search_space, stored.search.objectives[0].name
-    known = stored.strategy().report().evaluations
+    known = stored.evaluated.values()
     spots = [[place(space[axis], ev.params.values[axis]) for axis in chosen] for ev in known]
     plot.scatter(
         [spot[0] for spot in spots],
@@ -120,10 +108,5 @@ def _draw_sets(plot: Axes, stored: StoredSearch, chosen: Sequence[str]) -> None:
 def _label(plot: Axes, space: Mapping[str, SearchDimension], chosen: Sequence[str]) -> None:
     """Values at the axes, whose scale is that of the unit interval."""
     for axis, name in zip((plot.xaxis, plot.yaxis), chosen, strict=True):
-        dimension = space[name]
-        few = choices(dimension) is not None
-        ticks = _units(dimension) if few else np.linspace(0.0, 1.0, 6)
-        values = [at(dimension, tick) for tick in ticks]
-        texts = [f"{v:.3g}" if isinstance(v, float) else str(v) for v in values]
-        axis.set_ticks(ticks, texts, parse_math=False)
+        axis.set_ticks(*zip(*ticks(space[name]), strict=True), parse_math=False)
         axis.set_label_text(name, parse_math=False)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import traceback
+from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
 from robovast.base.plugins import plugin_errors, raised, told
 from robovast.model.document import Document
-from robovast.model.document.model import Search
 from robovast.model.document.search.plugins import EXTRACTORS, STRATEGIES, load_search_plugin
+from robovast.model.document.search.section import Search
 from robovast.search.extractor import Extractor
 from robovast.search.strategy import SearchStrategy
 
@@ -34,8 +35,12 @@ def make_strategy(document: Document) -> SearchStrategy:
     Raises:
         InputError: it cannot be loaded or made.
     """
-    search = search_of(document)
-    kind = load_search_plugin(search.strategy, STRATEGIES, document.folder)
+    return strategy_of(search_of(document), document.path)
+
+
+def strategy_of(search: Search, document: Path) -> SearchStrategy:
+    """The strategy of a search in the document at a path; see `make_strategy`."""
+    kind = load_search_plugin(search.strategy, STRATEGIES, document.parent)
     model = getattr(kind, "PARAMS_MODEL", None)
     given: Any = dict(search.strategy_parameters)
     what = f"the strategy `{search.strategy}`"
@@ -53,7 +58,8 @@ def make_extractor(document: Document) -> Extractor:
     """
     name, params = search_of(document).extract.call
     kind = load_search_plugin(name, EXTRACTORS, document.folder)
-    with plugin_errors(lambda error: _cannot_be_made(document, f"the extractor `{name}`", error)):
+    what = f"the extractor `{name}`"
+    with plugin_errors(lambda error: _cannot_be_made(document.path, what, error)):
         made = kind(**params)
     extractor: Extractor = _checked(made, Extractor, name, "extractor")
     return extractor
@@ -64,8 +70,8 @@ def trace(error: BaseException) -> str:
     return told("".join(traceback.format_exception(error)), _TRACE)
 
 
-def _cannot_be_made(document: Document, what: str, error: BaseException) -> InputError:
-    return InputError(f"{document.path}: {what} cannot be made: {raised(error)}")
+def _cannot_be_made(document: Path, what: str, error: BaseException) -> InputError:
+    return InputError(f"{document}: {what} cannot be made: {raised(error)}")
 
 
 def _checked(made: Any, kind: Any, name: str, what: str) -> Any:

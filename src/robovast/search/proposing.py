@@ -13,6 +13,7 @@ from robovast.model.document import Document
 from robovast.model.document.search.space import holds, set_id
 from robovast.model.expansion import Composition, compose
 from robovast.model.expansion.sets import with_sets
+from robovast.search.ending import until_batches
 from robovast.search.plugins import make_strategy, search_of
 from robovast.search.strategy import SearchStrategy
 from robovast.search.types import ParamSet
@@ -85,6 +86,13 @@ def with_runs(document: Document, runs: int) -> Document:
     """The document with another number of runs of each set."""
     execution = document.vast.execution.model_copy(update={"runs": runs})
     vast = document.vast.model_copy(update={"execution": execution})
+    return dataclasses.replace(document, vast=vast)
+
+
+def with_batches(document: Document, batches: int | None) -> Document:
+    """The document whose search ends after so many batches instead; None changes nothing."""
+    search = until_batches(search_of(document), batches)
+    vast = document.vast.model_copy(update={"search": search})
     return dataclasses.replace(document, vast=vast)
 
 

@@ -4,59 +4,70 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import astuple
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from robovast.analysis.tables.query import Answer
 from robovast.base.errors import InputError
 from robovast.base.plugins import plugin_errors, raised
 from robovast.campaign.configurations import read_configurations
 from robovast.campaign.layout import Layout
-from robovast.model.document import Document, load_document
+from robovast.model.document import load_document
+from robovast.model.document.problems import suggest
+from robovast.model.document.search.section import Search
 from robovast.model.document.search.space import holds, place
+from robovast.search.ending import best_values
 from robovast.search.history import Batch, History
-from robovast.search.plugins import make_strategy, search_of
+from robovast.search.plugins import search_of, strategy_of
 from robovast.search.strategy import SearchStrategy, unbeaten
+from robovast.search.types import Evaluation
+
+if TYPE_CHECKING:
+    from robovast.search.strategies.failure_map import FailureMap
 
 
 class StoredSearch:
     """A search, finished or under way.
 
     Args:
-        campaign: its folder.
+        search: its section.
+        history: what is stored of it.
+        document: the .vast file, whose folder has the strategy if that is users' code.
 
     Raises:
-        InputError: the folder is no search, or nothing of it was scored yet.
+        InputError: what is stored is not of this search.
     """
 
-    def __init__(self, campaign: Path) -> None:
-        layout = Layout(campaign)
-        name = str(read_configurations(layout).get("vast"))
-        self.document: Document = load_document(layout.config / name)
-        self.search = search_of(self.document)
-        self.history = History(layout)
-        self.history.check(self.search)
-        if not self.history.finished:
-            raise InputError(f"{campaign}: no batch of the search is finished yet.")
+    def __init__(self, search: Search, history: History, document: Path) -> None:
+        history.check(search)
+        self.search = search
+        self.history = history
+        self.document = document
 
+    @cached_property
     def strategy(self) -> SearchStrategy:
         """The strategy after all batches that were scored.
 
         Raises:
-            InputError: it raises.
+            InputError: it cannot be made, or raises.
         """
-        made = make_strategy(self.document)
-        for batch in self.history.finished:
-            evaluations = self.history.evaluations(batch)
-            with plugin_errors(self._replay_failed):
-                made.replay(batch.proposal.asked, batch.proposal.sets, evaluations)
+        made = strategy_of(self.search, self.document)
+        with plugin_errors(self._replay_failed):
+            self.history.replay(made)
         return made
 
     def _replay_failed(self, error: BaseException) -> InputError:
         name = self.search.strategy
         return InputError(
-            f"{self.document.path}: the strategy `{name}`: `replay` raised {raised(error)}."
+            f"{self.document}: the strategy `{name}`: `replay` raised {raised(error)}."
         )
+
+    @cached_property
+    def evaluated(self) -> dict[str, Evaluation]:
+        """The last evaluation of each set that has a score, by identifier."""
+        found = (ev for batch in self.history.finished for ev in self.history.evaluations(batch))
+        return {ev.params.id: ev for ev in found}
 
     def sets(self) -> Answer:
         """All evaluated sets, a row each time that one was proposed."""
@@ -78,13 +89,15 @@ class StoredSearch:
         return rows
 
     def report(self) -> Answer:
-        """The numbers of the strategy's report after each batch."""
+        """The best value of each objective and the strategy's numbers after each batch."""
         outcomes = [(b.number, b.outcome) for b in self.history.finished if b.outcome is not None]
         names = list(dict.fromkeys(name for _, o in outcomes for name in o.metrics))
+        best = {f"best {o.name}": best_values(o, self.history) for o in self.search.objectives}
         rows = [
-            (number, *(o.metrics.get(name) for name in names), o.elapsed) for number, o in outcomes
+            (number, *so_far, *(o.metrics.get(name) for name in names), o.elapsed)
+            for (number, o), *so_far in zip(outcomes, *best.values(), strict=True)
         ]
-        return Answer(["batch", *names, "elapsed"], rows)
+        return Answer(["batch", *best, *names, "elapsed"], rows)
 
     def critical(self, fixed: Mapping[str, Any]) -> Answer:
         """The critical value of each number, the other parameters being fixed.
@@ -92,9 +105,9 @@ class StoredSearch:
         Raises:
             InputError: the strategy makes no failure map, or a fixed value is not in the space.
         """
-        self.middle(fixed)
+        base = self.middle(fixed)
         columns = ["parameter", "critical", "low", "high", "crossing"]
-        return Answer(columns, [astuple(item) for item in self.failure_map().critical(fixed)])
+        return Answer(columns, [astuple(item) for item in self.failure_map.critical(base)])
 
     def middle(self, fixed: Mapping[str, Any]) -> list[float]:
         """The place of fixed values in the unit cube, in the middle of all other dimensions.
@@ -105,7 +118,9 @@ class StoredSearch:
         space = self.search.search_space
         for name, value in fixed.items():
             if name not in space:
-                raise InputError(f"`{name}` is no dimension of the search space.")
+                raise InputError(
+                    f"`{name}` is no dimension of the search space. {suggest(name, space)}"
+                )
             if not holds(space[name], value):
                 raise InputError(f"{name} = {value!r} is not in the search space.")
         return [place(dim, fixed[name]) if name in fixed else 0.5 for name, dim in space.items()]
@@ -117,7 +132,7 @@ class StoredSearch:
             InputError: the strategy makes no failure map.
         """
         columns = [*self.search.search_space, "failure_rate", "low", "high"]
-        return Answer(columns, list(self.failure_map().rows()))
+        return Answer(columns, list(self.failure_map.rows()))
 
     def archive(self) -> Answer:
         """The best set of each cell of the archive, its cell's number first.
@@ -125,9 +140,7 @@ class StoredSearch:
         Raises:
             InputError: the strategy keeps no archive.
         """
-        strategy = self.strategy()
-        if not hasattr(strategy, "elites"):
-            raise InputError(f"the strategy `{self.search.strategy}` keeps no archive; `qd` does.")
+        elites, strategy = self.elites, self.strategy
         configs, space = self.history.configs(), self.search.search_space
         axes = sorted(strategy.needed_measures)
         objective = strategy.single_objective.name
@@ -139,16 +152,26 @@ class StoredSearch:
                 ev.objectives[objective],
                 *(ev.measures[name] for name in axes),
             )
-            for cell, ev in sorted(strategy.elites.items())
+            for cell, ev in sorted(elites.items())
         ]
         return Answer(["cell", "config", *space, objective, *axes], rows)
+
+    @property
+    def elites(self) -> dict[int, Evaluation]:
+        """The best set of each cell of the archive that has one.
+
+        Raises:
+            InputError: the strategy keeps no archive.
+        """
+        found: dict[int, Evaluation] | None = getattr(self.strategy, "elites", None)
+        if found is None:
+            raise InputError(f"the strategy `{self.search.strategy}` keeps no archive; `qd` does.")
+        return found
 
     def best(self) -> Answer:
         """The best set, or those of several objectives that no other beats in all of them."""
         configs, space = self.history.configs(), self.search.search_space
         names = [objective.name for objective in self.search.objectives]
-        found = [ev for batch in self.history.finished for ev in self.history.evaluations(batch)]
-        last = {ev.params.id: ev for ev in found}
         rows = [
             (
                 configs[ev.params.id],
@@ -156,19 +179,36 @@ class StoredSearch:
                 *(ev.objectives[name] for name in names),
                 ev.n_samples,
             )
-            for ev in unbeaten(self.search.objectives, last.values())
+            for ev in unbeaten(self.search.objectives, self.evaluated.values())
         ]
         return Answer(["config", *space, *names, "n_samples"], rows)
 
-    def failure_map(self) -> Any:
+    @cached_property
+    def failure_map(self) -> FailureMap:
         """The map of the strategy.
 
         Raises:
             InputError: the strategy makes no failure map.
         """
-        strategy = self.strategy()
-        if not hasattr(strategy, "map"):
+        make = getattr(self.strategy, "map", None)
+        if make is None:
             raise InputError(
                 f"the strategy `{self.search.strategy}` makes no failure map; `boundary` does."
             )
-        return strategy.map()
+        with plugin_errors(lambda error: InputError(f"{self.document}: {error}.")):
+            found: FailureMap = make()
+        return found
+
+
+def stored_search(campaign: Path) -> StoredSearch:
+    """The search in a campaign's folder, whose document and plugins are loaded.
+
+    Raises:
+        InputError: the folder is no search, or nothing of it was scored yet.
+    """
+    layout = Layout(campaign)
+    document = load_document(layout.config / str(read_configurations(layout).get("vast")))
+    stored = StoredSearch(search_of(document), History(layout), document.path)
+    if not stored.history.finished:
+        raise InputError(f"{campaign}: no batch of the search is finished yet.")
+    return stored

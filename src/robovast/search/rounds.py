@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import Protocol
 
@@ -19,9 +19,10 @@ from robovast.base.plugins import plugin_errors, raised
 from robovast.base.version import __version__
 from robovast.campaign.layout import Layout
 from robovast.model.document import Document
-from robovast.model.document.search.criteria import Criterion, Progress, criteria
+from robovast.model.document.search.criteria import Criterion
 from robovast.model.expansion import Composition, Variant
 from robovast.model.packs import RUNS_LIMIT, Block
+from robovast.search.ending import Stop, best_after, ending, reached
 from robovast.search.extractor import Extractor
 from robovast.search.history import Batch, History, Outcome, Proposal
 from robovast.search.plugins import make_strategy, search_of
@@ -30,8 +31,8 @@ from robovast.search.scoring import samples, score
 from robovast.search.strategy import SearchStrategy
 from robovast.search.types import Evaluation, ParamSet, SearchReport
 
-NOTHING_NEW = 3
-"""Batches in a row without a new run after which nothing is left to try."""
+OPEN = 2
+"""Most batches that are executed side by side, so that nothing waits for the slowest run of one."""
 
 
 class Observer(Protocol):
@@ -72,17 +73,11 @@ class Campaign(Protocol):
     def plan(self, blocks: Sequence[Block]) -> None:
         """Append blocks to the plan."""
 
-    def execute(self, blocks: Sequence[Block]) -> None:
-        """Execute the runs of blocks of the plan that are not finished."""
+    def execute(self, blocks: Sequence[Block], meanwhile: Sequence[Block]) -> None:
+        """Execute the runs of blocks of the plan that are not finished.
 
-
-@dataclass(frozen=True)
-class Stop:
-    """Why a search ended."""
-
-    kind: str
-    """The criterion's key; `exhausted`, `errors` or `strategy` where none was reached."""
-    reason: str
+        Those of `meanwhile` may be executed, too, but are not waited for.
+        """
 
 
 @dataclass
@@ -101,50 +96,38 @@ class Rounds:
     elapsed: Callable[[], float]
     """For how long the search has been under way [s]."""
     strategy: SearchStrategy = field(init=False)
-    _asked: Batch | None = field(init=False, default=None)
-    """The last batch that this strategy was asked for."""
     best: list[float | None] = field(default_factory=list)
     """The best value of the first objective after each batch."""
 
     def __post_init__(self) -> None:
         self.history.check(search_of(self.document))
         self.strategy = make_strategy(self.document)
+        with self._calling("replay"):
+            self.history.replay(self.strategy)
         for batch in self.history.finished:
-            self._replay(batch)
+            self._note(batch)
 
     def run(self) -> Stop | None:
         """Execute batches until the search ends; return why, or None if runs are left."""
-        while (stop := self.stop()) is None:
-            if not self._batch():
+        if self.history.finished:  # whoever was killed may have stored a batch, and not told it
+            self.finished(None)
+        while open_ := self._open_batches():
+            if not self._batch(*open_):
                 return None
+        stop = self.stop()
         self.finished(stop)
         return stop
 
     def stop(self) -> Stop | None:
         """Why the search has ended; None while it has not."""
-        fired = next((criterion for criterion in self.criteria() if criterion.fired), None)
-        if fired is not None:
-            return Stop(fired.kind, fired.reason)
-        search = search_of(self.document)
-        failed = [score for score in self.history.scores().values() if score.error]
-        if len(failed) > search.max_errors:
-            reason = f"{len(failed)} sets could not be evaluated: {failed[-1].error}"
-            return Stop("errors", reason)
-        last = self.history.finished[-NOTHING_NEW:]
-        if last and not last[-1].proposal.sets:
-            return Stop("exhausted", "the strategy has nothing left to propose")
-        if len(last) == NOTHING_NEW and not any(batch.blocks for batch in last):
-            return Stop("exhausted", f"{NOTHING_NEW} batches in a row proposed nothing new")
-        if last and self._is_done():
+        stop = ending(search_of(self.document), self.history, self.best)
+        if stop is None and self.history.finished and self._is_done():
             return Stop("strategy", "the strategy has finished")
-        return None
+        return stop
 
-    def criteria(self) -> list[Criterion]:
-        """How far the criteria are, after the last batch that was scored."""
-        done = self.history.finished
-        metrics = done[-1].outcome.metrics if done and done[-1].outcome else {}
-        progress = Progress(len(done), self.history.elapsed, self.best, metrics)
-        return criteria(search_of(self.document), progress)
+    def criteria(self, further: int = 0) -> list[Criterion]:
+        """How far the criteria are after the last batch that was scored, or after further ones."""
+        return reached(search_of(self.document), self.history, self.best, further)
 
     def report(self) -> SearchReport:
         """The strategy's report.
@@ -165,23 +148,46 @@ class Rounds:
         with self._calling("is_done"):
             return bool(self.strategy.is_done())
 
-    def _batch(self) -> bool:
+    def _batch(self, batch: Batch, *later: Batch) -> bool:
         """Execute a batch, perhaps its rest; return False if runs are left."""
-        batch = self._open_batch()
-        self.campaign.execute(batch.blocks)
+        meanwhile = [block for other in later for block in other.blocks]
+        self.campaign.execute(batch.blocks, meanwhile)
         if not self.campaign.interrupted:
-            self._execute_again(batch)
+            self._execute_again(batch, meanwhile)
         if self.campaign.interrupted:
             return False
         self.process()
         self._score(batch)
         return True
 
-    def _open_batch(self) -> Batch:
-        """The batch under way, or a new one; its configurations exist."""
-        batches = self.history.batches
-        under_way = batches and batches[-1].outcome is None
-        batch = batches[-1] if under_way else self._propose()
+    def _open_batches(self) -> list[Batch]:
+        """The batches under way, with those that are due; their configurations exist.
+
+        What is due follows from what is stored, not from what is executed first: so a search that
+        was killed asks the same questions again.
+        """
+        for batch in self.history.open:
+            self._make(batch)
+        while self._is_due() and (new := self._propose()):
+            self._make(new)
+        return self.history.open
+
+    def _is_due(self) -> bool:
+        """Whether a batch is to be proposed now.
+
+        The second one waits for the first, since it would know nothing.
+        """
+        if self.stop() is not None:
+            return False
+        under_way = len(self.history.open)
+        if not under_way:
+            return True
+        spent = any(c.fired for c in self.criteria(under_way))
+        begun = bool(self.history.finished) and self.strategy.asks_ahead
+        return begun and under_way < OPEN and not spent
+
+    def _make(self, batch: Batch) -> None:
+        """Make the configurations of a batch, as far as there are none."""
         missing = {
             params.id: params
             for params, config in zip(batch.proposal.sets, batch.proposal.configs, strict=True)
@@ -191,11 +197,13 @@ class Rounds:
             sets = list(missing.values())
             composition, _ = expand_sets(self.document, sets, self.expand)
             self.campaign.add_variants(with_entries(self.document, sets), composition)
-        return batch
 
-    def _propose(self) -> Batch:
-        search = search_of(self.document)
+    def _propose(self) -> Batch | None:
+        """A new batch; None if there is nothing to propose until more is known."""
+        search, ahead = search_of(self.document), len(self.history.open)
         sets = ask(self.document, self.strategy)
+        if ahead and not sets:
+            return None
         known = self.history.configs()
         new = {params.id: params for params in sets if params.id not in known}
         names = dict(known)
@@ -212,20 +220,26 @@ class Rounds:
             sets=tuple(sets),
             configs=tuple(names[params.id] for params in sets),
             blocks=tuple(blocks),
+            ahead=ahead,
         )
-        batch = self._asked = self.history.propose(proposal)
+        batch = self.history.propose(proposal)
         self.campaign.plan(blocks)
         return batch
 
     def _blocks(self, sets: list[ParamSet], names: dict[str, str]) -> list[Block]:
         """The runs that sets need beyond those that are planned; equal sets are run once.
 
+        A set that is executed now gets no further ones: its score does not depend on who is faster.
+
         Raises:
             InputError: they are too many.
         """
         usual = self.document.vast.execution.most_runs
+        executed = {params.id for batch in self.history.open for params in batch.proposal.sets}
         wanted: dict[str, int] = {}
         for params in sets:
+            if params.id in executed:
+                continue
             asked = params.n_reps or usual
             wanted[params.id] = max(asked, wanted.get(params.id, 0))
         blocks: list[Block] = []
@@ -245,7 +259,7 @@ class Rounds:
             )
         return blocks
 
-    def _execute_again(self, batch: Batch) -> None:
+    def _execute_again(self, batch: Batch, meanwhile: Sequence[Block]) -> None:
         """Execute more runs, once, of sets of which no run came to a verdict."""
         if batch.again is None:
             blocks = [
@@ -266,7 +280,7 @@ class Rounds:
             )
             self.history.repeat(batch, blocks)
             self.campaign.plan(blocks)
-        self.campaign.execute(batch.again or ())
+        self.campaign.execute(batch.again or (), meanwhile)
 
     def _is_new(self, batch: Batch, config: str) -> bool:
         """Whether the batch itself runs a configuration."""
@@ -290,28 +304,30 @@ class Rounds:
         known = self.history.scores()
         new = {i: c for i, c in configs.items() if i not in known or self._is_new(batch, c)}
         needed = self.strategy.needed_measures
-        fresh = {s.id: s for s in score(search, self.extractor, self._layout, new, needed)}
+        fresh = {
+            s.id: replace(s, n_runs=self.campaign.runs_of(new[s.id]))
+            for s in score(search, self.extractor, self._layout, new, needed)
+        }
         scores = tuple(fresh.get(id_) or known[id_] for id_ in configs)
         for scored in fresh.values():
             if scored.error:
                 self.campaign.observer.message(f"{configs[scored.id]} is left out: {scored.error}")
         provisional = Outcome(scores, 0.0, 0.0)
         batch.outcome = provisional
-        if batch is self._asked:
-            self._tell(batch)
-        else:  # another process has asked for it
-            self._replay(batch)
+        with self._calling("tell"):
+            self.strategy.tell(self.history.evaluations(batch))
+        self._note(batch)
         metrics = {k: float(v) for k, v in self.report().extra.items() if _is_number(v)}
         elapsed = round(self.elapsed(), 3)
         self.history.finish(batch, Outcome(scores, elapsed, time.time(), metrics))
         self.finished(None)
-        self.campaign.observer.message(self.line())
+        self.campaign.observer.message(self._line(batch))
 
-    def line(self) -> str:
-        """`batch 3: batches 3/50 | failure_rate 0.97/0.9 | best failure_rate 0.97`."""
+    def _line(self, batch: Batch) -> str:
+        """`batch 2 is scored: batches 3/50 | failure_rate 0.97/0.9 | best failure_rate 0.97`."""
         parts = [str(criterion) for criterion in self.criteria()]
         best = [f"best {self.best_value}"] if self.best_value else []
-        return f"batch {len(self.history.finished)}: {' | '.join([*parts, *best])}"
+        return f"batch {batch.number} is scored: {' | '.join([*parts, *best])}"
 
     @property
     def best_value(self) -> str:
@@ -320,24 +336,11 @@ class Rounds:
         name = search_of(self.document).objectives[0].name
         return "" if best is None else f"{name} {best:.6g}"
 
-    def _replay(self, batch: Batch) -> None:
-        evaluations = self.history.evaluations(batch)
-        with self._calling("replay"):
-            self.strategy.replay(batch.proposal.asked, batch.proposal.sets, evaluations)
-        self._note(batch)
-
-    def _tell(self, batch: Batch) -> None:
-        with self._calling("tell"):
-            self.strategy.tell(self.history.evaluations(batch))
-        self._note(batch)
-
     def _note(self, batch: Batch) -> None:
         """Keep the best value after a batch."""
+        before = self.best[-1] if self.best else None
         objective = search_of(self.document).objectives[0]
-        better = max if objective.direction == "maximize" else min
-        values = [ev.objectives[objective.name] for ev in self.history.evaluations(batch)]
-        before = [v for v in self.best[-1:] if v is not None]
-        self.best.append(better([*before, *values], default=None))
+        self.best.append(best_after(objective, self.history.evaluations(batch), before))
 
     def _calling(self, method: str) -> AbstractContextManager[None]:
         """Wrap a call of the strategy: what it raises is its error."""

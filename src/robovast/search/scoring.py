@@ -11,7 +11,7 @@ from typing import Any
 
 from robovast.base.plugins import raised
 from robovast.campaign.layout import Layout
-from robovast.model.document.model import Search
+from robovast.model.document.search.section import Search
 from robovast.search.extractor import Extractor, ExtractResult, completed_run_dirs
 from robovast.search.history import Scored
 from robovast.search.plugins import trace

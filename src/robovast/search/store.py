@@ -12,12 +12,11 @@ from robovast.analysis.tables.campaign_store import SCHEMA
 from robovast.base.atomic import appearing_file
 from robovast.base.errors import StorageError
 from robovast.base.yaml_files import read_mapping_leniently
-from robovast.campaign.layout import CAMPAIGN_STORE, Layout
+from robovast.campaign.layout import Layout
 from robovast.model.document import Document
+from robovast.model.naming import CAMPAIGN_STORE
+from robovast.search.ending import Stop
 from robovast.search.history import Batch, History
-from robovast.search.rounds import Stop
-
-_VERSION = 1
 
 
 def write_search_store(
@@ -47,8 +46,7 @@ def _write(
     history: History,
     stop: Stop | None,
 ) -> None:
-    connection.executescript(SCHEMA.replace("created_at TEXT", "created_at REAL"))
-    connection.execute(f"PRAGMA user_version = {_VERSION}")
+    connection.executescript(SCHEMA)
     done = history.finished
     created = (
         done[0].outcome.finished_at - done[0].outcome.elapsed if done and done[0].outcome else 0.0

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import Any, ClassVar
 
 from pydantic import BaseModel
 
-from robovast.model.document.model import Search, SearchObjective
+from robovast.model.document.search.section import Search, SearchObjective
 from robovast.model.document.search.space import place, values_at
 from robovast.search.types import Evaluation, ParamSet, SearchReport
 
@@ -45,7 +46,7 @@ class SearchStrategy(ABC):
 
     @abstractmethod
     def tell(self, evaluations: list[Evaluation]) -> None:
-        """Learn from the evaluations of the sets that were asked for last."""
+        """Learn from the evaluations of the oldest sets that were asked for and not yet told."""
 
     @abstractmethod
     def report(self) -> SearchReport:
@@ -60,11 +61,18 @@ class SearchStrategy(ABC):
         """Whether the strategy wants the search to end."""
         return False
 
-    def replay(self, n: int, asked: Sequence[ParamSet], evaluations: list[Evaluation]) -> None:
-        """Repeat a stored batch."""
+    @property
+    def asks_ahead(self) -> bool:
+        """Whether it can be asked for a batch while the one before is still executed.
+
+        If so, an answer without a set leaves no trace: it is asked again when it knows more.
+        """
+        return False
+
+    def repeat(self, n: int, asked: Sequence[ParamSet]) -> None:
+        """Answer a stored question again."""
         del asked
         self.ask(n)
-        self.tell(evaluations)
 
     @property
     def single_objective(self) -> SearchObjective:
@@ -91,7 +99,11 @@ class HistoryStrategy(SearchStrategy):
     def __init__(self, cfg: Search, params: Any = None) -> None:
         super().__init__(cfg, params)
         self.batch = 0
-        """Number of the next batch."""
+        """Number of the next batch: how often it has proposed something."""
+        self.evaluated = 0
+        """Number of batches whose evaluations are known."""
+        self._open: deque[Sequence[ParamSet]] = deque()
+        """The batches that were proposed and are not evaluated."""
         self.asked: dict[str, ParamSet] = {}
         """All sets that were ever proposed, by identifier."""
         self.known: dict[str, Evaluation] = {}
@@ -106,19 +118,36 @@ class HistoryStrategy(SearchStrategy):
     def ask(self, n: int) -> list[ParamSet]:
         """Propose and remember parameter sets."""
         proposed = self.propose(n)
-        self.asked.update((params.id, params) for params in proposed)
+        self._remember(proposed)
         return proposed
+
+    @property
+    def asks_ahead(self) -> bool:
+        """It learns from what is evaluated, whatever is under way."""
+        return True
+
+    @property
+    def open(self) -> dict[str, ParamSet]:
+        """The sets that are executed now, by identifier."""
+        return {params.id: params for sets in self._open for params in sets}
+
+    def repeat(self, n: int, asked: Sequence[ParamSet]) -> None:
+        """Remember a stored batch without computing it again."""
+        del n
+        self._remember(asked)
+
+    def _remember(self, proposed: Sequence[ParamSet]) -> None:
+        self.asked.update((params.id, params) for params in proposed)
+        if proposed:
+            self.batch += 1
+            self._open.append(proposed)
 
     def tell(self, evaluations: list[Evaluation]) -> None:
         """Remember evaluations."""
         self.known.update((ev.params.id, ev) for ev in evaluations)
-        self.batch += 1
-
-    def replay(self, n: int, asked: Sequence[ParamSet], evaluations: list[Evaluation]) -> None:
-        """Remember a stored batch without computing it again."""
-        del n
-        self.asked.update((params.id, params) for params in asked)
-        self.tell(evaluations)
+        self.evaluated += 1
+        if self._open:
+            self._open.popleft()
 
     def place(self, params: ParamSet) -> list[float]:
         """A set's place in the unit cube."""
@@ -132,7 +161,7 @@ class HistoryStrategy(SearchStrategy):
     def report(self) -> SearchReport:
         """All evaluations, the best first; of several objectives, those that none beats."""
         known = list(self.known.values())
-        extra = {"batches": self.batch, "evaluations": len(known)}
+        extra = {"batches": self.evaluated, "evaluations": len(known)}
         if len(self.objectives) > 1:
             front = unbeaten(self.objectives, known)
             ids = {ev.params.id for ev in front}

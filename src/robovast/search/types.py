@@ -35,6 +35,8 @@ class Evaluation:
     """Number of runs with a verdict."""
     raw: Mapping[str, Any] = field(default_factory=dict)
     """`config_dir`: the folder of the set's runs."""
+    n_runs: int = 0
+    """Number of runs, with a verdict or without; 0 if it is not known."""
 
 
 @dataclass

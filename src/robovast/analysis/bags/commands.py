@@ -19,7 +19,7 @@ from robovast.base.errors import RobovastError
 from robovast.base.optional_deps import ROS
 from robovast.campaign.layout import Layout
 from robovast.model.document.commands import JOB_LOGS, BagCommand, bag_command, expanded
-from robovast.model.document.model import PluginCall
+from robovast.model.document.section import PluginCall
 from rosbags_common import find_rosbags
 
 if TYPE_CHECKING:

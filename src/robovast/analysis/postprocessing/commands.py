@@ -25,8 +25,8 @@ from robovast.model.document.commands import (
     expanded,
 )
 from robovast.model.document.files import named_files
-from robovast.model.document.model import Plugin, PluginCall
 from robovast.model.document.problems import problems_of
+from robovast.model.document.section import Plugin, PluginCall
 from robovast.model.document.source import Source
 
 

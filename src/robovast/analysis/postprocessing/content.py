@@ -15,6 +15,9 @@ from robovast.campaign.layout import POSTPROCESSING, RUN_RECORD
 from robovast.campaign.run_record import PLACE, record_text
 
 _CHUNK = 1 << 20
+_BYTECODE = "__pycache__"
+"""Folder that Python itself makes, wherever a plugin's file imports another."""
+
 Stamp = tuple[int, int, int]
 """Size [bytes], times of modification and change [ns]."""
 Files = dict[str, Stamp]
@@ -26,7 +29,7 @@ def scan(folder: str | Path, ignored: Iterable[str] = (POSTPROCESSING,)) -> File
 
     Args:
         folder: the folder; a missing one has no files.
-        ignored: names directly in the folder that are ignored.
+        ignored: names directly in the folder that are ignored; Python's bytecode is, everywhere.
     """
     found: Files = {}
     try:
@@ -39,7 +42,7 @@ def scan(folder: str | Path, ignored: Iterable[str] = (POSTPROCESSING,)) -> File
 def _scan(folder: str, prefix: str, found: Files, ignored: frozenset[str]) -> None:
     with os.scandir(folder) as entries:
         for entry in entries:
-            if entry.name in ignored:
+            if entry.name in ignored or entry.name == _BYTECODE:
                 continue
             if entry.is_dir(follow_symlinks=False):
                 _scan(entry.path, f"{prefix}{entry.name}/", found, frozenset())

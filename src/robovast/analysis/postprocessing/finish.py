@@ -13,14 +13,8 @@ from robovast.analysis.postprocessing.state import State, Unit
 from robovast.analysis.postprocessing.survey import OWN, WHOLE, Survey
 from robovast.base.errors import RobovastError
 from robovast.base.version import __version__
-from robovast.campaign.layout import (
-    CAMPAIGN_STORE,
-    COLUMNAR_TABLES,
-    GRAPH,
-    METADATA,
-    SQLITE_TABLES,
-    Layout,
-)
+from robovast.campaign.layout import COLUMNAR_TABLES, SQLITE_TABLES, Layout
+from robovast.model.naming import CAMPAIGN_STORE, GRAPH, METADATA
 
 TABLES = 2
 """Version of the tables' columns; after a change all runs are read again."""
@@ -62,7 +56,7 @@ def finish(
     documents = digests(config, (path.name for path in config.glob("*.vast")))
     now = f"{__version__} {combined({**versions, **documents})}"
     for part in _parts(survey, versions, options):
-        there = all(path.exists() for path in part.files)
+        there = all(path.is_file() for path in part.files)
         if there and not options.force and state.note(part.name) == now:
             continue
         observer.step_started(part.name, 1)

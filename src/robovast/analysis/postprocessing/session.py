@@ -33,7 +33,7 @@ from robovast.campaign.configurations import read_configurations
 from robovast.campaign.finding import find_campaigns
 from robovast.campaign.layout import POSTPROCESSING, Layout
 from robovast.model.document.commands import ROSOUT
-from robovast.model.document.model import PluginCall
+from robovast.model.document.section import PluginCall
 from robovast.model.quantities import machine_cpus
 
 LOG = "postprocessing.log"

@@ -20,17 +20,9 @@ from robovast.analysis.postprocessing.content import (
     stamp_of,
 )
 from robovast.analysis.postprocessing.state import Unit
-from robovast.campaign.layout import (
-    CAMPAIGN_STORE,
-    GRAPH,
-    JOB_LINK,
-    METADATA,
-    POSTPROCESSING,
-    Layout,
-    job_folder,
-)
+from robovast.campaign.layout import JOB_LINK, POSTPROCESSING, Layout, job_folder
 from robovast.model.document.commands import JOB_LOGS
-from robovast.model.naming import CONFIG, TRANSIENT
+from robovast.model.naming import CAMPAIGN_STORE, CONFIG, GRAPH, METADATA, TRANSIENT
 
 OWN = "."
 """The unit of the campaign's own files, apart from its runs."""

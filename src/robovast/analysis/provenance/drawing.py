@@ -12,7 +12,7 @@ from typing import Any
 from robovast.base.atomic import appearing_file
 from robovast.base.errors import CannotRunError, InputError
 from robovast.base.file_errors import writing
-from robovast.campaign.layout import GRAPH
+from robovast.model.naming import GRAPH
 
 DOT = "metadata.dot"
 PDF = "metadata.pdf"

@@ -22,6 +22,7 @@ from robovast.analysis.provenance.run_nodes import (
     run_nodes,
     sysinfo_node,
 )
+from robovast.analysis.provenance.searches import search_nodes
 from robovast.analysis.provenance.times import as_utc, from_epoch
 from robovast.analysis.provenance.vocabulary import (
     DEFAULT_DATASET,
@@ -105,6 +106,7 @@ class Graph:
         yield self._generation()
         for entry in self._metadata["configurations"]:
             yield from self._configuration(entry)
+        yield from search_nodes(self._metadata.get("search") or (), self._vast)
         yield from self._jobs()
         yield from self._postprocessing()
         yield from self._metadata_file()
@@ -252,7 +254,7 @@ class Graph:
         }
 
     def _scenario_node(self, entry: dict[str, Any], iri: str, files: list[str]) -> Node:
-        origin = entry.get("derived_from")
+        origin, decision = entry.get("derived_from"), entry.get("decision") or {}
         return compact(
             {
                 "@id": iri,
@@ -266,6 +268,8 @@ class Graph:
                 "variations": [activity for activity, _ in self._applied(entry)],
                 "config_identifier": entry.get("config_identifier"),
                 "factor": factor_nodes(entry.get("factors")),
+                "decision": decision.get("state"),
+                "decision_runs": decision.get("runs"),
             }
         )
 

@@ -13,7 +13,7 @@ from robovast.analysis.provenance.findings import Findings
 from robovast.analysis.provenance.processor import MetadataProcessor
 from robovast.base.plugins import load_plugin, plugins_of, split_file_reference
 from robovast.base.serialization import to_plain
-from robovast.model.document.model import Plugin, PluginCall
+from robovast.model.document.section import Plugin, PluginCall
 from robovast.model.naming import CONFIG
 from robovast.model.variations.base_variation import ProvContribution, Variation
 from robovast.model.variations.loader import GROUP, load_variation

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,10 @@ from robovast.analysis.provenance.findings import Findings
 from robovast.analysis.provenance.hooks import VariationHooks, process, processors_of
 from robovast.analysis.provenance.reading import list_files, read_mapping, subfolders
 from robovast.analysis.provenance.runs import describe_run
+from robovast.analysis.provenance.searches import describe_search
 from robovast.analysis.provenance.times import as_utc, later
 from robovast.base.safe_paths import MOST_OF_ALL
+from robovast.campaign.decisions import decide, recorded_test
 from robovast.campaign.layout import (
     POSTPROCESSING,
     SCENARIO_CONFIG,
@@ -19,6 +22,7 @@ from robovast.campaign.layout import (
     Layout,
     is_variant,
 )
+from robovast.campaign.verdict import Verdict
 from robovast.model.naming import CONFIG, TRANSIENT
 from robovast.model.variations.factors import FACTORS
 
@@ -51,6 +55,8 @@ def collect_metadata(
             for item in _configurations(layout, configurations)
         ],
     }
+    if batches := describe_search(layout, findings):
+        metadata["search"] = batches
     return process(metadata, processors_of(document, findings), root, findings)
 
 
@@ -143,7 +149,19 @@ def _describe_configuration(
     if not runs:
         findings.missing("configurations without a run", name)
     results = [describe_run(layout.root, name, number, findings) for number in runs]
-    return {**entry, **added, "test_results": results}
+    return {**entry, **added, **_decision(execution, name, results), "test_results": results}
+
+
+def _decision(
+    execution: Mapping[str, Any], name: str, results: Iterable[Mapping[str, Any]]
+) -> dict[str, dict[str, Any]]:
+    """What the runs of a configuration decide about it, where they were executed as needed."""
+    test = recorded_test(execution)
+    if test is None:
+        return {}
+    numbered = ((result["dir"].rpartition("/")[2], result["verdict"]) for result in results)
+    found = decide(test.of(name), {int(number): Verdict(verdict) for number, verdict in numbered})
+    return {"decision": {**asdict(found), "state": str(found.state)}}
 
 
 def _names(files: Any) -> Iterator[str]:

@@ -14,7 +14,7 @@ from typing import Any
 
 from robovast.analysis.provenance.vocabulary import PREFIXES
 from robovast.base.errors import CannotRunError, InputError
-from robovast.campaign.layout import GRAPH
+from robovast.model.naming import GRAPH
 
 _log = logging.getLogger(__name__)
 
@@ -96,17 +96,19 @@ class Graphs:
         self._store = self._engine.Store()
         self.campaigns: dict[str, Path] = {}
         """Folder of each campaign by its IRI."""
-        files = [campaign / GRAPH for campaign in campaigns]
-        for file in files:
-            if file.is_file():
-                self._load(file)
-            else:
-                _log.warning("%s: no %s, left out", file.parent, GRAPH)
-        if not self.campaigns:
+        with_graph = [campaign for campaign in campaigns if (campaign / GRAPH).is_file()]
+        if not with_graph:
             raise InputError(
                 f"no campaign has a {GRAPH} ({', '.join(str(c) for c in campaigns)}). "
                 "`vast results metadata` writes it."
             )
+        for campaign in campaigns:
+            if campaign in with_graph:
+                self._load(campaign / GRAPH)
+            else:
+                _log.warning(
+                    "%s: no %s, left out; `vast results metadata` writes it", campaign, GRAPH
+                )
 
     def __len__(self) -> int:
         return len(self._store)

@@ -23,7 +23,7 @@ from robovast.base.file_errors import writing
 from robovast.base.safe_paths import MOST_OF_ALL
 from robovast.base.serialization import dump_yaml
 from robovast.base.version import __version__
-from robovast.campaign.layout import GRAPH, METADATA
+from robovast.model.naming import GRAPH, METADATA
 
 _log = logging.getLogger(__name__)
 

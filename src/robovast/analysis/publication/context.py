@@ -14,8 +14,9 @@ from robovast.base.errors import DocumentError, InputError, StorageError
 from robovast.base.yaml_files import read_mapping
 from robovast.campaign.finding import find_campaigns
 from robovast.campaign.layout import Layout
-from robovast.model.document.model import PluginCall, ResultsProcessing
+from robovast.model.document.model import ResultsProcessing
 from robovast.model.document.problems import problems_of
+from robovast.model.document.section import PluginCall
 from robovast.model.document.source import Source
 from robovast.model.naming import campaign_time
 

@@ -11,7 +11,7 @@ from typing import Any
 from robovast.analysis.publication.context import PublicationContext
 from robovast.base.errors import InputError, RobovastError, StorageError
 from robovast.base.plugins import load_plugin, raised
-from robovast.model.document.model import PluginCall
+from robovast.model.document.section import PluginCall
 
 GROUP = "robovast.publication_plugins"
 PACKAGING = "packaging"
@@ -67,16 +67,8 @@ class PublicationPlugin:
             RobovastError: the plugin's check failed.
         """
         look = getattr(self.function, "check", None)
-        if look is None:
-            return
-        try:
-            look(str(results_dir), str(config_dir), context=context, **self.parameters)
-        except RobovastError:
-            raise
-        except (Exception, SystemExit) as error:
-            raise StorageError(
-                f"the publication plugin `{self.name}` failed: {raised(error)}"
-            ) from error
+        if look is not None:
+            self._call(look, results_dir, config_dir, context=context, **self.parameters)
 
     def publish(
         self, results_dir: Path, config_dir: Path, context: PublicationContext, *, force: bool
@@ -91,15 +83,21 @@ class PublicationPlugin:
             given["overwrite"] = True
         if self.takes_context:
             given["context"] = context
+        return self._checked(
+            self._call(self.function, results_dir, config_dir, **given), results_dir
+        )
+
+    def _call(
+        self, function: Callable[..., Any], results_dir: Path, config_dir: Path, **given: Any
+    ) -> Any:
         try:
-            returned = self.function(str(results_dir), str(config_dir), **given)
+            return function(str(results_dir), str(config_dir), **given)
         except RobovastError:
             raise
         except (Exception, SystemExit) as error:
             raise StorageError(
                 f"the publication plugin `{self.name}` failed: {raised(error)}"
             ) from error
-        return self._checked(returned, results_dir)
 
     def _checked(self, returned: Any, results_dir: Path) -> tuple[str, list[Path]]:
         match returned:

@@ -24,8 +24,8 @@ from robovast.base.safe_paths import MOST_OF_ALL, open_file, read_file
 from robovast.base.serialization import dump_yaml
 from robovast.base.sizes import fmt_size
 from robovast.base.yaml_files import read_mapping
-from robovast.campaign.layout import EXECUTION_RECORD, METADATA
-from robovast.model.naming import get_campaign_timestamp
+from robovast.campaign.layout import EXECUTION_RECORD
+from robovast.model.naming import METADATA, get_campaign_timestamp
 
 CHUNK = 2**20
 """How much of a file is held in memory [byte]."""

@@ -17,7 +17,7 @@ from robovast.base.optional_deps import ROS, needing
 from robovast.base.safe_paths import MOST, open_file, read_text, refuse_holes
 from robovast.base.yaml_files import parse_yaml
 from robovast.campaign.layout import OWN_NAMES, POSTPROCESSING
-from robovast.model.document.model import Output
+from robovast.model.document.execution import Output
 
 ALL_TABLES = (Output(pattern="*.csv"),)
 """What is compared when nobody says what."""

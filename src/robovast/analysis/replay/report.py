@@ -11,7 +11,7 @@ from robovast.analysis.replay.outputs import ALL_TABLES, Compared, compare_outpu
 from robovast.campaign.layout import Layout
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.campaign.verdict import Verdict
-from robovast.model.document.model import Output
+from robovast.model.document.execution import Output
 
 
 @dataclass(frozen=True)

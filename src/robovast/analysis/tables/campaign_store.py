@@ -10,6 +10,7 @@ import sqlite3
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -17,20 +18,23 @@ from robovast.analysis.tables.runs import PARAMETER, run_rows
 from robovast.base.atomic import appearing_file
 from robovast.base.errors import StorageError
 from robovast.base.yaml_files import read_mapping_leniently
-from robovast.campaign.layout import CAMPAIGN_STORE, Layout
+from robovast.campaign.layout import Layout
+from robovast.model.naming import CAMPAIGN_STORE
 
 _OURS = 0x524F424F
 """SQLite application id of databases made from a results folder; these may be replaced."""
 SCHEMA = """
+PRAGMA user_version = 1;
 CREATE TABLE campaign (id INTEGER PRIMARY KEY, name TEXT, mode TEXT, config_dir TEXT,
-    config_json TEXT, created_at TEXT, strategy_state TEXT, stop_kind TEXT, stop_reason TEXT,
+    config_json TEXT, created_at REAL, strategy_state BLOB, stop_kind TEXT, stop_reason TEXT,
     batches INTEGER, elapsed_s REAL);
 CREATE TABLE batch (id INTEGER PRIMARY KEY, campaign_id INTEGER REFERENCES campaign, idx INTEGER,
-    dir TEXT, created_at TEXT);
+    dir TEXT, created_at REAL);
 CREATE TABLE unit (id INTEGER PRIMARY KEY, batch_id INTEGER REFERENCES batch, paramset_id TEXT,
     config_name TEXT, params_json TEXT, objective REAL, objectives_json TEXT, measures_json TEXT,
-    n_samples INTEGER, status TEXT, result_dir TEXT, created_at TEXT);
+    n_samples INTEGER, status TEXT, result_dir TEXT, created_at REAL);
 """
+"""Times are in seconds since the epoch."""
 
 Row = Mapping[str, Any]
 
@@ -91,8 +95,7 @@ def _write(
 ) -> None:
     connection.executescript(SCHEMA)
     connection.execute(f"PRAGMA application_id = {_OURS}")
-    starts = sorted(row["started_at"] for row in rows if row["started_at"])
-    created = starts[0] if starts else None
+    created = _begun(rows)
     config = read_mapping_leniently(document) if document else {}
     connection.execute(
         "INSERT INTO campaign (id, name, mode, config_dir, config_json, created_at, batches, "
@@ -125,9 +128,14 @@ def _units(rows: Iterable[Row]) -> Iterator[tuple[Any, ...]]:
             for key, value in group[0].items()
             if key.startswith(PARAMETER)
         }
-        created = min((row["started_at"] for row in group if row["started_at"]), default=None)
         status = _status(Counter(row["verdict"] for row in group))
-        yield name, name, json.dumps(parameters), len(group), status, name, created
+        yield name, name, json.dumps(parameters), len(group), status, name, _begun(group)
+
+
+def _begun(rows: Iterable[Row]) -> float | None:
+    """When the first of some runs began."""
+    starts = (str(row["started_at"]) for row in rows if row["started_at"])
+    return min((datetime.fromisoformat(start).timestamp() for start in starts), default=None)
 
 
 def _status(verdicts: Counter[str]) -> str:

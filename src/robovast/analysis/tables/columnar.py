@@ -22,7 +22,7 @@ from robovast.analysis.tables.csv_files import (
     folded,
     read_header,
 )
-from robovast.analysis.tables.runs import COLUMNS, run_rows
+from robovast.analysis.tables.runs import COLUMNS, Row, run_rows
 from robovast.analysis.tables.staging import (
     Types,
     append,
@@ -69,7 +69,9 @@ def import_duckdb() -> ModuleType:
 
 
 def confine(
-    connection: DuckDBPyConnection, files: Iterable[Path] = (), folders: Iterable[Path] = ()
+    connection: DuckDBPyConnection,
+    files: Iterable[Path | str] = (),
+    folders: Iterable[Path] = (),
 ) -> None:
     """Restrict a connection to these databases and to files in these folders."""
     names = [f"{path}{suffix}" for path in files for suffix in ("", ".wal")]
@@ -107,10 +109,34 @@ def update_columnar(layout: Layout, versions: Mapping[str, str]) -> None:
             return
         _remove(connection, gone)
         _claim(connection, stale, dict.fromkeys(stale, _UNFINISHED))
-        _load_records(connection, layout, stale, Path(scratch))
+        _load_rows(connection, list(run_rows(layout, stale)), Path(scratch))
         _load_csv_files(connection, layout, stale, Path(scratch))
         _join_metrics(connection)
         _claim(connection, stale, versions)
+
+
+def write_runs(path: Path, rows: Sequence[Row]) -> None:
+    """Write a file anew that has the rows of runs and no other table.
+
+    Args:
+        path: the file, in an existing folder.
+        rows: as `run_rows` makes them.
+
+    Raises:
+        CannotRunError: the extra `query` is not installed.
+        StorageError: the file cannot be written.
+    """
+    duckdb = import_duckdb()
+    try:
+        path.unlink(missing_ok=True)
+        with (
+            TemporaryDirectory(prefix="robovast-tables-") as scratch,
+            closing(duckdb.connect(str(path))) as connection,
+        ):
+            _load_rows(connection, rows, Path(scratch))
+            _join_metrics(connection)
+    except (OSError, duckdb.Error) as error:
+        raise StorageError(f"{path}: cannot be written: {first_line(error)}") from error
 
 
 def _claim(connection: DuckDBPyConnection, runs: list[str], versions: Mapping[str, str]) -> None:
@@ -137,6 +163,8 @@ def _connected(layout: Layout, scratch: Path) -> Iterator[DuckDBPyConnection]:
 
 def _connect(duckdb: ModuleType, path: Path) -> DuckDBPyConnection:
     """Open the file; a damaged or foreign one is recreated, since all its content is derived."""
+    if path.is_fifo():  # to open it would wait for a writer
+        path.unlink()
     try:
         connection: DuckDBPyConnection = duckdb.connect(str(path))
     except duckdb.Error as error:
@@ -178,10 +206,7 @@ def _remove(connection: DuckDBPyConnection, runs: Sequence[str]) -> None:
     connection.execute("DELETE FROM loaded WHERE path IN (SELECT unnest($p))", {"p": list(runs)})
 
 
-def _load_records(
-    connection: DuckDBPyConnection, layout: Layout, runs: Sequence[str], scratch: Path
-) -> None:
-    rows = list(run_rows(layout, runs))
+def _load_rows(connection: DuckDBPyConnection, rows: Sequence[Row], scratch: Path) -> None:
     spelt = dict(_spelt(tuple(COLUMNS)))
     for row in rows:
         for name, spelling in _spelt(tuple(row)).items():

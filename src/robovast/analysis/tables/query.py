@@ -19,6 +19,7 @@ from robovast.analysis.tables.columnar import (
 )
 from robovast.analysis.tables.query_errors import ONLY_READS, explained
 from robovast.analysis.tables.staging import Types, literal, quoted, tables_of
+from robovast.analysis.tables.stored import StoredTables, raise_failure, reachable
 from robovast.base.errors import InputError, StorageError
 from robovast.campaign.layout import COLUMNAR_TABLES
 
@@ -41,13 +42,14 @@ class Answer:
     rows: list[tuple[Any, ...]]
 
 
-def ask(campaigns: Sequence[Path], sql: str, most: int | None = None) -> Answer:
+def ask(campaigns: Sequence[Path | StoredTables], sql: str, most: int | None = None) -> Answer:
     """Query the tables of campaigns.
 
     All tables begin with the columns `campaign`, `config` and `run`; `runs` has one row per run.
 
     Args:
-        campaigns: folders of campaigns that have been postprocessed.
+        campaigns: folders of campaigns that have been postprocessed, or tables elsewhere, of which
+            only the parts that the query needs are read.
         sql: one statement in DuckDB's SQL; it can neither change data nor read other files.
         most: largest number of rows to read; None means all.
 
@@ -67,6 +69,7 @@ def ask(campaigns: Sequence[Path], sql: str, most: int | None = None) -> Answer:
                 return Answer([], [])
             return Answer(columns, found.fetchall() if most is None else found.fetchmany(most))
         except duckdb.Error as error:
+            raise_failure(campaigns)
             raise InputError(explained(str(error), sql, _columns(connection))) from None
         except RuntimeError as error:  # how DuckDB reports Ctrl-C
             if "interrupted" not in str(error):
@@ -74,7 +77,7 @@ def ask(campaigns: Sequence[Path], sql: str, most: int | None = None) -> Answer:
             raise KeyboardInterrupt from None
 
 
-def tables(campaigns: Sequence[Path]) -> dict[str, Types]:
+def tables(campaigns: Sequence[Path | StoredTables]) -> dict[str, Types]:
     """The tables with their columns and types; raises the same errors as `ask`."""
     with _attached(campaigns) as connection:
         return _columns(connection)
@@ -107,25 +110,28 @@ def _columns(connection: DuckDBPyConnection) -> dict[str, Types]:
 
 
 @contextmanager
-def _attached(campaigns: Sequence[Path]) -> Iterator[DuckDBPyConnection]:
+def _attached(campaigns: Sequence[Path | StoredTables]) -> Iterator[DuckDBPyConnection]:
     """Views over the tables of all campaigns.
 
     The files may come from anyone, so access to other files is disabled first, and only tables are
     used: a view in them would be executed here.
     """
     duckdb = import_duckdb()
-    files = {campaign: campaign.absolute() / COLUMNAR_TABLES for campaign in campaigns}
-    present = {campaign: path for campaign, path in files.items() if path.exists()}
-    with closing(duckdb.connect()) as connection:
-        confine(connection, files=present.values())
+    places = [place for campaign in campaigns if (place := _place(campaign))]
+    with closing(duckdb.connect()) as connection, reachable(connection, campaigns):
+        confine(connection, files=[path for _, path in places])
         members: dict[str, list[str]] = {}
-        for index, (campaign, path) in enumerate(present.items()):
+        for index, (campaign, path) in enumerate(places):
             alias = f"campaign_{index}"
             try:
-                connection.execute(f"ATTACH {literal(str(path))} AS {alias} (READ_ONLY)")
-                parts = _parts(connection, alias, campaign.absolute().name)
+                connection.execute(f"ATTACH {literal(path)} AS {alias} (READ_ONLY)")
+                parts = _parts(connection, alias, campaign)
             except duckdb.Error as error:
-                raise StorageError(f"{path}: cannot be read: {first_line(error)}") from error
+                raise_failure(campaigns)
+                raise StorageError(
+                    f"{path}: cannot be read: {first_line(error).rstrip('.')}. `vast results "
+                    "postprocess --force` makes it again."
+                ) from error
             for table, part in parts.items():
                 members.setdefault(table, []).append(part)
         if not members:
@@ -133,10 +139,18 @@ def _attached(campaigns: Sequence[Path]) -> Iterator[DuckDBPyConnection]:
                 "there are no tables to ask: `vast results postprocess` makes them (with the extra "
                 "`query`)."
             )
-        for table, places in members.items():  # columns may differ between campaigns
-            union = " UNION ALL BY NAME ".join(places)
+        for table, selects in members.items():  # columns may differ between campaigns
+            union = " UNION ALL BY NAME ".join(selects)
             connection.execute(f"CREATE VIEW {quoted(table)} AS {union}")
         yield connection
+
+
+def _place(campaign: Path | StoredTables) -> tuple[str, str] | None:
+    """Name of a campaign and where its tables are; None if it has none."""
+    if isinstance(campaign, StoredTables):
+        return campaign.campaign, campaign.address
+    path = campaign.absolute() / COLUMNAR_TABLES
+    return (campaign.absolute().name, str(path)) if path.is_file() else None
 
 
 def _parts(connection: DuckDBPyConnection, alias: str, campaign: str) -> dict[str, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from robovast.base.errors import InputError
 from robovast.base.yaml_files import read_mapping_leniently
 from robovast.campaign.configurations import read_configurations
 from robovast.campaign.layout import SCENARIO_CONFIG, Layout
-from robovast.campaign.run_record import read_run_record, result_without_record
+from robovast.campaign.run_record import RunRecord, read_run_record, result_without_record
 from robovast.model.variations.factors import FACTORS, factor_values
 
 COLUMNS = {
@@ -59,6 +59,15 @@ def run_rows(layout: Layout, runs: Iterable[str]) -> Iterator[Row]:
         yield {**row, **(_columns(FACTOR, factors) if states else {})}
 
 
+def record_rows(records: Sequence[RunRecord]) -> Iterator[Row]:
+    """The rows of runs with these records, as `run_rows` makes them."""
+    states = any(record.factors for record in records)
+    for record in records:
+        row, parameters = _recorded(record, record.variant, record.run, record.parameters)
+        factors = factor_values(record.factors) or parameters
+        yield {**row, **(_columns(FACTOR, factors) if states else {})}
+
+
 def _configurations(layout: Layout) -> dict[str, dict[str, Any]]:
     try:
         items = read_configurations(layout)["configs"]
@@ -72,15 +81,26 @@ def _row(
 ) -> tuple[Row, Mapping[str, Any]]:
     """A run's values, including its parameters, and the parameters alone."""
     record = read_run_record(folder)
+    if record is not None:
+        given = record.parameters or configuration.get("config") or {}
+        return _recorded(record, variant, number, given)
     row: Row = {**dict.fromkeys(COLUMNS), "config": variant, "run": number}
-    if record is None:
-        row.update(_judged(folder), entry=configuration.get("_config_name"))
-        parameters = configuration.get("config") or _scenario_config(folder.parent)
-    else:
-        known = {name: getattr(record, name) for name in COLUMNS if hasattr(record, name)}
-        row.update(known, config=variant, run=number, verdict=str(record.verdict))
-        row.update(started_at=_utc(record.started_at), finished_at=_utc(record.finished_at))
-        parameters = record.parameters or configuration.get("config") or {}
+    row.update(_judged(folder), entry=configuration.get("_config_name"))
+    return _with_parameters(row, configuration.get("config") or _scenario_config(folder.parent))
+
+
+def _recorded(
+    record: RunRecord, variant: str, number: int, parameters: object
+) -> tuple[Row, Mapping[str, Any]]:
+    """A run's values of its record, including its parameters, and the parameters alone."""
+    known = {name: getattr(record, name) for name in COLUMNS if hasattr(record, name)}
+    row = {**dict.fromkeys(COLUMNS), **known, "config": variant, "run": number}
+    row.update(verdict=str(record.verdict))
+    row.update(started_at=plain_time(record.started_at), finished_at=plain_time(record.finished_at))
+    return _with_parameters(row, parameters)
+
+
+def _with_parameters(row: Row, parameters: object) -> tuple[Row, Mapping[str, Any]]:
     if not isinstance(parameters, Mapping):
         return row, {}
     return {**row, **_columns(PARAMETER, parameters)}, parameters
@@ -111,7 +131,8 @@ def _scenario_config(variant: Path) -> Mapping[str, Any]:
     return inner if isinstance(inner, dict) else {}
 
 
-def _utc(text: str) -> str | None:
+def plain_time(text: str) -> str | None:
+    """A time in ISO 8601 as tables have it; None if it is none."""
     try:
         return _plain_time(datetime.fromisoformat(text))
     except ValueError:

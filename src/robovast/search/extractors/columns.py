@@ -12,7 +12,7 @@ from typing import Any
 from robovast.analysis.tables.csv_files import csv_files
 from robovast.analysis.tables.query import ask
 from robovast.campaign.layout import COLUMNAR_TABLES
-from robovast.model.document.model import SearchMetric
+from robovast.model.document.search.section import SearchMetric
 from robovast.search.extractor import Extractor, ExtractResult, completed_run_dirs
 from robovast.search.extractors.failure_rate import NAME, failure_rate
 

@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from scipy.special import expit, logit
 from scipy.stats import qmc
 
-from robovast.model.document.model import Search
+from robovast.model.document.search.section import Search
 from robovast.model.document.search.space import choices
 from robovast.search.strategies.failure_map import FailureMap
 from robovast.search.strategies.failure_process import Array, FailureProcess, Observed
@@ -135,9 +135,10 @@ class BoundaryStrategy(HistoryStrategy):
         candidates = [*self._new(self._units(generator)), *self._known_again(process)]
         if not candidates:
             return []
-        places = np.array([self.place(params) for params in candidates])
-        chosen = _straddle(process, places, self.params.level, self._runs, n)
-        return [candidates[index] for index in chosen]
+        open_ = list(self.open.values())
+        places = np.array([self.place(params) for params in [*open_, *candidates]])
+        chosen = _straddle(process, places, self.params.level, self._runs, n, len(open_))
+        return [candidates[index - len(open_)] for index in chosen]
 
     def _units(self, generator: np.random.Generator) -> Array:
         """Points all over the space, and between failing and passing sets."""
@@ -163,14 +164,18 @@ class BoundaryStrategy(HistoryStrategy):
 
     @property
     def _runs(self) -> int:
-        """How often a set is run at first."""
-        counts = [ev.n_samples for ev in self.known.values() if ev.n_samples]
-        return int(np.median(counts)) if counts else 1
+        """How often a set is run at first; runs that errored count, since others may, too."""
+        counts = [ev.n_runs or ev.n_samples for ev in self.known.values()]
+        return max(1, int(np.median(counts))) if counts else 1
 
     def _known_again(self, process: FailureProcess) -> list[ParamSet]:
         """Known sets whose runs disagree, those nearest to the border, each with more runs."""
         name = self.single_objective.name
-        known = [ev for ev in self.known.values() if 0.0 < ev.objectives[name] < 1.0]
+        known = [
+            ev
+            for id_, ev in self.known.items()
+            if 0.0 < ev.objectives[name] < 1.0 and id_ not in self.open
+        ]
         if not known:
             return []
         means, _ = process.predict(np.array([self.place(ev.params) for ev in known]))
@@ -178,28 +183,28 @@ class BoundaryStrategy(HistoryStrategy):
         return [self._with_more_runs(known[i]) for i in near]
 
     def _with_more_runs(self, known: Evaluation) -> ParamSet:
-        """A set with further runs; beyond those that were asked for, of which some may have
-        errored."""
-        asked = self.asked.get(known.params.id, known.params).n_reps or 0
-        return ParamSet(known.params.values, n_reps=max(known.n_samples, asked) + self._runs)
+        """A set with further runs, beyond those that have errored."""
+        return ParamSet(known.params.values, n_reps=max(known.n_samples, known.n_runs) + self._runs)
 
 
 def _straddle(
-    process: FailureProcess, places: Array, level: float, runs: int, count: int
+    process: FailureProcess, places: Array, level: float, runs: int, count: int, given: int
 ) -> list[int]:
     """Indexes of the places that the process is least sure about, one after the other.
 
-    Doubt is that of the rate, not of its logit: where all runs fail, the logit may be anything.
+    The first `given` places are chosen already: they are executed now. Each chosen place counts as
+    if its runs had come out as the process expects, so that the next ones keep away from it. Doubt
+    is that of the rate, not of its logit: where all runs fail, the logit may be anything.
     """
     mean, projected = process.project(places)
     variance = process.kernel.variance() - (projected**2).sum(axis=0)
     chosen: list[int] = []
     taken = np.zeros(len(places), dtype=bool)
     columns: list[Array] = []
-    for _ in range(min(count, len(places))):
+    for turn in range(min(given + count, len(places))):
         rate, deviation, noise = _rates(mean, variance)
         doubt = _CONFIDENCE * deviation - np.abs(rate - level)
-        index = int(np.argmax(np.where(taken, -np.inf, doubt)))
+        index = turn if turn < given else int(np.argmax(np.where(taken, -np.inf, doubt)))
         chosen.append(index)
         taken[index] = True
         cross = process.kernel(places, places[[index]])[:, 0]
@@ -210,7 +215,7 @@ def _straddle(
         shrink = weight / (1.0 + weight * max(covariance[index], 0.0))
         columns.append(covariance * np.sqrt(shrink))
         variance = variance - columns[-1] ** 2
-    return chosen
+    return chosen[given:]
 
 
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(9)

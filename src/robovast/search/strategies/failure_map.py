@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,7 +11,8 @@ import numpy as np
 from scipy.special import expit, logit, ndtr
 from scipy.stats import qmc
 
-from robovast.model.document.search.space import Space, at, choices, place
+from robovast.model.document.search.section import SearchDimension
+from robovast.model.document.search.space import Space, at, choices, parts, place
 from robovast.search.strategies.failure_process import Array, FailureProcess
 
 _POINTS = 512
@@ -21,6 +22,8 @@ _SAMPLES = 400
 _LINE = 101
 """Points of a line along one dimension."""
 _INTERVAL = (0.025, 0.975)
+_SIDE = 61
+"""Points of a side of a surface, of a dimension that is not counted."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,19 @@ class Critical:
 
 
 @dataclass(frozen=True)
+class Surface:
+    """A failure map over two dimensions; a row for each place down, a column for each across."""
+
+    across: Array
+    """Places in the unit interval."""
+    down: Array
+    rate: Array
+    low: Array
+    """The ends of the 95 % interval."""
+    high: Array
+
+
+@dataclass(frozen=True)
 class FailureMap:
     """The probability of failure over a search space, and what follows from it."""
 
@@ -51,6 +67,22 @@ class FailureMap:
         mean, deviation = self.process.predict(units)
         ends = [expit(mean + sign * 1.96 * deviation) for sign in (-1.0, 1.0)]
         return expit(mean), ends[0], ends[1]
+
+    def over(self, across: str, down: str, base: Sequence[float]) -> Surface:
+        """The map over two dimensions.
+
+        Args:
+            across: one of them.
+            down: the other one.
+            base: a point of the unit cube, which says where all others are.
+        """
+        axes = [_units(self.space[name]) for name in (across, down)]
+        spots = np.tile(np.asarray(base, dtype=float), (len(axes[0]) * len(axes[1]), 1))
+        for name, values in zip((across, down), np.meshgrid(*axes), strict=True):
+            spots[:, list(self.space).index(name)] = values.ravel()
+        shape = (len(axes[1]), len(axes[0]))
+        rate, low, high = (part.reshape(shape) for part in self.probability(spots))
+        return Surface(axes[0], axes[1], rate, low, high)
 
     def rows(self) -> Iterator[tuple[Any, ...]]:
         """Points all over the space: values, rate of failures, ends of its interval."""
@@ -71,26 +103,19 @@ class FailureMap:
             "misjudged": wrong,
         }
 
-    def critical(self, fixed: Mapping[str, Any] | None = None) -> list[Critical]:
+    def critical(self, base: Sequence[float]) -> list[Critical]:
         """The critical value of each number, the others being fixed.
 
         Args:
-            fixed: values of parameters; the middle of the space where they are not given.
-
-        Raises:
-            ValueError: a value is not in the space.
+            base: a point of the unit cube, which says where they are.
         """
-        base = [
-            place(dim, fixed[name]) if fixed and name in fixed else 0.5
-            for name, dim in self.space.items()
-        ]
         return [
             self._along(column, name, base)
             for column, (name, dim) in enumerate(self.space.items())
             if choices(dim) is None and dim.low != dim.high
         ]
 
-    def _along(self, column: int, name: str, base: list[float]) -> Critical:
+    def _along(self, column: int, name: str, base: Sequence[float]) -> Critical:
         line = np.linspace(0.0, 1.0, _LINE)
         units = np.tile(base, (_LINE, 1))
         units[:, column] = line
@@ -133,3 +158,11 @@ def _crossings(line: Array, values: Array) -> Array:
     index = np.flatnonzero(np.signbit(values[1:]) != np.signbit(values[:-1]))
     before, after = values[index], values[index + 1]
     return np.asarray(line[index] + (line[index + 1] - line[index]) * before / (before - after))
+
+
+def _units(dimension: SearchDimension) -> Array:
+    """The middles of a dimension's few values, or points from one end to the other."""
+    count = parts(dimension)
+    if count is None or count > _SIDE:
+        return np.linspace(0.0, 1.0, _SIDE)
+    return np.asarray((np.arange(count) + 0.5) / count)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.optimize import minimize
+from scipy.spatial.distance import cdist
 from scipy.special import expit
 
 Array = NDArray[np.float64]
@@ -40,9 +41,10 @@ class Kernel:
 
     def __call__(self, one: Array, other: Array) -> Array:
         """Covariance of all pairs."""
-        scaled = np.zeros((len(one), len(other)))
-        for column, length in enumerate(self.lengths):
-            scaled += _apart(one, other, column, self.categorical) / length**2
+        unit = np.where(self.categorical, 0.0, 1.0 / self.lengths)
+        scaled = cdist(one * unit, other * unit, "sqeuclidean")
+        for column in np.flatnonzero(self.categorical).tolist():
+            scaled += _apart(one, other, column, self.categorical) / self.lengths[column] ** 2
         return self._covariance(scaled)
 
     def variance(self) -> float:

@@ -25,7 +25,7 @@ from optuna.distributions import (
 from optuna.trial import FrozenTrial, Trial, TrialState, create_trial
 from pydantic import BaseModel, ConfigDict, Field
 
-from robovast.model.document.model import Search, SearchDimension
+from robovast.model.document.search.section import Search, SearchDimension
 from robovast.model.document.search.space import at, parts, place
 from robovast.search.strategies.random_sampling import draw_new
 from robovast.search.strategy import HistoryStrategy
@@ -83,6 +83,11 @@ class OptunaStrategy(HistoryStrategy):
         missing = n - len(found)
         rest = draw_new(self.search_space, Random(seed), missing, self.asked | found)  # noqa: S311
         return [*found.values(), *rest]
+
+    @property
+    def asks_ahead(self) -> bool:
+        """Not with CMA-ES: a generation is made from the one before."""
+        return self.params.sampler != "cmaes"
 
     def report(self) -> SearchReport:
         """All evaluations, and the best value."""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 from scipy.spatial import KDTree
 
-from robovast.model.document.model import Search
+from robovast.model.document.search.section import Search
 from robovast.search.strategies.archives import ArchiveParameters, Cells, cells_of, mirrored
 from robovast.search.strategies.random_sampling import draw_new
 from robovast.search.strategy import HistoryStrategy
