@@ -1,9 +1,9 @@
 // What the server answers; the names are those of the Python side.
 
+import { followed } from "./pending";
+
 export type Verdict = "passed" | "failed" | "errored" | "interrupted";
 export const VERDICTS: Verdict[] = ["passed", "failed", "errored", "interrupted"];
-
-export type Scalar = string | number | boolean | null;
 
 export interface Summary {
   name: string;
@@ -31,9 +31,15 @@ export interface ActiveJob {
 
 export interface Columns {
   summary: Summary;
+  /** How many configurations are read so far, and of how many; null when all are. */
+  reading: [done: number, all: number] | null;
   active: ActiveJob[];
+  /** Whether it is a search that has proposed something. */
+  search: boolean;
   /** Command that executes what is missing; empty when there is none. */
   resume: string;
+  /** Why intervals are wider than those of a fixed number of runs; empty if they are not. */
+  wider: string;
   verdicts: Verdict[];
   /** What the campaign's test says of each configuration, `sound after 18`; empty without one. */
   decided: string[];
@@ -100,8 +106,11 @@ export interface Explained {
   axes: string[];
 }
 
-/** Columns with numbers, by table. */
-export type Metrics = Record<string, string[]>;
+/** Columns with numbers, by table, and those of them that have one value everywhere. */
+export interface Metrics {
+  columns: Record<string, string[]>;
+  same: Record<string, string[]>;
+}
 
 /** A number for each run, `variant/number`. */
 export type Metric = Record<string, number>;
@@ -215,6 +224,12 @@ export interface Comparison {
   only_b: string[];
 }
 
+/** A campaign beside an earlier one. */
+export interface Compared {
+  name: string;
+  comparison: Comparison;
+}
+
 /** What can be run from here. */
 export interface Offer {
   document: string | null;
@@ -229,6 +244,8 @@ export interface Offer {
 export interface Launch {
   number: number;
   command: string;
+  /** The campaign on whose page it was started; empty for one of the document. */
+  campaign: string;
   started: number;
   ended: number | null;
   code: number | null;
@@ -278,12 +295,24 @@ export function ask<T>(url: string, signal?: AbortSignal): Promise<T> {
   return request<T>(url, { signal });
 }
 
+/** Ask for files; gives what is said of them, and all of them one after the other. */
+export async function askFiles<T>(url: string, signal?: AbortSignal): Promise<[T, Blob]> {
+  const whole = await respond(url, { signal });
+  const bytes = new Uint8Array(await whole.arrayBuffer());
+  const end = bytes.indexOf(10);
+  return [JSON.parse(new TextDecoder().decode(bytes.subarray(0, end))) as T, new Blob([bytes.subarray(end + 1)])];
+}
+
 /** Ask the server to do something. */
 export function post<T>(url: string): Promise<T> {
   return request<T>(url, { method: "POST" });
 }
 
 async function request<T>(url: string, options: RequestInit): Promise<T> {
+  return (await followed(url, respond(url, options))) as T;
+}
+
+async function respond(url: string, options: RequestInit): Promise<Response> {
   let answer: Response;
   try {
     answer = await fetch(url, options);
@@ -295,5 +324,5 @@ async function request<T>(url: string, options: RequestInit): Promise<T> {
     const said = await answer.json().catch(() => null);
     throw new Error(said?.error ?? `The server answered ${answer.status}.`);
   }
-  return answer.json() as Promise<T>;
+  return answer;
 }

@@ -1,25 +1,29 @@
 // One campaign: how it went, over any two parameters, and every run.
 import { useMemo } from "preact/hooks";
 import { address, VERDICTS, type Columns, type Verdict } from "./api";
-import { brief, matcher, show, sorted, titled, valueOf, variantMatcher, variantOf, verdictOf, type Run, type Shown } from "./data";
+import { StillReading, useBegun } from "./begun";
+import { ColumnsPick, runLink, useColumns } from "./columns";
+import { among, matcher, misspelt, show, sorted, valueOf, variantMatcher, verdictOf, type Run, type Shown } from "./data";
 import { FailureList } from "./failure-list";
 import { failedFor } from "./failures";
 import { count, duration, moment, plural } from "./format";
-import { Grid, type Column } from "./grid";
+import { Grid } from "./grid";
 import { useAnswer, type Versions } from "./live";
 import { Sources, useAbout } from "./about";
-import { Effects, isInCell, useAxes } from "./factors";
+import { StartedOn } from "./launched";
+import { Effects, isInCell, useAxes, type Axes } from "./factors";
 import { Matrix } from "./matrix";
 import { Chooser, useMeasure } from "./measure";
 import { MixedList } from "./mixed";
-import { Notebooks } from "./notebooks";
+import { BatchNotebooks, Notebooks } from "./notebooks";
 import { LogSearch } from "./log-search";
 import { Maps } from "./player/maps";
-import { Parallel } from "./parallel";
+import { Parallel } from "./parallel/parallel";
+import { inBrush, outcomes, readBrush, scaleOf } from "./parallel/scales";
 import { Copy, Export, Folded, Mark, State, Tabs, VerdictBar, Waiting } from "./parts";
 import { choose, link } from "./route";
-
-const MOST_COLUMNS = 8;
+import { RunMore } from "./run-more";
+import { SearchView } from "./search";
 
 /** Also of a campaign that was removed: to ask again says so. */
 export function isStale(data: Columns, versions: Versions): boolean {
@@ -28,7 +32,9 @@ export function isStale(data: Columns, versions: Versions): boolean {
 }
 
 export function CampaignPage({ name, query }: { name: string; query: URLSearchParams }) {
-  const { data, error } = useAnswer<Columns>(address(["campaigns", name]), isStale);
+  const { data: whole, error } = useAnswer<Columns>(address(["campaigns", name]), isStale);
+  const begun = useBegun(name, !whole && !error);
+  const data = whole ?? begun;
   if (!data) return <Waiting error={error} title={name} />;
   return (
     <>
@@ -53,7 +59,7 @@ function Head({ data }: { data: Columns }) {
   return (
     <div class="head">
       <h1>
-        {summary.name} <State state={summary.state} />
+        {summary.name} {data.reading ? <StillReading reading={data.reading} /> : <State state={summary.state} />}
       </h1>
       {about?.title && <p class="title">{about.title}</p>}
       {about?.description && <p class="description">{about.description}</p>}
@@ -77,6 +83,7 @@ function Head({ data }: { data: Columns }) {
           <Copy text={data.resume} label="Copy" />
         </div>
       )}
+      <StartedOn campaign={summary.name} counted />
       <Folded title="About this campaign">
         <dl class="facts">
           {facts.map(([key, value]) => (
@@ -102,6 +109,7 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
   const colour = query.get("colour") ?? "";
   const aggregate = query.get("of") ?? "mean";
   const measure = useMeasure(data, colour, aggregate);
+  const column = colour === "duration" ? null : measure;
 
   const cause = query.get("cause") ?? "";
   const isCause = useMemo(() => (cause ? failedFor(data, cause) : undefined), [data, cause]);
@@ -111,11 +119,18 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
     () => found.filter((run) => isInCell(axes, cell, data.runs.variant[run]!)),
     [data, found, axes.across, axes.down, cell],
   );
-  const rows = useMemo(() => sorted(data, inCell, sort, measure), [data, inCell, sort, measure]);
-  const columns = useMemo(
-    () => columnsOf(data, names, colour === "duration" ? null : measure),
-    [data, names, colour, measure],
-  );
+  const brushed = query.get("brush") ?? "";
+  const brush = useMemo(() => readBrush(brushed), [brushed]);
+  const inLines = useMemo(() => {
+    if (!Object.keys(brush).length) return inCell;
+    const results = outcomes(data, inCell, column);
+    const isIn = inBrush(brush, (id) => scaleOf(data, results, id, column));
+    return inCell.filter((run) => isIn(data.runs.variant[run]!));
+  }, [data, inCell, column, brush]);
+  // All are sorted once, not again with each choice among them.
+  const inOrder = useMemo(() => sorted(data, [...data.runs.number.keys()], sort, measure), [data, sort, measure]);
+  const rows = useMemo(() => among(inOrder, inLines), [inOrder, inLines]);
+  const columns = useColumns(data, names, column, query.get("columns") ?? "");
   const causes = <FailureList {...{ data, names }} runs={rated} chosen={cause} />;
   const overParameters = [
     {
@@ -129,6 +144,7 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
               runs={rated}
               chooser={<Chooser campaign={data.summary.name} colour={colour} aggregate={aggregate} />}
             />
+            {cell && <RunMore campaign={data.summary.name} configurations={openIn(data, axes, cell)} />}
           </div>
           <div>
             {causes}
@@ -137,9 +153,17 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
         </div>
       ),
     },
-    { id: "parallel", label: "Parallel coordinates", show: () => <Parallel {...{ data, names }} runs={inCell} /> },
+    {
+      id: "parallel",
+      label: "Parallel coordinates",
+      show: () => (
+        <Parallel {...{ data, names, brush }} runs={inCell} measure={column} axes={query.get("axes") ?? ""} />
+      ),
+    },
   ];
+  const search = { id: "search", label: "Search", show: () => <SearchView {...{ data, query }} /> };
   const views = [
+    ...(data.search ? [search] : []),
     ...(names.length > 0 ? overParameters : []),
     {
       id: "mixed",
@@ -147,17 +171,22 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
       show: () => <MixedList {...{ data, names }} runs={rated} sort={query.get("mixed") ?? ""} />,
     },
     { id: "maps", label: "Maps", show: () => <Maps data={data} runs={rated} /> },
-    { id: "logs", label: "Logs", show: () => <LogSearch {...{ data, query }} runs={inCell} /> },
+    { id: "logs", label: "Logs", show: () => <LogSearch {...{ data, query }} runs={inLines} /> },
     {
       id: "notebooks",
       label: "Notebooks",
-      show: () => <Notebooks title="For the campaign" target={{ campaign: data.summary.name }} />,
+      show: () => (
+        <>
+          <Notebooks title="For the campaign" target={{ campaign: data.summary.name }} />
+          {data.search && <BatchNotebooks campaign={data.summary.name} chosen={query.get("batch")} />}
+        </>
+      ),
     },
   ];
   if (about) views.push({ id: "sources", label: "Document", show: () => <Sources about={about} /> });
   return (
     <>
-      <Tabs tabs={views} chosen={query.get("view") ?? "matrix"} onChoose={(view) => choose({ view })} />
+      <Tabs tabs={views} chosen={query.get("view") ?? (data.search ? "search" : "matrix")} onChoose={(view) => choose({ view })} />
       {names.length === 0 && causes}
       <h2>Runs</h2>
       <div class="tools">
@@ -176,6 +205,11 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
             Only the chosen cause ✕
           </button>
         )}
+        {brushed && (
+          <button type="button" onClick={() => choose({ brush: "" })}>
+            Only the chosen lines ✕
+          </button>
+        )}
         {cell && (
           <button type="button" onClick={() => choose({ cell: "" })}>
             Only the chosen cell ✕
@@ -186,12 +220,14 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
             ? plural(rows.length, "run")
             : `${count(rows.length)} of ${plural(data.runs.number.length, "run")}`}
         </span>
-        <Export name={`${data.summary.name}-runs`} rows={() => exported(data, rows, names, measure)} />
+        <ColumnsPick {...columns} />
+        <Export name={`${data.summary.name}-${data.reading ? "some-" : ""}runs`} rows={() => exported(data, rows, names, measure)} />
       </div>
+      <Misspelt {...{ data, text }} />
       {rows.length > 0 ? (
         <Grid
           label="Runs"
-          columns={columns}
+          columns={columns.shown}
           rows={rows}
           sort={sort}
           onSort={(next) => choose({ sort: next === "verdict" ? "" : next })}
@@ -205,6 +241,38 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
   );
 }
 
+/** The configurations of a cell whose runs are not enough. */
+function openIn(data: Columns, axes: Axes, cell: string): string[] {
+  const isOpen = (variant: number) => data.decided[variant]?.startsWith("undecided") ?? true;
+  return data.variants.name.filter((_, variant) => isInCell(axes, cell, variant) && isOpen(variant));
+}
+
+/** Conditions on what is no column, which are looked for as words. */
+function Misspelt({ data, text }: { data: Columns; text: string }) {
+  const found = misspelt(data, text);
+  if (!found.length) return null;
+  return (
+    <p class="hint" aria-live="polite">
+      {found.map(({ name, like }) => (
+        <span key={name}>
+          There is no parameter or column “{name}”
+          {like ? (
+            <>
+              ; did you mean{" "}
+              <button type="button" onClick={() => choose({ q: text.replace(name, () => like) })}>
+                {like}
+              </button>
+              ?{" "}
+            </>
+          ) : (
+            ". "
+          )}
+        </span>
+      ))}
+    </p>
+  );
+}
+
 function filtered(data: Columns, text: string, wanted: string, isCause?: (run: Run) => boolean): Run[] {
   const matches = matcher(data, text);
   const verdicts = new Set(wanted.split(",").filter(Boolean));
@@ -214,51 +282,6 @@ function filtered(data: Columns, text: string, wanted: string, isCause?: (run: R
       (run) =>
         (!verdicts.size || verdicts.has(verdictOf(data, run))) && (!isCause || isCause(run)) && matches(run),
     );
-}
-
-function runLink(data: Columns, run: Run): string {
-  return link(["campaign", data.summary.name, variantOf(data, run), data.runs.number[run]!]);
-}
-
-function columnsOf(data: Columns, names: string[], measure: Shown | null): Column[] {
-  const value = (column: string) => (run: Run) => {
-    const found = valueOf(data, run, column);
-    return typeof found === "object" && found ? <span title={show(found)}>{brief(found)}</span> : show(found);
-  };
-  return [
-    { id: "verdict", label: "Verdict", cell: (run) => <Mark verdict={verdictOf(data, run)} /> },
-    {
-      id: "variant",
-      label: "Run",
-      cell: (run) => (
-        <a href={runLink(data, run)}>
-          {variantOf(data, run)}/{data.runs.number[run]}
-        </a>
-      ),
-    },
-    ...(data.decided.length
-      ? [{ id: "decided", label: "Configuration", cell: (run: Run) => data.decided[data.runs.variant[run]!] }]
-      : []),
-    { id: "reason", label: "Reason", cell: (run) => <Reason text={data.reasons[data.runs.reason[run]!]!} /> },
-    ...names.slice(0, MOST_COLUMNS).map((name): Column => {
-      const kind = data.variants.values[name]!.some((one) => typeof one === "number") ? "number" : "text";
-      return { id: `p:${name}`, label: titled(data, name), kind, cell: value(`p:${name}`) };
-    }),
-    {
-      id: "duration",
-      label: "Duration",
-      kind: "number",
-      cell: (run) => duration(data.runs.duration[run]),
-    },
-    ...(measure
-      ? [{ id: "m", label: measure.name, kind: "number" as const, cell: (run: Run) => show(measure.of(run)) }]
-      : []),
-    { id: "started", label: "Started", cell: (run) => moment(data.runs.started[run]) },
-  ];
-}
-
-function Reason({ text }: { text: string }) {
-  return <span title={text}>{text || "–"}</span>;
 }
 
 function exported(data: Columns, rows: Run[], names: string[], measure: Shown | null): unknown[][] {

@@ -4,7 +4,7 @@ import { address, VERDICTS, type Campaigns, type Summary } from "./api";
 import { duration, moment, plural } from "./format";
 import { useAnswer, type Versions } from "./live";
 import { Export, passRate, State, VerdictBar, Waiting } from "./parts";
-import { choose, link } from "./route";
+import { choose, joined, link } from "./route";
 
 export function isStale(data: Campaigns, versions: Versions): boolean {
   const names = new Set([...Object.keys(versions), ...Object.keys(data.campaigns)]);
@@ -21,9 +21,9 @@ export function CampaignsPage({ query }: { query: URLSearchParams }) {
   const all = Object.entries(data.campaigns);
   const shown = all.filter(([name]) => name.toLowerCase().includes(filter.toLowerCase()));
   const toggle = (name: string) =>
-    setChosen(chosen.includes(name) ? chosen.filter((one) => one !== name) : [...chosen, name].slice(-2));
-  // The older campaign is what the newer one is compared with.
-  const [b, a] = all.map(([name]) => name).filter((name) => chosen.includes(name));
+    setChosen(chosen.includes(name) ? chosen.filter((one) => one !== name) : [...chosen, name]);
+  // The oldest campaign is what the newer ones are compared with.
+  const [before, ...after] = all.map(([name]) => name).filter((name) => chosen.includes(name)).reverse();
   return (
     <>
       <div class="head">
@@ -54,12 +54,12 @@ export function CampaignsPage({ query }: { query: URLSearchParams }) {
                 onInput={(event) => choose({ q: event.currentTarget.value })}
               />
             </label>
-            {a && b ? (
-              <a class="button" href={link(["compare"], { a, b })}>
-                Compare {a} with {b}
+            {before && after.length > 0 ? (
+              <a class="button" href={link(["compare"], { a: before, b: joined(after) })}>
+                Compare {before} with {after.length > 1 ? `${after.length} later ones` : after[0]}
               </a>
             ) : (
-              <span class="quiet">Choose two to compare them.</span>
+              <span class="quiet">Choose two or more to compare them.</span>
             )}
             <Export name="campaigns" rows={() => exported(shown)} />
           </div>

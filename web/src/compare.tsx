@@ -1,4 +1,4 @@
-// Two campaigns beside each other: what got worse, and whether chance explains it.
+// Campaigns beside an earlier one: what got worse, and whether chance explains it.
 import { useMemo } from "preact/hooks";
 import { address, type Campaigns, type Columns, type Comparison, type Difference } from "./api";
 import { Changes } from "./about";
@@ -8,33 +8,49 @@ import { Grid, type Column } from "./grid";
 import { useAnswer } from "./live";
 import { isInCell, useAxes, type Axes } from "./factors";
 import { Matrix } from "./matrix";
-import { Export, Select, Waiting } from "./parts";
-import { choose, link } from "./route";
+import { Several } from "./compare-several";
+import { Export, Select, Waiting, type Option } from "./parts";
+import { Pick } from "./pick";
+import { choose, joined, link, split } from "./route";
 
 const CHANGES = { worse: "▲ worse", better: "▼ better", unclear: "? unclear", same: "= same" };
 
-export function ComparePage({ a, b, query }: { a: string; b: string; query: URLSearchParams }) {
-  const { data, error } = useAnswer<Comparison>(address(["compare"], { a, b }));
-  const later = useAnswer<Columns>(address(["campaigns", b]));
+/** `after` holds the names of one or several campaigns. */
+export function ComparePage({ before, after, query }: { before: string; after: string; query: URLSearchParams }) {
   const known = useAnswer<Campaigns>(address(["campaigns"]));
-  const names = Object.keys(known.data?.campaigns ?? {});
-  const options = [...new Set([...names, a, b])].map((name): [string, string] => [name, name]);
+  const later = split(after);
+  const names = [...new Set([...Object.keys(known.data?.campaigns ?? {}), before, ...later])].filter(Boolean);
+  const options = names.map((name): Option => [name, name]);
+  const toggle = (name: string, on: boolean) =>
+    choose({ b: joined(on ? [...later, name] : later.filter((one) => one !== name)), cell: "", sort: "" });
   return (
     <>
       <div class="head">
         <h1>Comparison</h1>
         <div class="tools">
-          <Select label="Before" value={a} options={options} onChoose={(name) => choose({ a: name })} />
-          <Select label="After" value={b} options={options} onChoose={(name) => choose({ b: name })} />
+          <Select label="Before" value={before} options={options} onChoose={(name) => choose({ a: name })} />
+          <Pick
+            label="After"
+            text={later.length === 1 ? later[0]! : String(later.length)}
+            several
+            options={options.filter(([name]) => name !== before || later.includes(name))}
+            chosen={later}
+            onChoose={toggle}
+          />
         </div>
       </div>
-      {data && later.data ? (
-        <Result data={data} later={later.data} a={a} b={b} query={query} />
-      ) : (
-        <Waiting error={error ?? later.error} />
-      )}
+      {later.length === 0 && <p class="hint">Choose with which campaigns {before} is compared.</p>}
+      {later.length === 1 && <Pair a={before} b={later[0]!} query={query} />}
+      {later.length > 1 && <Several {...{ before, later, query }} />}
     </>
   );
+}
+
+function Pair({ a, b, query }: { a: string; b: string; query: URLSearchParams }) {
+  const { data, error } = useAnswer<Comparison>(address(["compare"], { a, b }));
+  const later = useAnswer<Columns>(address(["campaigns", b]));
+  if (!data || !later.data) return <Waiting error={error ?? later.error} />;
+  return <Result data={data} later={later.data} a={a} b={b} query={query} />;
 }
 
 interface ResultProps {

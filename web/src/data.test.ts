@@ -1,33 +1,8 @@
 import { describe, expect, it } from "vitest";
 import type { Columns } from "./api";
-import { axis, cells, csv, factors, matcher, show, sorted, titled, variantMatcher } from "./data";
+import { campaign } from "./data.fixture";
+import { axis, cells, csv, factors, matcher, misspelt, show, sorted, titled, variantMatcher } from "./data";
 import { failedFor, failures } from "./failures";
-
-function campaign(values: Record<string, unknown[]>, verdicts: string[]): Columns {
-  const names = ["passed", "failed", "errored", "interrupted"];
-  const variants = Object.values(values)[0]!.length;
-  return {
-    summary: {} as Columns["summary"],
-    active: [],
-    resume: "",
-    verdicts: names as Columns["verdicts"],
-    reasons: ["", "goal not reached"],
-    decided: [],
-    causes: ["no reason is known", "goal not reached"],
-    cause: [0, 1],
-    variants: { name: Array.from({ length: variants }, (_, i) => `hall-${i + 1}`), entry: [], values },
-    factors: Object.keys(values),
-    units: {},
-    runs: {
-      variant: verdicts.map((_, run) => run % variants),
-      number: verdicts.map((_, run) => Math.floor(run / variants)),
-      verdict: verdicts.map((verdict) => names.indexOf(verdict)),
-      reason: verdicts.map((verdict) => Number(verdict === "failed")),
-      started: verdicts.map((_, run) => run),
-      duration: verdicts.map((_, run) => (run === 1 ? null : 10 - run)),
-    },
-  };
-}
 
 const all = (data: Columns) => data.runs.number.map((_, run) => run);
 
@@ -47,6 +22,17 @@ describe("filter", () => {
     expect(found("speed>1 duration<8")).toEqual([3]);
     expect(found("map!=hall")).toEqual([1, 3]);
     expect(found("speed=2.0")).toEqual([1, 3]);
+  });
+});
+
+describe("a misspelt name", () => {
+  const data = campaign({ speed: [1, 2], map_file: ["hall", "Office"] }, ["passed", "failed"]);
+
+  it("is named, with the one that was meant", () => {
+    expect(misspelt(data, "sped>1 duration<8 hall")).toEqual([{ name: "sped", like: "speed" }]);
+    expect(misspelt(data, "Map_Files=a")).toEqual([{ name: "Map_Files", like: "map_file" }]);
+    expect(misspelt(data, "colour=red")).toEqual([{ name: "colour", like: "" }]);
+    expect(misspelt(data, "goal not reached speed=1")).toEqual([]);
   });
 });
 
@@ -95,6 +81,21 @@ describe("order", () => {
     const data = campaign({ speed: [1] }, ["passed", "passed", "passed"]);
     expect(sorted(data, all(data), "duration")).toEqual([2, 0, 1]);
     expect(sorted(data, all(data), "-duration")).toEqual([0, 2, 1]);
+  });
+
+  it("sorts numbers by size, text by its numbers, and equal ones as they were", () => {
+    const data = campaign({ name: ["a-10", "a-9", null, "a-9"], size: [10, 9, -1, 9] }, Array(4).fill("passed"));
+    const by = (column: string) => sorted(data, all(data), column);
+    expect([by("p:name"), by("-p:name")]).toEqual([[1, 3, 0, 2], [0, 1, 3, 2]]);
+    expect([by("p:size"), by("-p:size")]).toEqual([[2, 1, 3, 0], [0, 1, 3, 2]]);
+  });
+
+  it("sorts lists item by item, in tables and along axes", () => {
+    const size = [[10, 2], [2, 1], [2], [2, 10], [2, 2], null, [], [[9], "b"], "a"];
+    const data = campaign({ size }, Array(9).fill("passed"));
+    expect(sorted(data, all(data), "p:size")).toEqual([8, 6, 2, 1, 4, 3, 0, 7, 5]);
+    const upTo10 = axis(campaign({ size: [[10, 2], [2, 1], [2, 10]] }, []), "size");
+    expect(upTo10).toEqual({ labels: ["2, 1", "2, 10", "10, 2"], group: [2, 0, 1] });
   });
 
   it("puts the worst verdict first", () => {

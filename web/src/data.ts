@@ -37,8 +37,8 @@ export function valueOf(data: Columns, run: Run, column: string): unknown {
 
 /** Names of the factors that have more than one value, then the others. */
 export function factors(data: Pick<Columns, "variants" | "factors">): string[] {
-  const varies = new Map(data.factors.map((name) => [name, distinct(data.variants.values[name]!) > 1]));
-  return [...data.factors].sort((a, b) => Number(varies.get(b)) - Number(varies.get(a)));
+  const known = new Map(data.factors.map((name) => [name, varies(data, name)]));
+  return [...data.factors].sort((a, b) => Number(known.get(b)) - Number(known.get(a)));
 }
 
 /** Names of the parameters that are no factors: they follow from them. */
@@ -56,6 +56,11 @@ export function titled(data: Pick<Columns, "units">, name: string): string {
 /** The unit of a column, or nothing; a column may be named as what every object has, such as `constructor`. */
 export function unitOf({ units }: Pick<Columns, "units">, name: string): string {
   return Object.hasOwn(units, name) ? units[name]! : "";
+}
+
+/** Whether a parameter has more than one value. */
+export function varies(data: Pick<Columns, "variants">, name: string): boolean {
+  return distinct(data.variants.values[name]!) > 1;
 }
 
 function distinct(values: unknown[]): number {
@@ -93,12 +98,20 @@ function shortNumber(value: number): string {
   return String(Number(Math.abs(value) < 1000 ? value.toPrecision(6) : value.toFixed(3)));
 }
 
-/** Numbers by size, text by its numbers and letters; what is missing comes last. */
+/** Numbers by size, text by its numbers and letters, lists by their first different items; what is missing comes last. */
 export function order(a: unknown, b: unknown): number {
   const missing = Number(a === null || a === undefined) - Number(b === null || b === undefined);
   if (missing || a === null || a === undefined) return missing;
   if (typeof a === "number" && typeof b === "number") return a - b;
-  return collator.compare(show(a), show(b));
+  const areLists = Number(Array.isArray(a)) - Number(Array.isArray(b));
+  if (areLists) return areLists;
+  return Array.isArray(a) ? orderOfLists(a, b as unknown[]) : collator.compare(show(a), show(b));
+}
+
+function orderOfLists(a: unknown[], b: unknown[]): number {
+  const first = a.findIndex((item, place) => place >= b.length || order(item, b[place]));
+  if (first < 0) return a.length - b.length;
+  return first < b.length ? order(a[first], b[first]) : 1;
 }
 
 const collator = new Intl.Collator("en", { numeric: true });
@@ -110,14 +123,38 @@ export function sorted(data: Columns, runs: Run[], by: string, measure?: Shown |
   if (!by) return runs;
   const down = by.startsWith("-");
   const column = down ? by.slice(1) : by;
-  const keys = new Map(runs.map((run) => [run, keyOf(data, run, column, measure)]));
-  const sign = down ? -1 : 1;
-  return [...runs].sort((a, b) => {
-    const left = keys.get(a);
-    const right = keys.get(b);
-    const gone = Number(left === null || left === undefined) - Number(right === null || right === undefined);
-    return gone || sign * order(left, right) || a - b;
+  const { ranks, most } = ranksOf(runs.map((run) => keyOf(data, run, column, measure)));
+  const place = (rank: number) => (down && rank < most ? most - 1 - rank : rank);
+  const ends = new Uint32Array(most + 2);
+  for (const rank of ranks) ends[place(rank) + 1]! += 1;
+  for (let one = 0; one < most; one++) ends[one + 1]! += ends[one]!;
+  const found = new Array<Run>(runs.length);
+  runs.forEach((run, index) => (found[ends[place(ranks[index]!)]!++] = run));
+  return found;
+}
+
+/** The places of some values among the different ones, of which there are `most`; that of a missing one is `most`. */
+function ranksOf(values: unknown[]): { ranks: Uint32Array; most: number } {
+  const keys = values.map(identity);
+  const different = new Map<unknown, unknown>();
+  let areNumbers = true;
+  values.forEach((value, index) => {
+    if (value === null || value === undefined || different.has(keys[index])) return;
+    different.set(keys[index], value);
+    areNumbers &&= typeof value === "number";
   });
+  const ordered = areNumbers
+    ? [...Float64Array.from(different.keys() as Iterable<number>).sort()]
+    : [...different].sort((a, b) => order(a[1], b[1])).map(([key]) => key);
+  const places = new Map<unknown, number>(ordered.map((key, rank) => [key, rank]));
+  return { ranks: Uint32Array.from(keys, (key) => places.get(key) ?? ordered.length), most: ordered.length };
+}
+
+/** Those of some runs that are chosen, in their order. */
+export function among(runs: Run[], chosen: Run[]): Run[] {
+  const isChosen = new Uint8Array(runs.length);
+  for (const run of chosen) isChosen[run] = 1;
+  return runs.filter((run) => isChosen[run]);
 }
 
 function keyOf(data: Columns, run: Run, column: string, measure?: Shown | null): unknown {
@@ -171,6 +208,32 @@ function wordTest(data: Columns, word: string): Word {
   };
 }
 
+/** What conditions ask for that no column is, and the column that is nearly called so, if there is one. */
+export function misspelt(data: Columns, text: string): { name: string; like: string }[] {
+  const names = [...COLUMNS, ...Object.keys(data.variants.values)];
+  return text.split(/\s+/).flatMap((word) => {
+    const name = CONDITION.exec(word)?.[1];
+    if (!name || columnNamed(data, name)) return [];
+    const like = names.map((one) => [one, distance(one.toLowerCase(), name.toLowerCase())] as const);
+    const [nearest, away] = like.reduce((a, b) => (b[1] < a[1] ? b : a));
+    return { name, like: away <= Math.max(1, name.length / 3) ? nearest : "" };
+  });
+}
+
+/** How many letters must be changed, added or removed (Levenshtein). */
+function distance(a: string, b: string): number {
+  let row = Array.from({ length: b.length + 1 }, (_, place) => place);
+  for (let i = 1; i <= a.length; i++) {
+    const next = [i];
+    for (let j = 1; j <= b.length; j++) {
+      next[j] = Math.min(row[j]! + 1, next[j - 1]! + 1, row[j - 1]! + Number(a[i - 1] !== b[j - 1]));
+    }
+    row = next;
+  }
+  return row[b.length]!;
+}
+
+const COLUMNS = ["variant", "run", "verdict", "duration", "reason"];
 const OF_OUTCOME = new Set(["verdict", "duration", "reason"]);
 
 function hasValue(data: Columns, place: number, needle: string): boolean {
@@ -181,9 +244,8 @@ function hasValue(data: Columns, place: number, needle: string): boolean {
 }
 
 function columnNamed(data: Columns, name: string): string | null {
-  const known = ["variant", "run", "verdict", "duration", "reason"];
   if (Object.hasOwn(data.variants.values, name)) return `p:${name}`;
-  return known.includes(name) ? name : null;
+  return COLUMNS.includes(name) ? name : null;
 }
 
 function conditionTest(data: Columns, column: string, sign: string, text: string) {

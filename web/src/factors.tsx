@@ -1,7 +1,7 @@
 // What was varied, and which of it makes runs fail.
 import { useMemo, useRef } from "preact/hooks";
 import { address, type Columns, type Effect, type Explained } from "./api";
-import { axis, factors, others, titled, unitOf, type Axis } from "./data";
+import { axis, factors, order, others, titled, unitOf, varies, type Axis } from "./data";
 import { percent } from "./format";
 import { useAnswer } from "./live";
 import type { Option } from "./parts";
@@ -39,7 +39,7 @@ export function useAxes(data: Columns, query: URLSearchParams): Axes {
   const across = useMemo(() => axis(data, x), [data, x]);
   const down = useMemo(() => axis(data, y), [data, y]);
   const options = useMemo(() => optionsOf(data, names, [x, y]), [data, names, x, y]);
-  const ready = usual !== null || error !== null || (query.has("x") && query.has("y"));
+  const ready = !data.reading && (usual !== null || error !== null || (query.has("x") && query.has("y")));
   return { names, x, y, across, down, options, explained, ready };
 }
 
@@ -59,9 +59,17 @@ function axisName(asked: string | null, usual: string | undefined): string {
 
 function optionsOf(data: Columns, names: string[], chosen: string[]): Option[] {
   const rest = [...others(data), ...chosen.filter((name) => name && data.factors.includes(name))];
-  const options = names.map((name): Option => [name, titled(data, name), "Varied"]);
   const more = [...new Set(rest)].filter((name) => !names.includes(name));
-  return [["", "(all together)"], ...options, ...more.map((name): Option => [name, name, "Follows from it"])];
+  return [["", "(all together)"], ...namesAsOptions(data, names, more)];
+}
+
+/** What was varied, then other parameters, those with one value last. */
+export function namesAsOptions(data: Columns, names: string[], rest: string[]): Option[] {
+  const others = rest.map((name): Option => [name, name, varies(data, name) ? "Follows from it" : "The same everywhere"]);
+  return [
+    ...names.map((name): Option => [name, titled(data, name), "Varied"]),
+    ...others.sort((a, b) => order(a[2], b[2])),
+  ];
 }
 
 /** Whether a variant is in the cell `column,row`; every one is when there is no cell. */
@@ -80,7 +88,7 @@ export function AxesNote({ axes }: { axes: Axes }) {
 function noteOf({ axes, effects }: Explained): string {
   const both = axes.join(" and ");
   const isClear = (name: string) => effects.some(({ factor, p }) => factor === name && p < LEVEL);
-  if (effects.length === 0) return `Nothing tells failures apart yet: ${both} come first.`;
+  if (effects.length === 0) return `Nothing tells failures apart yet: ${both} ${axes.length > 1 ? "come" : "comes"} first.`;
   const clear = axes.filter(isClear);
   const verb = axes.length > 1 ? "separate" : "separates";
   if (clear.length === axes.length) return `${both} ${verb} failures best.`;

@@ -27,9 +27,13 @@ export function bytes(size: number): string {
   return `${unit && size < 100 ? size.toFixed(1) : Math.round(size)} ${units[unit]}`;
 }
 
+/** `7.5 %`, `12 %`; only none is `0 %`, and only all `100 %`. As robovast.base.statistics has it. */
 export function percent(share: number): string {
   const value = 100 * share;
-  return `${value > 0 && value < 10 ? value.toFixed(1) : Math.round(value)} %`;
+  if (Math.min(value, 100 - value) < 1e-7) return `${Math.round(value)} %`;
+  if (value < 0.05) return "<0.1 %";
+  if (value >= 99.95) return ">99.9 %";
+  return `${value >= 9.95 && value < 99.5 ? Math.round(value) : value.toFixed(1)} %`;
 }
 
 export function count(value: number): string {

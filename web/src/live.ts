@@ -12,12 +12,24 @@ export interface Launched {
   lines: string[];
 }
 
+/** Tables that are made meanwhile. */
+export interface Prepared {
+  /** Campaigns whose tables are there. */
+  done: number;
+  total: number;
+  running: boolean;
+  /** Whether any was made; told at the end. */
+  changed: boolean;
+}
+
 /** Lines that are kept, as many as the server keeps. */
 const MOST_LINES = 1000;
 
 const listeners = new Set<() => void>();
 let versions: Versions = {};
 let launched: Launched | null = null;
+let prepared: Prepared | null = null;
+let awaited = false;
 let source: EventSource | null = null;
 let connected = true;
 
@@ -41,10 +53,21 @@ function start(): void {
     launched = joined(launched, JSON.parse(event.data) as Launched);
     listeners.forEach((tell) => tell());
   });
+  source.addEventListener("preparing", (event) => {
+    prepared = JSON.parse(event.data) as Prepared;
+    awaited ||= prepared.running;
+    listeners.forEach((tell) => tell());
+  });
   source.onerror = () => {
     connected = false;
     listeners.forEach((tell) => tell());
   };
+}
+
+/** Know of what this tab has started before the server tells all of them. */
+export function tellLaunch(launch: Launch): void {
+  launched = joined(launched, { launch, first: 0, lines: [] });
+  listeners.forEach((tell) => tell());
 }
 
 /** What was known, continued by news when these follow it. */
@@ -79,6 +102,11 @@ export function useConnected(): boolean {
 /** The campaign that was started from here the last time. */
 export function useLaunch(): Launched | null {
   return useLatest(() => launched);
+}
+
+/** Tables that are made, or were made since the page was opened. */
+export function usePrepared(): Prepared | null {
+  return useLatest(() => (awaited ? prepared : null));
 }
 
 export interface Answer<T> {

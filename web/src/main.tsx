@@ -4,7 +4,8 @@ import { CampaignPage } from "./campaign";
 import { CampaignsPage } from "./campaigns";
 import { ComparePage } from "./compare";
 import { JobPage } from "./job";
-import { isRunning, startListening, useConnected, useLaunch } from "./live";
+import { isRunning, startListening, useConnected, useLaunch, type Launched } from "./live";
+import { Preparing } from "./preparing";
 import { link, useRoute } from "./route";
 import { RunPage } from "./run";
 import { StartPage } from "./start";
@@ -19,7 +20,7 @@ function Page() {
   const { path, query } = useRoute();
   const [view, ...names] = path;
   const connected = useConnected();
-  const running = isRunning(useLaunch());
+  const launched = useLaunch();
   const main = useRef<HTMLElement>(null);
   const first = useRef(true);
   useEffect(() => {
@@ -52,8 +53,9 @@ function Page() {
         )}
         <span class="news" role="status">
           {!connected && <span class="offline">The server does not answer.</span>}
-          {connected && running && (
-            <a class="state running" href={link(["start"])}>
+          {connected && <Preparing />}
+          {connected && launched && isRunning(launched) && (
+            <a class="state running" href={whereShown(launched)}>
               a campaign is running
             </a>
           )}
@@ -64,10 +66,15 @@ function Page() {
   );
 }
 
+/** Where one sees what was started from here. */
+function whereShown({ launch: { campaign } }: Launched): string {
+  return link(campaign ? ["campaign", campaign] : ["start"]);
+}
+
 function pageOf(view: string | undefined, names: string[], query: URLSearchParams) {
   const [campaign, variant, run] = names;
   if (view === "compare") {
-    return <ComparePage a={query.get("a") ?? ""} b={query.get("b") ?? ""} query={query} />;
+    return <ComparePage before={query.get("a") ?? ""} after={query.get("b") ?? ""} query={query} />;
   }
   if (view === "start") return <StartPage query={query} />;
   if (view === "job" && campaign && variant) {

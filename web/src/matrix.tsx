@@ -6,7 +6,7 @@ import { cells, show, titled, type Cell, type Run, type Shown } from "./data";
 import { AxesNote, type Axes } from "./factors";
 import { percent, plural } from "./format";
 import { Export, Select, Waiting } from "./parts";
-import { intervalFor, intervalText, type Interval } from "./rates";
+import { anytime, intervalText, wilson, type Interval } from "./rates";
 import { choose } from "./route";
 
 interface MatrixProps {
@@ -33,7 +33,7 @@ export function Matrix(props: MatrixProps) {
     () => cells(data, runs, across, down, props.measure?.of, isBad),
     [data, runs, across, down, props.measure, isBad],
   );
-  const intervalOf = intervalFor(data.summary);
+  const intervalOf = data.wider ? anytime : wilson;
   const scale = scaleOf(found.flat(), measure, signed);
   const rows = () => [
     [y || "all", x || "all", "runs", "not passed", "failure rate", "from", "to", measure && `mean ${measure}`],
@@ -102,6 +102,7 @@ export function Matrix(props: MatrixProps) {
           </tbody>
         </table>
       </div>
+      {!measure && data.wider && <p class="quiet note">{data.wider}</p>}
     </>
   );
 }

@@ -4,6 +4,7 @@ import { address, type Columns, type Metric, type Metrics } from "./api";
 import { variantOf, type Run, type Shown } from "./data";
 import { useAnswer } from "./live";
 import { Select, type Option } from "./parts";
+import { Pick } from "./pick";
 import { choose } from "./route";
 
 const AGGREGATES: Record<string, string> = { mean: "mean", least: "minimum", most: "maximum", sum: "sum" };
@@ -33,6 +34,16 @@ export function useMeasure(data: Columns, colour: string, aggregate: string): Sh
   }, [data, colour, aggregate, metric.data]);
 }
 
+/** Columns by their table; those with one value everywhere, which colour all cells alike, come last. */
+export function optionsOf({ columns, same }: Metrics): Option[] {
+  const all = Object.entries(columns).flatMap(([table, names]) => names.map((name) => [table, name] as const));
+  const isSame = ([table, name]: readonly [string, string]) => Object.hasOwn(same, table) && same[table]!.includes(name);
+  return [
+    ...all.filter((one) => !isSame(one)).map(([table, name]): Option => [`${table}/${name}`, name, table]),
+    ...all.filter(isSame).map(([table, name]): Option => [`${table}/${name}`, `${table}: ${name}`, "The same everywhere"]),
+  ];
+}
+
 interface ChooserProps {
   campaign: string;
   colour: string;
@@ -41,15 +52,19 @@ interface ChooserProps {
 
 export function Chooser({ campaign, colour, aggregate }: ChooserProps) {
   const { data } = useAnswer<Metrics>(address(["campaigns", campaign, "metrics"]));
-  const columns = Object.entries(data ?? {}).flatMap(([table, names]) =>
-    names.map((name): Option => [`${table}/${name}`, name, table]),
-  );
+  const columns = useMemo(() => (data ? optionsOf(data) : []), [data]);
   const chosen = parts(colour);
   const options: Option[] = [["", "failure rate"], ["duration", "mean duration [s]"], ...columns];
   if (chosen && !columns.some(([key]) => key === colour)) options.push([colour, colour]);
   return (
     <>
-      <Select label="Colour" value={colour} options={options} onChoose={(value) => choose({ colour: value })} />
+      <Pick
+        label="Colour"
+        text={options.find(([value]) => value === colour)?.[1] ?? ""}
+        options={options}
+        chosen={[colour]}
+        onChoose={(value) => choose({ colour: value })}
+      />
       {chosen && (
         <Select
           label="of each run the"

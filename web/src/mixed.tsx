@@ -5,7 +5,7 @@ import { brief, order, show, titled, verdictOf, type Run } from "./data";
 import { percent } from "./format";
 import { Grid, type Column } from "./grid";
 import { GLYPHS } from "./parts";
-import { choose } from "./route";
+import { choose, link } from "./route";
 
 /** Runs of a strip that are drawn. */
 const MOST = 60;
@@ -47,8 +47,10 @@ export function MixedList({ data, runs, names, sort }: MixedProps) {
   const rows = useMemo(() => sortedBy(data, found, sort), [data, found, sort]);
   if (found.length === 0) return <p class="hint">All runs of each configuration ended alike.</p>;
   const value = (name: string, row: number) => data.variants.values[name]![found[row]!.variant];
+  const only = (row: number) =>
+    link(["campaign", data.summary.name], { q: `variant=${data.variants.name[found[row]!.variant]}` });
   const columns: Column[] = [
-    { id: "variant", label: "Configuration", cell: (row) => data.variants.name[found[row]!.variant] },
+    { id: "variant", label: "Configuration", cell: (row) => <a href={only(row)}>{data.variants.name[found[row]!.variant]}</a> },
     { id: "strip", label: "Runs", cell: (row) => <Strip verdicts={found[row]!.verdicts} /> },
     { id: "rate", label: "Not passed", kind: "number", cell: (row) => percent(found[row]!.rate) },
     ...names.slice(0, MOST_COLUMNS).map((name): Column => ({
@@ -57,7 +59,6 @@ export function MixedList({ data, runs, names, sort }: MixedProps) {
       cell: (row) => <span title={show(value(name, row))}>{brief(value(name, row))}</span>,
     })),
   ];
-  const only = (row: number) => choose({ view: "", mixed: "", q: `variant=${data.variants.name[found[row]!.variant]}` });
   return (
     <Grid
       label="Configurations with mixed verdicts"
@@ -65,7 +66,7 @@ export function MixedList({ data, runs, names, sort }: MixedProps) {
       rows={rows}
       sort={sort}
       onSort={(mixed) => choose({ mixed })}
-      open={only}
+      open={(row) => (location.hash = only(row))}
       frozen={1}
     />
   );

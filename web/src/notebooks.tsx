@@ -3,10 +3,13 @@ import { useEffect, useState } from "preact/hooks";
 import { address, post, type NotebookEntry, type NotebookResult } from "./api";
 import { duration, moment } from "./format";
 import { useAnswer } from "./live";
-import { Copy, Waiting } from "./parts";
+import { Copy, Select, Waiting, type Option } from "./parts";
+import { choose } from "./route";
+import type { SearchAnswer } from "./search-data";
 
 interface Target {
   campaign: string;
+  batch?: string;
   variant?: string;
   run?: string;
 }
@@ -24,6 +27,22 @@ export function Notebooks({ title, target }: { title: string; target: Target }) 
         </p>
       )}
       {data?.map((entry) => <Workload key={entry.workload} entry={entry} target={target} />)}
+    </>
+  );
+}
+
+/** The notebooks for a batch of a search: the last one that is scored, unless one is chosen. */
+export function BatchNotebooks({ campaign, chosen }: { campaign: string; chosen: string | null }) {
+  const { data } = useAnswer<SearchAnswer>(address(["search", campaign]));
+  if (!data || data.batches === 0) return null;
+  const options = Array.from({ length: data.batches }, (_, batch): Option => [String(batch), String(batch)]);
+  const batch = options.some(([value]) => value === chosen) ? chosen! : String(data.batches - 1);
+  return (
+    <>
+      <Notebooks key={batch} title={`For batch ${batch}`} target={{ campaign, batch }} />
+      <div class="tools">
+        <Select label="Batch" value={batch} options={options} onChoose={(next) => choose({ batch: next })} />
+      </div>
     </>
   );
 }

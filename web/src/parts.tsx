@@ -4,6 +4,7 @@ import { useEffect, useRef, useState } from "preact/hooks";
 import { VERDICTS, type Summary, type Verdict } from "./api";
 import { csv } from "./data";
 import { count, percent } from "./format";
+import { useProgress } from "./pending";
 
 export const GLYPHS: Record<Verdict, string> = { passed: "✓", failed: "✕", errored: "!", interrupted: "–" };
 
@@ -68,13 +69,21 @@ export function passRate(summary: Summary): string {
   return all ? percent(passed / all) : "–";
 }
 
+interface WaitingProps {
+  error: string | null;
+  title?: string;
+  /** What is said in the first second. */
+  what?: string;
+}
+
 /** What is shown while an answer is waited for, or instead of it. */
-export function Waiting({ error, title }: { error: string | null; title?: string }) {
+export function Waiting({ error, title, what = "Loading …" }: WaitingProps) {
+  const progress = useProgress();
   return (
     <>
       {title && <h1>{title}</h1>}
       {error === null ? (
-        <p class="loading">Loading …</p>
+        <p class="loading">{progress || what}</p>
       ) : (
         <p class="error" role="alert">
           {error}
@@ -196,7 +205,16 @@ export function Folded({ title, children }: { title: string; children: Component
   );
 }
 
-/** Tabs; arrow keys move between them. */
+/** From a view's tabs to the first row of the view, or of the page. */
+function toRows(event: KeyboardEvent): void {
+  const rows = ["#panel tr[data-row] a", "main tr[data-row] a", "#panel [tabindex='0']"];
+  const first = rows.map((place) => document.querySelector<HTMLElement>(place)).find(Boolean);
+  if (!first) return;
+  event.preventDefault();
+  first.focus();
+}
+
+/** Tabs; arrow keys move between them, and down to the rows. */
 export function Tabs({ tabs, chosen, onChoose }: { tabs: Tab[]; chosen: string; onChoose: (id: string) => void }) {
   const current = tabs.find((tab) => tab.id === chosen) ?? tabs[0]!;
   const list = useRef<HTMLDivElement>(null);
@@ -206,6 +224,7 @@ export function Tabs({ tabs, chosen, onChoose }: { tabs: Tab[]; chosen: string; 
     list.current!.scrollLeft = Math.min(Math.max(list.current!.scrollLeft, hidden), tab.offsetLeft);
   }, [current.id]);
   const move = (event: KeyboardEvent) => {
+    if (event.key === "ArrowDown") return toRows(event);
     const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
     if (!step) return;
     const next = tabs[(tabs.indexOf(current) + step + tabs.length) % tabs.length]!;

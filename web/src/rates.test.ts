@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { anytime, intervalFor, intervalText, wilson, type Interval } from "./rates";
+import { anytime, intervalText, wilson, type Interval } from "./rates";
 
 function expectClose(found: Interval, expected: Interval): void {
   expect(found[0]).toBeCloseTo(expected[0], 5);
@@ -26,18 +26,12 @@ describe("intervals", () => {
     expectClose(anytime(499, 1000), [0.443394, 0.554623]);
   });
 
-  it("follow the state of the campaign", () => {
-    expect(intervalFor({ state: "finished", execution: {} })).toBe(wilson);
-    expect(intervalFor({ state: "running", execution: {} })).toBe(anytime);
-    expect(intervalFor({ state: "incomplete", execution: {} })).toBe(anytime);
-  });
-
-  it("hold where a test has ended the runs", () => {
-    expect(intervalFor({ state: "finished", execution: { decide: { good: 0.05 } } })).toBe(anytime);
-  });
-
   it("are short to read", () => {
     expect(intervalText([0.036, 0.62])).toBe("3.6 – 62 %");
     expect(intervalText([0, 1])).toBe("0 – 100 %");
+    expect(intervalText([1e-17, 1 - 1e-16])).toBe("0 – 100 %");
+    expect(intervalText([0.001, 0.996])).toBe("0.1 – 99.6 %");
+    expect(intervalText([0.00001, 0.9996])).toBe("<0.1 – >99.9 %");
+    expect(intervalText([0.0996, 0.9949])).toBe("10 – 99 %");
   });
 });

@@ -1,16 +1,10 @@
 // How sure a failure rate is: the 95 % intervals of src/robovast/base/statistics.py.
-import type { Summary } from "./api";
 import { percent } from "./format";
 
 export type Interval = [low: number, high: number];
 
 const Z = 1.959964;
 const LEVEL = 0.05;
-
-/** The interval that holds for a campaign: while runs are added, or a test ends them, one looks more than once. */
-export function intervalFor({ state, execution }: Pick<Summary, "state" | "execution">): (bad: number, runs: number) => Interval {
-  return state === "finished" && !("decide" in execution) ? wilson : anytime;
-}
 
 /** Of a rate whose number of runs was fixed beforehand. */
 export function wilson(bad: number, runs: number): Interval {

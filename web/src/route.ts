@@ -34,6 +34,15 @@ export function choose(changes: Record<string, string>, push = false): void {
   dispatchEvent(new HashChangeEvent("hashchange"));
 }
 
+/** Names as one choice of an address; a name may have a comma. */
+export function joined(names: string[]): string {
+  return names.map(encodeURIComponent).join();
+}
+
+export function split(text: string): string[] {
+  return text.split(",").filter(Boolean).map(decoded);
+}
+
 /** The route now, and again whenever it changes. */
 export function useRoute(): Route {
   const [route, setRoute] = useState(() => parse(location.hash));

@@ -1,11 +1,10 @@
 // One run: its verdict and why, and all that it left behind.
-import { useMemo, useState } from "preact/hooks";
+import type { ComponentChildren } from "preact";
+import { useMemo } from "preact/hooks";
 import {
   address,
   fileAddress,
-  post,
   type FileEntry,
-  type Launch,
   type Offer,
   type RunAnswer,
   type RunDetails,
@@ -14,8 +13,10 @@ import {
 } from "./api";
 import { show } from "./data";
 import { bytes, count, duration, moment } from "./format";
-import { isRunning, useAnswer, useLaunch } from "./live";
+import { Refusal, StartedOn, useStarter } from "./launched";
+import { useAnswer } from "./live";
 import { Bags } from "./bags";
+import { HistoryOf } from "./history";
 import { Log } from "./log";
 import { Notebooks } from "./notebooks";
 import { Copy, Export, Folded, Glyph, Mark, Tabs, Waiting, type Tab } from "./parts";
@@ -23,6 +24,7 @@ import type { Family } from "./overlay";
 import { Player } from "./player/player";
 import { Plot } from "./plot";
 import { choose, link } from "./route";
+import { RunMore } from "./run-more";
 import { Tables } from "./tables";
 
 const MOST_SIBLINGS = 50;
@@ -47,10 +49,12 @@ export function RunPage({ campaign, variant, run, query }: RunProps) {
   const player = data.recorded.length > 0 && playerOf({ campaign, variant, run }, answer.data.siblings, query);
   return (
     <>
-      <Head data={data} result={result} title={`${variant}/${run}`} target={{ campaign, variant, run }} />
+      <Head data={data} result={result} title={`${variant}/${run}`} target={{ campaign, variant, run }}>
+        <RunMore {...{ campaign }} configurations={[variant]} />
+      </Head>
       <Siblings {...{ campaign, variant, run }} siblings={answer.data.siblings} />
       <Tabs
-        tabs={[...tabsOf(data, failed, { campaign, variant, run, siblings: answer.data.siblings }, query, player), ...(data.on_map ? [mapOf(campaign, variant)] : []), notebooksOf({ campaign, variant, run })]}
+        tabs={[...tabsOf(data, failed, { campaign, variant, run, siblings: answer.data.siblings }, query, player), ...(data.on_map ? [mapOf(campaign, variant)] : []), historyOf(campaign, variant), notebooksOf({ campaign, variant, run })]}
         chosen={query.get("tab") ?? "log"}
         onChoose={(tab) => choose({ tab: tab === "log" ? "" : tab })}
       />
@@ -89,9 +93,11 @@ interface HeadProps {
   result: RunAnswer["result"];
   title: string;
   target: Target;
+  /** Of the configuration. */
+  children: ComponentChildren;
 }
 
-function Head({ data, result, title, target }: HeadProps) {
+function Head({ data, result, title, target, children }: HeadProps) {
   const { record } = data;
   const text = (key: string) => show(record[key] === "" ? null : record[key]);
   const facts: [string, string][] = [
@@ -131,7 +137,9 @@ function Head({ data, result, title, target }: HeadProps) {
             ))}
         </dl>
         {data.command && <Repeat command={data.command} target={target} />}
+        {children}
       </Folded>
+      <StartedOn campaign={target.campaign} />
     </div>
   );
 }
@@ -156,13 +164,7 @@ function Missing({ files }: { files: unknown }) {
 /** The command that executes the run again, and a button that does so. */
 function Repeat({ command, target }: { command: string; target: Target }) {
   const { data: offer } = useAnswer<Offer>(address(["offer"]));
-  const busy = isRunning(useLaunch());
-  const [refusal, setRefusal] = useState("");
-  const repeat = () =>
-    post<Launch>(address(["repeat"], { ...target })).then(
-      () => (location.hash = link(["start"])),
-      (cause: Error) => setRefusal(cause.message),
-    );
+  const { start, busy, refusal } = useStarter();
   return (
     <>
       <div class="command">
@@ -172,16 +174,12 @@ function Repeat({ command, target }: { command: string; target: Target }) {
         </code>
         <Copy text={command} label="Copy" />
         {offer?.repeat && (
-          <button type="button" disabled={busy} title="Executes what the campaign brings along" onClick={repeat}>
+          <button type="button" disabled={busy} title="Executes what the campaign brings along" onClick={() => start(address(["repeat"], { ...target }))}>
             Run it again
           </button>
         )}
       </div>
-      {refusal && (
-        <p class="error" role="alert">
-          {refusal}
-        </p>
-      )}
+      <Refusal text={refusal} />
     </>
   );
 }
@@ -229,6 +227,10 @@ function mapOf(campaign: string, variant: string): Tab {
     </figure>
   );
   return { id: "map", label: "Map", show };
+}
+
+function historyOf(campaign: string, variant: string): Tab {
+  return { id: "history", label: "History", show: () => <HistoryOf {...{ campaign, variant }} /> };
 }
 
 function notebooksOf(target: Target): Tab {

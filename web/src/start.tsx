@@ -1,14 +1,14 @@
-// Running a campaign from here: what it would run, and what it says while it runs.
+// Running a campaign from here: what it would run.
+import type { ComponentChildren } from "preact";
 import { useEffect, useMemo, useState } from "preact/hooks";
-import { address, post, type Campaigns, type Launch, type Offer } from "./api";
-import { isStale } from "./campaigns";
+import { address, post, type Offer } from "./api";
 import { factors, order, show } from "./data";
 import { chosen, type Variants } from "./expansion";
-import { duration, moment, plural } from "./format";
+import { plural } from "./format";
 import { Grid } from "./grid";
-import { isRunning, useAnswer, useLaunch, type Launched } from "./live";
-import { useEnd } from "./log";
-import { Export, Select, State, VerdictBar, Waiting } from "./parts";
+import { Progress, Refusal, useStarter } from "./launched";
+import { useAnswer, useLaunch } from "./live";
+import { Export, Select, Waiting } from "./parts";
 import { choose, link } from "./route";
 
 const RUNTIMES: [string, string][] = [
@@ -17,20 +17,11 @@ const RUNTIMES: [string, string][] = [
   ["podman", "Podman"],
   ["process", "plain processes"],
 ];
-const OUTCOMES: Record<number, string> = {
-  0: "Every run passed.",
-  1: "A run failed.",
-  2: "It cannot be run as it was asked for.",
-  3: "It cannot be run on this machine.",
-  4: "A run ended without a verdict.",
-  5: "Its results cannot be stored.",
-  130: "It was stopped.",
-};
-
 export function StartPage({ query }: { query: URLSearchParams }) {
   const { data: offer, error } = useAnswer<Offer>(address(["offer"]));
   const launched = useLaunch();
   if (!offer) return <Waiting error={error} title="Run a campaign" />;
+  const progress = launched && <Progress key={launched.launch.number} launched={launched} />;
   return (
     <>
       <div class="head">
@@ -43,7 +34,11 @@ export function StartPage({ query }: { query: URLSearchParams }) {
           <p class="hint">{offer.refusal}</p>
         )}
       </div>
-      {offer.document && <Choices offer={offer} query={query} launched={launched} />}
+      {offer.document ? (
+        <Choices {...{ offer, query }}>{progress}</Choices>
+      ) : (
+        progress
+      )}
     </>
   );
 }
@@ -51,10 +46,11 @@ export function StartPage({ query }: { query: URLSearchParams }) {
 interface ChoicesProps {
   offer: Offer;
   query: URLSearchParams;
-  launched: Launched | null;
+  /** What was started the last time. */
+  children: ComponentChildren;
 }
 
-function Choices({ offer, query, launched }: ChoicesProps) {
+function Choices({ offer, query, children }: ChoicesProps) {
   const [variants, fault, readAgain] = useExpansion();
   const config = query.get("config") ?? "";
   const rows = useMemo(() => (variants ? chosen(variants, config) : []), [variants, config]);
@@ -80,8 +76,8 @@ function Choices({ offer, query, launched }: ChoicesProps) {
           onChoose={(runtime) => choose({ runtime })}
         />
       </div>
-      <Starter query={query} launched={launched} what={variants && `${plural(rows.length, "configuration")}, ${plural(rows.length * runs, "run")}`} />
-      {launched && <Progress launched={launched} />}
+      <Starter query={query} what={variants && `${plural(rows.length, "configuration")}, ${plural(rows.length * runs, "run")}`} />
+      {children}
       <h2>Configurations</h2>
       {fault && (
         <p class="error" role="alert">
@@ -137,100 +133,30 @@ function Count({ label, name, query, otherwise }: CountProps) {
 
 interface StarterProps {
   query: URLSearchParams;
-  launched: Launched | null;
   /** What would be run; null when that is not known. */
   what: string | null;
 }
 
-function Starter({ query, launched, what }: StarterProps) {
-  const [refusal, setRefusal] = useState("");
-  const [asked, setAsked] = useState(0);
-  const busy = isRunning(launched) || asked > (launched?.launch.number ?? 0);
-  const start = async () => {
-    setRefusal("");
-    try {
-      setAsked((await post<Launch>(address(["start"], Object.fromEntries(query)))).number);
-    } catch (cause) {
-      setRefusal((cause as Error).message);
-    }
-  };
+function Starter({ query, what }: StarterProps) {
+  const { start, busy, refusal } = useStarter();
   return (
     <>
       <p class="tools">
-        <button type="button" class="primary" disabled={busy} onClick={start}>
+        <button
+          type="button"
+          class="primary"
+          disabled={busy}
+          onClick={() => start(address(["start"], Object.fromEntries(query)))}
+        >
           Run
         </button>
         <span class="quiet" role="status">
           {busy ? "One campaign at a time can be run from here." : what}
         </span>
       </p>
-      {refusal && (
-        <p class="error" role="alert">
-          {refusal}
-        </p>
-      )}
+      <Refusal text={refusal} />
     </>
   );
-}
-
-/** The campaign that was started from here the last time. */
-function Progress({ launched }: { launched: Launched }) {
-  const { launch, lines } = launched;
-  const { data } = useAnswer<Campaigns>(address(["campaigns"]), isStale);
-  const name = Object.keys(data?.campaigns ?? {}).find((one) => lines.some((line) => line.includes(one)));
-  const summary = name && data?.campaigns[name];
-  const end = useEnd(lines);
-  const saved = () => [["line"], ...lines.map((line) => [line])];
-  return (
-    <section class="launch" aria-label="The campaign that was started here">
-      <h2>
-        {name ? <a href={link(["campaign", name])}>{name}</a> : "The campaign"}{" "}
-        {launch.ended === null && <State state="running" />}
-      </h2>
-      {summary && <VerdictBar summary={summary} />}
-      <p class="tools">
-        {launch.ended === null && (
-          <button type="button" onClick={() => void post(address(["stop"]))}>
-            {launch.stopping ? "Stop at once" : "Stop"}
-          </button>
-        )}
-        <span role="status">{outcome(launch)}</span>
-        <span class="quiet">
-          {moment(launch.started)}
-          {launch.ended !== null && `, took ${duration(launch.ended - launch.started)}`}
-        </span>
-        {name && launch.ended !== null && (
-          <a class="button" href={link(["campaign", name])}>
-            Show its runs
-          </a>
-        )}
-        <Export name="output" rows={saved} />
-      </p>
-      <div class="log output" {...end} tabIndex={0} role="region" aria-label="Output">
-        <ol>
-          <li class="debug">
-            <span class="said">$ {launch.command}</span>
-          </li>
-          {lines.map((line, place) => (
-            <li key={launched.first + place} class={level(line)}>
-              <span class="said">{line}</span>
-            </li>
-          ))}
-        </ol>
-      </div>
-    </section>
-  );
-}
-
-function outcome({ ended, code, stopping }: Launch): string {
-  if (ended === null && code !== null) return "The runs have ended; tables are being made.";
-  if (ended === null) return stopping ? "It is being stopped: running scenarios end first." : "It is running.";
-  return OUTCOMES[code ?? 0] ?? `It broke off (exit code ${code}).`;
-}
-
-function level(line: string): string {
-  if (/^error: |\] failed /.test(line)) return "error";
-  return /^WARNING: |\] (errored|interrupted) /.test(line) ? "warn" : "";
 }
 
 interface ExpansionProps {

@@ -10,6 +10,7 @@ from typing import Any
 
 from robovast.base.errors import InputError
 from robovast.campaign.layout import EXECUTION_RECORD
+from robovast.campaign.planned_runs import MORE_RUNS, RUNS
 from robovast.evaluation.bounds import Bound
 from robovast.evaluation.files import list_files
 from robovast.evaluation.inside import read_small
@@ -22,8 +23,19 @@ _SECONDS = 2.0
 """How long lines of all files may be compared; after that, only which files differ is told."""
 MOST_LINES = 400
 """Lines of a difference that are shown."""
-_CIRCUMSTANCES = ("image", "image_revision", "robovast_version", "execution_type", "env", "runs")
+_CIRCUMSTANCES = (
+    "image",
+    "image_revision",
+    "robovast_version",
+    "execution_type",
+    "env",
+    RUNS,
+    MORE_RUNS,
+)
 """Keys of execution.yaml that may explain a difference."""
+
+Place = tuple[Path, str]
+"""A results folder, without links, and the name of a campaign in it."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +72,7 @@ class Change:
 
 def about(results: Path, campaign: str) -> About:
     """Title, description and sources of a campaign; what it does not have is empty."""
-    name = next((file for file in _files(results, campaign) if _is_document(file)), "")
-    document = _text(results, campaign, name) if name else None
-    data = mapping(parse_yaml((document or "").encode()))
+    name, data = read_document(results, campaign)
     metadata = mapping(data.get("metadata"))
     scenario = str(mapping(data.get("execution")).get("scenario_file", ""))
     texts = [(file, _text(results, campaign, file)) for file in (name, scenario) if file]
@@ -73,25 +83,34 @@ def about(results: Path, campaign: str) -> About:
     )
 
 
-def changes(results: Path, before: str, after: str) -> list[Change]:
+def read_document(results: Path, campaign: str) -> tuple[str, Mapping[str, Any]]:
+    """Name and content of a campaign's .vast file; both are empty where there is none."""
+    name = next((file for file in _files(results, campaign) if _is_document(file)), "")
+    content = _content(results, campaign, name) if name else None
+    return name, mapping(parse_yaml(content or b""))
+
+
+def changes(before: Place, after: Place) -> list[Change]:
     """What differs between the inputs of two campaigns: their execution and their files."""
-    return [*_circumstances(results, before, after), *_changed_files(results, before, after)]
+    return [*_circumstances(before, after), *_changed_files(before, after)]
 
 
-def _circumstances(results: Path, before: str, after: str) -> Iterator[Change]:
-    one, other = (read_yaml(results, f"{name}/{EXECUTION_RECORD}") for name in (before, after))
+def _circumstances(before: Place, after: Place) -> Iterator[Change]:
+    one, other = (
+        read_yaml(results, f"{name}/{EXECUTION_RECORD}") for results, name in (before, after)
+    )
     for key in _CIRCUMSTANCES:
         if one.get(key) != other.get(key):
             lines = [f"-{_shown(one.get(key)) or '–'}", f"+{_shown(other.get(key)) or '–'}"]
             yield Change(key, "changed", lines, 0)
 
 
-def _changed_files(results: Path, before: str, after: str) -> Iterator[Change]:
-    one, other = _files(results, before), _files(results, after)
+def _changed_files(before: Place, after: Place) -> Iterator[Change]:
+    one, other = _files(*before), _files(*after)
     bound = Bound(_SECONDS)
     for name in sorted({**one, **other}, key=lambda name: (not _is_document(name), name)):
-        old = _content(results, before, name) if name in one else b""
-        new = _content(results, after, name) if name in other else b""
+        old = _content(*before, name) if name in one else b""
+        new = _content(*after, name) if name in other else b""
         if old == new and one.get(name) == other.get(name):
             continue
         kind = "added" if name not in one else "removed" if name not in other else "changed"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from robovast.base.errors import InputError
 from robovast.base.locks import is_locked
-from robovast.campaign.layout import JOBS, RUNNING, SYSTEM_LOG, is_variant
+from robovast.campaign.layout import JOBS, RUNNING, SEARCH, SYSTEM_LOG, is_variant
 from robovast.evaluation.summaries import ActiveJob
 from robovast.model.naming import holds_campaign
 
@@ -37,6 +37,11 @@ def is_own_folder(entry: os.DirEntry[str]) -> bool:
     Names that are not UTF-8 or cannot be printed are excluded, too.
     """
     return is_variant(entry.name) and entry.is_dir(follow_symlinks=False)
+
+
+def is_search(results: Path, campaign: str) -> bool:
+    """Whether a campaign is a search that has proposed something."""
+    return (results / campaign / SEARCH).is_dir()
 
 
 def active_jobs(results: Path, campaign: str) -> tuple[ActiveJob, ...] | None:

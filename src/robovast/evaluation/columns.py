@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from robovast.base.sequential import SequentialTest
-from robovast.campaign.decisions import told
+from robovast.campaign.decisions import CampaignTest, told
 from robovast.campaign.failure_groups import causes
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.summaries import VariantRuns, decision_of
@@ -15,7 +14,7 @@ VERDICTS = list(Verdict)
 """Verdicts; a verdict's index is its code."""
 
 
-def columns(variants: Sequence[VariantRuns], test: SequentialTest | None = None) -> dict[str, Any]:
+def columns(variants: Sequence[VariantRuns], test: CampaignTest | None = None) -> dict[str, Any]:
     """Variants and runs of a campaign, and what its test says of each variant in `decided`.
 
     Returns:

@@ -21,6 +21,7 @@ from robovast.base.statistics import (
     normal_p,
     normal_p_of_pairs,
     paired_interval,
+    percent,
 )
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.rates import MOST_RUNS, Sample, sample_of
@@ -198,10 +199,8 @@ def state(found: Difference) -> str:
         return "Nothing can be compared: the campaigns share no variant with runs in both."
     verb = "rose" if b.rate > a.rate else "fell" if b.rate < a.rate else "stayed the same"
     certain = "chance alone hardly explains that" if found.p < LEVEL else "chance can explain that"
-    text = (
-        f"The share of runs that did not pass {verb}, from {a.rate:.1%} ({a.bad} of {a.runs}) to "
-        f"{b.rate:.1%} ({b.bad} of {b.runs})"
-    )
+    before, now = (f"{percent(side.rate)} ({side.bad} of {side.runs})" for side in (a, b))
+    text = f"The share of runs that did not pass {verb}, from {before} to {now}"
     interval = f"95 % interval {100 * found.low:+.1f} to {100 * found.high:+.1f} points"
     p = f"p = {found.p:.2g}" if found.p >= 0.0001 else "p < 0.0001"
     test = "Fisher's exact test" if found.pairs is None else "McNemar's exact test, equal seeds"

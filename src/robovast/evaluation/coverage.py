@@ -22,7 +22,8 @@ from robovast.model.designs import (
     pairs_of,
 )
 from robovast.model.document import Document
-from robovast.model.document.model import ConfigurationEntry, PluginCall
+from robovast.model.document.model import ConfigurationEntry
+from robovast.model.document.section import PluginCall
 from robovast.model.variations.loader import levels
 
 _LARGEST = sys.float_info.max / 2
@@ -132,8 +133,8 @@ def _entry_coverage(
     buckets: int | None,
 ) -> EntryCoverage:
     own = list(_numbered(entry, variants))
-    calls = enumerate(entry.variations or ())
-    axes = [_axis(document, (entry, place), call, own, buckets) for place, call in calls]
+    calls = range(len(entry.variations or ()))
+    axes = [_axis(_Varied(document, entry, place), own, buckets) for place in calls]
     found = EntryCoverage(entry, axes)
     if pairs_of(found.sizes) > MOST_PAIRS:
         raise InputError(
@@ -166,16 +167,32 @@ def _numbered(
             yield list(map(int, numbers)), variant
 
 
+@dataclass(frozen=True, slots=True)
+class _Varied:
+    """One variation of an entry."""
+
+    document: Document
+    entry: ConfigurationEntry
+    position: int
+
+    @property
+    def call(self) -> PluginCall:
+        return (self.entry.variations or ())[self.position]
+
+    def problem(self, message: str, remedy: str) -> str:
+        """A message about it, with its place in the file."""
+        index = (self.document.vast.configuration or []).index(self.entry)
+        place = ("configuration", index, "variations", self.position)
+        return str(self.document.source.problem(place, message, remedy))
+
+
 def _axis(
-    document: Document,
-    place: tuple[ConfigurationEntry, int],
-    call: PluginCall,
-    own: Sequence[tuple[list[int], VariantRuns]],
-    buckets: int | None,
+    varied: _Varied, own: Sequence[tuple[list[int], VariantRuns]], buckets: int | None
 ) -> Axis:
-    size = levels(call.name, call.parameters, document.folder)
+    call = varied.call
+    size = levels(call.name, call.parameters, varied.document.folder)
     if size is None:
-        return _drawn(document, place, call, own, buckets)
+        return _drawn(varied, own, buckets)
     name, values = call.parameters.get("name"), call.parameters.get("values")
     if call.name != "ParameterVariationList" or not isinstance(values, list):
         return Axis(tuple(f"{call.name} {number}" for number in range(1, size + 1)))
@@ -184,28 +201,20 @@ def _axis(
 
 
 def _drawn(
-    document: Document,
-    place: tuple[ConfigurationEntry, int],
-    call: PluginCall,
-    own: Sequence[tuple[list[int], VariantRuns]],
-    buckets: int | None,
+    varied: _Varied, own: Sequence[tuple[list[int], VariantRuns]], buckets: int | None
 ) -> Axis:
-    entry, position = place
-    name = call.parameters.get("name")
-    where = document.source.problem(
-        ("configuration", (document.vast.configuration or []).index(entry), "variations", position),
-        f"`{call.name}` draws its values, which are continuous",
-        "Say into how many parts they are divided: `--buckets 5`.",
-    )
+    name = varied.call.parameters.get("name")
     if buckets is None or not isinstance(name, str):
-        raise InputError(str(where))
+        what = f"`{varied.call.name}` draws its values, which are continuous"
+        remedy = "Say into how many parts they are divided: `--buckets 5`."
+        raise InputError(varied.problem(what, remedy))
     found = [variant.parameters.get(name) for _, variant in own]
     numbers = [
         float(value) for value in found if isinstance(value, int | float) and abs(value) <= _LARGEST
     ]
     if len(numbers) < len(found) or not numbers:
         raise InputError(
-            f"`{name}` of `{entry.name}` is not a number, or not a finite one, in all "
+            f"`{name}` of `{varied.entry.name}` is not a number, or not a finite one, in all "
             "configurations."
         )
     low, high = min(numbers), max(numbers)

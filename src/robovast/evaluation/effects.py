@@ -141,7 +141,7 @@ def _total(counts: Iterable[_Counts]) -> _Counts:
 
 
 def _column(values: Sequence[Any]) -> _Column:
-    if all(map(_is_number, values)):
+    if all(map(is_number, values)):
         order = sorted(range(len(values)), key=values.__getitem__)
         return _Column(order, _number_splits([values[n] for n in order]))
     texts = [as_text(value) for value in values]
@@ -163,7 +163,8 @@ def as_text(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value, default=str)
 
 
-def _is_number(value: Any) -> bool:
+def is_number(value: Any) -> bool:
+    """Whether a value is a finite number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
 
 

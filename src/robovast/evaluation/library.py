@@ -79,6 +79,22 @@ class Library:
         self._read(shelf)
         return shelf.index
 
+    def begun(self, name: str) -> CampaignIndex | None:
+        """A campaign some of whose variants are read, while they are read for the first time.
+
+        Does not wait until all are.
+
+        Raises:
+            InputError: there is no such campaign.
+        """
+        index = self._shelf(name).index
+        return index if index.reading and not index.version else None
+
+    def reading(self) -> dict[str, tuple[int, int]]:
+        """Campaigns that are being read: how many of their variants are, and of how many."""
+        shelves = list(self._shelves.items())
+        return {name: done for name, shelf in shelves if (done := shelf.index.reading)}
+
     def _shelf(self, name: str) -> _Shelf:
         known = self._shelves.get(name)
         if known is None:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from robovast.base.errors import InputError
 from robovast.campaign.log_lines import without_escapes
 from robovast.evaluation.inside import open_inside
-from robovast.evaluation.logs import PART, LogLine, LogQuestion, read_log
+from robovast.evaluation.logs import PART, LogLine, question_of_run, read_log
 from robovast.evaluation.run import logs_of, run_record
-from robovast.evaluation.stored_runs import seconds
 
 MOST_RUNS = 50
 """Runs of one answer."""
@@ -58,20 +56,12 @@ def _search(results: Path, campaign: str, run: str, text: str) -> FoundRun | Non
         for path in paths:
             if not _has(results, path, text.casefold()):
                 continue
-            page = read_log(results, path, _question(record, text, packed))
+            page = read_log(results, path, question_of_run(record, text, packed))
             if page.matches:
                 return FoundRun(run, path, page.matches, page.lines[:_MOST_LINES])
     except InputError:  # gone meanwhile, or not to be read
         return None
     return None
-
-
-def _question(record: Mapping[str, Any], text: str, packed: bool) -> LogQuestion:
-    """Of a log of several runs, the lines of one: a little before it begins and after it ends."""
-    begin, end = (seconds(record.get(key)) for key in ("started_at", "finished_at"))
-    if not packed or begin is None or end is None:
-        return LogQuestion(text)
-    return LogQuestion(text, since=begin - 0.002, until=end + 0.02)
 
 
 def _has(results: Path, path: str, needle: str) -> bool:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import os
 import re
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 from robovast.campaign.log_lines import BAD, LEVELS, parse_line, without_escapes
 from robovast.campaign.reasons import says_error
 from robovast.evaluation.inside import open_inside
+from robovast.evaluation.stored_runs import seconds
 
 PAGE = 2000
 """Lines per page."""
@@ -75,6 +76,15 @@ class LogQuestion:
     """Only lines before this number: the page that precedes another."""
     end: int | None = None
     """Of a large file the part that ends here [bytes]: the one that precedes another."""
+
+
+def question_of_run(record: Mapping[str, Any], text: str, packed: bool) -> LogQuestion:
+    """Ask a run's log for a text; if the log is of several runs, only for the lines of this one:
+    from a little before it begins to a little after it ends."""
+    begin, end = (seconds(record.get(key)) for key in ("started_at", "finished_at"))
+    if not packed or begin is None or end is None:
+        return LogQuestion(text)
+    return LogQuestion(text, since=begin - 0.002, until=end + 0.02)
 
 
 def read_log(root: Path, relative: str, question: LogQuestion) -> LogPage:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -22,6 +22,7 @@ from robovast.model.naming import CONFIG
 
 if TYPE_CHECKING:
     from robovast.navigation.occupancy import OccupancyMap
+    from robovast.navigation.picture import Mark
 
 RECORD = "_navigation"
 _MAP_LINE = re.compile(rf"^  {RECORD}:\n(?:    .*\n|\n)*?    (map_file: .*\n)", re.MULTILINE)
@@ -35,8 +36,8 @@ def has_map(results: Path, campaign: str, variant: str) -> bool:
     return isinstance(map_record(results, campaign, variant).get("map_file"), str)
 
 
-def draw_map(results: Path, campaign: str, variant: str) -> str:
-    """Map, start, goals, path and obstacles of a configuration as SVG.
+def draw_map(results: Path, campaign: str, variant: str, more: Sequence[Mark] = ()) -> str:
+    """Map, start, goals, path and obstacles of a configuration as SVG, and `more` above them.
 
     Raises:
         InputError: it has no map, or its records cannot be drawn.
@@ -46,10 +47,11 @@ def draw_map(results: Path, campaign: str, variant: str) -> str:
 
     with nav_extra("The picture of a configuration"):
         from robovast.navigation.picture import marks, to_svg
-    record = map_record(results, campaign, variant)
+    entry = entries(results, campaign, [variant]).get(variant, {})
+    record = mapping(entry.get(RECORD))
     occupancy = read_configuration_map(results, campaign, variant, record)
     with _drawable(f"{campaign}/{variant}"):
-        return to_svg(occupancy, list(marks(record)), variant)
+        return to_svg(occupancy, [*marks(record, mapping(entry.get("config"))), *more], variant)
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,8 @@ from robovast.evaluation.inside import MissingError
 AGGREGATES = {"mean": "avg", "least": "min", "most": "max", "sum": "sum"}
 """Aggregate functions, and their names in SQLite."""
 MOST_COLUMNS = 400
+_GLANCE = 1000
+"""Rows in which a column usually has two values, unless it has one everywhere."""
 
 _KEYS = {"config", "run"}
 _NAMES = {"config_name", "run_id", *_KEYS}
@@ -35,6 +37,23 @@ def metric_columns(results: Path, campaign: str) -> dict[str, list[str]]:
             return {table: _numeric(connection, table, tables[table]) for table in tables}
     except MissingError:
         return {}
+
+
+def constant_columns(results: Path, campaign: str) -> dict[str, list[str]]:
+    """Those of the numeric columns, by table, that have one value everywhere.
+
+    None of them if that takes too long to find out.
+    """
+    try:
+        with opened(results, _file(campaign)) as connection:
+            tables = _tables(connection)
+            found = {
+                table: _constant(connection, table, _numeric(connection, table, tables[table]))
+                for table in tables
+            }
+    except InputError:
+        return {}
+    return {table: names for table, names in found.items() if names}
 
 
 def metric(
@@ -92,6 +111,18 @@ def _numeric(connection: sqlite3.Connection, table: str, columns: list[str]) -> 
         if kind and kind[0] in ("integer", "real"):
             found.append(name)
     return found
+
+
+def _constant(connection: sqlite3.Connection, table: str, columns: list[str]) -> list[str]:
+    """Columns without two values; most of the others show two in the first rows."""
+    for rows in (_GLANCE, -1):  # -1: all
+        if columns:
+            names = [_quoted(name) for name in columns]
+            source = f"(SELECT {', '.join(names)} FROM {_quoted(table)} LIMIT {rows})"  # noqa: S608
+            tests = ", ".join(f"min({name}) IS max({name})" for name in names)
+            one = connection.execute(f"SELECT {tests} FROM {source}").fetchone()  # noqa: S608
+            columns = [name for name, is_one in zip(columns, one, strict=True) if is_one]
+    return columns
 
 
 def _quoted(name: str) -> str:

@@ -9,8 +9,10 @@ from functools import cache
 from statistics import median
 from typing import Any
 
-from robovast.base.sequential import Decision, SequentialTest, State
+from robovast.base.sequential import Decision, State
 from robovast.base.statistics import Interval, anytime, least, wilson
+from robovast.campaign.decisions import CampaignTest
+from robovast.campaign.planned_runs import is_fixed
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.summaries import CampaignSummary, RunSummary, VariantRuns, decision_of
 
@@ -63,8 +65,8 @@ class VariantRate:
     when it is below."""
     rate: Rate
     more_runs: int | None
-    """How many further runs decide it if they go as those before; None if it is decided, or if
-    `MOST_RUNS` do not."""
+    """How many further runs of the campaign decide it if they go as those before; None if it is
+    decided, or if `MOST_RUNS` do not."""
     reason: str
     """The most frequent reason of its bad runs."""
     decision: Decision | None
@@ -78,7 +80,7 @@ class CampaignRates:
     summary: CampaignSummary
     limit: float
     method: str
-    """`wilson`, or `anytime` while runs are missing."""
+    """`wilson` or `anytime`; see `why_wider`."""
     overall: Rate
     configurations: list[VariantRate]
     """The worst first."""
@@ -112,13 +114,33 @@ def campaign_rates(
     )
 
 
-def interval_for(summary: CampaignSummary) -> IntervalOf:
-    """The interval that holds for a campaign: while runs are added, one looks more than once.
+def soonest_decided(rates: CampaignRates) -> VariantRate | None:
+    """The undecided configuration that the fewest further runs decide, if any do."""
+    undecided = [one for one in rates.configurations if one.more_runs and one.decision is None]
+    return min(undecided, key=lambda one: one.more_runs or 0, default=None)
 
-    A test looks after every run.
+
+def interval_for(summary: CampaignSummary) -> IntervalOf:
+    """The interval that holds for a campaign: while runs are added, one looks more than once."""
+    return anytime if why_wider(summary) else wilson
+
+
+def why_wider(summary: CampaignSummary) -> str:
+    """Why a campaign's intervals are wider than those of a fixed number of runs, in a sentence.
+
+    Empty for a fixed number. Who adds runs of a configuration has looked at all of them.
     """
-    fixed = summary.state == "finished" and summary.test is None
-    return wilson if fixed else anytime
+    if summary.test is not None:
+        why = "The verdicts decide how many runs there are"
+    elif summary.is_search:
+        why = "The search chose by the verdicts what to run, and how often"
+    elif not is_fixed(summary.execution):
+        why = "Runs were added after a look at the verdicts"
+    elif summary.state != "finished":
+        why = "Runs are missing"
+    else:
+        return ""
+    return f"{why}, so all intervals are wider: they hold however often one looks."
 
 
 def sample(*variants: VariantRuns) -> Sample:
@@ -144,7 +166,7 @@ def rate_of(variants: Iterable[VariantRuns], interval_of: IntervalOf) -> Rate:
 
 
 def _judge(
-    variant: VariantRuns, limit: float, interval_of: IntervalOf, test: SequentialTest | None
+    variant: VariantRuns, limit: float, interval_of: IntervalOf, test: CampaignTest | None
 ) -> VariantRate:
     rate = rate_of([variant], interval_of)
     decision = None if test is None else decision_of(test, variant)
@@ -170,11 +192,14 @@ def _state(interval: Interval, limit: float) -> State:
 
 @cache
 def _more_runs(bad: int, runs: int, limit: float, interval_of: IntervalOf) -> int | None:
-    """How many further runs decide it, if the rate stays as it is; None if it is decided."""
+    """How many further runs decide it, if the rate stays as it is; None if it is decided.
+
+    They are added after a look, whatever interval holds before.
+    """
 
     def decide(more: int) -> bool:
         share = 1 + more / runs if runs else 0.0
-        return _state(interval_of(bad * share, runs + more), limit) is not State.UNDECIDED
+        return _state(anytime(bad * share, runs + more), limit) is not State.UNDECIDED
 
     decided = _state(interval_of(bad, runs), limit) is not State.UNDECIDED
     return None if decided else least(decide, MOST_RUNS)

@@ -12,13 +12,15 @@ from pathlib import Path
 from typing import Any
 
 from robovast.campaign.layout import RUN_RECORD, SCENARIO_CONFIG, VARIANT_RECORD
-from robovast.campaign.run_record import RunRecord, parse_run_record, result_without_record
+from robovast.campaign.run_record import RunRecord, parse_known, result_without_record
 from robovast.evaluation.summaries import RunSummary, VariantRuns
 from robovast.evaluation.untrusted import mapping, plain, read_yaml
 from robovast.model.variations.factors import factor_units, factor_values
 
 LARGEST = 1 << 20
 """Largest record that is read [bytes]."""
+_USUAL = 1 << 14
+"""A record is hardly ever larger [bytes]; room for the largest one would cost time for each."""
 LONGEST_REASON = 500
 """Longest reason in lists [characters]; the run's page shows all of it."""
 
@@ -41,8 +43,7 @@ def read_variant(results: Path, campaign: str, name: str) -> VariantRuns:
     if first is not None:
         parameters, factors = _bounded(first.parameters), _bounded(first.factors)
     else:
-        scenarios = read_yaml(results, f"{campaign}/{name}/{SCENARIO_CONFIG}")
-        parameters = next(map(mapping, scenarios.values()), {})
+        parameters = _configured(results, campaign, name)
         factors = mapping(read_yaml(results, f"{campaign}/{name}/{VARIANT_RECORD}").get("factors"))
     runs = [
         _from_record(number, record)
@@ -53,6 +54,26 @@ def read_variant(results: Path, campaign: str, name: str) -> VariantRuns:
     entry = first.entry if first is not None else ""
     stated, units = factor_values(factors), factor_units(factors)
     return VariantRuns(name, entry or name, parameters, tuple(runs), stated, units)
+
+
+def read_parameters(results: Path, campaign: str, name: str) -> Mapping[str, Any]:
+    """The parameters of a variant as `read_variant` has them; empty if it cannot be read."""
+    try:
+        with _folder(f"{results}/{campaign}/{name}") as variant:
+            numbers = sorted(int(entry.name) for entry in os.scandir(variant) if _is_run(entry))
+            for number in numbers:
+                record = _read_record(variant, number)
+                if record is not None:
+                    return _bounded(record.parameters)
+        return _configured(results, campaign, name)
+    except OSError:  # it was removed
+        return {}
+
+
+def _configured(results: Path, campaign: str, name: str) -> Mapping[str, Any]:
+    """The parameters in the scenario's configuration file."""
+    scenarios = read_yaml(results, f"{campaign}/{name}/{SCENARIO_CONFIG}")
+    return next(map(mapping, scenarios.values()), {})
 
 
 def seconds(value: Any) -> float | None:
@@ -84,8 +105,10 @@ def _read_record(variant: int, number: int) -> RunRecord | None:
     except OSError:
         return None
     try:
-        size = min(os.fstat(descriptor).st_size, LARGEST)
-        return parse_run_record(os.read(descriptor, size))
+        content = os.read(descriptor, _USUAL)
+        if len(content) == _USUAL:
+            content += os.read(descriptor, LARGEST - _USUAL)
+        return parse_known(content)
     except OSError:
         return None
     finally:
@@ -98,7 +121,7 @@ def _from_record(number: int, record: RunRecord) -> RunSummary:
         verdict=record.verdict,
         reason=sys.intern(record.reason[:LONGEST_REASON]),
         started_at=seconds(record.started_at),
-        duration=_number(record.duration),
+        duration=record.duration if abs(record.duration) < _LARGEST_NUMBER else None,
         seed=record.seed,
         reused=bool(record.reused_from),
     )
@@ -116,9 +139,3 @@ def _bounded(parameters: Mapping[str, Any]) -> Mapping[str, Any]:
         return mapping(plain(parameters))
     except ValueError:
         return {}
-
-
-def _number(value: Any) -> float | None:
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        return None
-    return float(value) if abs(value) < _LARGEST_NUMBER else None

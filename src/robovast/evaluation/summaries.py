@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from robovast.base.sequential import Decision, SequentialTest
-from robovast.campaign.decisions import decide
+from robovast.base.sequential import Decision
+from robovast.campaign.decisions import CampaignTest, decide
 from robovast.campaign.verdict import Verdict
 
 
@@ -78,10 +78,12 @@ class CampaignSummary:
     """Increases with every change."""
     reused: int = 0
     """Stored runs that other campaigns executed."""
-    test: SequentialTest | None = None
+    test: CampaignTest | None = None
     """What ends the runs of a configuration, if their number is not fixed."""
+    is_search: bool = False
+    """Whether a search chose what was run."""
 
 
-def decision_of(test: SequentialTest, variant: VariantRuns) -> Decision:
+def decision_of(test: CampaignTest, variant: VariantRuns) -> Decision:
     """What a test says of a configuration."""
-    return decide(test, {run.number: run.verdict for run in variant.runs})
+    return decide(test.of(variant.name), {run.number: run.verdict for run in variant.runs})

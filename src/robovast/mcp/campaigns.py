@@ -12,7 +12,9 @@ from fastmcp import FastMCP
 from robovast.campaign.failure_groups import FailureGroup, failure_groups
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.compare import compare
+from robovast.evaluation.configuration_index import default_index
 from robovast.evaluation.explained import Explanations
+from robovast.evaluation.history import history
 from robovast.evaluation.inside import MissingError
 from robovast.evaluation.library import Library
 from robovast.evaluation.rates import IntervalOf, interval_for, sample
@@ -29,6 +31,8 @@ _MOST_CAUSES = 20
 _MOST_EFFECTS = 10
 _MOST_EXAMPLES = 5
 """Runs of a cause that are named."""
+_PATIENCE = 20.0
+"""How long campaigns may be searched for one answer [s]."""
 
 
 class CampaignTools:
@@ -39,6 +43,7 @@ class CampaignTools:
     def __init__(self, library: Library) -> None:
         self._library = library
         self._explanations = Explanations(library)
+        self._index = default_index()
 
     def register(self, mcp: FastMCP) -> None:
         """Add the tools to a server."""
@@ -50,6 +55,7 @@ class CampaignTools:
             self.inspect_campaign_comparison,
             self.list_configurations,
             self.get_configuration,
+            self.get_configuration_history,
             self.search_runs,
             self.get_run,
         )
@@ -124,6 +130,17 @@ class CampaignTools:
         """Get parameters and runs of one configuration of a campaign."""
         variant = self._variant(campaign, configuration)
         return fitted(variant)
+
+    def get_configuration_history(self, campaign: str, configuration: str) -> Any:
+        """Get how often a configuration failed in each campaign, the oldest first.
+
+        `changes` says whether image, scenario or .vast file are others than in the campaign before.
+        A configuration is recognized by its parameters. With `pending`, ask again: so many
+        campaigns could not be searched in time.
+        """
+        results = self._library.results
+        found = history(results, campaign, configuration, self._index, limit=_PATIENCE)
+        return fitted(found)
 
     def search_runs(
         self,

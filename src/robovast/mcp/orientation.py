@@ -43,6 +43,9 @@ _GROUPS = (
     "robovast.share_providers",
     "robovast.cluster_configs",
     "robovast.metadata_processing",
+    "robovast.failure_reasons",
+    "robovast.search_strategies",
+    "robovast.extractors",
     "robovast.mcp_plugins",
 )
 

@@ -10,12 +10,12 @@ from typing import Any
 from fastmcp import FastMCP
 
 from robovast.base.errors import InputError
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import SEARCH, Layout
 from robovast.evaluation.inside import MissingError, resolved
 from robovast.evaluation.library import Library
 from robovast.mcp.bounds import page
 from robovast.mcp.tools import add_tools
-from robovast.search.history import FOLDER, Batch, History
+from robovast.search.history import Batch, History
 
 
 class SearchTools:
@@ -33,8 +33,9 @@ class SearchTools:
     def get_search(self, campaign: str, offset: int = 0) -> dict[str, Any]:
         """Get the batches of a search: who proposed them, from what, and what was reached.
 
-        `told` is the number of evaluations of earlier batches that the strategy knew, `metrics` are
-        its own numbers after the batch, such as the share of the space that fails.
+        `told` is the number of evaluations that the strategy knew, all of the first `known`
+        batches; `metrics` are its own numbers after the batch, such as the share of the space that
+        fails.
 
         Args:
             campaign: its name.
@@ -58,9 +59,9 @@ class SearchTools:
         if campaign not in self._library.names():
             raise MissingError(f"There is no campaign {campaign}: `list_campaigns` lists them.")
         root = self._library.results
-        if not (root / campaign / FOLDER).is_dir():
+        if not (root / campaign / SEARCH).is_dir():
             raise InputError(f"{campaign} is no search, or has not proposed anything yet.")
-        resolved(root, f"{campaign}/{FOLDER}")
+        resolved(root, f"{campaign}/{SEARCH}")
         return History(Layout(root / campaign)).batches
 
 
@@ -72,6 +73,7 @@ def _batch(batch: Batch) -> dict[str, Any]:
         "version": made.version,
         "seed": made.seed,
         "told": made.told,
+        "known": batch.known,
         "sets": len(made.sets),
         "metrics": dict(outcome.metrics) if outcome else None,
         "elapsed": outcome.elapsed if outcome else None,

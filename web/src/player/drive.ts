@@ -1,5 +1,5 @@
 // A recorded drive: what is known of it so far, and what it was like at a moment.
-import { address, ask, type Verdict } from "../api";
+import { address, ask, askFiles, type Verdict } from "../api";
 
 export type Point = [number, number];
 
@@ -53,6 +53,18 @@ export interface Part {
   plans: [number, Point[]][];
   footprints: [number, Point[]][];
   events: Happening[];
+  remarks: string[];
+}
+
+/** What a camera saw; later parts of a drive have other objects. */
+export interface Sight {
+  time: number;
+  picture: Blob;
+}
+
+interface PicturesAnswer {
+  /** Time, media type, size. */
+  frames: [number, string, number][];
   remarks: string[];
 }
 
@@ -147,6 +159,7 @@ export class Drive {
   readonly remarks = new Set<string>();
   private readonly parts: (Part | undefined)[] = [];
   private readonly withScans = new Set<number>();
+  private readonly sights = new Map<number, Sight[]>();
   private readonly failed = new Set<number>();
   private asking = false;
   private readonly stopped = new AbortController();
@@ -200,18 +213,42 @@ export class Drive {
     if (this.asking || this.stopped.signal.aborted) return;
     const now = this.partAt(time);
     const open = (number: number) => number < this.count && !this.withScans.has(number) && !this.failed.has(number);
-    const scanned = this.whole ? [now, now + 1].find(open) : undefined;
-    const other = scanned ?? this.nearest(now);
-    if (other !== undefined) void this.read(other, scanned !== undefined, time);
+    const near = this.whole ? [now, now + 1] : [];
+    const scanned = near.find(open);
+    const unseen = this.hasCamera ? near.find((number) => number < this.count && !this.sights.has(number)) : undefined;
+    if (scanned !== undefined) void this.read(scanned, true, time);
+    else if (unseen !== undefined) void this.look(unseen, time);
+    else {
+      const other = this.nearest(now);
+      if (other !== undefined) void this.read(other, false, time);
+    }
+  }
+
+  get hasCamera(): boolean {
+    return this.answer.overview?.topics.camera !== undefined;
   }
 
   stop(): void {
     this.stopped.abort();
   }
 
+  /** Say what cannot be shown. */
+  remark(text: string): void {
+    this.remarks.add(text);
+    this.version++;
+    this.tell();
+  }
+
   scanAt(time: number): [number, number[]] | null {
     const found = this.latest("scans", time, 1);
     return found && time - found[0] <= SCAN_LASTS ? found : null;
+  }
+
+  /** What the camera saw last. */
+  sightAt(time: number): Sight | null {
+    const now = this.partAt(time);
+    const known = [now - 1, now].flatMap((number) => this.sights.get(number) ?? []);
+    return known[lastUpTo(known.map((sight) => sight.time), time)] ?? null;
   }
 
   planAt(time: number): Point[] | null {
@@ -266,8 +303,31 @@ export class Drive {
     this.tell();
   }
 
-  /** Drop the scans of parts that are far from the one that is looked at. */
+  private async look(number: number, time: number): Promise<void> {
+    this.asking = true;
+    const sights: Sight[] = [];
+    try {
+      const url = address(["drive", ...this.path, String(number), "pictures"]);
+      const [{ frames, remarks }, files] = await askFiles<PicturesAnswer>(url, this.stopped.signal);
+      let at = 0;
+      for (const [place, type, size] of frames) sights.push({ time: place, picture: files.slice(at, (at += size), type) });
+      remarks.forEach((remark) => this.remarks.add(remark));
+    } catch (cause) {
+      if (this.stopped.signal.aborted) return;
+      this.remarks.add((cause as Error).message);
+    }
+    this.sights.set(number, sights);
+    this.asking = false;
+    this.forget(this.partAt(time));
+    this.version++;
+    this.tell();
+  }
+
+  /** Drop scans and pictures of parts that are far from the one that is looked at. */
   private forget(now: number): void {
+    for (const number of this.sights.keys()) {
+      if (Math.abs(number - now) > NEAR) this.sights.delete(number);
+    }
     for (const number of this.withScans) {
       if (Math.abs(number - now) > NEAR) {
         this.parts[number]!.scans = [];

@@ -142,7 +142,7 @@ function SpotMark({ data, spot, view: { camera, size }, isChosen, onChoose }: Sp
     );
   }
   const run = spot.runs[0]!;
-  const name = `${variantOf(data, run)}/${data.runs.number[run]} failed ${place}`;
+  const name = `1 failure ${place}: ${variantOf(data, run)}/${data.runs.number[run]}`;
   return (
     <a class="spot" style={style} href={runLink(data, run)} aria-label={name} title={name}>
       1

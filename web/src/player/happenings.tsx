@@ -78,7 +78,7 @@ export function Happenings({ drive, time, onSeek }: HappeningsProps) {
         return (
           <li key={`${begin + i}`} class={level}>
             <button type="button" aria-current={begin + i === now ? "time" : undefined} onClick={() => onSeek(at)}>
-              <span class="at">{at.toFixed(2)} s</span> <span class="source">{source}</span>{" "}
+              <span class="at">{at.toFixed(2)} s</span> <span class="node">{source}</span>{" "}
               <span>
                 {level === "info" || text.toLowerCase() === level ? "" : `${level}: `}
                 {text}

@@ -1,4 +1,4 @@
-// Small maps of configurations: how often each fails, and where its runs ended.
+// Small maps of configurations: how often each fails, the ways of its runs, and where they ended.
 import { useEffect, useRef, useState } from "preact/hooks";
 import { address, type Columns, type Verdict } from "../api";
 import { variantOf, verdictOf, type Run } from "../data";
@@ -7,16 +7,16 @@ import { useAnswer } from "../live";
 import { Waiting } from "../parts";
 import { link } from "../route";
 import { extent, fitting, wallsOf, type Size } from "./camera";
-import type { DriveAnswer, Ground } from "./drive";
+import type { DriveAnswer, Ground, Point } from "./drive";
 import { FailureMaps } from "./failure-map";
-import { coloursOf, drawEnd, drawStill, inMetres, pictureOf } from "./paint";
+import { coloursOf, drawEnd, drawThinWay, drawStill, inMetres, pictureOf } from "./paint";
 
 /** Maps that are shown at once. */
 const STEP = 24;
 
 interface MapsAnswer {
   grounds: Ground[];
-  configurations: { name: string; ground: number | null; planned: DriveAnswer["planned"]; ends: [number, number, number][] }[];
+  configurations: { name: string; ground: number | null; planned: DriveAnswer["planned"]; ways: [number, Point[]][] }[];
 }
 
 interface Group {
@@ -51,8 +51,8 @@ export function Maps({ data, runs }: { data: Columns; runs: Run[] }) {
   return (
     <>
       <p class="quiet">
-        A cross is where a run ended that did not pass, a dot where one passed, as far as <code>poses.csv</code> of the
-        runs tells it.
+        A line is roughly the way of a run, with a cross where one ended that did not pass and a dot where one passed, as
+        far as <code>poses.csv</code> of the runs tells it.
       </p>
       <FailureMaps data={data} runs={runs} />
       <h2>Configurations by how often they fail</h2>
@@ -70,7 +70,7 @@ function Page({ data, groups }: { data: Columns; groups: Group[] }) {
   const { name } = data.summary;
   const { data: maps, error } = useAnswer<MapsAnswer>(address(["maps", name], { variant: groups.map((group) => group.name) }));
   if (!maps) return <Waiting error={error} />;
-  if (!maps.grounds.length && maps.configurations.every(({ ends }) => !ends.length)) {
+  if (!maps.grounds.length && maps.configurations.every(({ ways }) => !ways.length)) {
     return <p class="hint">None of these configurations has a map, and no run's end is known.</p>;
   }
   return (
@@ -114,7 +114,7 @@ function MapOf({ data, group, maps }: { data: Columns; group: Group; maps: MapsA
 
 function drawSmall(
   canvas: HTMLCanvasElement,
-  { ground, planned, ends }: MapsAnswer["configurations"][number],
+  { ground, planned, ways }: MapsAnswer["configurations"][number],
   { grounds }: MapsAnswer,
   verdicts: Map<number, Verdict>,
 ): void {
@@ -127,11 +127,11 @@ function drawSmall(
   const floor = ground === null ? null : grounds[ground]!;
   const still = { ground: floor, planned };
   const walls = floor && wallsOf(floor);
-  const camera = fitting(walls ?? extent(still, { x: ends.map((end) => end[1]), y: ends.map((end) => end[2]) }), size);
+  const all = ways.flatMap(([, way]) => way);
+  const camera = fitting(walls ?? extent(still, { x: all.map(([x]) => x), y: all.map(([, y]) => y) }), size);
   inMetres(context, camera, size, pixels);
   drawStill(context, still, floor && pictureOf(floor, colours), camera, colours);
-  for (const [number, x, y] of ends) {
-    const verdict = verdicts.get(number);
-    if (verdict) drawEnd(context, x, y, verdict, camera, colours);
-  }
+  const judged = ways.flatMap(([number, way]) => (verdicts.has(number) ? [{ way, verdict: verdicts.get(number)! }] : []));
+  for (const { way, verdict } of judged) drawThinWay(context, way, verdict, camera, colours);
+  for (const { way, verdict } of judged) drawEnd(context, ...way.at(-1)!, verdict, camera, colours);
 }

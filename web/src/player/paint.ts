@@ -172,6 +172,15 @@ export function drawOthers(context: CanvasRenderingContext2D, others: Drive[], c
   }
 }
 
+/** The way of a run, under which others can be seen. */
+export function drawThinWay(context: CanvasRenderingContext2D, way: Point[], verdict: Verdict, camera: Camera, colours: Colours): void {
+  context.strokeStyle = colours.verdicts[verdict];
+  context.lineWidth = 1.5 / camera.scale;
+  context.globalAlpha = 0.7;
+  context.stroke(trace(way));
+  context.globalAlpha = 1;
+}
+
 /** Where a run ended: a cross if it did not pass. */
 export function drawEnd(
   context: CanvasRenderingContext2D,

@@ -3,10 +3,11 @@ import type { ComponentChildren } from "preact";
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { address, ask, type Sibling } from "../api";
 import { plural } from "../format";
-import { Glyph, Select } from "../parts";
+import { Glyph, Select, Waiting } from "../parts";
 import { choose } from "../route";
 import { Drive, poseAt, speedAt, type DriveAnswer } from "./drive";
 import { Happenings, Marks } from "./happenings";
+import { Sight } from "./sight";
 import { Stage, type Picture, type View } from "./stage";
 
 const SPEEDS = [0.25, 0.5, 1, 2, 5, 10];
@@ -16,6 +17,8 @@ const RENEWED = 10;
 const BEFORE_END = 3;
 /** Runs of a configuration whose ways are shown at once. */
 const MOST_OTHERS = 50;
+/** From when on a picture of the camera is said to be old [s]. */
+const OLD = 1;
 const STEPS: Record<string, number> = { ArrowLeft: -1, ArrowRight: 1, ",": -0.1, ".": 0.1 };
 
 export interface Place {
@@ -36,8 +39,7 @@ export function Player({ campaign, variant, run, siblings, query }: PlayerProps)
   const everyone = query.get("everyone") === "1";
   const numbers = everyone ? siblings.map(([number]) => String(number)).filter((number) => number !== run) : [];
   const others = useOthers({ campaign, variant }, numbers.slice(0, MOST_OTHERS));
-  if (own.error !== null) return <p class="error" role="alert">{own.error}</p>;
-  if (!own.drive) return <p class="loading">Loading …</p>;
+  if (own.error !== null || !own.drive) return <Waiting error={own.error} />;
   const drives = other.drive ? [own.drive, other.drive] : [own.drive];
   return (
     <Playback
@@ -188,8 +190,8 @@ function Playback({ drives, others, version, names, apart, start, beside }: Play
     }
   };
   const zoom = (factor: number) => {
-    const [picture] = pictures.current;
-    if (picture) setView({ ...view, camera: picture.zoomed(factor) });
+    const map = [...pictures.current].find((picture) => picture.zoomed);
+    if (map) setView({ ...view, camera: map.zoomed!(factor) });
   };
   const keys: Record<string, () => void> = {
     " ": play,
@@ -215,19 +217,22 @@ function Playback({ drives, others, version, names, apart, start, beside }: Play
   const shown = apart ? drives.map((drive) => [drive]) : [drives];
   return (
     <div class="player" role="region" aria-label="Player" tabIndex={0} onKeyDown={press}>
-      <div class="stages">
-        {shown.map((group, i) => (
-          <Stage
-            key={group.map((drive) => drive.key).join()}
-            drives={group}
-            others={others}
-            first={i}
-            label={`${names.slice(i, i + group.length).join(" and ")} on the map`}
-            view={view}
-            onView={setView}
-            onReady={onReady}
-          />
-        ))}
+      <div class="scene">
+        <div class="stages">
+          {shown.map((group, i) => (
+            <Stage
+              key={group.map((drive) => drive.key).join()}
+              drives={group}
+              others={others}
+              first={i}
+              label={`${names.slice(i, i + group.length).join(" and ")} on the map`}
+              view={view}
+              onView={setView}
+              onReady={onReady}
+            />
+          ))}
+        </div>
+        <Sights drives={drives} names={names} onReady={onReady} />
       </div>
       <div class="timeline">
         <Marks drive={main} version={version} duration={duration} />
@@ -346,11 +351,39 @@ interface StateProps {
   waiting: boolean;
 }
 
+interface SightsProps {
+  drives: Drive[];
+  names: string[];
+  onReady: (picture: Picture, gone: boolean) => void;
+}
+
+/** What the cameras of the robots see. */
+function Sights({ drives, names, onReady }: SightsProps) {
+  const label = (i: number) => `What the camera of ${names[i]} sees`;
+  if (!drives.some((drive) => drive.hasCamera)) return null;
+  return (
+    <div class="sights">
+      {drives.map((drive, i) => (
+        drive.hasCamera && (
+          <figure key={drive.key}>
+            <Sight drive={drive} label={label(i)} onReady={onReady} />
+            <figcaption>
+              <span class={`swatch drive-${i}`} aria-hidden="true" />
+              {drive.answer.overview!.topics.camera}
+            </figcaption>
+          </figure>
+        )
+      ))}
+    </div>
+  );
+}
+
 /** Where a robot is, in words. */
 function State({ drive, name, number, time, waiting }: StateProps) {
   const at = Math.min(time, drive.duration);
   const pose = poseAt(drive.track, at);
   const speed = speedAt(drive.track, at);
+  const sight = drive.sightAt(at);
   const degrees = (radians: number) => Math.round((Math.atan2(Math.sin(radians), Math.cos(radians)) * 180) / Math.PI);
   const { verdict } = drive.answer;
   return (
@@ -365,6 +398,7 @@ function State({ drive, name, number, time, waiting }: StateProps) {
         {at.toFixed(2)} of {drive.duration.toFixed(2)} s{drive.answer.overview?.simulated ? " (simulated time)" : ""}
         {pose && ` · x ${pose.x.toFixed(2)} m, y ${pose.y.toFixed(2)} m, ${degrees(pose.yaw)}°`}
         {speed !== null && ` · ${speed.toFixed(2)} m/s`}
+        {sight && at - sight.time > OLD && ` · picture of ${sight.time.toFixed(1)} s`}
         {pose && pose.age > 0 && ` · no pose for ${pose.age.toFixed(1)} s`}
         {!pose && drive.isReady(at) && " · no pose yet"}
         {waiting && !drive.isReady(at) && " · loading …"}

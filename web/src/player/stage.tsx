@@ -13,8 +13,8 @@ export interface View {
 /** What the player does with a picture. */
 export interface Picture {
   draw: (time: number) => void;
-  /** The camera nearer to what is shown, or farther away. */
-  zoomed: (factor: number) => Camera;
+  /** The camera nearer to what is shown, or farther away; only of a map. */
+  zoomed?: (factor: number) => Camera;
 }
 
 interface StageProps {

@@ -7,6 +7,7 @@ finding.py     which bag of a run is played, and which topics its document names
 roles.py       which topic tells what: pose, scan, plan, …
 clock.py       the time line that people see
 motion.py      poses of the robot, and what its laser sees
+pictures.py    what its camera sees
 events.py      log messages and behaviours that change
 ground.py      map, obstacles and goals
 maps.py        maps of many configurations, and where their runs ended

@@ -13,6 +13,8 @@ from itertools import pairwise
 SECOND = 1_000_000_000
 _SAME_PACE = 0.1
 """Difference in pace up to which recording and stamps count as equally fast."""
+_MOST_AT_ONCE = 0.9
+"""Share of all time that passes by stamps between two samples only if they jump."""
 LONGEST_PAUSE = 60.0
 """Pause in a recording that is not shown [s]."""
 _SHOWN_PAUSE = 1.0
@@ -63,9 +65,10 @@ def make_clock(
         stamps: time of receipt and stamp of some messages, in order of receipt [ns].
     """
     remarks: list[str] = []
-    if any(later[1] < earlier[1] for earlier, later in pairwise(stamps)):
+    if jump := _jump(stamps):
         remarks.append(
-            "The stamps of the robot's poses jump back, so the time line is that of the recording."
+            f"The stamps of the robot's poses jump {jump}, so the time line is that of the "
+            "recording."
         )
     elif simulated := _simulated(start, end, stamps):
         return simulated
@@ -78,6 +81,19 @@ def make_clock(
         )
     received, shown = zip(*points, strict=True)
     return Clock(received, shown, None, tuple(remarks))
+
+
+def _jump(stamps: Sequence[tuple[int, int]]) -> str:
+    """Where stamps jump to; empty if they pass evenly."""
+    steps = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(stamps)]
+    if any(passed < 0 for _, passed in steps):
+        return "back"
+    recorded, passed = (sum(values) for values in zip(*steps, strict=True)) if steps else (0, 0)
+    sudden = any(
+        passed_here > _MOST_AT_ONCE * passed and recorded_here < recorded * _MOST_AT_ONCE / 2
+        for recorded_here, passed_here in steps
+    )
+    return "ahead" if sudden else ""
 
 
 def _simulated(start: int, end: int, stamps: Sequence[tuple[int, int]]) -> Clock | None:

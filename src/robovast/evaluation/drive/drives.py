@@ -15,6 +15,7 @@ from robovast.evaluation.drive.clock import Clock, make_clock
 from robovast.evaluation.drive.ground import Ground, recorded_ground
 from robovast.evaluation.drive.motion import UNDECODABLE, decoder, stamp_of
 from robovast.evaluation.drive.part import Part, PartReader, Source
+from robovast.evaluation.drive.pictures import Pictures, read_pictures
 from robovast.evaluation.drive.recording import Message, Recording
 from robovast.evaluation.drive.roles import FIXED, TRANSFORMS, cast
 from robovast.evaluation.inside import resolved
@@ -89,13 +90,38 @@ class Drive:
         Raises:
             InputError: there is no such part.
         """
+        return PartReader(self._source, *self._span(number)).read(scans=scans)
+
+    def pictures(self, number: int) -> Pictures:
+        """What the camera saw in one part; nothing without a camera.
+
+        Args:
+            number: the part's number, from 0.
+
+        Raises:
+            InputError: there is no such part.
+        """
+        start, end = self._span(number)
+        topic = self._cast.topics.get("camera")
+        if topic is None:
+            return Pictures()
+        messages = self._recording.read([topic], start, end)
+        decode = decoder(self._recording.topics[topic])
+        return read_pictures(topic, messages, decode, self._source.clock)
+
+    def _span(self, number: int) -> tuple[int, int]:
+        """When the messages of a part were received: from … to before [ns].
+
+        Raises:
+            InputError: there is no such part.
+        """
         count = len(self._bounds) - 1
         if not 0 <= number < count:
             raise InputError(f"The drive has no part {number}.")
         receipt = self._source.clock.receipt
         last = number == count - 1
         end = self._recording.end + 1 if last else receipt(self._bounds[number + 1])
-        return PartReader(self._source, receipt(self._bounds[number]), end).read(scans=scans)
+        return receipt(self._bounds[number]), end
 
     def ground(self) -> Ground | None:
         """The map that was recorded last; None if none was.

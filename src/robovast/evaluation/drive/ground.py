@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from robovast.base.errors import InputError, RobovastError
 from robovast.evaluation.map_picture import MapFiles, decode_map, read_map_files
+from robovast.navigation.obstacle_boxes import obstacle_boxes
 from robovast.navigation.poses import read_pose
 
 _FREE, _UNKNOWN, _WALL = 0, 1, 2
@@ -133,30 +134,14 @@ def planned(record: Mapping[str, Any], parameters: Mapping[str, Any]) -> Planned
 
 def _obstacles(record: Mapping[str, Any], parameters: Mapping[str, Any]) -> list[list[float]]:
     """Boxes where the parameters tell a length and a width, else discs."""
-    boxes = {
-        (box[0], box[1]): box
-        for value in parameters.values()
-        for box in map(_box, _items(value))
-        if box
-    }
-    found = []
+    boxes = obstacle_boxes(parameters)
+    found: list[list[float]] = []
     for one in _items(record.get("obstacles")):
         if isinstance(one, dict):
             disc = _numbers([one.get("x"), one.get("y"), one.get("radius")])
             if len(disc) == 3:
-                found.append(boxes.get((disc[0], disc[1]), disc))
+                found.append([*boxes.get((disc[0], disc[1]), disc)])
     return found
-
-
-def _box(value: Any) -> list[float]:
-    """x, y, yaw, length and width of an obstacle among the parameters; empty if it is none."""
-    if not isinstance(value, dict):
-        return []
-    pose = _pose(value.get("spawn_pose"))
-    words = str(value.get("xacro_arguments") or "").replace(",", " ").split()
-    given = dict(word.split(":=", 1) for word in words if ":=" in word)
-    size = _numbers([given.get("length"), given.get("width")])
-    return [*pose, *size] if pose and len(size) == 2 else []
 
 
 def _pose(value: Any) -> list[float] | None:

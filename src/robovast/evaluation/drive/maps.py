@@ -1,9 +1,7 @@
-"""Maps of many configurations, and where their runs ended."""
+"""Maps of many configurations, the ways of their runs, and where these ended."""
 
 from __future__ import annotations
 
-import csv
-import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,7 +11,7 @@ from typing import Any
 from robovast.base.errors import InputError, RobovastError
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.drive.ground import Ground, Planned, planned, stored_ground
-from robovast.evaluation.inside import open_inside, resolved
+from robovast.evaluation.inside import resolved
 from robovast.evaluation.map_picture import (
     RECORD,
     MapFiles,
@@ -21,6 +19,7 @@ from robovast.evaluation.map_picture import (
     map_records,
     read_map_files,
 )
+from robovast.evaluation.poses import Place, last_position, rough_way
 from robovast.evaluation.summaries import VariantRuns
 from robovast.evaluation.untrusted import mapping
 
@@ -28,9 +27,10 @@ _MOST = 60
 """Configurations of one answer."""
 _MOST_RUNS = 1000
 _MOST_PLACES = 20_000
-_TABLE = "poses.csv"
-_END = 4096
-"""Last bytes of a table that are read."""
+_MOST_WAYS = 50
+"""Runs of a configuration whose ways are told; of others only the end is."""
+_PLACES = 60
+"""Places that make a way, at most."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class ConfigurationMap:
     ground: int | None
     """Index of its map; None if it has none."""
     planned: Planned
-    ends: list[tuple[int, float, float]]
-    """Number of each run whose table of poses tells it, and where it ended [m]."""
+    ways: list[tuple[int, list[Place]]]
+    """Number of each run whose table of poses tells it, and its way, roughly."""
 
 
 @dataclass
@@ -104,13 +104,13 @@ def failure_places(results: Path, campaign: str, variants: Sequence[VariantRuns]
     ends = [
         (name, number, end)
         for name, number in bad[:_MOST_PLACES]
-        if (end := _last_position(results, f"{campaign}/{name}/{number}"))
+        if (end := last_position(results, f"{campaign}/{name}/{number}"))
     ]
     found = FailurePlaces()
     grounds = _Grounds(results, campaign, found.grounds)
     recorded = map_records(results, campaign, {name for name, _, _ in ends})
     ground_of = {name: grounds.index(name, record) for name, record in recorded.items()}
-    found.places = [(name, number, ground_of.get(name), *end) for name, number, end in ends]
+    found.places = [(name, number, ground_of.get(name), x, y) for name, number, (x, y) in ends]
     return found
 
 
@@ -127,33 +127,21 @@ def configuration_maps(results: Path, campaign: str, variants: Sequence[str]) ->
                 name,
                 grounds.index(name, record),
                 planned(record, mapping(entry.get("config"))),
-                _ends(results, f"{campaign}/{name}"),
+                _ways(results, f"{campaign}/{name}"),
             )
         )
     return found
 
 
-def _ends(results: Path, place: str) -> list[tuple[int, float, float]]:
-    """Where the runs of a configuration ended, as far as tables of poses tell it."""
+def _ways(results: Path, place: str) -> list[tuple[int, list[Place]]]:
+    """The ways of a configuration's runs, as far as tables of poses tell them."""
     try:
         names = os.listdir(resolved(results, place))
     except (InputError, OSError):
         return []
-    numbers = sorted(int(name) for name in names if name.isdecimal())
-    ends = ((number, _last_position(results, f"{place}/{number}")) for number in numbers)
-    return [(number, *end) for number, end in list(ends)[:_MOST_RUNS] if end is not None]
-
-
-def _last_position(results: Path, run: str) -> tuple[float, float] | None:
-    try:
-        with open_inside(results, f"{run}/{_TABLE}") as file:
-            head = file.readline(_END).decode("utf-8", "replace")
-            begin = file.tell()
-            file.seek(max(begin, os.fstat(file.fileno()).st_size - _END))
-            rows = file.read(_END).decode("utf-8", "replace").splitlines()
-        names, row = csv.reader([head, rows[-1]])
-        at = dict(zip(names, row, strict=True))
-        x, y = float(at["position.x"]), float(at["position.y"])
-    except (InputError, ValueError, LookupError, csv.Error):
-        return None
-    return (round(x, 3), round(y, 3)) if math.isfinite(x) and math.isfinite(y) else None
+    numbers = sorted(int(name) for name in names if name.isdecimal())[:_MOST_RUNS]
+    found = (
+        (number, rough_way(results, f"{place}/{number}", _PLACES if i < _MOST_WAYS else 1))
+        for i, number in enumerate(numbers)
+    )
+    return [(number, way) for number, way in found if way]

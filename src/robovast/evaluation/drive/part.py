@@ -94,7 +94,7 @@ class PartReader:
 
     def _collect(self, scans: bool) -> None:
         """Read all messages of the part at once, no more of a topic than is shown."""
-        left_out = {"map"} if scans else {"map", "scan"}
+        left_out = {"map", "camera"} if scans else {"map", "camera", "scan"}
         roles = {topic: key for key, topic in self._source.topics.items() if key not in left_out}
         wanted = set(roles)
         if self._source.has_transforms(MOVING):

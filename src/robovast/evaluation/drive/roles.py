@@ -15,6 +15,7 @@ SCAN = "sensor_msgs/msg/LaserScan"
 PLAN = "nav_msgs/msg/Path"
 MAP = "nav_msgs/msg/OccupancyGrid"
 FOOTPRINT = "geometry_msgs/msg/PolygonStamped"
+PICTURE = "sensor_msgs/msg/CompressedImage"
 LOG = "rcl_interfaces/msg/Log"
 TREE_LOG = "nav2_msgs/msg/BehaviorTreeLog"
 
@@ -48,6 +49,16 @@ ROLES: Mapping[str, Role] = {
         (FOOTPRINT,),
         ("/local_costmap/published_footprint", "/global_costmap/published_footprint"),
         only_named=True,
+    ),
+    "camera": Role(
+        "the camera",
+        (PICTURE,),
+        (
+            "/camera/image/compressed",
+            "/camera/image_raw/compressed",
+            "/camera/color/image_raw/compressed",
+            "/image_raw/compressed",
+        ),
     ),
     "tree": Role("the behaviour tree", (TREE_TYPE, TREE_LOG), ("/behavior_tree_log",)),
     "log": Role("log messages", (LOG,), ("/rosout",)),

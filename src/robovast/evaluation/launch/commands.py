@@ -13,12 +13,15 @@ from robovast.base.errors import InputError
 from robovast.evaluation.inside import resolved
 from robovast.evaluation.summaries import CampaignSummary
 from robovast.model.naming import CONFIG
+from robovast.model.packs import RUNS_LIMIT
 
 RUNTIMES = ("auto", "docker", "podman", "process")
 LONGEST = 500
 """Longest pattern [characters]."""
 
-_COUNT = re.compile(r"[1-9][0-9]{0,5}")
+_OF_ANOTHER = frozenset({"replay_of", "minimise_of"})
+"""Keys of the execution of a campaign whose own command continues it."""
+_COUNT = re.compile(rf"[1-9][0-9]{{0,{len(str(RUNS_LIMIT)) - 1}}}")
 
 
 @dataclass(frozen=True)
@@ -51,9 +54,11 @@ def read_choices(asked: Mapping[str, str]) -> Choices:
 
 def _count(asked: Mapping[str, str], key: str) -> int | None:
     text = asked.get(key, "")
-    if text and not _COUNT.fullmatch(text):
-        raise InputError(f"`{key}` is a number from 1 to 999999, not {text!r}.")
-    return int(text) if text else None
+    if not text:
+        return None
+    if not _COUNT.fullmatch(text) or int(text) > RUNS_LIMIT:
+        raise InputError(f"`{key}` is a number from 1 to {RUNS_LIMIT}, not {text!r}.")
+    return int(text)
 
 
 def run_words(document: Path, results: Path, choices: Choices) -> list[str]:
@@ -104,9 +109,45 @@ def repeat_words(
 def resume_words(results: Path, summary: CampaignSummary) -> list[str]:
     """Arguments that execute what is missing of a campaign; empty if it is no one of this machine,
     or nothing is missing."""
-    if summary.state != "incomplete" or summary.execution.get("execution_type") != "local":
+    return continue_words(results, summary) if summary.state == "incomplete" else []
+
+
+def continue_words(results: Path, summary: CampaignSummary) -> list[str]:
+    """Arguments that continue a campaign; empty if it is no one of this machine, or was made by a
+    command that does so itself."""
+    execution = summary.execution
+    if execution.get("execution_type") != "local" or _OF_ANOTHER & execution.keys():
         return []
     return ["exec", "local", "run", f"--resume={results / summary.name}"]
+
+
+def more_runs_command(results: Path, summary: CampaignSummary) -> list[str]:
+    """Arguments that configurations and runs are added to, to give a campaign more of them; empty
+    for a search, which has batches, and where `continue_words` are."""
+    return [] if summary.is_search else continue_words(results, summary)
+
+
+def more_runs_words(
+    results: Path, summary: CampaignSummary, configurations: Sequence[str], runs: int
+) -> list[str]:
+    """Arguments that execute configurations of a campaign so often in all."""
+    words = more_runs_command(results, summary)
+    chosen = [f"--config={name}" for name in configurations]
+    return [*words, *chosen, f"--runs={runs}"] if words else []
+
+
+def more_batches(results: Path, summary: CampaignSummary) -> tuple[str, str] | None:
+    """What stands before and behind a number of batches in the command that lets a search end only
+    then; None if there is no such command. The results do not say what a Campaign is called."""
+    if words := continue_words(results, summary):
+        return f"{as_shell(words)} --batches ", ""
+    if summary.execution.get("execution_type") == "cluster":
+        patch = '{"spec": {"vast": {"search": {"budget": [{"batches": '
+        return (
+            f"kubectl patch campaign NAME --type merge -p '{patch}",
+            '}], "stopping": null}}}}\'',
+        )
+    return None
 
 
 def as_shell(words: Sequence[str]) -> str:

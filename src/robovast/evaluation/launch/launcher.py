@@ -40,6 +40,8 @@ class Launch:
     """Number of tasks started by this launcher, including this one."""
     command: str
     """Its first command in shell syntax."""
+    campaign: str
+    """The campaign on whose page it was started; empty for one of the document."""
     started: float
     """[s since the epoch]"""
     ended: float | None = None
@@ -85,8 +87,13 @@ class Launcher:
             first = min(max(since, kept), self._written)
             return first, list(self._lines)[first - kept :]
 
-    def start(self, words: Sequence[str], then: Sequence[str] = ()) -> Launch:
+    def start(self, words: Sequence[str], then: Sequence[str] = (), campaign: str = "") -> Launch:
         """Execute a command, and then another one if the first leaves results.
+
+        Args:
+            words: the command's arguments.
+            then: those of the other one.
+            campaign: see `Launch`.
 
         Raises:
             BusyError: the previous task has not ended.
@@ -98,7 +105,7 @@ class Launcher:
             self._child = self._open(words)
             number = self._launch.number + 1 if self._launch else 1
             self._stopwatch = Stopwatch()
-            launch = Launch(number, as_shell(words), self._stopwatch.period[0])
+            launch = Launch(number, as_shell(words), campaign, self._stopwatch.period[0])
             self._launch = launch
             self._lines.clear()
             self._written = 0

@@ -42,7 +42,7 @@ def _work(folder: Path, request: dict[str, Any]) -> str:
     from robovast.evaluation.notebooks.document import html_of
 
     content = Path(request["notebook"]).read_bytes()
-    notebook = read_notebook(content, Path(request["data_dir"]))
+    notebook = read_notebook(content, Path(request["data_dir"]), request["batch"])
     fault = execute(notebook, Path(request["notebook"]).parent, request["timeout"])
     html = html_of(notebook).encode("utf-8", "replace")
     if len(html) > LARGEST:

@@ -1,8 +1,9 @@
-"""Sets the line `DATA_DIR = …` of a notebook."""
+"""Sets the lines `DATA_DIR = …` and `BATCH = …` of a notebook."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,19 +12,23 @@ from robovast.base.errors import InputError
 if TYPE_CHECKING:
     from nbformat import NotebookNode
 
-_LINE = re.compile(r"^([ \t]*)DATA_DIR[ \t]*(?::[^=\n]*)?=(?!=).*$", re.MULTILINE)
+
+def replace_line(source: str, name: str, value: str | int) -> tuple[str, int]:
+    """Code with the line that sets a name replaced, and the number of replacements."""
+    line = re.compile(rf"^([ \t]*){name}[ \t]*(?::[^=\n]*)?=(?!=).*$", re.MULTILINE)
+    return line.subn(lambda found: f"{found[1]}{name} = {value!r}", source)
 
 
-def replace_line(source: str, data_dir: Path) -> tuple[str, int]:
-    """Code with the line replaced, and the number of replacements."""
-    return _LINE.subn(lambda line: f"{line[1]}DATA_DIR = {str(data_dir)!r}", source)
-
-
-def read_notebook(content: bytes, data_dir: Path) -> NotebookNode:
+def read_notebook(content: bytes, data_dir: Path, batch: int | None = None) -> NotebookNode:
     """Read a notebook, set its `DATA_DIR` and remove outputs.
 
+    Args:
+        content: of its file.
+        data_dir: the folder of its data.
+        batch: also set its `BATCH`, the number of a search's batch.
+
     Raises:
-        InputError: it is not a notebook, or lacks the line.
+        InputError: it is not a notebook, or lacks a line.
     """
     import nbformat
 
@@ -31,12 +36,20 @@ def read_notebook(content: bytes, data_dir: Path) -> NotebookNode:
         notebook: NotebookNode = nbformat.reads(content.decode(), as_version=4)
     except Exception as error:  # nbformat documents no specific exceptions
         raise InputError(f"It is not a Jupyter notebook: {error}") from None
-    replaced = 0
-    for cell in notebook.cells:
-        if cell.cell_type == "code":
-            cell.outputs, cell.execution_count = [], None
-            cell.source, times = replace_line(cell.source, data_dir)
-            replaced += times
-    if not replaced:
+    cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    for cell in cells:
+        cell.outputs, cell.execution_count = [], None
+    if not _set(cells, "DATA_DIR", str(data_dir)):
         raise InputError("It has no line `DATA_DIR = ''`, which tells it where its data is.")
+    if batch is not None:
+        _set(cells, "BATCH", batch)
     return notebook
+
+
+def _set(cells: Iterable[NotebookNode], name: str, value: str | int) -> int:
+    """Set a name in all cells; return how often."""
+    replaced = 0
+    for cell in cells:
+        cell.source, times = replace_line(cell.source, name, value)
+        replaced += times
+    return replaced

@@ -62,7 +62,9 @@ class Task:
     notebook: Path
     data_dir: Path
     key: str
-    """Digest of notebook, folder and time stamps of the data files."""
+    """Digest of notebook, folder, batch and time stamps of the data files."""
+    batch: int | None = None
+    """Number of a search's batch, if it is about one."""
 
 
 def data_key(target: Target) -> str:
@@ -85,9 +87,10 @@ def make_task(notebook: Notebook, target: Target, data: str) -> Task:
     with reading(path):
         content = read_file(path, most=_LARGEST)
     parts = [str(_FORMAT), sys.executable, str(path), str(target.folder), data]
+    parts += [] if target.batch is None else [str(target.batch)]
     digest = hashlib.sha256(content)
     digest.update("\0".join(parts).encode("utf-8", "surrogateescape"))
-    return Task(path, target.folder, digest.hexdigest())
+    return Task(path, target.folder, digest.hexdigest(), target.batch)
 
 
 class Runner:
@@ -168,6 +171,7 @@ class Runner:
             request = {
                 "notebook": str(task.notebook),
                 "data_dir": str(task.data_dir),
+                "batch": task.batch,
                 "timeout": self._timeout,
             }
             (folder / "request.json").write_text(json.dumps(request))

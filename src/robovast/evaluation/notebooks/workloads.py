@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
+from robovast.campaign.layout import Layout
 from robovast.evaluation.inside import MissingError, OutsideError, read_small, resolved
 from robovast.evaluation.untrusted import mapping, parse_yaml
 from robovast.model.naming import CONFIG, holds_campaign
 
 SCOPES = ("campaign", "config", "run")
 """Scopes of notebooks; the index is the depth of the data's folder below the campaign's."""
+BATCH = "batch"
+"""Scope of notebooks about a batch of a search; their data's folder is the campaign's."""
 
 
 @dataclass(frozen=True)
@@ -48,17 +52,19 @@ class Notebook:
 
 @dataclass(frozen=True)
 class Target:
-    """Data to analyze: a campaign, a configuration or a run."""
+    """Data to analyze: a campaign, a batch of a search, a configuration or a run."""
 
     results: Path
     """The results folder, without links."""
     names: tuple[str, ...]
     """Name of the campaign, then of the configuration, then number of the run."""
+    batch: int | None = None
+    """Number of a batch of the campaign, which is a search."""
 
     @property
     def scope(self) -> str:
-        """One of `SCOPES`."""
-        return SCOPES[len(self.names) - 1]
+        """One of `SCOPES`, or `BATCH`."""
+        return SCOPES[len(self.names) - 1] if self.batch is None else BATCH
 
     @property
     def folder(self) -> Path:
@@ -73,11 +79,26 @@ class Target:
             raise MissingError(f"{path} is no folder of results.")
         if not holds_campaign(campaign):
             raise MissingError(f"{campaign} is no campaign.")
+        if self.batch is not None:
+            self._check_batch(Layout(campaign), self.batch)
         return path
 
+    def _check_batch(self, layout: Layout, batch: int) -> None:
+        """Check that a batch of the campaign was scored.
 
-def target_of(path: Path) -> Target:
-    """The target of a folder.
+        Raises:
+            InputError: it was not.
+        """
+        if len(self.names) > 1:
+            raise InputError("A batch belongs to a campaign, not to a configuration or a run.")
+        if batch < 0 or not layout.batch(batch, ".result").is_file():
+            scored = next(n for n in count() if not layout.batch(n, ".result").is_file())
+            there = f"its batches are 0 to {scored - 1}" if scored else "it has none yet"
+            raise MissingError(f"{layout.root} has no batch {batch} with scores; {there}.")
+
+
+def target_of(path: Path, batch: int | None = None) -> Target:
+    """The target of a folder, or of a batch of the search there.
 
     Raises:
         InputError: the folder is not a campaign, configuration or run.
@@ -86,7 +107,7 @@ def target_of(path: Path) -> Target:
     for results in reversed(folder.parents[: len(SCOPES)]):  # the outermost campaign
         names = folder.relative_to(results).parts
         if holds_campaign(results / names[0]):
-            return Target(results, names)
+            return Target(results, names, batch)
     raise InputError(f"{path} is the folder of no campaign, configuration or run.")
 
 

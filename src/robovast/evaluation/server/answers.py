@@ -6,7 +6,7 @@ import dataclasses
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import PurePosixPath
 from typing import Any, BinaryIO
 from urllib.parse import quote
@@ -34,6 +34,15 @@ class Data(JSONResponse):
         """The body."""
         text = json.dumps(content, default=_as_dict, separators=(",", ":"), allow_nan=False)
         return text.encode("utf-8", "replace")
+
+
+class Attached(Response):
+    """A line of JSON, and behind it files one after the other, whose sizes it has."""
+
+    media_type = "application/octet-stream"
+
+    def __init__(self, described: Any, files: Iterable[bytes]) -> None:
+        super().__init__(b"".join((Data(described).body, b"\n", *files)))
 
 
 class Picture(Response):

@@ -19,19 +19,30 @@ from starlette.routing import Mount, Route
 from starlette.types import ASGIApp
 
 from robovast.base.errors import InputError, RobovastError
+from robovast.campaign.planned_runs import planned_runs
 from robovast.evaluation.about import about, changes
 from robovast.evaluation.bag_timeline import read_timeline
 from robovast.evaluation.columns import columns
 from robovast.evaluation.compare import compare
+from robovast.evaluation.configuration_index import default_index
 from robovast.evaluation.explained import Explanations
+from robovast.evaluation.history import history
 from robovast.evaluation.inside import OutsideError, open_inside
-from robovast.evaluation.launch.commands import as_shell, resume_words
+from robovast.evaluation.launch.cluster_commands import more_in_cluster
+from robovast.evaluation.launch.commands import (
+    as_shell,
+    more_runs_command,
+    more_runs_words,
+    read_choices,
+    resume_words,
+)
 from robovast.evaluation.launch.launcher import BusyError
 from robovast.evaluation.library import Library
 from robovast.evaluation.log_search import search_logs
 from robovast.evaluation.logs import LogQuestion, read_log
 from robovast.evaluation.map_picture import draw_map
-from robovast.evaluation.metrics import metric, metric_columns
+from robovast.evaluation.metrics import constant_columns, metric, metric_columns
+from robovast.evaluation.rates import why_wider
 from robovast.evaluation.run import read_run
 from robovast.evaluation.server.answers import Data, Picture, error, send_file
 from robovast.evaluation.server.drives import DrivePages
@@ -39,6 +50,8 @@ from robovast.evaluation.server.guard import Guard
 from robovast.evaluation.server.launches import LaunchPages
 from robovast.evaluation.server.live import events
 from robovast.evaluation.server.notebooks import NotebookPages
+from robovast.evaluation.server.preparing import Preparation
+from robovast.evaluation.server.searches import SearchPages
 from robovast.evaluation.tables import read_table, read_usage
 
 _TYPES = {
@@ -48,6 +61,8 @@ _TYPES = {
     ".svg": "image/svg+xml",
 }
 
+_PATIENCE = 2.0
+"""How long campaigns may be searched for one answer [s]."""
 
 _STATUS: Mapping[type[Exception], int] = {OutsideError: 403, BusyError: 409}
 
@@ -58,6 +73,7 @@ def make_app(
     launches: LaunchPages,
     token: str,
     closing: asyncio.Event,
+    preparation: Preparation | None = None,
 ) -> ASGIApp:
     """The server's application.
 
@@ -67,24 +83,32 @@ def make_app(
         launches: responses about campaigns started from the page.
         token: secret that is the first part of every path.
         closing: set when the server ends; open streams then end.
+        preparation: makes tables meanwhile; None if nothing does.
     """
-    pages = Pages(library, launches, closing)
+    pages = Pages(library, launches, closing, preparation)
     drives = DrivePages(library)
     api = [
         Route("/campaigns", pages.campaigns),
+        Route("/reading", pages.reading),
         Route("/campaigns/{campaign}", pages.campaign),
+        Route("/campaigns/{campaign}/begun", pages.begun),
         Route("/campaigns/{campaign}/about", pages.about),
         Route("/campaigns/{campaign}/factors", pages.factors),
         Route("/campaigns/{campaign}/metrics", pages.metrics),
         Route("/campaigns/{campaign}/logs", pages.logs),
+        Route("/campaigns/{campaign}/more", pages.more),
         Route("/campaigns/{campaign}/metric", pages.metric),
         Route("/campaigns/{campaign}/{variant}/{run:int}", pages.run),
+        Route("/history/{campaign}/{variant}", pages.history),
+        *SearchPages(library).routes,
         Route("/map/{campaign}/{variant}", pages.map),
         Route("/maps/{campaign}", drives.maps),
         Route("/failures/{campaign}", drives.failures),
         Route("/drive/{campaign}/{variant}/{run:int}", drives.drive),
         Route("/drive/{campaign}/{variant}/{run:int}/{part:int}", drives.part),
+        Route("/drive/{campaign}/{variant}/{run:int}/{part:int}/pictures", drives.pictures),
         Route("/compare", pages.compare),
+        Route("/comparisons", pages.comparisons),
         Route("/changes", pages.changes),
         Route("/events", pages.events),
         Route("/log", pages.log),
@@ -95,16 +119,18 @@ def make_app(
         Route("/expansion", launches.expanded, methods=["POST"]),
         Route("/start", launches.started, methods=["POST"]),
         Route("/repeat", launches.repeated, methods=["POST"]),
+        Route("/more", pages.more_runs, methods=["POST"]),
         Route("/stop", launches.stopped, methods=["POST"]),
         Route("/timeline", pages.timeline),
         Route("/usage", pages.usage),
     ]
+    quickly, well = (Middleware(GZipMiddleware, compresslevel=level) for level in (3, 9))
     app = Starlette(
         routes=[
-            Mount("/api", routes=api, middleware=[Middleware(GZipMiddleware, compresslevel=3)]),
+            Mount("/api", routes=api, middleware=[quickly]),
             Route("/files/{path:path}", pages.file),
             Route("/notebooks/{key}", notebooks.shown),
-            *(Route(path, answer) for path, answer in _assets().items()),
+            *(Route(path, asset, middleware=[well]) for path, asset in _assets().items()),
         ],
         exception_handlers={
             RobovastError: _refuse,
@@ -118,11 +144,19 @@ def make_app(
 class Pages:
     """Responses about the campaigns of a library."""
 
-    def __init__(self, library: Library, launches: LaunchPages, closing: asyncio.Event) -> None:
+    def __init__(
+        self,
+        library: Library,
+        launches: LaunchPages,
+        closing: asyncio.Event,
+        preparation: Preparation | None,
+    ) -> None:
         self._library = library
+        self._preparation = preparation
         self._launches = launches
         self._closing = closing
         self._explanations = Explanations(library)
+        self._index = default_index()
 
     def campaigns(self, _: Request) -> Response:
         """Summaries of all campaigns, the newest first.
@@ -138,6 +172,10 @@ class Pages:
             }
         )
 
+    def reading(self, _: Request) -> Response:
+        """How far campaigns are read that are being read."""
+        return Data(self._library.reading())
+
     def campaign(self, request: Request) -> Response:
         """One campaign with all its runs as columns."""
         name = request.path_params["campaign"]
@@ -146,11 +184,28 @@ class Pages:
         return Data(
             {
                 "summary": summary,
+                "reading": None,
+                "search": summary.is_search,
                 "resume": as_shell(resume_words(self._library.results, summary)),
                 "active": index.active or (),
+                "wider": why_wider(summary),
                 **columns(index.variants, summary.test),
             }
         )
+
+    def begun(self, request: Request) -> Response:
+        """What has been read of a campaign so far, and how much of it; null if all or nothing is.
+
+        As `campaign` answers, without what is known only of all runs.
+        """
+        index = self._library.begun(request.path_params["campaign"])
+        reading = index and index.reading
+        if index is None or reading is None:
+            return Data(None)
+        summary, variants = index.begun()
+        unknown = {"search": False, "resume": "", "more": "", "active": ()}
+        columned = columns(variants) if variants else None
+        return Data(columned and {"summary": summary, "reading": reading, **unknown, **columned})
 
     def about(self, request: Request) -> Response:
         """What a campaign says of itself."""
@@ -163,8 +218,9 @@ class Pages:
         return Data({"version": version, **asdict(found)})
 
     def metrics(self, request: Request) -> Response:
-        """Numeric columns of a campaign's tables, by table."""
-        return Data(metric_columns(self._library.results, request.path_params["campaign"]))
+        """Numeric columns of a campaign's tables, by table, and those with one value everywhere."""
+        asked = (self._library.results, request.path_params["campaign"])
+        return Data({"columns": metric_columns(*asked), "same": constant_columns(*asked)})
 
     def metric(self, request: Request) -> Response:
         """One number per run from `column` of `table`, by `aggregate`."""
@@ -191,6 +247,55 @@ class Pages:
         }
         return Data({"details": found, "siblings": siblings, "result": result})
 
+    def more(self, request: Request) -> Response:
+        """What gives each `config` of a campaign more runs.
+
+        The command is empty for a search, which has batches, and for a campaign of a cluster, of
+        which `cluster` has the parts of one; `planned` are the runs of the one that has the most,
+        those included that are still to come; `widen` says whether that makes intervals wider than
+        they are.
+        """
+        index = self._library.campaign(request.path_params["campaign"])
+        summary, chosen = self._library.summary(index.name), request.query_params.getlist("config")
+        plan = planned_runs(summary.execution)
+        each = (max(plan.of(v.name), len(v.runs)) for v in index.variants if v.name in chosen)
+        words = more_runs_command(self._library.results, summary)
+        is_here = summary.is_search or summary.execution.get("execution_type") != "cluster"
+        asked = (self._library.results, index.name, index.variants, chosen)
+        in_cluster = None if is_here or not chosen else more_in_cluster(*asked)
+        return Data(
+            {
+                "version": summary.version,
+                "command": as_shell(words),
+                "cluster": in_cluster,
+                "planned": max(each, default=0),
+                "widen": not why_wider(summary),
+            }
+        )
+
+    def more_runs(self, request: Request) -> Response:
+        """Execute each `config` of a campaign so often, `runs`, in all; without any, all of them.
+
+        Raises:
+            InputError: the campaign has no such configuration, or cannot be continued from here.
+        """
+        name, chosen = _asked(request, "campaign"), request.query_params.getlist("config")
+        runs = read_choices(request.query_params).runs
+        known = {variant.name for variant in self._library.campaign(name).variants}
+        summary = self._library.summary(name)
+        words = more_runs_words(self._library.results, summary, chosen, runs or 0)
+        if not words or not runs or not known.issuperset(chosen):
+            raise InputError(f"{name} cannot be given such runs from here.")
+        return self._launches.start(words, name)
+
+    def history(self, request: Request) -> Response:
+        """A configuration in all campaigns; those that take too long are left to the next time."""
+        names = request.path_params
+        results = self._library.results
+        return Data(
+            history(results, names["campaign"], names["variant"], self._index, limit=_PATIENCE)
+        )
+
     def map(self, request: Request) -> Response:
         """A configuration drawn on its map."""
         names = request.path_params
@@ -202,14 +307,26 @@ class Pages:
         a, b = (self._library.campaign(_asked(request, key)).variants for key in ("a", "b"))
         return Data(compare(a, b))
 
+    def comparisons(self, request: Request) -> Response:
+        """Comparisons of the campaign `a` with each campaign `b`."""
+        before = self._library.campaign(_asked(request, "a")).variants
+        names = request.query_params.getlist("b")
+        return Data(
+            [
+                {"name": name, "comparison": compare(before, self._library.campaign(name).variants)}
+                for name in names
+            ]
+        )
+
     def changes(self, request: Request) -> Response:
         """What differs between the inputs of the campaigns `a` and `b`."""
         a, b = (self._library.summary(_asked(request, key)).name for key in ("a", "b"))
-        return Data(changes(self._library.results, a, b))
+        results = self._library.results
+        return Data(changes((results, a), (results, b)))
 
     async def events(self, _: Request) -> Response:
         """A stream of changes."""
-        stream = events(self._library, self._launches, self._closing)
+        stream = events(self._library, self._launches, self._closing, self._preparation)
         return StreamingResponse(stream, media_type="text/event-stream")
 
     def log(self, request: Request) -> Response:

@@ -16,7 +16,7 @@ from robovast.evaluation.library import Library
 from robovast.evaluation.map_picture import RECORD, entries
 from robovast.evaluation.notebooks.workloads import Target
 from robovast.evaluation.run import run_record
-from robovast.evaluation.server.answers import Data
+from robovast.evaluation.server.answers import Attached, Data
 from robovast.evaluation.untrusted import mapping
 
 if TYPE_CHECKING:
@@ -95,6 +95,14 @@ class DrivePages:
         drive = self._drive(f"{campaign}/{variant}/{run}", self._named(campaign))
         scans = request.query_params.get("scans") == "1"
         return Data(drive.part(request.path_params["part"], scans=scans))
+
+    def pictures(self, request: Request) -> Response:
+        """What the camera saw in one part of a run's drive."""
+        ROS.require("Playing a drive")
+        campaign, variant, run = _names(request)
+        drive = self._drive(f"{campaign}/{variant}/{run}", self._named(campaign))
+        found = drive.pictures(request.path_params["part"])
+        return Attached(found, found.content)
 
     def _named(self, campaign: str) -> Named:
         return read_named(Target(self._results, (campaign,)))

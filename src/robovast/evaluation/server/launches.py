@@ -27,7 +27,7 @@ from robovast.evaluation.run import run_record
 from robovast.evaluation.server.answers import Data
 from robovast.evaluation.summaries import VariantRuns
 from robovast.evaluation.untrusted import mapping, parse_yaml, plain
-from robovast.model.document.model import RunsAsNeeded
+from robovast.model.document.execution import RunsAsNeeded
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class LaunchPages:
     def started(self, request: Request) -> Response:
         """Start the document's campaign."""
         choices = read_choices(request.query_params)
-        return self._start(run_words(self._document(), self._results, choices))
+        return self.start(run_words(self._document(), self._results, choices))
 
     def repeated(self, request: Request) -> Response:
         """Execute the configuration of a run again."""
@@ -104,7 +104,7 @@ class LaunchPages:
         words = repeat_words(self._results, campaign, variant, record)
         if not record or not words:
             raise InputError(f"How {variant}/{run} of {campaign} was executed is not known.")
-        return self._start([*words, f"--output={self._results}"])
+        return self.start([*words, f"--output={self._results}"], campaign)
 
     def stopped(self, _: Request) -> Response:
         """Ask the task to end."""
@@ -134,11 +134,17 @@ class LaunchPages:
             raise CannotRunError(self._starting.refusal)
         return self._starting.document
 
-    def _start(self, words: Sequence[str]) -> Response:
+    def start(self, words: Sequence[str], campaign: str = "") -> Response:
+        """Start a command that executes runs, from the page of a campaign if one is named.
+
+        Raises:
+            CannotRunError: nothing can be started from here.
+        """
         if not self._starting.program:
             raise CannotRunError(self._starting.refusal)
         then = postprocessing_words(self._results, self._override)
-        return Data(self._launcher.start(words, then if self._starting.postprocess else ()))
+        then = then if self._starting.postprocess else []
+        return Data(self._launcher.start(words, then, campaign))
 
 
 def _runs(document: Path) -> int:

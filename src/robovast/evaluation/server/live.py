@@ -11,22 +11,28 @@ from typing import Any
 from robovast.base.errors import InputError
 from robovast.evaluation.library import Library
 from robovast.evaluation.server.launches import LaunchPages, News
+from robovast.evaluation.server.preparing import Preparation, Prepared
 
 PERIOD = 1.0
 """Interval between checks for changes [s]."""
 
 
 async def events(
-    library: Library, launches: LaunchPages, closing: asyncio.Event
+    library: Library,
+    launches: LaunchPages,
+    closing: asyncio.Event,
+    preparation: Preparation | None = None,
 ) -> AsyncIterator[str]:
     """Events until the server closes.
 
     An event contains `{name: version}` of changed campaigns, with None for removed ones; the first
     event contains all campaigns. Events of the kind `launch` report a campaign started from the
-    page; see `News`.
+    page; see `News`. Events of the kind `preparing` report tables that are still made; see
+    `Prepared`.
     """
     sent: dict[str, int] = {}
     told: News | None = None
+    prepared: Prepared | None = None
     first = True
     while not closing.is_set():
         now = await asyncio.to_thread(versions, library)
@@ -39,6 +45,9 @@ async def events(
         if news := launches.news(told):
             yield _event(dataclasses.asdict(news), "launch")
             told = news
+        if preparation and (state := preparation.state()) != prepared:
+            yield _event(dataclasses.asdict(state), "preparing")
+            prepared = state
         sent, first = now, False
         try:
             await asyncio.wait_for(closing.wait(), PERIOD)

@@ -68,7 +68,7 @@ class NotebookPages:
         names = tuple(name for name in asked if name)
         if not names:
             raise InputError("The request names no `campaign`.")
-        target = Target(self._results, names)
+        target = Target(self._results, names, _batch(request.query_params.get("batch")))
         _ = target.folder  # raises unless it is a results folder
         return target
 
@@ -94,5 +94,14 @@ class NotebookPages:
 
     def _command(self, notebook: Notebook, target: Target) -> str:
         words = ["vast", "evaluation", "notebook", str(target.folder), notebook.workload]
+        words += [] if target.batch is None else ["--batch", str(target.batch)]
         override = ["-o", str(self._override.resolve())] if self._override else []
         return shlex.join(words + override)
+
+
+def _batch(asked: str | None) -> int | None:
+    if not asked:
+        return None
+    if not asked.isdecimal() or not asked.isascii() or len(asked) > 9:
+        raise InputError(f"{asked!r} is no number of a batch.")
+    return int(asked)

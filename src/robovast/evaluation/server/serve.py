@@ -22,6 +22,7 @@ from robovast.evaluation.server.app import make_app
 from robovast.evaluation.server.launches import LaunchPages, Starting
 from robovast.evaluation.server.live import versions
 from robovast.evaluation.server.notebooks import NotebookPages
+from robovast.evaluation.server.preparing import Preparation
 
 HOST = "127.0.0.1"
 
@@ -34,6 +35,7 @@ def serve(
     starting: Starting,
     override: Path | None = None,
     notebook_timeout: float = TIMEOUT,
+    preparation: Preparation | None = None,
 ) -> None:
     """Show a results folder until Ctrl-C.
 
@@ -44,6 +46,7 @@ def serve(
         starting: settings for starting campaigns from the page.
         override: a .vast file whose notebooks replace each campaign's own.
         notebook_timeout: time limit for all cells of a notebook [s].
+        preparation: makes tables once the page is there, and ends with the server.
 
     Raises:
         InputError: the folder cannot be read, or the port is taken.
@@ -57,13 +60,23 @@ def serve(
 
     def make(token: str) -> ASGIApp:
         Thread(target=versions, args=(library,), daemon=True, name="read-ahead").start()
-        return make_app(library, notebooks, launches, token, closing)
+        return make_app(library, notebooks, launches, token, closing, preparation)
+
+    def is_ready(address: str) -> None:
+        ready(address)
+        if preparation:
+            preparation.start()
 
     def ending() -> None:
         closing.set()
         runner.close()
 
-    serve_app(make, port, ready, ending, launches.end)
+    def ended() -> None:
+        launches.end()
+        if preparation:
+            preparation.end()
+
+    serve_app(make, port, is_ready, ending, ended)
 
 
 def serve_app(

@@ -1,0 +1,120 @@
+"""Where robots drove, as the tables of poses of their runs tell it."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from robovast.base.errors import InputError
+from robovast.evaluation.inside import open_inside
+from robovast.evaluation.tables import Cell, Table, read_table
+
+POSES = "poses.csv"
+"""Table of a robot's poses in the folder of a run."""
+LAST_SECONDS = 5.0
+"""What counts as the last of a drive [s]."""
+_END = 4096
+"""Last bytes of a table that are read, and most of its head."""
+_ROW = 1024
+"""What is read to find one row in a large table [bytes]."""
+
+Place = tuple[float, float]
+"""x and y [m]"""
+
+
+@dataclass(frozen=True)
+class Way:
+    """Where a robot drove."""
+
+    places: list[Place]
+    """[m]"""
+    last: int
+    """Index of the first place of the last seconds."""
+
+
+def last_position(results: Path, run: str) -> Place | None:
+    """Where a run ended [m]; None if its table of poses does not tell it."""
+    return next(iter(rough_way(results, run, 1)), None)
+
+
+def rough_way(results: Path, run: str, count: int) -> list[Place]:
+    """At most so many places of a run, its last one included; empty if that is not known.
+
+    Of a large table little is read, so that many runs are told at once.
+    """
+    try:
+        with open_inside(results, f"{run}/{POSES}") as file:
+            head = file.readline(_END).decode("utf-8", "replace")
+            rows = _some_rows(file, count)
+        table = list(csv.DictReader([head, *rows]))
+        places = [_place(row) for row in table if row.get("frame") == table[-1].get("frame")]
+    except (InputError, csv.Error):
+        return []
+    return [place for place in places if place] if places and places[-1] else []
+
+
+def _some_rows(file: BinaryIO, count: int) -> list[str]:
+    """At most so many rows of a table, from where its file is read: evenly spaced, the last too."""
+    begin, end = file.tell(), os.fstat(file.fileno()).st_size
+    if count > 1 and end - begin <= count * _ROW:
+        rows = file.read(end - begin).splitlines()
+        step = max(1.0, (len(rows) - 1) / (count - 1))
+        rows = [rows[-1 - round(i * step)] for i in range(min(count, len(rows)))][::-1]
+    else:
+        starts = (begin + (end - begin) * i // count for i in range(1, count))
+        parts = (os.pread(file.fileno(), _ROW, start).split(b"\n", 2) for start in starts)
+        tail = os.pread(file.fileno(), _END, max(begin, end - _END))
+        rows = [part[1] for part in parts if len(part) > 2] + tail.splitlines()[-1:]
+    return [row.decode("utf-8", "replace") for row in rows]
+
+
+def _place(row: Mapping[str, str | None]) -> Place | None:
+    """What a row of a table of poses tells; None if that is no place, or it lacks a column."""
+    try:
+        x, y = float(row["position.x"] or ""), float(row["position.y"] or "")
+    except (KeyError, ValueError):
+        return None
+    whole = None not in row.values() and math.isfinite(x) and math.isfinite(y)
+    return (round(x, 3), round(y, 3)) if whole else None
+
+
+def way(results: Path, run: str) -> Way | None:
+    """Where a run drove, as its table of poses tells it; None without one.
+
+    Args:
+        results: the results folder, without links.
+        run: its folder, relative to that.
+    """
+    wanted = ("frame", "timestamp", "position.x", "position.y")
+    try:
+        table = read_table(results, f"{run}/{POSES}", wanted)
+    except InputError:
+        return None
+    rows = [(time, (x, y)) for time, x, y in _rows_of_one_frame(table)]
+    if not rows:
+        return None
+    since = rows[-1][0] - LAST_SECONDS
+    return Way([place for _, place in rows], sum(time < since for time, _ in rows))
+
+
+def _rows_of_one_frame(table: Table) -> list[tuple[float, float, float]]:
+    """Times and places of the frame in the last row: that of the robot, as for its end."""
+    columns = [table.columns.get(name) for name in ("timestamp", "position.x", "position.y")]
+    if None in columns:
+        return []
+    frames: Sequence[Cell] = table.columns.get("frame") or [""] * len(columns[0] or ())
+    rows = zip(frames, *filter(None, columns), strict=True)
+    return [
+        (row[0], row[1], row[2])
+        for frame, *row in rows
+        if frame == frames[-1] and _are_numbers(row)
+    ]
+
+
+def _are_numbers(row: Sequence[Cell]) -> bool:
+    return all(isinstance(value, float) for value in row)

@@ -1,0 +1,166 @@
+// One configuration over campaigns: how often it failed, and what changed between.
+import { useEffect, useRef, useState } from "preact/hooks";
+import { address } from "./api";
+import { order } from "./data";
+import { moment, percent, plural } from "./format";
+import { Grid, type Column } from "./grid";
+import { useAnswer } from "./live";
+import { Export, Waiting } from "./parts";
+import { intervalText, type Interval } from "./rates";
+import { link } from "./route";
+import "./history.css";
+
+interface Entry {
+  campaign: string;
+  /** The configuration's name there. */
+  name: string;
+  started_at: number | null;
+  rate: { runs: number; failed: number; errored: number; rate: number; interval: Interval };
+  reason: string;
+  image: string;
+  /** What is different from the entry before. */
+  changes: string[];
+}
+
+interface History {
+  /** The oldest first. */
+  entries: Entry[];
+  /** Campaigns in which its name stands for other parameters. */
+  others: string[];
+  /** Campaigns that are still to be searched. */
+  pending: number;
+}
+
+/** The configuration of a run in all campaigns of the folder. */
+export function HistoryOf({ campaign, variant }: { campaign: string; variant: string }) {
+  const { data, error } = useHistory(campaign, variant);
+  if (!data) return <Waiting error={error} />;
+  const { entries, others, pending } = data;
+  return (
+    <>
+      <p>
+        {variant} in {plural(entries.length, "campaign")}, the oldest first. A campaign has it if it has a
+        configuration of the same parameters.
+        {others.length > 0 && ` In ${plural(others.length, "other campaign")} ${variant} has other parameters.`}
+      </p>
+      <p role="status" class="quiet">
+        {pending > 0 && `${plural(pending, "campaign")} still to be searched …`}
+      </p>
+      <ol class="history" aria-label={`${variant} over campaigns`}>
+        {entries.map((entry) => (
+          <Dot key={entry.campaign} entry={entry} current={entry.campaign === campaign} />
+        ))}
+      </ol>
+      <p class="quiet">A dot is filled as far as runs did not pass: it is empty where all passed, and full where none did.</p>
+      <Table entries={entries} name={variant} />
+    </>
+  );
+}
+
+/** Asks again until all campaigns were searched, and shows meanwhile what was found. */
+function useHistory(campaign: string, variant: string) {
+  const [attempt, setAttempt] = useState(0);
+  const answer = useAnswer<History>(address(["history", campaign, variant], { attempt: String(attempt) }));
+  const latest = useRef<History | null>(null);
+  if (answer.data) latest.current = answer.data;
+  useEffect(() => {
+    if (answer.data?.pending) setAttempt(attempt + 1);
+  }, [answer.data]);
+  return { data: latest.current, error: answer.error };
+}
+
+function Dot({ entry, current }: { entry: Entry; current: boolean }) {
+  const { campaign, name, changes, rate } = entry;
+  const changed = changes.length > 0 && `${changes.join(", ")} changed`;
+  const label = [campaign, outcome(entry), changed].filter(Boolean).join("; ");
+  return (
+    <li class={changed ? "changed" : undefined} title={label}>
+      {changes.map((one) => (
+        <small key={one}>{one}</small>
+      ))}
+      <a
+        class={`dot ${rate.rate > 0 ? "bad" : ""}`}
+        style={{ "--share": `${100 * rate.rate}%` }}
+        href={configuration(campaign, name)}
+        aria-label={label}
+        aria-current={current ? "page" : undefined}
+      />
+      <small>{percent(rate.rate)}</small>
+    </li>
+  );
+}
+
+function configuration(campaign: string, name: string): string {
+  return link(["campaign", campaign], { q: `variant=${name}` });
+}
+
+function outcome({ rate }: Entry): string {
+  return `${rate.failed + rate.errored} of ${rate.runs} did not pass`;
+}
+
+function valueOf(entry: Entry, column: string): unknown {
+  switch (column) {
+    case "started":
+      return entry.started_at;
+    case "outcome":
+    case "interval":
+      return entry.rate.rate;
+    case "changed":
+      return entry.changes.join(", ");
+    case "campaign":
+      return `${entry.campaign}/${entry.name}`;
+    default:
+      return column === "image" ? entry.image : entry.reason;
+  }
+}
+
+/** Places of entries; equal ones stay in the order of their dates. */
+function sorted(entries: Entry[], sort: string): number[] {
+  const [sign, column] = sort.startsWith("-") ? [-1, sort.slice(1)] : [1, sort];
+  const of = (row: number) => valueOf(entries[row]!, column);
+  return entries.map((_, row) => row).sort((a, b) => sign * order(of(a), of(b)) || a - b);
+}
+
+function Table({ entries, name }: { entries: Entry[]; name: string }) {
+  const [sort, setSort] = useState("-started"); // the latest is what people ask for
+  const of = (row: number) => entries[row]!;
+  const rows = sorted(entries, sort);
+  const columns: Column[] = [
+    { id: "started", label: "Started", cell: (row) => moment(of(row).started_at) },
+    { id: "outcome", label: "Outcome", cell: (row) => outcome(of(row)) },
+    { id: "interval", label: "95 % interval", cell: (row) => intervalText(of(row).rate.interval) },
+    { id: "changed", label: "Changed", cell: (row) => of(row).changes.join(", ") },
+    { id: "reason", label: "Reason", cell: (row) => <span title={of(row).reason}>{of(row).reason}</span> },
+    { id: "image", label: "Image", cell: (row) => of(row).image },
+    { id: "campaign", label: "Campaign", cell: (row) => `${of(row).campaign}/${of(row).name}` },
+  ];
+  const exported = () => [
+    ["campaign", "configuration", "started", "runs", "failed", "errored", "changed", "reason", "image"],
+    ...entries.map((one) => [
+      one.campaign,
+      one.name,
+      one.started_at,
+      one.rate.runs,
+      one.rate.failed,
+      one.rate.errored,
+      one.changes.join(", "),
+      one.reason,
+      one.image,
+    ]),
+  ];
+  return (
+    <>
+      <div class="tools">
+        <Export name={`${name}-history`} rows={exported} />
+      </div>
+      <Grid
+        label={`${name} in each campaign`}
+        columns={columns}
+        rows={rows}
+        sort={sort}
+        onSort={setSort}
+        open={(row) => (location.hash = configuration(of(row).campaign, of(row).name))}
+      />
+    </>
+  );
+}

@@ -1,0 +1,83 @@
+// More runs of configurations of a campaign: a command, and a button that executes it.
+import { useState } from "preact/hooks";
+import { address, type Offer } from "./api";
+import { plural } from "./format";
+import { Refusal, useStarter } from "./launched";
+import { useAnswer, type Versions } from "./live";
+import { MOST_NAMED, moreRuns, usualRuns } from "./more-command";
+import { Copy } from "./parts";
+
+interface RunMoreProps {
+  campaign: string;
+  configurations: string[];
+}
+
+/** What more runs of configurations need. */
+interface More {
+  /** Of the campaign. */
+  version: number;
+  /** Continues the campaign; empty if it is not of this machine, or a search. */
+  command: string;
+  /** Of a campaign of a cluster: the parts of a command, between which a number of runs stands. */
+  cluster: { parts: string[]; of_all: boolean } | null;
+  /** Runs of the one that has the most, those included that are still to come. */
+  planned: number;
+  /** Whether that makes intervals wider than they are. */
+  widen: boolean;
+}
+
+export function RunMore({ campaign, configurations }: RunMoreProps) {
+  const { data: offer } = useAnswer<Offer>(address(["offer"]));
+  const isStale = ({ version }: More, versions: Versions) => (versions[campaign] ?? version) !== version;
+  const named = configurations.slice(0, MOST_NAMED);
+  const { data: more } = useAnswer<More>(address(["campaigns", campaign, "more"], { config: named }), isStale);
+  const { start, busy, refusal } = useStarter();
+  const [wanted, setWanted] = useState(0);
+  if (!(more?.command || more?.cluster) || !configurations.length) return null;
+  if (configurations.length > MOST_NAMED) {
+    return (
+      <p class="quiet note">
+        More runs are for up to {MOST_NAMED} configurations; here are {plural(configurations.length, "configuration")}.
+      </p>
+    );
+  }
+  const { planned, cluster } = more;
+  const runs = wanted > planned ? wanted : usualRuns(planned);
+  const command = cluster
+    ? cluster.parts.join(String(cluster.of_all ? runs : runs - planned))
+    : moreRuns(more.command, configurations, runs);
+  const whose = configurations.length === 1 ? configurations[0] : `each of ${plural(configurations.length, "configuration")}`;
+  return (
+    <div class="run-more">
+      <label class="choice">
+        Runs in all, of {cluster?.of_all ? "every configuration" : whose}
+        <input
+          type="number"
+          min={planned + 1}
+          value={runs}
+          onChange={(event) => setWanted(Math.round(Number(event.currentTarget.value)) || 0)}
+        />
+      </label>
+      <div class="command">
+        <span id="run-more">Run {runs - planned} more {cluster ? "in the cluster" : "here"}</span>
+        <code tabIndex={0} aria-labelledby="run-more">
+          {command}
+        </code>
+        <Copy text={command} label="Copy" />
+        {offer?.repeat && !cluster && (
+          <button
+            type="button"
+            disabled={busy}
+            title="Executes what the campaign brings along"
+            onClick={() => start(address(["more"], { campaign, config: configurations, runs }))}
+          >
+            Run {runs - planned} more
+          </button>
+        )}
+      </div>
+      {cluster && <p class="quiet">NAME stands for the Campaign.</p>}
+      {more.widen && <p class="quiet">Runs that are added after a look make the intervals of all configurations wider.</p>}
+      <Refusal text={refusal} />
+    </div>
+  );
+}
