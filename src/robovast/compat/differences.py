@@ -14,7 +14,7 @@ from robovast.model.document import Document
 from robovast.model.document.commands import GROUP
 from robovast.model.document.files import match_run_files
 from robovast.model.document.ignored import contract_environment
-from robovast.model.document.model import PluginCall
+from robovast.model.document.section import PluginCall
 from robovast.model.document.source import KeyPath
 from robovast.model.scenario import parameter_types
 
@@ -62,7 +62,9 @@ def _of_document(document: Document) -> Iterator[Problem]:
         message = f"`{path[-1]}` keeps the value of the run contract; there it gets this one"
         yield source.problem(path, message, at_key=True)
     if vast.execution.timeout is not None:
-        yield source.problem(("execution", "timeout"), "counts here, too; there on a cluster alone")
+        yield source.problem(
+            ("execution", "timeout"), "ends a run on this machine, too; there only on a cluster"
+        )
     if campaign_prefix(vast.campaign_name) != campaign_prefix(vast.campaign_name, "._-"):
         message = (
             f"results go into `{campaign_prefix(vast.campaign_name)}-…`, and `run.sh` keeps `_`"
