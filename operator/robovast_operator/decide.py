@@ -11,12 +11,14 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from robovast.kubeapi.status import CampaignStatus
+from robovast_operator.kube.events import Message
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import parse_time
 from robovast_operator.planning.campaign import Revision
 from robovast_operator.planning.shards import WINDOW, ShardPlan, next_shards
 from robovast_operator.snapshot import Snapshot
 from robovast_operator.status.status import tell
+from robovast_operator.status.story import story
 
 
 @dataclass(frozen=True)
@@ -33,11 +35,20 @@ class CreateTask:
     command: str
     name: str
     plan: str
+    beside: frozenset[str] = frozenset()
+    """Jobs that are executed meanwhile; the pods of others must have stored what they have."""
+
+
+@dataclass(frozen=True)
+class CreateUpload:
+    """Make the Job that uploads the results to the campaign's share."""
+
+    name: str
 
 
 @dataclass(frozen=True)
 class AppendRuns:
-    """Fix the runs that a search has proposed in a plan."""
+    """Fix in a plan the runs that a search has proposed, or the next packs."""
 
     plan: Revision
 
@@ -65,10 +76,26 @@ class DeleteJob:
     job: str
 
 
+@dataclass(frozen=True)
+class DeletePlan:
+    """Remove the ConfigMap of a plan."""
+
+    config_map: str
+
+
 DEFAULT_QUEUE = "default"
 """Kueue puts Jobs without a queue into the one of this name, where there is one."""
 
-Action = CreateShard | CreateTask | AppendRuns | SuspendJob | ResizeJob | DeleteJob
+Action = (
+    CreateShard
+    | CreateTask
+    | CreateUpload
+    | AppendRuns
+    | SuspendJob
+    | ResizeJob
+    | DeleteJob
+    | DeletePlan
+)
 
 
 @dataclass(frozen=True)
@@ -80,17 +107,20 @@ class Decision:
     """Carried out before the status is written."""
     later: tuple[Action, ...] = ()
     """Actions to take after the status is written, since the status keeps what they remove."""
+    events: tuple[Message, ...] = ()
+    """What people are told with the status."""
     again: float | None = None
     """When to reconcile again even if nothing changes [s]."""
 
 
 def decide(snapshot: Snapshot) -> Decision:
     """The next steps of an accepted campaign."""
-    actions = [*_open_jobs(snapshot), *_new_jobs(snapshot)]
+    actions = [*_open_jobs(snapshot), *_new_jobs(snapshot), *_upload(snapshot)]
     created = [action.shard for action in actions if isinstance(action, CreateShard)]
     status = tell(snapshot, created)
     later = [*_cancel(snapshot), *_withdraw(snapshot), *_tidy(snapshot), *_expire(snapshot)]
-    return Decision(status, tuple(actions), tuple(later), _again(snapshot))
+    events = tuple(story(snapshot, status))
+    return Decision(status, tuple(actions), tuple(later), events, _again(snapshot))
 
 
 def _open_jobs(snapshot: Snapshot) -> list[Action]:
@@ -113,12 +143,13 @@ def _is_wrong(snapshot: Snapshot, job: JobState) -> bool:
 
 
 def _is_to_be_made_anew(snapshot: Snapshot, job: JobState) -> bool:
-    """Whether a Job must be replaced: it holds deleted pods, or waits in a former queue."""
+    """Whether a Job must be replaced: it holds deleted pods, or waits where it is not to wait."""
     if job.deleting:
         return False
-    queue = snapshot.accepted.spec.queue_name
-    right = {"", DEFAULT_QUEUE} if queue is None else {queue}
-    return job.name in snapshot.pods.stuck or (job.suspended and job.queue not in right)
+    spec = snapshot.accepted.spec
+    right = {"", DEFAULT_QUEUE} if spec.queue_name is None else {spec.queue_name}
+    wrong = job.queue not in right or job.priority != (spec.queue_priority_class_name or "")
+    return job.name in snapshot.pods.stuck or (job.suspended and wrong)
 
 
 def _resize(snapshot: Snapshot) -> list[Action]:
@@ -128,7 +159,9 @@ def _resize(snapshot: Snapshot) -> list[Action]:
         return _shrink(snapshot)
     if snapshot.not_begun:
         return []
-    free = spec.parallelism - sum(job.parallelism for job in snapshot.open)
+    free = spec.parallelism - snapshot.busy
+    if 0 < free < snapshot.idle_pods:
+        return []
     return _grow(snapshot.open, free) if free > 0 else _cut(snapshot.open, spec.parallelism)
 
 
@@ -165,27 +198,39 @@ def _new_jobs(snapshot: Snapshot) -> list[Action]:
     spec = snapshot.accepted.spec
     if spec.suspend:
         return []
-    if snapshot.due_to_propose:
-        return [] if _at_work(snapshot) else _next_proposal(snapshot)
+    if snapshot.packing is not None:
+        return [AppendRuns(snapshot.packing)]
     if not snapshot.quiet:
-        pods = [job.parallelism for job in snapshot.open]
-        chosen = next_shards(snapshot.not_begun, pods, spec.parallelism)
-        if spec.queue_name is not None or any(job.queue for job in snapshot.open):
-            # at most one waits, so that other campaigns have their turn
-            chosen = [] if any(job.suspended for job in snapshot.open) else chosen[:1]
-        return [CreateShard(shard) for shard in chosen]
+        return [*_next_proposal(snapshot), *_further_shards(snapshot)]
     if snapshot.repetition_due and snapshot.all_known:
         return []
     return [] if snapshot.indexed or _at_work(snapshot) else _last_jobs(snapshot)
 
 
+def _further_shards(snapshot: Snapshot) -> list[Action]:
+    """The next shards, as far as there are pods for them.
+
+    Where packs are measured, those of a round take the pods that the former one no longer needs.
+    """
+    spec, rounds = snapshot.accepted.spec, snapshot.plan.rounds is not None
+    pods, waiting = snapshot.pods_of_open, snapshot.not_begun
+    chosen = next_shards(waiting, pods, spec.parallelism, alone=rounds)
+    if spec.queue_name is not None or any(job.queue for job in snapshot.open):
+        # at most one waits, so that other campaigns have their turn
+        chosen = [] if any(job.suspended for job in snapshot.open) else chosen[:1]
+    return [CreateShard(shard) for shard in chosen]
+
+
 def _next_proposal(snapshot: Snapshot) -> list[Action]:
-    """When all runs of a search have ended: propose further ones, then append them."""
+    """When the runs that a search waits for have ended: propose further ones, then append them."""
+    at_work = {job.name for job in _at_work(snapshot)}
+    if not snapshot.due_to_propose or any(shard.job in at_work for shard in snapshot.awaited):
+        return []
     if isinstance(snapshot.growth, Revision):
         return [AppendRuns(snapshot.growth)]
     jobs, plan = snapshot.proposing, snapshot.revisions[-1].config_map
     due = jobs.last is None or (snapshot.lost_proposal and not _pause(snapshot))
-    return [CreateTask("propose", jobs.next_name, plan)] if due else []
+    return [CreateTask("propose", jobs.next_name, plan, frozenset(at_work))] if due else []
 
 
 def _last_jobs(snapshot: Snapshot) -> list[Action]:
@@ -199,8 +244,16 @@ def _last_jobs(snapshot: Snapshot) -> list[Action]:
     return [] if snapshot.process_name in jobs else [process]
 
 
+def _upload(snapshot: Snapshot) -> list[Action]:
+    """Upload complete results; what the status says of it is written after the Job was made."""
+    due = snapshot.results if snapshot.status.shared != snapshot.results else ""
+    if not due or snapshot.accepted.spec.share is None:
+        return []
+    return [CreateUpload(snapshot.accepted.identity.child(f"share-{due}"))]
+
+
 def _pause(snapshot: Snapshot) -> float | None:
-    """Pause before a task whose words are lost is done again [s]; None if none is."""
+    """Pause before a task is repeated whose termination message is lost [s]; else None."""
     if snapshot.lost_proposal:
         return snapshot.proposing.wait(snapshot.now)
     return snapshot.finish.wait(snapshot.now) if snapshot.lost_words else None
@@ -220,11 +273,12 @@ def _at_work(snapshot: Snapshot) -> list[JobState]:
 
 
 def _tidy(snapshot: Snapshot) -> list[Action]:
-    """Delete Jobs whose verdicts are in the status, except for the last few."""
+    """Delete Jobs whose verdicts are in the status, except for the last few, and past plans."""
     told = (snapshot.job(shard) for shard in snapshot.shards if snapshot.is_remembered(shard))
     known = [job for job in told if job is not None and not job.open]
     old = [*known[:-WINDOW], *snapshot.finish.old, *snapshot.past_proposals]
-    return [DeleteJob(job.name) for job in old if not job.deleting]
+    plans = [DeletePlan(name) for name in snapshot.past_plans]
+    return [*plans, *(DeleteJob(job.name) for job in old if not job.deleting)]
 
 
 def _withdraw(snapshot: Snapshot) -> list[Action]:

@@ -1,4 +1,4 @@
-"""Caches of what was found out about a campaign; all of it can be found out again.
+"""Caches of what was read about a campaign; all of it can be read again.
 
 Each part is changed by one module of `effects` alone.
 """
@@ -7,16 +7,17 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from robovast.kubeapi.pod_contract.messages import Proposed
+from robovast.model.packing import Sample
 from robovast.model.packs import CampaignPlan, Entry
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
 from robovast_operator.planning.additions import Additions
 from robovast_operator.planning.campaign import Accepted, Rejected, Revision
-from robovast_operator.pods.findings import Final, Trouble
+from robovast_operator.pods.findings import Final, Mishap, Trouble
 from robovast_operator.pods.verdicts import Report
 from robovast_operator.pods.waiting import Waiting
 
@@ -93,8 +94,12 @@ class PodsCache:
     motion: Motion = field(default_factory=Motion)
     reports: dict[str, tuple[str, Mapping[int, Report]]] = field(default_factory=dict)
     """By Job: its failed indexes, and the reports of their pods."""
+    mishaps: dict[str, Sequence[Mishap]] = field(default_factory=dict)
+    """By Job: the first of its pods."""
     finals: dict[str, Final] = field(default_factory=dict)
     proposals: dict[str, Proposed] = field(default_factory=dict)
+    samples: dict[str, tuple[int, list[Sample]]] = field(default_factory=dict)
+    """By Job: how many of its indexes had ended when its pods were read, and what these took."""
     given_up: dict[str, Trouble] = field(default_factory=dict)
     """By uid of a Job that failed as a whole: the cause."""
     stuck: set[str] = field(default_factory=set)
@@ -133,7 +138,7 @@ class Memory:
     """Of `effects.job_maker`: names of the campaign's Jobs that others have taken."""
     witnessed: set[str] = field(default_factory=set)
     """Of `effects.witness`: uids of ended Jobs whose pods were read."""
-    undelivered: set[str] = field(default_factory=set)
-    """Of `effects.notifier`: uids of failed notice Jobs that were reported."""
+    delivered: set[str] = field(default_factory=set)
+    """Of `effects.deliveries`: uids of ended Jobs that were reported."""
     failing: float | None = None
     """Of the reconcile loop: since when reconciles fail; None if the last one succeeded."""

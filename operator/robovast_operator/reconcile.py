@@ -1,4 +1,4 @@
-"""One reconcile of a Campaign: look, decide, act. Effects only; what to do is `decide`."""
+"""One reconcile of a Campaign: observe, decide, act. Effects only; what to do is `decide`."""
 
 from __future__ import annotations
 
@@ -7,20 +7,25 @@ import time
 from collections.abc import Mapping, Sequence
 
 from robovast.base.errors import RobovastError
+from robovast.kubeapi.share_job import ROLE as SHARE_ROLE
 from robovast.kubeapi.status import CampaignStatus, read_status
+from robovast.storage.folder_ownership import distinct_name
 from robovast_operator.decide import (
     Action,
     AppendRuns,
     CreateShard,
     CreateTask,
+    CreateUpload,
     Decision,
     DeleteJob,
+    DeletePlan,
     ResizeJob,
     SuspendJob,
     decide,
 )
+from robovast_operator.effects.deliveries import Deliveries
 from robovast_operator.effects.diagnose import PATIENCE, Diagnosis
-from robovast_operator.effects.inputs import Inputs
+from robovast_operator.effects.inputs import UNWATCHED, Inputs
 from robovast_operator.effects.job_maker import JobMaker
 from robovast_operator.effects.notifier import Notifier
 from robovast_operator.effects.purge import Purge
@@ -40,7 +45,7 @@ from robovast_operator.planning.accept import DOCUMENT_CHANGED, with_composition
 from robovast_operator.planning.campaign import Accepted, Rejected, Revision
 from robovast_operator.planning.proposals import first_plan
 from robovast_operator.pods.findings import Trouble
-from robovast_operator.pods.jobs import shard_job, task_job
+from robovast_operator.pods.jobs import shard_job, task_job, upload_job
 from robovast_operator.pods.pod_status import trouble_of
 from robovast_operator.pods.reports import composed_of, proposed_of
 from robovast_operator.pods.tries import NO_WORD, Tries
@@ -53,7 +58,7 @@ LOGGER = logging.getLogger(__name__)
 
 
 class Reconciler:
-    """Brings campaigns from what is there to what is wanted."""
+    """Brings the objects of campaigns into the wanted state."""
 
     def __init__(
         self, api: Api, store: Store, queue: WorkQueue, settings: Settings, metrics: Metrics
@@ -67,18 +72,18 @@ class Reconciler:
         self._inputs = Inputs(api, store, settings)
         self._diagnosis = Diagnosis(api, settings)
         self._witness = Witness(api, self._diagnosis)
-        self._notifier = Notifier(api, queue, settings, self._diagnosis)
-        self._statuses = Statuses(api, store, queue, settings, self._notifier)
+        self._deliveries = Deliveries(api, self._diagnosis)
+        self._statuses = Statuses(api, store, queue, settings, Notifier(queue, settings))
         self._queues = Queues(api, store, settings)
         self._job_maker = JobMaker(api, store)
         self._purge = Purge(api, settings, self._diagnosis)
 
     def forget(self) -> None:
-        """Forget what was found out about campaigns: another replica may have changed it."""
+        """Forget what is cached about campaigns: another replica may have changed it."""
         self._memories.clear()
 
     async def __call__(self, key: Key) -> None:
-        """Look at a Campaign; a failure is logged, told, and it is looked at again later."""
+        """Reconcile a Campaign; a failure is logged, reported, and tried again later."""
         try:
             await self._reconcile(key)
         except (TimeoutError, ApiError, OSError, RobovastError) as error:
@@ -98,7 +103,7 @@ class Reconciler:
                 self._memories[key].failing = None
 
     async def _tell_failure(self, key: Key, trouble: Trouble) -> None:
-        """Say why nothing can be done, once that lasts."""
+        """Report why a Campaign cannot be reconciled, once that lasts."""
         self._metrics.failed(trouble.reason)
         obj, memory = self._store.campaigns.get(key), self._memories.get(key)
         if obj is None or memory is None or "deletionTimestamp" in obj["metadata"]:
@@ -133,8 +138,8 @@ class Reconciler:
         if "deletionTimestamp" in obj["metadata"]:
             await self._deleted(obj, memory, jobs)
             return
-        notices = self._store.notices_of(key, identity.uid)
-        await self._notifier.report(identity, notices, memory.undelivered)
+        deliveries = self._store.deliveries_of(key, identity.uid)
+        await self._deliveries.report(identity, deliveries, memory.delivered)
         if not is_settled(obj, jobs, self._store.configurations_of(key)):
             await self._advance(obj, memory, jobs)
 
@@ -160,7 +165,7 @@ class Reconciler:
             accepted = composed
         if isinstance(accepted, Rejected):
             await self._statuses.rejected(obj, accepted)
-            if accepted.reason in {"SourceNotFound", "SourceChanged"}:  # nothing tells of a change
+            if accepted.reason in UNWATCHED:
                 later = min(300.0, max(10.0, memory.pods.motion.still_for() / 2))
                 self._queue.add((obj["metadata"]["namespace"], obj["metadata"]["name"]), later)
             return
@@ -194,7 +199,7 @@ class Reconciler:
         memory: Memory,
         jobs: dict[str, JobState],
     ) -> Snapshot:
-        """What is there of a campaign."""
+        """Observe a campaign."""
         status = read_status(CampaignStatus, obj.get("status"))
         pods = await self._diagnosis.findings(accepted, memory.pods, jobs)
         await self._witness.update(accepted, memory.witnessed, jobs)
@@ -242,7 +247,7 @@ class Reconciler:
     async def _composed(
         self, obj: Object, accepted: Accepted, memory: Memory, jobs: dict[str, JobState]
     ) -> Accepted | Rejected | None:
-        """The campaign with what its compose Job found out; None while that is at work."""
+        """The campaign with the result of its compose Job; None while that runs."""
         identity = accepted.identity
         planned = await self._inputs.planned(accepted, memory.inputs)
         if planned is not None:
@@ -274,7 +279,7 @@ class Reconciler:
     async def _composition(
         self, accepted: Accepted, job: JobState, memory: Memory
     ) -> Accepted | Rejected | None:
-        """The campaign with what a compose Job that ended has said; None when its pods are gone."""
+        """The campaign with the result of an ended compose Job; None if its pods are gone."""
         pods = [pod async for pod in self._diagnosis.pods_of(job)]
         if not pods:
             return None
@@ -296,7 +301,7 @@ class Reconciler:
         """Act, then remember in the status, then remove what is remembered there."""
         for action in decision.actions:
             await self._act(accepted, action, memory)
-        written = await self._statuses.write(obj, decision.status)
+        written = await self._statuses.write(obj, decision.status, decision.events)
         if not written:
             return
         for action in decision.later:
@@ -308,13 +313,17 @@ class Reconciler:
             case CreateShard(shard):
                 made = shard_job(accepted, self._settings, shard)
                 await self._job_maker.create(accepted.identity, made, memory.taken)
-            case CreateTask("finish" | "propose") if await self._diagnosis.hold_back(
-                accepted.identity, memory.pods
+            case CreateTask("finish" | "propose", beside=beside) if await self._diagnosis.hold_back(
+                accepted.identity, memory.pods, beside
             ):
                 self._queue.add((namespace, accepted.identity.name), PAUSE)
             case CreateTask(command, name, plan):
                 seen = await self._witness.kept(accepted) if command == "finish" else ()
                 made = task_job(accepted, self._settings, command, name, plan, seen)
+                await self._job_maker.create(accepted.identity, made, memory.taken)
+            case CreateUpload(name):
+                await self._end_other_uploads(accepted.identity, name)
+                made = upload_job(accepted, self._settings, name, self._archive(accepted))
                 await self._job_maker.create(accepted.identity, made, memory.taken)
             case AppendRuns(plan):
                 await self._inputs.append(accepted, plan, memory.inputs)
@@ -326,9 +335,29 @@ class Reconciler:
                 self._saw(await self._api.patch(f"{paths.jobs(namespace)}/{job}", patch))
             case DeleteJob(job):
                 await self._api.delete(f"{paths.jobs(namespace)}/{job}")
+            case DeletePlan(config_map):
+                await self._inputs.remove_plan(accepted.identity, config_map, memory.inputs)
+
+    async def _end_other_uploads(self, identity: Identity, name: str) -> None:
+        """End uploads of earlier results, which could take the place of newer ones."""
+        for job in self._store.deliveries_of(identity.key, identity.uid):
+            if job.role == SHARE_ROLE and job.open and job.name != name:
+                await self._api.delete(f"{paths.jobs(identity.namespace)}/{job.name}")
+
+    def _archive(self, accepted: Accepted) -> str:
+        """Name of the results outside of the cluster; unique even for equal names and seconds."""
+        identity = accepted.identity
+        alike = [
+            found
+            for (namespace, name), found in self._store.campaigns.items()
+            if namespace == identity.namespace
+            and name != identity.name
+            and (found.get("status") or {}).get("campaign") == accepted.campaign
+        ]
+        return distinct_name(accepted.campaign, identity.uid) if alike else accepted.campaign
 
     async def _suspend(self, accepted: Accepted, name: str, suspend: bool, memory: Memory) -> None:
-        """Stop or resume a Job; of one that Kueue looks after, it is asked to."""
+        """Stop or resume a Job; if it is Kueue's, Kueue is asked to."""
         identity = accepted.identity
         jobs = self._store.jobs_of(identity.key, identity.uid)
         if name in jobs and not await self._queues.park(jobs[name], memory.queue, parked=suspend):

@@ -1,4 +1,4 @@
-"""One campaign at one moment, and what follows from it at once. Pure functions."""
+"""The state of one campaign at one moment, and what follows from it. Pure functions."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ from robovast_operator.kube.lenient import ranges
 from robovast_operator.kube.store import JobState
 from robovast_operator.planning.campaign import Accepted, Revision
 from robovast_operator.planning.proposals import grown, no_plan, search_status
-from robovast_operator.planning.shards import ShardPlan, first_attempts, repetitions
+from robovast_operator.planning.rounds import idle_pods, last_round, next_round
+from robovast_operator.planning.shards import WINDOW, ShardPlan, first_attempts, repetitions
 from robovast_operator.pods.findings import Final, PodFindings, Trouble
 from robovast_operator.pods.tries import NO_WORD, Tries, number_of
 from robovast_operator.pods.verdicts import ShardRuns, Tally, tally_of, total
@@ -34,7 +35,7 @@ from robovast_operator.pods.waiting import QueueFindings, Waiting
 
 @dataclass(frozen=True)
 class Snapshot:
-    """What is there of a campaign at one moment, and what follows from that at once."""
+    """The state of a campaign's objects at one moment, and what follows from it."""
 
     accepted: Accepted
     generation: int
@@ -59,7 +60,9 @@ class Snapshot:
         identity, status, settled = self.accepted.identity, self.status, self.status.settled
         shards = first_attempts(identity, self.revisions)[settled.first :]
         if status.bad is not None and status.attempt > status.bad.attempt:
-            shards += repetitions(identity, status.bad, status.attempt)[settled.repeated :]
+            runs_per_start = self.plan.runs_per_start
+            again = repetitions(identity, status.bad, status.attempt, runs_per_start)
+            shards += again[settled.repeated :]
         return shards
 
     @cached_property
@@ -69,21 +72,22 @@ class Snapshot:
 
     @cached_property
     def tallies(self) -> Mapping[str, Tally]:
-        """What is known of the shards' runs, by Job."""
+        """What is known about the shards' runs, by Job."""
         return {shard.job: self._tally(shard) for shard in self.shards}
 
     def _tally(self, shard: ShardPlan) -> Tally:
-        """What is known of one that has ended from the status, else from its Job."""
+        """What is known about a shard's runs: from the status once it has ended, else the Job's."""
         record, job = self.records.get(shard.job), self.job(shard)
         if record is not None and record.state in {"Complete", "Failed"}:
-            return Tally(record.passed, record.failed, record.errored)
+            known = (record.passed, record.failed, record.errored)
+            return Tally(*known, not_needed=record.not_needed)
         if job is None:
             return Tally()
         return tally_of(self.runs_of(shard), job, self.pods.reports.get(job.name, {}))
 
     @cached_property
     def aborted(self) -> Trouble | None:
-        """Why the campaign is given up, if it is."""
+        """Why the campaign is aborted; None if it is not."""
         for condition in self.status.conditions:
             if condition.type == "Succeeded" and condition.status == "False":
                 return Trouble(condition.reason, condition.message, final=True)
@@ -108,7 +112,7 @@ class Snapshot:
 
     @cached_property
     def trouble(self) -> Trouble | None:
-        """What is in the way now."""
+        """The trouble that keeps the campaign from going on now."""
         if self.pods.trouble is not None or self.foreign is not None:
             return self.pods.trouble or self.foreign
         if self.repetition_due and self.all_known and not self.repeats:
@@ -126,8 +130,32 @@ class Snapshot:
         """The newest plan."""
         return self.revisions[-1].plan
 
+    @property
+    def next_plan(self) -> int:
+        """Number of the plan that comes next."""
+        return self.revisions[-1].number + 1
+
+    @cached_property
+    def past_plans(self) -> list[str]:
+        """Plans of a search that nothing reads any more: each plan has all that is in older ones.
+
+        The first one stays, and so do the last few: a replica that was stopped for a while may make
+        its next one no more if another has.
+        """
+        if not self.accepted.is_search:
+            return []
+        wanted = {shard.plan for shard in self.shards if not self._is_past(shard)}
+        if self.status.bad is not None and self.status.bad.runs:
+            wanted.add(self.status.bad.plan)
+        return [r.config_map for r in self.revisions[1:-WINDOW] if r.config_map not in wanted]
+
+    def _is_past(self, shard: ShardPlan) -> bool:
+        """Whether no pod of a shard will begin."""
+        job = self.job(shard)
+        return self.ended(shard) and (job is None or not job.open)
+
     def job(self, shard: ShardPlan) -> JobState | None:
-        """The Job of a shard, if it is there."""
+        """The Job of a shard, if it exists."""
         return self.jobs.get(shard.job)
 
     def runs_of(self, shard: ShardPlan) -> ShardRuns:
@@ -141,7 +169,7 @@ class Snapshot:
         return shard.owner is not None and shard.owner["uid"] in self.withdrawn
 
     def ended(self, shard: ShardPlan) -> bool:
-        """Whether a shard has come to its end."""
+        """Whether a shard has ended."""
         record, job = self.records.get(shard.job), self.job(shard)
         if self.is_withdrawn(shard):
             return True
@@ -154,11 +182,11 @@ class Snapshot:
         record = self.records.get(shard.job)
         if record is None or record.state not in {"Complete", "Failed"}:
             return False
-        return self.tallies[shard.job].decided == self.runs_of(shard).all
+        return self.tallies[shard.job].settled == self.runs_of(shard).all
 
     @cached_property
     def open(self) -> list[JobState]:
-        """Jobs of shards that are at work, oldest first."""
+        """Running Jobs of shards, oldest first."""
         jobs = ((shard, self.job(shard)) for shard in self.shards)
         return [job for shard, job in jobs if job is not None and not self.ended(shard)]
 
@@ -167,7 +195,8 @@ class Snapshot:
         """Shards that have no Job yet and may have one: as many as the status can tell of."""
         begun = next((n for n, shard in enumerate(self.shards) if not self.ended(shard)), 0)
         near = self.shards[: begun + SHARDS_LIMIT]
-        waiting = [s for s in near if self.job(s) is None and not self.ended(s)]
+        due = [s for s in near if s.after <= self.status.settled.first + begun]
+        waiting = [s for s in due if self.job(s) is None and not self.ended(s)]
         return [shard for shard in waiting if shard.job not in self.taken]
 
     @cached_property
@@ -177,7 +206,7 @@ class Snapshot:
 
     @cached_property
     def all_ended(self) -> bool:
-        """Whether every shard has come to its end, and no Job is left that repeats runs."""
+        """Whether every shard has ended, and no Job that repeats runs is left."""
         known = {shard.job for shard in self.shards}
         jobs = self.jobs.values()
         strays = (job for job in jobs if job.role == "shard" and job.name not in known)
@@ -185,22 +214,81 @@ class Snapshot:
 
     @cached_property
     def all_done(self) -> bool:
-        """Whether every shard has come to its end, and there will be no others."""
-        return self.all_ended and not self.searching
+        """Whether every shard has ended, and there will be no more."""
+        return self.all_ended and not self.searching and not self.unpacked
+
+    @cached_property
+    def unpacked(self) -> int:
+        """How many runs are in no pack yet."""
+        return self.plan.total - self.plan.in_packs
+
+    @cached_property
+    def pods_of_open(self) -> list[int]:
+        """How many pods each open Job may have.
+
+        Where packs are measured, not more than it has packs left: the others are another Job's.
+        """
+        if self.plan.rounds is None:
+            return [job.parallelism for job in self.open]
+        return [min(job.parallelism, job.left) for job in self.open]
+
+    @cached_property
+    def busy(self) -> int:
+        """How many pods all of them may have."""
+        return sum(self.pods_of_open)
+
+    @cached_property
+    def idle_pods(self) -> int:
+        """From how many pods with nothing to do something is changed for them."""
+        if self.plan.rounds is None:
+            return 1
+        queued = any(job.queue for job in self.open)
+        return idle_pods(self.accepted.spec.parallelism, queued=queued)
+
+    @cached_property
+    def packing(self) -> Revision | None:
+        """The plan with further packs, when pods would have nothing to do without; else None."""
+        if not self.unpacked:
+            return None
+        newest, parallelism = self.revisions[-1], self.accepted.spec.parallelism
+        name = self.accepted.identity.child(f"plan-{self.next_plan}")
+        if self.aborted is not None:
+            return last_round(newest, name)
+        wanted = (min(job.parallelism, job.left) if job.queue else job.left for job in self.open)
+        idle = parallelism - sum(wanted)
+        waits = bool(self.plan.rounds and self.open) and not self._is_measured
+        if self.not_begun or idle < self.idle_pods or waits:
+            return None
+        return next_round(newest, parallelism, self.pods.pace, name)
+
+    @cached_property
+    def _is_measured(self) -> bool:
+        """Whether run times are known: half of the first round's, since short runs end first."""
+        half = all(2 * job.left <= job.size for job in self.open)
+        return self.pods.pace is not None and (half or len(self.plan.rounds or ()) > 1)
 
     @cached_property
     def quiet(self) -> bool:
-        """Whether nothing more is to be executed, but for bad runs once more."""
+        """Whether nothing is left to execute, except bad runs that are repeated."""
         return self.aborted is not None or self.all_done
 
     @cached_property
     def search(self) -> SearchStatus | None:
-        """How far the search is; None if the campaign is none."""
+        """The progress of the search; None if the campaign is no search.
+
+        What has ended it counts for the plan that was read: with another end it goes on.
+        """
         if not self.accepted.is_search:
             return None
-        stages = (self.proposing, self._proposing(len(self.revisions) - 1))
-        said = next(filter(None, map(self._said, stages)), None)
-        return search_status(said) if said else self.status.search or SearchStatus()
+        newest = self.revisions[-1].config_map
+        if said := self._said(self.proposing):
+            return search_status(said, newest)
+        known = self.status.search or SearchStatus()
+        if said := self._said(self._proposing(self.next_plan - 1)):
+            known = search_status(said, "")
+        if known.plan == newest:
+            return known
+        return known.model_copy(update={"plan": newest, "stop": "", "stop_reason": ""})
 
     @cached_property
     def searching(self) -> bool:
@@ -208,14 +296,27 @@ class Snapshot:
         return self.search is not None and not self.search.stop
 
     @cached_property
+    def awaited(self) -> Sequence[ShardPlan]:
+        """The shards that end before a search goes on, without those that are settled."""
+        runs = sum(block.size for block in self.plan.awaited_blocks)
+        packs = self.plan.pack_of(runs - 1) + 1 if runs else 0
+        return [shard for shard in self.shards if not shard.repeat and shard.first_pack < packs]
+
+    @cached_property
     def due_to_propose(self) -> bool:
-        """Whether a search needs further runs, as all before have ended."""
-        return self.searching and self.all_ended and not self.quiet
+        """Whether a search goes on: what it waits for has ended, others may be executed."""
+        waits = self.searching and not self.quiet
+        return waits and all(self.ended(shard) for shard in self.awaited)
+
+    @cached_property
+    def idle(self) -> bool:
+        """Whether nothing is executed before a search has proposed it."""
+        return self.due_to_propose and self.all_ended
 
     @cached_property
     def proposing(self) -> Tries:
         """The Jobs that propose the next runs of a search; each plan needs further ones."""
-        return self._proposing(len(self.revisions))
+        return self._proposing(self.next_plan)
 
     def _proposing(self, plans: int) -> Tries:
         return Tries.of(self.jobs.values(), self.accepted.identity.child(f"propose-{plans}"))
@@ -226,11 +327,11 @@ class Snapshot:
 
     @cached_property
     def growth(self) -> Revision | str | None:
-        """The plan with the runs that were proposed, or why they make none."""
+        """The plan with the proposed runs, or why there is none."""
         said = self._said(self.proposing)
         if said is None or said.stop:
             return None
-        name = self.accepted.identity.child(f"plan-{len(self.revisions)}")
+        name = self.accepted.identity.child(f"plan-{self.next_plan}")
         try:
             return grown(self.accepted, self.revisions, said, name, self.variant_limit)
         except ValueError as error:
@@ -238,7 +339,7 @@ class Snapshot:
 
     @cached_property
     def lost_proposal(self) -> bool:
-        """Whether a propose Job ended well, and nobody could read what it said."""
+        """Whether a propose Job succeeded, but its termination message is lost."""
         ended = _ended_well(self.proposing) and self.due_to_propose
         return ended and self._said(self.proposing) is None
 
@@ -260,24 +361,24 @@ class Snapshot:
 
     @cached_property
     def repetition_due(self) -> bool:
-        """Whether bad runs are to be executed once more."""
+        """Whether bad runs are to be repeated."""
         none_bad = self.all_known and self.bad is not None and not self.bad.runs
         return self.accepted.spec.attempt > self.status.attempt and not none_bad
 
     @cached_property
     def repeats(self) -> bool:
-        """Whether bad runs are executed once more from now on: it is known which they are."""
+        """Whether bad runs can be repeated now: it is known which they are."""
         listed = self.all_known and self.bad is not None and bool(self.bad.list)
         return self.repetition_due and listed
 
     @cached_property
     def over(self) -> bool:
-        """Whether nothing more is to be executed."""
+        """Whether nothing is left to execute."""
         return self.quiet and not self.repetition_due
 
     @cached_property
     def ended_shards(self) -> int:
-        """How many shards have come to their end."""
+        """How many shards have ended."""
         return self.status.settled.shards + sum(self.ended(s) for s in self.shards)
 
     @cached_property
@@ -294,13 +395,18 @@ class Snapshot:
         return self.over and (known or (self.final is not None and self.processed))
 
     @cached_property
+    def results(self) -> str:
+        """Which results are complete: different after each attempt and extension; else empty."""
+        return f"{self.attempt}-{self.ended_shards}" if self.indexed else ""
+
+    @cached_property
     def process_name(self) -> str:
-        """The Job that works the results up; another set of shards needs another one."""
+        """The Job that processes the results; another set of shards needs another one."""
         return self.accepted.identity.child(f"process-{self.ended_shards}")
 
     @cached_property
     def processed(self) -> bool:
-        """Whether the results are worked up, or were tried to be, as far as that is asked for."""
+        """Whether the results were processed, with success or not, if the document asks for it."""
         job = self.jobs.get(self.process_name)
         asked = self.accepted.spec.process_results
         return not asked or (job is not None and not job.open)
@@ -316,13 +422,13 @@ class Snapshot:
 
     @cached_property
     def lost_words(self) -> bool:
-        """Whether the finish Job ended well, and nobody could read what it found."""
+        """Whether the finish Job succeeded, but its termination message is lost."""
         ended = _ended_well(self.finish)
         return ended and self.over and not self.indexed and self.final is None
 
     @cached_property
     def bad(self) -> BadRuns | None:
-        """What the last index of the bucket says of bad runs."""
+        """The bad runs in the last index of the bucket."""
         status, final = self.status, self.final
         if final is None:
             return status.bad
@@ -337,6 +443,11 @@ class Snapshot:
         )
 
     @cached_property
+    def decisions(self) -> str:
+        """The decisions about configurations in the last index of the bucket."""
+        return self.status.decisions if self.final is None else self.final.decisions
+
+    @cached_property
     def all_known(self) -> bool:
         """Whether that index covers everything that ran."""
         bad = self.bad
@@ -345,7 +456,7 @@ class Snapshot:
 
     @cached_property
     def settled(self) -> Settled:
-        """The shards that are remembered as numbers from now on: those that the index covers."""
+        """The shards of which the status keeps only numbers from now on: those in the index."""
         settled, final = self.status.settled, self.final
         if final is not None:
             settled = Settled(
@@ -354,6 +465,7 @@ class Snapshot:
                 passed=final.runs.passed,
                 failed=final.runs.failed,
                 errored=final.runs.errored,
+                not_needed=final.runs.not_needed,
             )
         if self.repeats:  # what was bad has no verdict now
             settled = settled.model_copy(update={"failed": 0, "errored": 0, "repeated": 0})
@@ -361,14 +473,16 @@ class Snapshot:
 
     @cached_property
     def tally(self) -> Tally:
-        """What is known of all runs now."""
+        """What is known about all runs now."""
         settled = self.status.settled
-        before = Tally(settled.passed, settled.failed, settled.errored)
+        before = Tally(
+            settled.passed, settled.failed, settled.errored, not_needed=settled.not_needed
+        )
         return total([before, *self.tallies.values()])
 
     @cached_property
     def undecided(self) -> int:
-        """How many runs have ended without a verdict that is known."""
+        """How many runs have ended with an unknown verdict."""
         return sum(self._undecided(shard) for shard in self.shards)
 
     def _undecided(self, shard: ShardPlan) -> int:
@@ -381,7 +495,7 @@ class Snapshot:
             )
         else:
             return 0
-        return max(0, ended - self.tallies[shard.job].decided)
+        return max(0, ended - self.tallies[shard.job].settled)
 
 
 def _ended_well(tries: Tries) -> bool:

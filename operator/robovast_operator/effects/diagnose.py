@@ -3,25 +3,35 @@
 from __future__ import annotations
 
 import time
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Collection, Mapping
+from itertools import chain
 
 from robovast.kubeapi.pod_contract.messages import Proposed
 from robovast.kubeapi.resources import ROLE_LABEL
+from robovast.model.packing import pace_of
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api
+from robovast_operator.kube.lenient import mapping, metadata, text
 from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import now
 from robovast_operator.memory import PodsCache
 from robovast_operator.planning.campaign import Accepted
-from robovast_operator.pods.findings import PodFindings, Trouble
+from robovast_operator.pods.findings import MISHAPS, PodFindings, Trouble
+from robovast_operator.pods.mishaps import mishaps_of
 from robovast_operator.pods.pod_status import is_stuck, trouble_of, trouble_of_events
-from robovast_operator.pods.reports import final_of, proposed_of, reports_of
+from robovast_operator.pods.reports import final_of, proposed_of, reports_of, sample_of
 from robovast_operator.pods.stalls import cause_of, may_store
 from robovast_operator.settings import Settings
 
 REPORT_SECONDS = 10.0
 """Shortest time between two readings of an open Job's failed pods [s]."""
+
+_FAILED = "status.phase=Failed"
+_ENDED = "status.phase!=Running,status.phase!=Pending"
+
+MEASURED = 32
+"""From how many ended packs on the times of a Job's pods are known well enough."""
 
 MOST = 1000
 """Most pods of a Job that are read when it makes no progress."""
@@ -49,15 +59,22 @@ class Diagnosis:
     ) -> PodFindings:
         """What the campaign's pods report; they are read only when that is due."""
         _forget(known, jobs)
-        waits = [await self._reports(known, job) for job in jobs.values()]
+        all_speak = accepted.as_needed
+        waits = [await self._reports(known, job, all_speak) for job in jobs.values()]
         for job in jobs.values():
             await self._final(known, job)
+            if accepted.vast.execution.packs_are_measured:
+                await self._measure(known, job)
         waits.append(await self._stalled(accepted, known, jobs))
+        known.mishaps = {name: found for name, found in known.mishaps.items() if name in jobs}
+        known.samples = {name: found for name, found in known.samples.items() if name in jobs}
         given_up = known.given_up
         return PodFindings(
             reports={name: reports for name, (_, reports) in known.reports.items()},
             finals=dict(known.finals),
             proposals=dict(known.proposals),
+            pace=pace_of(sample for _, found in known.samples.values() for sample in found),
+            mishaps=list(chain.from_iterable(known.mishaps.values()))[:MISHAPS],
             failures={n: given_up[job.uid] for n, job in jobs.items() if job.uid in given_up},
             stuck=frozenset(known.stuck),
             trouble=known.trouble,
@@ -69,19 +86,30 @@ class Diagnosis:
         selector = f"batch.kubernetes.io/controller-uid={job.uid}"
         return self._api.list(paths.pods(job.namespace), labelSelector=selector, **parameters)
 
-    async def storing(self, identity: Identity) -> str:
-        """The name of a pod that may still store runs, even if its Job is gone; else empty."""
+    async def storing(self, identity: Identity, beside: Collection[str] = ()) -> str:
+        """The name of a pod that may still store runs, even if its Job is gone; else empty.
+
+        Args:
+            identity: of the Campaign.
+            beside: Jobs whose pods may.
+        """
         pods = self._api.list(
             paths.pods(identity.namespace),
             labelSelector=identity.selector(**{ROLE_LABEL: "shard"}),
             fieldSelector="status.phase=Running",
         )
-        found = [pod["metadata"]["name"] async for pod in pods if may_store(pod, now())]
+        found = [
+            pod["metadata"]["name"]
+            async for pod in pods
+            if may_store(pod, now()) and _job_of(pod) not in beside
+        ]
         return min(found, default="")
 
-    async def hold_back(self, identity: Identity, known: PodsCache) -> bool:
-        """Whether the index must wait for a pod; a long wait is reported."""
-        pod = await self.storing(identity)
+    async def hold_back(
+        self, identity: Identity, known: PodsCache, beside: Collection[str] = ()
+    ) -> bool:
+        """Whether a task must wait for a pod of a Job that has ended; a long wait is reported."""
+        pod = await self.storing(identity, beside)
         if pod and known.motion.still_for() > STORING_PATIENCE:
             logs = f"kubectl logs -n {identity.namespace} {pod} -c agent"
             message = (
@@ -91,20 +119,40 @@ class Diagnosis:
             known.trouble = Trouble(STORING, message)
         return bool(pod)
 
-    async def _reports(self, known: PodsCache, job: JobState) -> float | None:
-        """The verdicts of failed indexes."""
-        mark = f"{job.uid} {job.failed}"
+    async def _reports(self, known: PodsCache, job: JobState, all_speak: bool) -> float | None:
+        """The verdicts of failed indexes.
+
+        Args:
+            known: what was read before.
+            job: the Job.
+            all_speak: whether those of completed indexes are read, too: they say how many runs
+                they did not need.
+        """
+        ended = [job.failed, job.completed] if all_speak else [job.failed]
+        mark = " ".join([job.uid, *ended])
         before, _ = known.reports.get(job.name, ("", {}))
-        if job.role != "shard" or not job.failed or before == mark:
+        if job.role != "shard" or not any(ended) or before == mark:
             return None
         wait = known.looked + REPORT_SECONDS - time.monotonic()
         if job.open and before and wait > 0:
             return wait
-        pods = self.pods_of(job, fieldSelector="status.phase=Failed")
-        reports = reports_of([pod async for pod in pods])
-        known.reports[job.name] = (mark, reports)
+        phase = _ENDED if all_speak else _FAILED
+        pods = [pod async for pod in self.pods_of(job, fieldSelector=phase)]
+        known.reports[job.name] = (mark, reports_of(pods))
+        known.mishaps[job.name] = mishaps_of(pods)
         known.looked = time.monotonic()
         return None
+
+    async def _measure(self, known: PodsCache, job: JobState) -> None:
+        """What the pods of a Job took, each time that twice as many have ended."""
+        ended = job.size - job.left
+        before, _ = known.samples.get(job.name, (0, []))
+        if job.role != "shard" or ended < max(1, 2 * before) or before >= MEASURED:
+            return
+        over = self.pods_of(job, fieldSelector=_ENDED)
+        read = [sample_of(pod) async for pod in _first(over)]
+        found = [sample for sample in read if sample is not None]
+        known.samples[job.name] = (ended, found[: 2 * MEASURED])
 
     async def _final(self, known: PodsCache, job: JobState) -> None:
         """Termination messages of ended Jobs: what they found, or why they failed."""
@@ -158,7 +206,7 @@ class Diagnosis:
         self, known: PodsCache, job: JobState, *, at_work: bool
     ) -> Trouble | None:
         """Why the pods of a Job make no progress, from their status and from Events."""
-        phase = "status.phase=Failed" if at_work else "status.phase!=Succeeded"
+        phase = _FAILED if at_work else "status.phase!=Succeeded"
         seen = [pod async for pod in _first(self.pods_of(job, fieldSelector=phase))]
         if any(is_stuck(pod, now()) for pod in seen):
             known.stuck.add(job.name)
@@ -195,3 +243,8 @@ async def _first(objects: AsyncIterator[Object]) -> AsyncIterator[Object]:
         count += 1
         if count >= MOST:
             return
+
+
+def _job_of(pod: Object) -> str:
+    """The name of a pod's Job."""
+    return text(mapping(metadata(pod).get("labels")).get("batch.kubernetes.io/job-name"))

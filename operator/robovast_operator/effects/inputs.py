@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -10,7 +11,9 @@ from robovast.base.errors import InputError
 from robovast.kubeapi.resources import CampaignSpec, Source
 from robovast.kubeapi.source_files import Files, config_map_files, inline_files
 from robovast.model.packs import CampaignPlan, Entry
+from robovast_operator.effects.needs import MISSING, Needs
 from robovast_operator.kube import paths
+from robovast_operator.kube.announce import is_refusal
 from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.kube.few_at_once import few_at_once
 from robovast_operator.kube.lenient import metadata
@@ -38,18 +41,24 @@ from robovast_operator.planning.revisions import (
 from robovast_operator.pods.jobs import campaign_plan, files_config_map, plan_config_map
 from robovast_operator.settings import Settings
 
+LOGGER = logging.getLogger(__name__)
+
+UNWATCHED = MISSING | {"SourceNotFound", "SourceChanged"}
+"""Reasons of rejections whose end nothing tells of: they are looked at again and again."""
+
 Begun = tuple[Accepted, CampaignPlan]
 """A campaign that may have results, and the plan that its pods use."""
 
 
 class Inputs:
-    """Reads and checks what campaigns are made from, and makes the ConfigMaps that fix it."""
+    """Reads and checks the inputs of campaigns, and makes the ConfigMaps that fix them."""
 
     def __init__(self, api: Api, store: Store, settings: Settings) -> None:
         self._api = api
         self._store = store
         self._settings = settings
         self._apart = Apart()
+        self._needs = Needs(api)
 
     async def accepted(self, obj: Object, known: InputsCache) -> Accepted | Rejected:
         """Check the Campaign as far as possible here, once for each change of its spec."""
@@ -66,12 +75,19 @@ class Inputs:
             if isinstance(accepted, Accepted):
                 planned = await self._where(accepted.identity, known)
                 other = source_changed(planned, accepted)
-                if other is not None:
-                    return other
+                missing = other or await self._missing(accepted, known)
+                if missing is not None:
+                    return missing
                 accepted = replace(accepted, planned=planned)
             known.accepted, known.accepted_for = accepted, mark
             known.source = None if known.files_made else source
         return known.accepted
+
+    async def _missing(self, accepted: Accepted, known: InputsCache) -> Rejected | None:
+        """What the document needs and is not there; what is planned needs no more of that."""
+        if await self._load_revisions(accepted.identity, known):
+            return None
+        return await self._needs.missing(accepted)
 
     async def begun(self, obj: Object, known: InputsCache) -> Begun | Rejected:
         """A Campaign and where its results are, whatever has gone of that which it was made from.
@@ -191,7 +207,7 @@ class Inputs:
             return Additions()
         each = ((item["metadata"]["uid"], item["metadata"].get("generation")) for item in added)
         revisions = await self._load_revisions(identity, known)
-        mark = (obj["metadata"]["generation"], len(revisions), *each)
+        mark = (obj["metadata"]["generation"], revisions[-1].number if revisions else -1, *each)
         if known.additions is None or known.additions_for != mark:
             source = await self._source(obj)
             files = source if isinstance(source, Rejected) else _files(obj, source)
@@ -208,7 +224,7 @@ class Inputs:
     ) -> Sequence[Revision]:
         """The campaign's plans; a new one is created when more runs are asked for."""
         revisions = await self._load_revisions(accepted.identity, known)
-        name = accepted.identity.child(f"plan-{len(revisions)}")
+        name = accepted.identity.child(f"plan-{revisions[-1].number + 1 if revisions else 0}")
         new = next_revision(accepted, revisions, additions.found, name)
         if new is None:
             return revisions
@@ -223,6 +239,18 @@ class Inputs:
         else:
             await self._read_theirs(accepted.identity, new.number, new.config_map, known)
 
+    async def remove_plan(self, identity: Identity, name: str, known: InputsCache) -> None:
+        """Delete a plan that nothing reads any more; a chart that is older grants no such right."""
+        path = f"{paths.config_maps(identity.namespace)}/{name}"
+        try:
+            await self._api.delete(path, after_children=False)
+        except ApiError as error:
+            if not is_refusal(error):
+                raise
+            LOGGER.warning("%s: the old plan cannot be removed: %s", path, error)
+        if known.revisions is not None:
+            known.revisions = [r for r in known.revisions if r.config_map != name]
+
     async def _read_theirs(
         self, identity: Identity, number: int, name: str, known: InputsCache
     ) -> None:
@@ -232,7 +260,8 @@ class Inputs:
             InputError: there is none: another object has the plan's name.
         """
         known.forget()
-        if len(await self._load_revisions(identity, known)) <= number:
+        found = await self._load_revisions(identity, known)
+        if not found or found[-1].number < number:
             raise InputError(
                 f"there is a ConfigMap {name} already, which is none of this campaign's plans. "
                 f"Remove it: `kubectl delete configmap {name} -n {identity.namespace}`."

@@ -1,11 +1,10 @@
-"""Creates the Jobs that send notices to people, and reports notices that could not be sent.
+"""Makes the Jobs that send notices.
 
 The operator itself speaks to the API server alone; the addresses are those of its users.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from datetime import timedelta
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -14,30 +13,20 @@ from pydantic.alias_generators import to_camel
 from robovast.kubeapi.notice import Order
 from robovast.kubeapi.resources import Notification, Scheduling
 from robovast.kubeapi.status import CampaignStatus
-from robovast_operator.effects.diagnose import Diagnosis
-from robovast_operator.kube.announce import announce
-from robovast_operator.kube.api import Api
-from robovast_operator.kube.events import Message
 from robovast_operator.kube.objects import Identity, Object
-from robovast_operator.kube.store import NOTIFY_ROLE, JobState
 from robovast_operator.kube.times import now
 from robovast_operator.kube.work_queue import WorkQueue
 from robovast_operator.pods.jobs import notify_job
-from robovast_operator.pods.pod_status import last_words
 from robovast_operator.settings import Settings
 from robovast_operator.status.notices import due, interested, job_suffix, marked, notice
 
 
 class Notifier:
-    """Creates the Jobs of due notices, and reports those that failed."""
+    """Makes the Jobs of due notices."""
 
-    def __init__(
-        self, api: Api, queue: WorkQueue, settings: Settings, diagnosis: Diagnosis
-    ) -> None:
-        self._api = api
+    def __init__(self, queue: WorkQueue, settings: Settings) -> None:
         self._queue = queue
         self._settings = settings
-        self._diagnosis = diagnosis
 
     def next(self, obj: Object, status: CampaignStatus) -> tuple[CampaignStatus, Object | None]:
         """The status with the mark of a due notice, and the Job that sends it."""
@@ -58,17 +47,6 @@ class Notifier:
         name = identity.child(job_suffix(transition))
         job = notify_job(identity, self._settings, wanted.scheduling, name, order)
         return marked(status, transition), job
-
-    async def report(self, identity: Identity, jobs: Iterable[JobState], told: set[str]) -> None:
-        """Report each notice that did not reach all receivers by an Event."""
-        for job in jobs:
-            if job.finished != "Failed" or job.uid in told:
-                continue
-            pods = [pod async for pod in self._diagnosis.pods_of(job)]
-            causes = last_words(pods, NOTIFY_ROLE, job.failed) or [job.message]
-            message = Message("Warning", "NotificationFailed", "\n".join(causes), job.uid)
-            await announce(self._api, identity, message)
-            told.add(job.uid)
 
 
 class _Wanted(BaseModel):

@@ -15,7 +15,14 @@ from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState, Store
 from robovast_operator.kube.times import now
 from robovast_operator.memory import Motion, QueueCache
-from robovast_operator.pods.waiting import PARKED, QueueFindings, Waiting, place_of, waiting_of
+from robovast_operator.pods.waiting import (
+    PARKED,
+    QueueFindings,
+    Waiting,
+    no_class,
+    place_of,
+    waiting_of,
+)
 from robovast_operator.settings import Settings
 
 LOOK_SECONDS = 30.0
@@ -85,7 +92,7 @@ class Queues:
     ) -> Waiting | None:
         workload = await self._workload(job)
         if workload is None:
-            return _nothing(job, stalled=stalled)
+            return await self._without_class(job) or _nothing(job, stalled=stalled)
         found = waiting_of(workload, job)
         if found is None or found.helpless or found.parked:
             return found
@@ -97,6 +104,17 @@ class Queues:
             place = known  # a start that is expected a moment earlier or later is no news
         message = f"waits in the queue {job.queue}: place {place.summary}"
         return replace(found, message=message, place=place)
+
+    async def _without_class(self, job: JobState) -> Waiting | None:
+        """The finding that Kueue lacks the Job's priority class, and so makes no Workload."""
+        if not job.priority or not await self._answer(paths.group(paths.KUEUE), QUEUE_SECONDS):
+            return None
+        path = paths.priority_class(await self._version(paths.KUEUE), job.priority)
+        try:
+            await self._api.get(path, tries=1)
+        except ApiError as error:
+            return no_class(job) if error.code == 404 else None
+        return None
 
     async def _place(self, job: JobState) -> QueuePlace | None:
         version = await self._version(paths.KUEUE_VISIBILITY)
@@ -191,8 +209,10 @@ def _nothing(job: JobState, *, stalled: bool) -> Waiting | None:
         return None
     if not stalled:
         return Waiting(job.name, "Waiting", f"waits in the queue {job.queue}")
+    # An operator of single namespaces may not look for classes, which are the cluster's.
+    having = f", with a WorkloadPriorityClass {job.priority}" if job.priority else ""
     message = (
-        f"nobody admits it to the queue {job.queue}: is Kueue installed, and does it look "
+        f"nobody admits it to the queue {job.queue}: is Kueue installed{having}, and does it look "
         f"after the namespace {job.namespace}? Without spec.queueName none is needed."
     )
     return Waiting(job.name, "NoKueue", message, helpless=True)

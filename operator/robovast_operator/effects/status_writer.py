@@ -92,8 +92,19 @@ class Statuses:
         message = Message("Warning", trouble.reason, trouble.message, str(generation))
         await announce(self._api, identity, message)
 
-    async def write(self, obj: Object, status: CampaignStatus) -> bool:
-        """Write a status if it has changed; return False if the write is put off."""
+    async def write(
+        self, obj: Object, status: CampaignStatus, events: Sequence[Message] = ()
+    ) -> bool:
+        """Write a status if it has changed, and create Events of that.
+
+        Args:
+            obj: the Campaign.
+            status: its status.
+            events: what is told beside its conditions.
+
+        Returns:
+            False if the write is put off.
+        """
         old = read_status(CampaignStatus, obj.get("status"))
         status, notice = self._notifier.next(obj, status)
         if status == old:
@@ -105,7 +116,7 @@ class Statuses:
             return False
         if notice is not None:
             await self._api.create(paths.jobs(identity.namespace), notice)
-        for message in messages(old.conditions, status.conditions):
+        for message in [*events, *messages(old.conditions, status.conditions)]:
             await announce(self._api, identity, message)
         path = f"{paths.campaigns(identity.namespace)}/{identity.name}"
         body = {

@@ -108,10 +108,17 @@ class Api:
             LOGGER.warning("GET %s: %s; again in %.0f s", path, problem, PAUSE)
             await asyncio.sleep(PAUSE)
 
-    async def create(self, path: str, obj: Object) -> Object | None:
-        """Create an object; return None if one of its name exists already."""
+    async def create(self, path: str, obj: Object, *, dry_run: bool = False) -> Object | None:
+        """Create an object; return None if one of its name exists already.
+
+        Args:
+            path: of the collection.
+            obj: the object.
+            dry_run: let the server only say whether it would.
+        """
+        query = {**_MANAGED, "dryRun": "All"} if dry_run else _MANAGED
         try:
-            return await self._request("POST", path, body=obj, query=_MANAGED)
+            return await self._request("POST", path, body=obj, query=query)
         except ApiError as error:
             if error.code == 409 and error.reason == "AlreadyExists":
                 return None
@@ -217,12 +224,12 @@ class Api:
 
 
 def _seconds(retry_after: str) -> float:
-    """How long to wait; a date, which proxies may give, is as good as nothing."""
+    """How long the server asks to wait; a date, which proxies may send, is ignored."""
     return float(retry_after) if retry_after.isdecimal() else 1.0
 
 
 def _refusal(code: int, text: str, request: str) -> ApiError:
-    """What the server says against a request; of an API group that it lacks it says plain text."""
+    """Why the server refused a request; about an unknown API group it answers in plain text."""
     try:
         data = json.loads(text)
         return ApiError(code, data.get("reason", ""), data.get("message") or request)

@@ -17,7 +17,7 @@ from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import Store
 from robovast_operator.kube.work_queue import WorkQueue
 
-RUN_STATES = ("active", "waiting", "passed", "failed", "errored", "undecided")
+RUN_STATES = ("active", "waiting", "passed", "failed", "errored", "undecided", "notNeeded")
 
 NAMESPACE = "campaign_namespace"
 """Label; Prometheus itself sets `namespace`, to that of the operator."""
@@ -33,19 +33,19 @@ class Metrics:
         self._registry = CollectorRegistry()
         self.reconciles = Histogram(
             "robovast_reconcile_seconds",
-            "Time of one look at a campaign.",
+            "Duration of one reconcile of a campaign.",
             buckets=(0.005, 0.02, 0.1, 0.5, 2, 10),
             registry=self._registry,
         )
         self._failures = Counter(
             "robovast_reconcile_failures",
-            "Looks at a campaign that came to nothing, by what is told as the cause.",
+            "Failed reconciles of campaigns, by the reported reason.",
             ["reason"],
             registry=self._registry,
         )
         self._failing = Gauge(
             "robovast_campaigns_failing",
-            f"Campaigns at which {MANY_FAILURES} looks or more came to nothing, one after another.",
+            f"Campaigns whose last {MANY_FAILURES} reconciles or more failed.",
             registry=self._registry,
         )
         self._requests = Counter(
@@ -55,10 +55,13 @@ class Metrics:
             registry=self._registry,
         )
         self._queue = Gauge(
-            "robovast_queue_keys", "Campaigns that wait for a look.", registry=self._registry
+            "robovast_queue_keys", "Campaigns that wait for the operator.", registry=self._registry
         )
         self._objects = Gauge(
-            "robovast_objects", "Objects that are known.", ["kind"], registry=self._registry
+            "robovast_objects",
+            "Objects in the operator's memory.",
+            ["kind"],
+            registry=self._registry,
         )
         self._runs = Gauge(
             "robovast_runs", "Runs of all campaigns by state.", ["state"], registry=self._registry
@@ -80,7 +83,7 @@ class Metrics:
         )
         self._stalled = Gauge(
             "robovast_campaigns_stalled",
-            "Campaigns that need somebody's help: condition Stalled.",
+            "Campaigns that cannot go on without help: condition Stalled.",
             registry=self._registry,
         )
         self._event_age = Gauge(
@@ -88,9 +91,7 @@ class Metrics:
             "Time since the last event of any watch.",
             registry=self._registry,
         )
-        self._leader = Gauge(
-            "robovast_leader", "1 for the replica that works.", registry=self._registry
-        )
+        self._leader = Gauge("robovast_leader", "1 for the leader.", registry=self._registry)
         self._last_event = time.monotonic()
 
     def request(self, verb: str, path: str, code: int) -> None:

@@ -30,6 +30,19 @@ def config_maps(namespace: str) -> str:
     return f"/api/v1{_in(namespace)}/configmaps"
 
 
+def volume_claims(namespace: str) -> str:
+    """PersistentVolumeClaims of a namespace."""
+    return f"/api/v1{_in(namespace)}/persistentvolumeclaims"
+
+
+DEVICES = "resource.k8s.io"
+
+
+def claim_template(version: str, namespace: str, name: str) -> str:
+    """A ResourceClaimTemplate of a namespace."""
+    return f"/apis/{DEVICES}/{version}{_in(namespace)}/resourceclaimtemplates/{name}"
+
+
 def events(namespace: str) -> str:
     """Events of a namespace."""
     return f"/api/v1{_in(namespace)}/events"
@@ -52,6 +65,11 @@ def workloads(version: str, namespace: str) -> str:
 def local_queue(version: str, namespace: str, name: str) -> str:
     """A LocalQueue of Kueue."""
     return f"/apis/{KUEUE}/{version}{_in(namespace)}/localqueues/{name}"
+
+
+def priority_class(version: str, name: str) -> str:
+    """A WorkloadPriorityClass of Kueue."""
+    return f"/apis/{KUEUE}/{version}/workloadpriorityclasses/{name}"
 
 
 def pending_workloads(version: str, namespace: str, queue: str) -> str:

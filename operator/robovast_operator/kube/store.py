@@ -8,14 +8,20 @@ from dataclasses import dataclass, field
 from robovast.base.ranges import count
 from robovast.kubeapi.names import child_name
 from robovast.kubeapi.resources import CAMPAIGN_LABEL, ROLE_LABEL, UID_LABEL
+from robovast.kubeapi.share_job import ROLE as SHARE_ROLE
 from robovast_operator.kube.lenient import BEGINNING, metadata, number, ranges, shaped, text, time
 from robovast_operator.kube.objects import Key, Object
 
 NOTIFY_ROLE = "notify"
-"""Role of Jobs that send a notice: nothing in a campaign depends on them."""
+"""Role of Jobs that send a notice."""
+_DELIVERIES = {NOTIFY_ROLE, SHARE_ROLE}
+"""Roles of Jobs that bring something out of the cluster: nothing in a campaign depends on them."""
 
 QUEUE_LABEL = "kueue.x-k8s.io/queue-name"
 """Label of a Job: its LocalQueue."""
+
+PRIORITY_LABEL = "kueue.x-k8s.io/priority-class"
+"""Label of a Job: its WorkloadPriorityClass of Kueue."""
 
 CONFIGURATION_LABEL = "robovast.io/configuration-uid"
 """Label of a Job: the Configuration applied by hand that asked for its runs."""
@@ -52,6 +58,8 @@ class JobState:
     """Number of completion indexes."""
     queue: str = ""
     """Kueue's LocalQueue of the Job; Kueue may have chosen it itself."""
+    priority: str = ""
+    """Its WorkloadPriorityClass of Kueue."""
     started: str = ""
     """When the Job was last resumed; empty while it is suspended."""
     configuration: str = ""
@@ -106,6 +114,7 @@ class JobState:
             deleting="deletionTimestamp" in meta,
             size=number(spec.get("completions"), 1),
             queue=labels.get(QUEUE_LABEL, ""),
+            priority=labels.get(PRIORITY_LABEL, ""),
             started=time(status.get("startTime")) if "startTime" in status else "",
             configuration=labels.get(CONFIGURATION_LABEL, ""),
             ended=time(end.get("lastTransitionTime")),
@@ -200,11 +209,11 @@ class Store:
 
     def jobs_of(self, key: Key, uid: str) -> dict[str, JobState]:
         """The Jobs of a Campaign by name, without those of an earlier Campaign of the same name."""
-        return {j.name: j for j in self._own_jobs(key, uid) if j.role != NOTIFY_ROLE}
+        return {j.name: j for j in self._own_jobs(key, uid) if j.role not in _DELIVERIES}
 
-    def notices_of(self, key: Key, uid: str) -> list[JobState]:
-        """The Jobs that send a Campaign's notices."""
-        return [job for job in self._own_jobs(key, uid) if job.role == NOTIFY_ROLE]
+    def deliveries_of(self, key: Key, uid: str) -> list[JobState]:
+        """The Jobs that send a Campaign's notices, and those that upload its results."""
+        return [job for job in self._own_jobs(key, uid) if job.role in _DELIVERIES]
 
     def _own_jobs(self, key: Key, uid: str) -> list[JobState]:
         """The Jobs that have a Campaign's uid and a name that is given to its own.

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from robovast.base.containers import named_digest
 from robovast.base.errors import DocumentError, RobovastError
 from robovast.base.serialization import dump_yaml
 from robovast.base.yaml_files import parse_yaml
@@ -20,8 +21,9 @@ from robovast.kubeapi.pod_contract.messages import Composed
 from robovast.kubeapi.resources import CampaignSpec
 from robovast.kubeapi.secret_names import refusal
 from robovast.kubeapi.source_files import Files, check_paths
+from robovast.model.document.execution import Execution, Resources
 from robovast.model.document.loader import Document, check_source
-from robovast.model.document.model import Execution, Resources, Vast
+from robovast.model.document.model import Vast
 from robovast.model.document.source import Source
 from robovast.model.expansion import Variant, compose, select_any
 from robovast.model.expansion.expand import DEFAULT_ENTRY
@@ -174,11 +176,9 @@ def _accepted(
     if vast.search is not None and spec.select:
         message = "a search has no configurations to select from: leave out spec.select"
         return Rejected("InvalidSpec", message)
-    if vast.execution.test() is not None:
-        return Rejected(
-            "InvalidDocument",
-            "`execution.runs` with `decide` cannot be executed on a cluster yet: give a number",
-        )
+    why = _not_reusable(spec, vast, image)
+    if why:
+        return Rejected("InvalidSpec", f"spec.reuse: {why}")
     if len(identity.name) > CAMPAIGN_NAME_LIMIT:
         return Rejected(
             "InvalidName", f"the Campaign's name is longer than {CAMPAIGN_NAME_LIMIT} characters"
@@ -194,6 +194,25 @@ def _accepted(
         default_endpoint=settings.endpoint,
         default_region=settings.region,
     )
+
+
+def _not_reusable(spec: CampaignSpec, vast: Vast, image: str) -> str:
+    """Why no run can be taken over; empty if some may be, or nobody asks for it."""
+    if not spec.reuse:
+        return ""
+    if vast.execution.seed is None:
+        return "each campaign draws other seeds; set `execution.seed` in the document"
+    if not named_digest(image):
+        return f"nobody knows what {image} contains; name it with its digest: IMAGE@sha256:…"
+    for assets in vast.execution.kubernetes.assets:
+        if not named_digest(assets.image or ""):
+            return (
+                f"nobody knows what is mounted at {assets.path}; use assets of an image with its "
+                "digest: IMAGE@sha256:…"
+            )
+    if vast.search is not None:
+        return "a search scores the runs that it has proposed itself; leave it out"
+    return ""
 
 
 def _check_amounts(execution: Execution, context: str, settings: Settings) -> None:
@@ -216,8 +235,9 @@ def _check_amounts(execution: Execution, context: str, settings: Settings) -> No
 
 DOCUMENT_CHANGED = Rejected(
     "DocumentChanged",
-    "spec.vast has changed after its runs were planned; only `execution.runs` may. Undo the "
-    "change, or create another Campaign for it. What runs already goes on.",
+    "spec.vast has changed after its runs were planned; only `execution.runs` may, or its `max`, "
+    "and `budget` and `stopping` of a search. Undo the change, or create another Campaign for it. "
+    "What runs already goes on.",
 )
 
 
@@ -236,19 +256,28 @@ def source_changed(planned: CampaignPlan | None, accepted: Accepted) -> Rejected
 
 
 def same_document(planned: str, vast: Mapping[str, object]) -> bool:
-    """Whether a document is the planned one, except for its number of runs."""
+    """Whether a document is the planned one, except for its number of runs and a search's end.
+
+    What decides about that number is part of it.
+    """
     try:
         before = parse_yaml(planned)
     except ValueError:
         return False
-    return isinstance(before, Mapping) and _without_runs(before) == _without_runs(vast)
+    return isinstance(before, Mapping) and _fixed(before) == _fixed(vast)
 
 
-def _without_runs(vast: Mapping[str, object]) -> dict[str, object]:
-    execution = vast.get("execution")
+def _fixed(vast: Mapping[str, object]) -> dict[str, object]:
+    """What stays as it is from the first plan on."""
+    execution, search = vast.get("execution"), vast.get("search")
+    if isinstance(search, Mapping):
+        kept = {key: value for key, value in search.items() if key not in {"budget", "stopping"}}
+        vast = {**vast, "search": kept}
     if not isinstance(execution, Mapping):
         return dict(vast)
-    return {**vast, "execution": {k: v for k, v in execution.items() if k != "runs"}}
+    runs = execution.get("runs")
+    rule = {k: v for k, v in runs.items() if k != "max"} if isinstance(runs, Mapping) else None
+    return {**vast, "execution": {**execution, "runs": rule}}
 
 
 def with_composition(
@@ -263,14 +292,14 @@ def with_composition(
         reason: why the Job failed, in one word.
     """
     if not isinstance(composed, Composed):
-        return Rejected(reason, composed or "the compose Job left no word; see its log")
+        return Rejected(reason, composed or "the compose Job ended without a message; see its log")
     names = [entry.name for entry in accepted.vast.configuration or [DEFAULT_ENTRY]]
     counts, cuts = composed.counts, composed.breaks
     if len(counts) != len(names) or sum(counts) > limit or not is_breaks(cuts, sum(counts)):
         told = f"{sum(counts):,} configurations of {len(counts)} entries"
         message = (
-            f"the compose Job's last words are not those of this document: {told}, where {limit:,} "
-            f"of {len(names)} may be"
+            f"the compose Job reports {told}; this document has {len(names)} entries and may have "
+            f"{limit:,} configurations"
         )
         return Rejected("InvalidDocument", message)
     entries = tuple(

@@ -52,6 +52,11 @@ class Accepted:
         return self.spec.runs or self.vast.execution.most_runs
 
     @property
+    def as_needed(self) -> bool:
+        """Whether verdicts decide how many of these runs are executed."""
+        return self.vast.execution.test() is not None
+
+    @property
     def seed(self) -> int | None:
         """Seed of the campaign; None when it was begun by an older version.
 

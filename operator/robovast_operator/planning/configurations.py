@@ -126,16 +126,21 @@ class ConfigurationStatuses:
             observed_generation=generation,
             variants=self._variants.get(name, 0),
             runs=runs,
-            progress=f"{runs.decided}/{runs.total}",
+            progress=f"{runs.decided}/{runs.needed}",
             conditions=dated([truth], generation, self._now, old.conditions),
         )
 
     def _runs(self, spans: Sequence[Span]) -> Runs:
-        """The counts of some runs; undecided if the status does not list all bad runs."""
+        """The counts of some runs; undecided if the status does not list all bad runs.
+
+        Nor does it list runs that are not needed: the index in the bucket has the others.
+        """
         total = count(spans)
         if not is_true(self._status, "ResultsAvailable"):
             return Runs(total=total)
-        if self._status.ranges_truncated:
+        if total == self._status.runs.total:
+            return self._status.runs
+        if self._status.ranges_truncated or self._status.runs.not_needed:
             return Runs(total=total, undecided=total)
         failed, errored = (
             sum(count(clip(bad, first, last)) for first, last in spans)

@@ -47,9 +47,11 @@ def grown(
     keys = ("first_variant", "variants", "first_run", "runs")
     more = [Block(**dict(zip(keys, given, strict=True))) for given in said.blocks]
     _check_order(before, more, variants)
+    _check_awaited(newest.plan if newest else None, more, said.awaited)
     plan = PlanSpec(
         blocks=(*before, *more),
-        runs_per_job=accepted.vast.execution.runs_per_job,
+        awaited=said.awaited,
+        runs_per_job=accepted.vast.execution.runs_per_start,
         breaks=_breaks(newest.plan.breaks if newest else "", known, said),
     )
     if len(plan.model_dump_json()) > _PLAN_LIMIT:
@@ -58,7 +60,8 @@ def grown(
         )
     text = newest.document if newest else accepted.document_text
     entries = (Entry(name=ENTRY, variants=variants),)
-    return Revision(len(revisions), name, plan, entries, {}, text, said.digest)
+    number = newest.number + 1 if newest else 0
+    return Revision(number, name, plan, entries, {}, text, said.digest)
 
 
 def first_plan(
@@ -74,7 +77,7 @@ def first_plan(
         reason: why the Job failed, in one word.
     """
     if not isinstance(said, Proposed):
-        return Rejected(reason, said or "the propose Job left no word; see its log")
+        return Rejected(reason, said or "the propose Job ended without a message; see its log")
     if said.stop:
         return Rejected("NothingProposed", f"the search ends before any run: {said.stop_reason}")
     try:
@@ -94,8 +97,6 @@ def _check_order(before: Sequence[Block], more: Sequence[Block], variants: int) 
     Raises:
         ValueError: they are not, or there are too many.
     """
-    if not more:
-        raise ValueError("it asks for no runs, and has not ended")
     if sum(block.size for block in (*before, *more)) > RUNS_LIMIT:
         raise ValueError(f"the campaign would have more than {RUNS_LIMIT:,} runs")
     planned: list[Block] = list(before)
@@ -106,6 +107,22 @@ def _check_order(before: Sequence[Block], more: Sequence[Block], variants: int) 
         if any(runs != block.first_run for runs in _planned(planned, block)):
             raise ValueError(f"its runs {block.first_run}-… are not those that come next")
         planned.append(block)
+
+
+def _check_awaited(before: PlanSpec | None, more: Sequence[Block], awaited: int | None) -> None:
+    """Check that something is executed before the search is asked again.
+
+    Raises:
+        ValueError: nothing is, or what is not planned.
+    """
+    known = len(before.blocks) if before else 0
+    ended = len(before.awaited_blocks) if before else 0
+    blocks = known + len(more)
+    wanted = blocks if awaited is None else awaited
+    if not ended <= wanted <= blocks:
+        raise ValueError(f"it waits for {wanted} blocks of runs, after {ended} and of {blocks}")
+    if not more and wanted == ended:
+        raise ValueError("it asks for no runs, and has not ended")
 
 
 def _planned(blocks: Sequence[Block], wanted: Block) -> set[int]:
@@ -131,7 +148,7 @@ def _breaks(before: str, known: int, said: Proposed) -> str:
     return format_ranges([*parse_ranges(before), *shift(new, known)])
 
 
-def search_status(said: Proposed) -> SearchStatus:
-    """How far a search is, as its last propose Job says."""
-    names = SearchStatus.model_fields.keys()
-    return SearchStatus(**{name: getattr(said, name) for name in names})
+def search_status(said: Proposed, plan: str) -> SearchStatus:
+    """How far a search is, as the last propose Job that has read a plan says."""
+    names = SearchStatus.model_fields.keys() - {"plan"}
+    return SearchStatus(plan=plan, **{name: getattr(said, name) for name in names})

@@ -18,6 +18,7 @@ from robovast.model.expansion.expand import DEFAULT_ENTRY
 from robovast.model.packs import RUNS_LIMIT, Block, CampaignPlan, Entry, PlanSpec, first_blocks
 from robovast_operator.kube.lenient import mapping, text
 from robovast_operator.kube.objects import Object
+from robovast_operator.planning.accept import same_document
 from robovast_operator.planning.campaign import Accepted, Revision
 from robovast_operator.planning.configurations import added_entries, entry_name
 
@@ -216,17 +217,24 @@ def next_revision(
     """
     if not revisions:
         first = first_blocks(accepted.entries, accepted.runs)
-        runs_per_job = accepted.vast.execution.runs_per_job
-        plan = PlanSpec(blocks=first, runs_per_job=runs_per_job, breaks=accepted.breaks)
+        execution = accepted.vast.execution
+        plan = PlanSpec(
+            blocks=first,
+            runs_per_job=execution.runs_per_start,
+            breaks=accepted.breaks,
+            by_variant=accepted.as_needed,
+            rounds=() if execution.packs_are_measured else None,
+        )
         text, composed = accepted.document_text, accepted.composed
         return Revision(0, name, plan, accepted.entries, {}, text, composed)
     newest = revisions[-1]
+    if accepted.is_search:
+        return _with_other_end(accepted, newest, name)
     document = _with_entries(newest, additions)
     owners = dict(newest.owners)
     blocks = list(newest.plan.blocks)
     entries = list(newest.entries)
-    if not accepted.is_search:
-        _raise_runs(blocks, sum(entry.variants for entry in accepted.entries), accepted.runs)
+    _raise_runs(blocks, sum(entry.variants for entry in accepted.entries), accepted.runs)
     for addition in additions:
         _add(addition, blocks, entries, owners)
     if len(blocks) == len(newest.plan.blocks):
@@ -240,6 +248,17 @@ def next_revision(
     plan = newest.plan.model_copy(update={"blocks": tuple(blocks)})
     plan = PlanSpec.model_validate(plan.model_dump())
     return Revision(newest.number + 1, name, plan, tuple(entries), owners, document)
+
+
+def _with_other_end(accepted: Accepted, newest: Revision, name: str) -> Revision | None:
+    """The plan of a search that is to end otherwise; None if it ends as planned.
+
+    Its runs are those of the newest plan: Jobs that propose read it from then on.
+    """
+    text = accepted.document_text
+    if text == newest.document or not same_document(newest.document, accepted.spec.vast):
+        return None
+    return replace(newest, number=newest.number + 1, config_map=name, document=text)
 
 
 def as_planned(accepted: Accepted, revision: Revision) -> Accepted:

@@ -5,9 +5,10 @@ Shards depend on the plan alone, so they are the same after a restart of the ope
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 from robovast.base.ranges import Span, format_ranges
 from robovast.kubeapi.status import BadRuns
@@ -38,6 +39,8 @@ class ShardPlan:
     first_pack: int
     size: int
     """Number of completion indexes."""
+    runs_per_pack: int = 1
+    """Most runs of an index that one start executes."""
     attempt: int = 1
     repeat: str = ""
     """Name of the list of bad runs whose groups it repeats; empty for a first attempt."""
@@ -45,6 +48,8 @@ class ShardPlan:
     """The Configuration object that it belongs to, if any."""
     owner: Object | None = None
     """Reference to that object."""
+    after: int = 0
+    """How many shards end before it begins: their runs may decide that its own are not needed."""
     parallelism: int = 1
 
     @property
@@ -59,30 +64,58 @@ def first_attempts(identity: Identity, revisions: Sequence[Revision]) -> list[Sh
         return []
     shards: list[ShardPlan] = []
     newest = revisions[-1].plan
-    known = 0
-    for revision in revisions:
-        for block in range(known, len(revision.plan.blocks)):
-            owner = revision.owners.get(block)
-            for first, size in _stretches(newest, block):
-                shard = ShardPlan(
-                    index=len(shards),
-                    job=identity.child(len(shards)),
-                    plan=revision.config_map,
-                    first_pack=first,
-                    size=size,
-                    configuration=owner["name"] if owner else "",
-                    owner=owner,
-                )
-                shards.append(shard)
-        known = len(revision.plan.blocks)
+    for revision, part in _parts(revisions):
+        owner = revision.owners.get(part.block)
+        further = newest.by_variant and newest.blocks[part.block].first_run > 0
+        after = len(shards) if further else 0
+        for first, size in _stretches(newest, part.runs):
+            shard = ShardPlan(
+                index=len(shards),
+                job=identity.child(len(shards)),
+                plan=revision.config_map,
+                first_pack=first,
+                size=size,
+                runs_per_pack=part.runs_per_pack,
+                configuration=owner["name"] if owner else "",
+                owner=owner,
+                after=after,
+            )
+            shards.append(shard)
     return shards
 
 
-def _stretches(plan: PlanSpec, block: int) -> Iterator[Span]:
-    """First pack and number of packs of each shard of a block."""
-    first_id = sum(b.size for b in plan.blocks[:block])
-    first = plan.pack_of(first_id)
-    packs = plan.pack_of(first_id + plan.blocks[block].size - 1) - first + 1
+@dataclass(frozen=True)
+class _Part:
+    """Runs that are planned together, and whose shards are their own."""
+
+    runs: Span
+    """Their ids."""
+    block: int
+    """Number of their first block; all of them have one owner."""
+    runs_per_pack: int
+
+
+def _parts(revisions: Sequence[Revision]) -> Iterator[tuple[Revision, _Part]]:
+    """What each revision appends: blocks, or rounds of what is in blocks."""
+    known = 0
+    for revision in revisions:
+        plan = revision.plan
+        bounds = list(accumulate((block.size for block in plan.blocks), initial=0))
+        number = len(plan.blocks if plan.rounds is None else plan.rounds)
+        for part in range(known, number):
+            if plan.rounds is None:
+                runs, size = (bounds[part], bounds[part + 1] - 1), plan.runs_per_job
+                yield revision, _Part(runs, part, size)
+            else:
+                runs, size = plan.of_round(part), plan.rounds[part].size
+                yield revision, _Part(runs, bisect_right(bounds, runs[0]) - 1, size)
+        known = number
+
+
+def _stretches(plan: PlanSpec, runs: Span) -> Iterator[Span]:
+    """First pack and number of packs of each shard of some runs."""
+    first = plan.pack_of(runs[0])
+    packs = plan.pack_of(runs[1]) - first + 1
     yield from ((first + begin, size) for begin, size in evenly(packs))
 
 
@@ -99,8 +132,17 @@ def evenly(packs: int) -> list[Span]:
     return [(a, b - a) for a, b in pairwise(bounds)]
 
 
-def repetitions(identity: Identity, bad: BadRuns, attempt: int) -> list[ShardPlan]:
-    """The shards that repeat bad runs; none if no run is bad."""
+def repetitions(
+    identity: Identity, bad: BadRuns, attempt: int, runs_per_pack: int = 1
+) -> list[ShardPlan]:
+    """The shards that repeat bad runs; none if no run is bad.
+
+    Args:
+        identity: of the campaign.
+        bad: the runs.
+        attempt: which repetition it is.
+        runs_per_pack: most runs of an index that one start executes.
+    """
     groups = GroupSizes.parse(bad.sizes).groups
     return [
         ShardPlan(
@@ -109,6 +151,7 @@ def repetitions(identity: Identity, bad: BadRuns, attempt: int) -> list[ShardPla
             plan=bad.plan,
             first_pack=first,
             size=size,
+            runs_per_pack=runs_per_pack,
             attempt=attempt,
             repeat=bad.list,
         )
@@ -117,7 +160,11 @@ def repetitions(identity: Identity, bad: BadRuns, attempt: int) -> list[ShardPla
 
 
 def next_shards(
-    waiting: Sequence[ShardPlan], open_parallelism: Iterable[int], parallelism: int
+    waiting: Sequence[ShardPlan],
+    open_parallelism: Iterable[int],
+    parallelism: int,
+    *,
+    alone: bool = False,
 ) -> list[ShardPlan]:
     """The shards to open now, so that never more than `parallelism` pods run.
 
@@ -125,10 +172,11 @@ def next_shards(
         waiting: shards that have no Job yet, in order.
         open_parallelism: pods that each open Job may have.
         parallelism: most pods of the campaign.
+        alone: whether a shard may have all pods that are free.
     """
     opened = list(open_parallelism)
     budget = parallelism - sum(opened)
-    alone = len(waiting) == 1 and not opened
+    alone = alone or (len(waiting) == 1 and not opened)
     share = parallelism if alone else -(-parallelism // WINDOW)
     made = []
     for shard in waiting:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from robovast.base.ranges import Span
 from robovast.kubeapi.pod_contract.messages import Proposed
 from robovast.kubeapi.status import Runs
+from robovast.model.packing import Pace
 from robovast_operator.pods.verdicts import Report
 
 
@@ -25,6 +26,21 @@ class Trouble:
 
 
 @dataclass(frozen=True)
+class Mishap:
+    """A run that did not pass, or a pod that ended without a word, for people."""
+
+    reason: str
+    """CamelCase reason of its Event."""
+    about: str
+    """The run, or the pod."""
+    message: str
+
+
+MISHAPS = 3
+"""Most mishaps that are told one by one."""
+
+
+@dataclass(frozen=True)
 class Final:
     """What the finish Job found in the bucket."""
 
@@ -38,6 +54,8 @@ class Final:
     """Name of the list of all bad runs in the bucket; empty if there is none."""
     sizes: str = ""
     """Sizes of the groups in which they are repeated."""
+    decisions: str = ""
+    """What is decided about configurations, for people."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +68,10 @@ class PodFindings:
     """By finish Job: what it found."""
     proposals: Mapping[str, Proposed] = field(default_factory=dict)
     """By propose Job: what it said."""
+    pace: Pace | None = None
+    """What starts and runs have taken, where packs are measured."""
+    mishaps: Sequence[Mishap] = ()
+    """The first of the campaign."""
     failures: Mapping[str, Trouble] = field(default_factory=dict)
     """By Job that failed as a whole: the cause."""
     stuck: frozenset[str] = frozenset()

@@ -13,12 +13,19 @@ from robovast.kubeapi.pod_contract.pack_request import PackRequest
 from robovast.kubeapi.pod_contract.pods import failure_policy, on_exit
 from robovast.kubeapi.pod_contract.sightings import FILE, Sightings
 from robovast.kubeapi.resources import ROLE_LABEL, SHARD_LABEL, SHARD_ROLE, Scheduling
+from robovast.kubeapi.share_job import ROLE as SHARE_ROLE
+from robovast.kubeapi.share_job import Upload, job_spec, pod_spec
 from robovast.model.packs import Bundle, CampaignPlan, Entry, GitSource, PlanSpec
 from robovast.model.quantities import cpus, memory
 from robovast.storage.bucket_names import BUNDLES_BUCKET
 from robovast_operator.kube.lenient import mapping
 from robovast_operator.kube.objects import Identity, Object
-from robovast_operator.kube.store import CONFIGURATION_LABEL, NOTIFY_ROLE, QUEUE_LABEL
+from robovast_operator.kube.store import (
+    CONFIGURATION_LABEL,
+    NOTIFY_ROLE,
+    PRIORITY_LABEL,
+    QUEUE_LABEL,
+)
 from robovast_operator.planning.campaign import Accepted
 from robovast_operator.planning.shards import ShardPlan
 from robovast_operator.pods.templates import inline_items, notify_pod, run_pod, task_pod
@@ -44,7 +51,7 @@ def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Objec
     """The Indexed Job of a shard: a completion index for each pack."""
     request = PackRequest(shard.first_pack, attempt=shard.attempt, repeat=shard.repeat or None)
     job = _job(accepted.identity, shard.job, SHARD_ROLE, {SHARD_LABEL: str(shard.index)})
-    pod = run_pod(accepted, settings, shard.plan, request)
+    pod = run_pod(accepted, settings, shard.plan, request, shard.runs_per_pack)
     queue = accepted.spec.queue_name
     job["spec"] |= {
         "completionMode": "Indexed",
@@ -65,6 +72,8 @@ def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Objec
     job["spec"]["template"]["spec"] = pod
     if queue is not None:
         job["metadata"]["labels"][QUEUE_LABEL] = queue
+    if accepted.spec.queue_priority_class_name is not None:
+        job["metadata"]["labels"][PRIORITY_LABEL] = accepted.spec.queue_priority_class_name
     if shard.owner is not None:
         job["metadata"]["labels"][CONFIGURATION_LABEL] = shard.owner["uid"]
     return job
@@ -109,6 +118,33 @@ def notify_job(
         ),
     }
     job["spec"]["template"]["spec"] = notify_pod(settings, scheduling, order)
+    return job
+
+
+def upload_job(accepted: Accepted, settings: Settings, name: str, archive: str) -> Object:
+    """The Job that uploads a campaign's results.
+
+    Args:
+        accepted: the campaign; it has a share.
+        settings: of the installation.
+        name: of the Job.
+        archive: what the results are called on the share.
+    """
+    spec, identity = accepted.spec, accepted.identity
+    assert spec.share is not None  # noqa: S101  # the caller looked
+    upload = Upload(
+        campaign=archive,
+        bucket=accepted.bucket,
+        endpoint=accepted.endpoint,
+        image=settings.agent_image,
+        region=accepted.region,
+        secret=spec.storage.secret_name,
+        owner={"metadata": {"uid": identity.uid}},
+        scheduling=spec.scheduling,
+    )
+    job = _job(identity, name, SHARE_ROLE, {})
+    job["spec"] |= job_spec()
+    job["spec"]["template"]["spec"] = pod_spec(upload, spec.share.secret_name)
     return job
 
 
@@ -227,6 +263,7 @@ def campaign_plan(
         and Bundle(bucket=bundle.bucket or BUNDLES_BUCKET, key=bundle.key, sha256=bundle.sha256),
         git=git and GitSource(url=git.url, ref=git.ref, path=git.path),
         select=tuple(spec.select),
+        reuse=spec.reuse,
         runs=accepted.runs,
         seed=accepted.seed,
         image=accepted.image,

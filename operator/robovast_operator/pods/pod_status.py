@@ -179,6 +179,12 @@ def message_of(pod: Object, container: str) -> str:
     return str(ending_of(pod, container).get("message", ""))
 
 
+def last_message(pods: Iterable[Object], container: str) -> str:
+    """The termination message of a container in the last pod that has one; empty if none has."""
+    said = {p["metadata"]["creationTimestamp"]: message_of(p, container).strip() for p in pods}
+    return next((said[at] for at in sorted(said, reverse=True) if said[at]), "")
+
+
 def ending_of(pod: Object, container: str) -> Object:
     """How a container ended; empty when it has not."""
     for status in containers_of(pod):

@@ -20,9 +20,11 @@ from robovast.kubeapi.pod_contract.messages import (
     error_in,
 )
 from robovast.kubeapi.status import FAILING_LIMIT, Runs
+from robovast.model.packing import Sample
 from robovast.model.repetition import GroupSizes
-from robovast_operator.kube.lenient import ranges
+from robovast_operator.kube.lenient import ranges, time
 from robovast_operator.kube.objects import Object
+from robovast_operator.kube.times import parse_time
 from robovast_operator.pods.findings import Final
 from robovast_operator.pods.pod_status import ending_of, index_of, message_of
 from robovast_operator.pods.verdicts import Report
@@ -32,7 +34,7 @@ _ALL_STORED = {AgentExit.FAILED: Report(failed=1), AgentExit.ERRORED: Report(err
 
 
 def reports_of(pods: Iterable[Object]) -> dict[int, Report]:
-    """Reports of a Job's failed pods about their runs, by completion index; the last pod counts.
+    """Reports of a Job's ended pods about their runs, by completion index; the last pod counts.
 
     Runs that the last pod of a failed index leaves without a verdict never get one.
     """
@@ -62,7 +64,19 @@ def _report(pod: Object) -> Report | None:
     counts = said.counts
     if counts is None and not said.truncated:
         counts = (count(passed), count(failed), count(errored))
-    return None if counts is None else Report(*counts, tuple(failed), tuple(errored), final=True)
+    if counts is None:
+        return None
+    return Report(*counts, tuple(failed), tuple(errored), said.not_needed or 0, final=True)
+
+
+def sample_of(pod: Object) -> Sample | None:
+    """How long a pod that has ended took, and its runs; None if it does not say that."""
+    said = Verdicts.read(message_of(pod, "agent"))
+    began, ended = pod["status"].get("startTime"), ending_of(pod, "agent").get("finishedAt")
+    if said is None or said.executed is None or said.seconds is None or not (began and ended):
+        return None
+    seconds = (parse_time(time(ended)) - parse_time(time(began))).total_seconds()
+    return Sample(said.executed, said.seconds, max(seconds, said.seconds))
 
 
 def final_of(pods: Iterable[Object]) -> Final | None:
@@ -72,7 +86,7 @@ def final_of(pods: Iterable[Object]) -> Final | None:
 
 
 def _is_whole(said: Summary) -> bool:
-    return said.passed + said.failed + said.errored == said.total
+    return said.passed + said.failed + said.errored + (said.not_needed or 0) == said.total
 
 
 def _final(said: Summary) -> Final:
@@ -84,12 +98,14 @@ def _final(said: Summary) -> Final:
             failed=said.failed,
             errored=said.errored,
             stored=stored,
+            not_needed=said.not_needed or 0,
         ),
         ranges(said.failed_runs, said.total),
         ranges(said.errored_runs, said.total),
         said.truncated,
         said.failing[:FAILING_LIMIT],
         *_list(said.repeat, said.failed + said.errored),
+        decisions=said.decisions or "",
     )
 
 

@@ -30,7 +30,8 @@ from robovast.kubeapi.pod_contract.pods import (
 from robovast.kubeapi.pod_contract.sightings import FILE
 from robovast.kubeapi.resources import ROLE_LABEL, SHARD_ROLE, UID_LABEL, Scheduling
 from robovast.kubeapi.secret_names import may_be_named, refusal
-from robovast.model.document.model import Nodes, Resources
+from robovast.model.document.assets import Assets
+from robovast.model.document.execution import Nodes, Resources
 from robovast.model.expansion.limit import VARIABLE
 from robovast.model.quantities import (
     cpus,
@@ -56,7 +57,9 @@ GRACE_SECONDS = 60
 """For runs that are told to end, and for what is just being stored."""
 
 
-def run_pod(accepted: Accepted, settings: Settings, plan: str, request: PackRequest) -> Object:
+def run_pod(
+    accepted: Accepted, settings: Settings, plan: str, request: PackRequest, runs: int = 1
+) -> Object:
     """The pod spec of a pack of runs.
 
     Args:
@@ -64,6 +67,7 @@ def run_pod(accepted: Accepted, settings: Settings, plan: str, request: PackRequ
         settings: of the installation.
         plan: name of the ConfigMap with the plan.
         request: which runs.
+        runs: how many of them one start executes at most.
     """
     execution = accepted.vast.execution
     spec = _pod(accepted, plan, execution.kubernetes.jobs)
@@ -79,13 +83,16 @@ def run_pod(accepted: Accepted, settings: Settings, plan: str, request: PackRequ
         _run_container(accepted, settings, "robovast", [], execution.resources),
         _agent(settings),
     ]
-    spec["volumes"] = [_work(settings), *_shared_memory(accepted), *spec["volumes"]]
+    if execution.kubernetes.device_claims:
+        spec["resourceClaims"] = device_claims(execution.kubernetes.device_claims)
+    own = [_work(settings), *_shared_memory(accepted)]
+    spec["volumes"] = [*own, *asset_volumes(execution.kubernetes.assets), *spec["volumes"]]
     labels = {UID_LABEL: accepted.identity.uid, ROLE_LABEL: SHARD_ROLE}
     spread_over = spread(accepted.spec.scheduling, labels)
     if spread_over:
         spec["topologySpreadConstraints"] = spread_over
     if execution.timeout is not None:
-        longest = (execution.timeout + GRACE_SECONDS) * execution.runs_per_job
+        longest = (execution.timeout + GRACE_SECONDS) * runs
         spec["activeDeadlineSeconds"] = longest + DEADLINE_MARGIN
     return spec
 
@@ -237,14 +244,54 @@ def _run_container(
         "name": name,
         "image": accepted.image,
         "command": ["bash", f"{CONFIG}/start.sh", *arguments],
-        "resources": container_resources(accepted, resources),
+        "resources": container_resources(accepted, resources) | _devices(accepted),
         "securityContext": confined(settings.restricted_runs),
         "volumeMounts": [
             {"name": str(Mount.WORK), "mountPath": CONFIG, "subPath": "config", "readOnly": True},
             {"name": str(Mount.WORK), "mountPath": OUT, "subPath": "out"},
             *({"name": volume["name"], "mountPath": SHM} for volume in _shared_memory(accepted)),
+            *(
+                {"name": _assets_name(number), "mountPath": assets.path, "readOnly": True}
+                for number, assets in enumerate(accepted.vast.execution.kubernetes.assets)
+            ),
         ],
     }
+
+
+def device_claims(templates: Sequence[str]) -> list[Object]:
+    """A pod's own claims of devices, by the templates that they are made from."""
+    return [
+        {"name": _claim_name(number), "resourceClaimTemplateName": name}
+        for number, name in enumerate(templates)
+    ]
+
+
+def _devices(accepted: Accepted) -> Object:
+    """The same as resources: all containers of a run share them."""
+    claims = range(len(accepted.vast.execution.kubernetes.device_claims))
+    return {"claims": [{"name": _claim_name(number)} for number in claims]} if claims else {}
+
+
+def _claim_name(number: int) -> str:
+    return f"device-{number}"
+
+
+def asset_volumes(assets: Sequence[Assets]) -> list[Object]:
+    """The volumes of a document's assets.
+
+    A claim is read only here, too, so that the kubelet gives its files to no other group.
+    """
+    return [{"name": _assets_name(number), **_place(one)} for number, one in enumerate(assets)]
+
+
+def _place(assets: Assets) -> Object:
+    if assets.claim is not None:
+        return {"persistentVolumeClaim": {"claimName": assets.claim, "readOnly": True}}
+    return {"image": {"reference": assets.image}}
+
+
+def _assets_name(number: int) -> str:
+    return f"assets-{number}"
 
 
 def _shared_memory(accepted: Accepted) -> list[Object]:
@@ -260,7 +307,7 @@ def _shared_memory(accepted: Accepted) -> list[Object]:
 
 
 def _work(settings: Settings) -> Object:
-    """The volume of a run's pod; what outgrows it ends its own pod, not those beside it."""
+    """The volume of a run's pod; a pod that exceeds its limit is evicted, and no other."""
     limit = {"sizeLimit": settings.work_limit} if settings.work_limit else {}
     return _volume(Mount.WORK, emptyDir=limit)
 
@@ -282,16 +329,13 @@ def _own(
         {"name": "NODE_NAME", "valueFrom": {"fieldRef": {"fieldPath": "spec.nodeName"}}},
         {"name": VARIABLE, "value": str(settings.variant_limit)},
     ]
-    if name not in {
-        "compose",
-        "propose",
-    }:  # which tell what is wrong in a document, and what is right
+    if name not in {"compose", "propose"}:  # which check the document
         variables.append({"name": WITHOUT, "value": "true"})
     return own_container(settings.agent_image, name, arguments, mounts, resources, variables)
 
 
 def _agent(settings: Settings) -> Object:
-    """What stores the runs; its pod is not ready while a run writes nothing to its log."""
+    """The container that stores the runs; its pod is not ready while a run is silent."""
     requests = {**BESIDE_RUNS["requests"]}
     if settings.work_request:
         requests["ephemeral-storage"] = settings.work_request

@@ -26,11 +26,13 @@ class Tally:
     errored: int = 0
     failed_ids: tuple[Span, ...] = ()
     errored_ids: tuple[Span, ...] = ()
+    not_needed: int = 0
+    """Further runs that are not executed, since these have decided."""
 
     @property
-    def decided(self) -> int:
-        """Runs with a verdict."""
-        return self.passed + self.failed + self.errored
+    def settled(self) -> int:
+        """Runs of which nothing more is to be known."""
+        return self.passed + self.failed + self.errored + self.not_needed
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,7 @@ def total(parts: Iterable[Tally]) -> Tally:
         sum(part.errored for part in known),
         tuple(merge(span for part in known for span in part.failed_ids)),
         tuple(merge(span for part in known for span in part.errored_ids)),
+        sum(part.not_needed for part in known),
     )
 
 
@@ -85,23 +88,26 @@ def tally_of(runs: ShardRuns, job: JobState, reports: Mapping[int, Report]) -> T
     Args:
         runs: of the shard.
         job: its Job.
-        reports: what pods of failed indexes said, by index.
+        reports: what pods of failed indexes said, by index; where not all runs are needed, also
+            those of completed ones.
     """
     size = runs.shard.size
     failed = ranges(job.failed, size)
+    completed = subtract(ranges(job.completed, size), failed)
+    spoken = merge([*failed, *completed]) if runs.plan.by_variant else failed
     told = [
         _index_tally(runs, index, report)
         for index, report in reports.items()
-        if contains(failed, index)
+        if contains(spoken, index)
     ]
-    passed = Tally(passed=runs.number(subtract(ranges(job.completed, size), failed)))
-    return total([passed, *told])
+    passed = 0 if runs.plan.by_variant else runs.number(completed)
+    return total([Tally(passed=passed), *told])
 
 
 def _index_tally(runs: ShardRuns, index: int, report: Report) -> Tally:
     """What a report says of its index; nothing when it speaks of more runs than there are."""
     number, mine = runs.number([(index, index)]), runs.ids(index)
-    left = number - report.decided
+    left = number - report.settled
     if left < 0:
         return Tally()
     errored_ids = report.errored_ids
@@ -114,4 +120,5 @@ def _index_tally(runs: ShardRuns, index: int, report: Report) -> Tally:
         report.errored + (left if report.final else 0),
         tuple(clip(report.failed_ids, *bounds)),
         tuple(clip(errored_ids, *bounds)),
+        report.not_needed,
     )

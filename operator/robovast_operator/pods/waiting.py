@@ -87,6 +87,15 @@ def waiting_of(workload: Object, job: JobState) -> Waiting | None:
     return Waiting(job.name, "Waiting", message, fits=fits)
 
 
+def no_class(job: JobState) -> Waiting:
+    """The finding that there is no such priority class."""
+    message = (
+        f"Kueue has no WorkloadPriorityClass {job.priority}: make it, or set "
+        "spec.queuePriorityClassName to another one (`kubectl get workloadpriorityclasses`)."
+    )
+    return Waiting(job.name, "NoPriorityClass", message, helpless=True)
+
+
 def _inactive(workload: Object, job: JobState, conditions: Mapping[str, Object]) -> Waiting:
     name = workload["metadata"]["name"]
     if PARKED in (workload["metadata"].get("annotations") or {}):

@@ -66,7 +66,7 @@ def composing_conditions(trouble: Trouble | None) -> list[Found]:
 
 
 def failing_conditions(trouble: Trouble, before: Iterable[Condition]) -> list[Found]:
-    """The conditions of a campaign with which nothing can be done: those before, and why."""
+    """The conditions of a campaign that cannot be reconciled: the previous ones, and why."""
     why = (trouble.reason, trouble.message)
     kept: list[Found] = [
         (c.type, c.status, c.reason, c.message) for c in before if c.type != "Stalled"
@@ -96,7 +96,7 @@ def campaign_state(
         return "Suspended"
     if by_type["QuotaReserved"].status == "False":
         return "Queued"
-    if snapshot.due_to_propose:
+    if snapshot.idle:
         return "Proposing"
     if not active:
         return "Pending"
@@ -124,9 +124,9 @@ def _reconciling(snapshot: Snapshot, runs: Runs) -> Found:
         return ("Reconciling", "True", "Finishing", "the results are being completed")
     if snapshot.accepted.spec.suspend:
         return ("Reconciling", "False", "Suspended", "spec.suspend is set")
-    if snapshot.due_to_propose:
+    if snapshot.idle:
         return ("Reconciling", "True", "Proposing", "a Job proposes the next runs of the search")
-    return ("Reconciling", "True", "Running", f"{runs.decided} of {runs.total} runs")
+    return ("Reconciling", "True", "Running", f"{runs.decided} of {runs.needed} runs")
 
 
 def _stalled(snapshot: Snapshot) -> Found:
@@ -142,7 +142,9 @@ def _succeeded(snapshot: Snapshot, runs: Runs) -> Found:
         return ("Succeeded", "False", snapshot.given_up.reason, snapshot.given_up.message)
     if snapshot.over:
         why = f"; the search ended: {snapshot.search.stop_reason}" if snapshot.search else ""
-        return ("Succeeded", "True", "Finished", f"all {runs.total} runs have ended{why}")
+        spared = f", {runs.not_needed} others are not needed" if runs.not_needed else ""
+        message = f"all {runs.needed} runs have ended{spared}{why}"
+        return ("Succeeded", "True", "Finished", message)
     return ("Succeeded", "Unknown", "Running", "")
 
 
@@ -151,9 +153,9 @@ def _passed(snapshot: Snapshot, runs: Runs) -> Found:
         return _found(snapshot, snapshot.search)
     least = snapshot.accepted.spec.acceptance.min_pass_ratio
     bad = runs.failed + runs.errored
-    needed = float(least) * runs.total
-    told = f"{runs.passed} of {runs.total} runs passed; needed are {least} of all"
-    if runs.total and runs.total - bad < needed - 1e-9:
+    needed = float(least) * runs.needed
+    told = f"{runs.passed} of {runs.needed} runs passed; needed are {least} of all"
+    if runs.needed and runs.needed - bad < needed - 1e-9:
         return ("Passed", "False", "TooManyBadRuns", told)
     if snapshot.given_up is not None:
         return ("Passed", "False", snapshot.given_up.reason, snapshot.given_up.message)
@@ -163,7 +165,7 @@ def _passed(snapshot: Snapshot, runs: Runs) -> Found:
 
 
 def _found(snapshot: Snapshot, search: SearchStatus) -> Found:
-    """Whether a search could score what it has run; failed runs are what it looks for."""
+    """Whether a search could score its sets; failed runs are no fault: it looks for them."""
     if snapshot.given_up is not None:
         return ("Passed", "False", snapshot.given_up.reason, snapshot.given_up.message)
     if not (snapshot.over and snapshot.indexed):
@@ -185,7 +187,7 @@ def _results(snapshot: Snapshot) -> Found:
 
 
 def is_news(old: CampaignStatus, new: CampaignStatus) -> bool:
-    """Whether a change of status is told at once: numbers can wait, facts cannot."""
+    """Whether a changed status is written at once: numbers can wait, conditions cannot."""
 
     def facts(status: CampaignStatus) -> list[tuple[str, str, str]]:
         return [(c.type, c.status, c.reason) for c in status.conditions]
@@ -194,21 +196,21 @@ def is_news(old: CampaignStatus, new: CampaignStatus) -> bool:
         return [(shard.job, shard.state) for shard in status.shards]
 
     def all_done(status: CampaignStatus) -> bool:
-        return status.runs.decided == status.runs.total
+        return status.runs.decided == status.runs.needed
 
     return (
         facts(old) != facts(new)
         or shards(old) != shards(new)
         or all_done(old) != all_done(new)
         or (old.attempt, old.observed_generation) != (new.attempt, new.observed_generation)
-        or old.notified != new.notified
+        or (old.notified, old.shared) != (new.notified, new.shared)
     )
 
 
 def is_settled(
     obj: Object, jobs: Mapping[str, JobState], configurations: Collection[Object]
 ) -> bool:
-    """Whether a campaign is finished for good: it costs nothing more."""
+    """Whether a campaign is finished: nothing is left to do for it."""
     status = read_status(CampaignStatus, obj.get("status"))
     spec = obj.get("spec") or {}
     expires = spec.get("ttlSecondsAfterFinished") is not None and bool(jobs)

@@ -1,4 +1,4 @@
-"""Why a look at a Campaign failed, in the words of its condition. Pure functions."""
+"""Why a reconcile failed, as reason and message of the condition. Pure functions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _TOO_LARGE = ("request is too large", "Too long: ", "limit is ")
 
 
 def trouble_of_error(error: Exception) -> Trouble:
-    """Why a look at a Campaign came to nothing."""
+    """Why a reconcile failed."""
     if isinstance(error, RobovastError):
         return Trouble("Invalid", str(error))
     if isinstance(error, ApiError) and error.code == 0:

@@ -24,13 +24,22 @@ _SUBJECTS: dict[Event, frozenset[Subject]] = {
     "GivenUp": frozenset({"Finished", "Trouble"}),
     "Stalled": frozenset({"Trouble"}),
     "Recovered": frozenset({"Trouble"}),
+    "Started": frozenset({"Started"}),
+    "Batch": frozenset({"Progress"}),
+    "Progress": frozenset({"Progress"}),
 }
 """Who is told: an end is told once, whatever it is."""
+
+HOUR = timedelta(hours=1)
+"""Between two notices of progress."""
+
+_GOING = {"Running", "Proposing", "Finishing"}
+"""States of a campaign that goes on by itself; one that waits for a queue has not started."""
 
 
 @dataclass(frozen=True)
 class Transition:
-    """Something that is to be told."""
+    """A notice to send."""
 
     event: Event
     mark: str
@@ -56,7 +65,9 @@ def due(
         lasting: how long trouble must last; much of it passes by itself.
     """
     found = _transition(status)
-    if found is None or found.mark in status.notified or not interested(found, receivers):
+    if found is None:
+        return _next_milestone(status, receivers, now)
+    if found.mark in status.notified or not interested(found, receivers):
         return None, None
     if found.lasting:
         wait = (parse_time(found.since.last_transition_time) + lasting - now).total_seconds()
@@ -67,15 +78,24 @@ def due(
 
 def interested(transition: Transition, receivers: Sequence[Notification]) -> list[Notification]:
     """Those who are told of it."""
-    subjects = _SUBJECTS[transition.event]
+    return _interested(transition.event, receivers)
+
+
+def _interested(event: Event, receivers: Sequence[Notification]) -> list[Notification]:
+    subjects = _SUBJECTS[event]
     return [receiver for receiver in receivers if subjects.intersection(receiver.subjects)]
 
 
 def marked(status: CampaignStatus, transition: Transition) -> CampaignStatus:
-    """The status that remembers that it was told."""
-    return status.model_copy(
-        update={"notified": [*status.notified, transition.mark][-NOTIFIED_LIMIT:]}
-    )
+    """The status with the mark of a sent notice; of milestones of a kind, the last mark stays."""
+    kept = [mark for mark in status.notified if not _is_replaced(mark, transition)]
+    return status.model_copy(update={"notified": [*kept, transition.mark][-NOTIFIED_LIMIT:]})
+
+
+def _is_replaced(mark: str, transition: Transition) -> bool:
+    """Whether a mark is of an earlier milestone of the kind: days of hours are no history."""
+    kind = transition.event.lower()
+    return kind in {"progress", "batch"} and mark.startswith(f"{kind}-")
 
 
 def job_suffix(transition: Transition) -> str:
@@ -86,11 +106,12 @@ def job_suffix(transition: Transition) -> str:
 def notice(
     identity: Identity, status: CampaignStatus, transition: Transition, now: datetime
 ) -> Notice:
-    """What is told."""
+    """The content of a notice."""
     passed = _condition(status, "Passed")
     over = transition.event in {"Finished", "GivenUp"}
     told = passed if transition.event == "Finished" and passed else transition.since
-    messages = [told.message]
+    milestone = transition.event in {"Started", "Batch", "Progress"}  # whose numbers say it all
+    messages = [] if milestone else [told.message]
     if transition.since.reason == "ProcessingFailed":
         messages.append(transition.since.message)
     started, ended = status.start_time, status.completion_time
@@ -109,6 +130,7 @@ def notice(
         verdict=_verdict(passed) if over else None,
         runs=status.runs,
         failing=status.failing,
+        search=status.search,
         seconds=(took - parse_time(started)).total_seconds() if started else None,
         reason=told.reason,
         message="\n".join(messages),
@@ -134,6 +156,30 @@ def _transition(status: CampaignStatus) -> Transition | None:
         cause = last.removeprefix("stalled-")
         return Transition("Recovered", f"recovered-{cause}", stalled, lasting=True)
     return None
+
+
+def _next_milestone(
+    status: CampaignStatus, receivers: Sequence[Notification], now: datetime
+) -> tuple[Transition | None, float | None]:
+    """What a campaign that simply goes on has come to, and when it comes to the next hour [s]."""
+    going = _condition(status, "Reconciling")
+    if status.start_time is None or going is None or status.state not in _GOING:
+        return None, None
+    started = parse_time(status.start_time)
+    hours = (now - started) // HOUR
+    batch = status.search.batch if status.search is not None else 0
+    reached = [
+        (Transition("Started", "started", going), True),
+        (Transition("Batch", f"batch-{batch}", going), batch > 0),
+        (Transition("Progress", f"progress-{hours}", going), hours > 0),
+    ]
+    for milestone, is_reached in reached:
+        new = is_reached and milestone.mark not in status.notified
+        if new and interested(milestone, receivers):
+            return milestone, None
+    if not _interested("Progress", receivers):
+        return None, None
+    return None, (started + (hours + 1) * HOUR - now).total_seconds()
 
 
 def _verdict(passed: Condition | None) -> Literal["Passed", "Failed"]:

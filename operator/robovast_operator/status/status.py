@@ -15,6 +15,7 @@ from robovast_operator.planning.shards import ShardPlan
 from robovast_operator.pods.verdicts import Tally
 from robovast_operator.snapshot import Snapshot
 from robovast_operator.status.conditions import campaign_conditions, campaign_state
+from robovast_operator.status.estimate import estimate_of
 
 
 def tell(snapshot: Snapshot, created: Sequence[ShardPlan]) -> CampaignStatus:
@@ -28,7 +29,7 @@ def tell(snapshot: Snapshot, created: Sequence[ShardPlan]) -> CampaignStatus:
     ended = format_time(snapshot.now) if snapshot.over else None
     status = CampaignStatus(
         observed_generation=snapshot.generation,
-        progress=f"{runs.decided}/{runs.total}",
+        progress=f"{runs.decided}/{runs.needed}",
         campaign=accepted.campaign,
         bucket=accepted.bucket,
         endpoint=accepted.endpoint,
@@ -44,9 +45,12 @@ def tell(snapshot: Snapshot, created: Sequence[ShardPlan]) -> CampaignStatus:
         settled=settled,
         bad=snapshot.bad,
         search=snapshot.search,
+        decisions=snapshot.decisions,
         queue=snapshot.held and snapshot.held.place,
+        estimate=estimate_of(snapshot, runs),
         start_time=started,
         completion_time=(old.completion_time or ended) if ended else None,
+        shared=(snapshot.results if accepted.spec.share else "") or old.shared,
         notified=old.notified,
     )
     conditions = campaign_conditions(snapshot, runs)
@@ -56,7 +60,7 @@ def tell(snapshot: Snapshot, created: Sequence[ShardPlan]) -> CampaignStatus:
 
 
 def _records(snapshot: Snapshot, created: Sequence[ShardPlan]) -> list[Shard]:
-    """Shards that the status tells of: they have a Job, or had one."""
+    """Shards in the status: they have a Job, or had one."""
     made = {shard.job for shard in created}
     records = []
     for shard in snapshot.shards:
@@ -76,6 +80,7 @@ def _records(snapshot: Snapshot, created: Sequence[ShardPlan]) -> list[Shard]:
                 passed=tally.passed,
                 failed=tally.failed,
                 errored=tally.errored,
+                not_needed=tally.not_needed,
                 configuration=shard.configuration,
                 plan=shard.plan,
             )
@@ -84,7 +89,7 @@ def _records(snapshot: Snapshot, created: Sequence[ShardPlan]) -> list[Shard]:
 
 
 def _folded(snapshot: Snapshot, records: Sequence[Shard]) -> tuple[list[Shard], Settled]:
-    """What is told of shards, the oldest as numbers when there are too many."""
+    """The shards in the status; if there are too many, the oldest only as numbers."""
     current = {shard.job for shard in snapshot.shards}
     past = [record for record in snapshot.status.shards if record.job not in current]
     settled = snapshot.settled
@@ -102,7 +107,7 @@ def _folded(snapshot: Snapshot, records: Sequence[Shard]) -> tuple[list[Shard], 
         "repeated": settled.repeated + sum(record.attempt > 1 for record in folded),
         **{
             kind: getattr(settled, kind) + sum(getattr(record, kind) for record in folded)
-            for kind in ("passed", "failed", "errored")
+            for kind in ("passed", "failed", "errored", "not_needed")
         },
     }
     rest = [record for record in records if record not in folded]
@@ -127,7 +132,7 @@ def _record_state(
 
 @dataclass(frozen=True)
 class _Numbers:
-    """Counts, and as many bad runs as are told."""
+    """Counts, and as many bad runs as the status lists."""
 
     runs: Runs
     failed: str = ""
@@ -137,7 +142,7 @@ class _Numbers:
 
 
 def _numbers(snapshot: Snapshot) -> _Numbers:
-    """Counts and bad runs: as the Jobs say, and in the end as the bucket says."""
+    """Counts and bad runs: first those of the Jobs, in the end those of the bucket."""
     old, final, settled = snapshot.status, snapshot.final, snapshot.settled
     if snapshot.repeats:
         return _Numbers(Runs(total=snapshot.plan.total, **_counts(settled), stored=settled.passed))
@@ -166,10 +171,11 @@ def _numbers(snapshot: Snapshot) -> _Numbers:
 
 
 def _counts(of: Tally | Settled) -> dict[str, int]:
-    return {"passed": of.passed, "failed": of.failed, "errored": of.errored}
+    kinds = ("passed", "failed", "errored", "not_needed")
+    return {kind: getattr(of, kind) for kind in kinds}
 
 
 def _texts(failed: Sequence[Span], errored: Sequence[Span]) -> tuple[str, str, bool]:
-    """Ids for people, as many as there is room for, and whether some are missing."""
+    """Ids for people, as many as fit, and whether some are missing."""
     cut = [truncate(format_ranges(ids), RANGES_LIMIT) for ids in (failed, errored)]
     return cut[0][0], cut[1][0], any(was_cut for _, was_cut in cut)

@@ -1,0 +1,44 @@
+"""Reports on notices and uploads: what did not arrive, and what has arrived."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from robovast_operator.effects.diagnose import Diagnosis
+from robovast_operator.kube.announce import announce
+from robovast_operator.kube.api import Api
+from robovast_operator.kube.events import Message
+from robovast_operator.kube.objects import Identity
+from robovast_operator.kube.store import NOTIFY_ROLE, JobState
+from robovast_operator.pods.pod_status import last_message, last_words
+
+
+class Deliveries:
+    """Creates Events about notices and uploads."""
+
+    def __init__(self, api: Api, diagnosis: Diagnosis) -> None:
+        self._api = api
+        self._diagnosis = diagnosis
+
+    async def report(self, identity: Identity, jobs: Iterable[JobState], told: set[str]) -> None:
+        """Report once each notice that did not reach all receivers, and the end of each upload."""
+        for job in jobs:
+            if job.open or job.uid in told:
+                continue
+            message = await self._message(job)
+            if message is not None:
+                await announce(self._api, identity, message)
+            told.add(job.uid)
+
+    async def _message(self, job: JobState) -> Message | None:
+        failed, notice = job.finished == "Failed", job.role == NOTIFY_ROLE
+        if notice and not failed:
+            return None
+        pods = [pod async for pod in self._diagnosis.pods_of(job)] if failed else []
+        if notice:
+            causes = last_words(pods, job.role, job.failed) or [job.message]
+            return Message("Warning", "NotificationFailed", "\n".join(causes), job.uid)
+        if failed:
+            cause = last_message(pods, job.role) or job.message
+            return Message("Warning", "UploadFailed", f"not on the share: {cause}", job.uid)
+        return Message("Normal", "Uploaded", "the results are on the share", job.uid)

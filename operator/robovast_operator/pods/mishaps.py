@@ -1,0 +1,46 @@
+"""The first runs and pods that went wrong, for people. Pure functions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from robovast.base.printable import one_line
+from robovast.kubeapi.pod_contract.messages import BadRun, Verdicts
+from robovast.kubeapi.pod_contract.pack_request import RUN
+from robovast_operator.kube.lenient import text
+from robovast_operator.kube.objects import Object
+from robovast_operator.pods.findings import MISHAPS, Mishap
+from robovast_operator.pods.pod_status import ending_of, message_of, troubles_of
+
+
+def mishaps_of(pods: Iterable[Object]) -> list[Mishap]:
+    """What went wrong in pods that failed, the oldest first; only some of it."""
+    found: list[Mishap] = []
+    failed = (pod for pod in pods if pod["status"].get("phase") == "Failed")
+    for pod in sorted(failed, key=lambda pod: str(pod["metadata"]["creationTimestamp"])):
+        found += _mishaps(pod)
+        if len(found) >= MISHAPS:
+            break
+    return found[:MISHAPS]
+
+
+def _mishaps(pod: Object) -> Iterator[Mishap]:
+    """Its bad runs if it says which, and what ended it by force."""
+    said = Verdicts.read(message_of(pod, "agent"))
+    for bad in (said.bad or ()) if said is not None else ():
+        yield _run(bad)
+    name, node = text(pod["metadata"].get("name")), text(pod["spec"].get("nodeName"), "?")
+    causes = [trouble.message for trouble in troubles_of(pod)]
+    if ending_of(pod, RUN).get("reason") == "OOMKilled":
+        causes.append("its run needed more memory than the limit of its container")
+    if causes:
+        yield Mishap("PodFailed", name, one_line(f"the pod {name} on {node}: {causes[0]}"))
+    elif said is None:
+        code = ending_of(pod, "agent").get("exitCode")
+        ended = "it is gone" if code is None else f"its agent ended with {code}"
+        yield Mishap("PodFailed", name, f"the pod {name} on {node} said nothing of runs: {ended}")
+
+
+def _run(bad: BadRun) -> Mishap:
+    reason = "RunFailed" if bad.verdict == "failed" else "RunErrored"
+    return Mishap(reason, bad.run, one_line(f"{bad.run} has {bad.verdict}: {bad.reason}"))

@@ -1,0 +1,82 @@
+"""What is told of a campaign's way beside its conditions: a few Events, however many runs it has.
+
+Pure functions. Each follows from the change of the status that it is written with, so whoever
+dies in between, it is there once. `kubectl describe campaign` shows them in order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from robovast.kubeapi.status import CampaignStatus
+from robovast_operator.kube.events import Message
+from robovast_operator.pods.findings import MISHAPS
+from robovast_operator.snapshot import Snapshot
+
+
+def story(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
+    """What people are told when the status of a campaign changes to a new one."""
+    yield from _planned(snapshot, new)
+    yield from _jobs(snapshot, new)
+    yield from _repeated(snapshot, new)
+    yield from _mishaps(snapshot, new)
+
+
+def _planned(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
+    """The first runs, and those that a change of the Campaign adds; not each batch of a search."""
+    old, total = snapshot.status, new.runs.total
+    asked = not old.runs.total or old.observed_generation != new.observed_generation
+    if total <= old.runs.total or not asked:
+        return
+    packs, most = snapshot.plan.packs, snapshot.accepted.spec.parallelism
+    told = f"{_count(total, 'run')} in {_count(packs, 'pack')}, in at most {_count(most, 'pod')}"
+    yield Message("Normal", "Planned", f"{told} at once", str(total))
+
+
+def _jobs(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
+    """The first Job, the tenth, the hundredth, and so on."""
+    before, now = _made(snapshot.status), _made(new)
+    if now <= before or _step(before) == _step(now):
+        return
+    job = new.shards[-1].job if new.shards else ""
+    told = f"the Job {job} executes runs" + (f"; {now} were made so far" if now > 1 else "")
+    yield Message("Normal", "JobCreated", told, f"{new.attempt} {_step(now)}")
+
+
+def _made(status: CampaignStatus) -> int:
+    return status.settled.shards + len(status.shards)
+
+
+def _repeated(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
+    """Another attempt."""
+    if new.bad is not None and new.attempt > snapshot.status.attempt:
+        told = f"attempt {new.attempt}: {_count(new.bad.runs, 'bad run')} executed once more"
+        yield Message("Normal", "Repeated", told, str(new.attempt))
+
+
+def _mishaps(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
+    """The first runs and pods that went wrong, then numbers: the tenth, the hundredth, ..."""
+    before, now = _bad(snapshot.status), _bad(new)
+    if now <= before:
+        return
+    if before < MISHAPS:
+        for one in snapshot.pods.mishaps:
+            yield Message("Warning", one.reason, one.message, f"{new.attempt} {one.about}")
+    if _step(before) != _step(now) and now >= 10:
+        runs = new.runs
+        told = f"{runs.failed} failed and {runs.errored} errored of {runs.decided} runs so far"
+        yield Message("Warning", "RunsBad", told, f"{new.attempt} {_step(now)}")
+
+
+def _bad(status: CampaignStatus) -> int:
+    """How many runs did not pass, or may not have."""
+    return status.runs.failed + status.runs.errored + status.runs.undecided
+
+
+def _step(number: int) -> int:
+    """The power of ten that a number has reached, as how many digits it has; of none, 0."""
+    return len(str(number)) if number else 0
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
