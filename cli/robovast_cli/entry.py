@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
+
+_ALLOCATIONS = 100_000
+"""Objects after which the collector looks for cycles. The runs of a large campaign stay; looking
+through them every 700 objects, as is usual, takes a tenth of the time to read them."""
 
 
 def main() -> None:
@@ -15,6 +20,7 @@ def main() -> None:
     loud = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if loud:
         signal.signal(signal.SIGINT, _end)
+    gc.set_threshold(_ALLOCATIONS)
     from robovast_cli.main import main as run
 
     if loud:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -43,6 +43,17 @@ class LazyCommand(TyperCommand):
     ) -> Any:
         """The context of the real command, which replaces this one."""
         return self.load().make_context(info_name, args, parent=parent, **extra)
+
+
+def paths_of(name: str, group: Any, path: str) -> Iterator[str]:
+    """Commands of a name anywhere below a group, as one types them: `vast exec local run`."""
+    for own, command in getattr(group, "commands", {}).items():
+        if command.hidden:
+            continue
+        if own == name:
+            yield f"`{path} {own}`"
+        real = command.load() if isinstance(command, LazyCommand) else command
+        yield from paths_of(name, real, f"{path} {own}")
 
 
 def new_app(help_text: str, **settings: Any) -> typer.Typer:

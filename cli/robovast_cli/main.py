@@ -11,7 +11,7 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from robovast.base.printable import PrintableFormatter
-from robovast_cli.lazy import Lazy, add_lazy, new_app
+from robovast_cli.lazy import Lazy, add_lazy, new_app, paths_of
 from robovast_cli.ui.report import errors_reported
 from robovast_cli.ui.usage import usage_explained
 from robovast_cli.workspace import Workspace, set_log_level
@@ -25,6 +25,9 @@ COMMANDS: Mapping[str, Lazy] = {
     ),
     "exec": Lazy("robovast_cli.commands.exec.app:app", "Run campaigns.", aliases=("execution",)),
     "replay": Lazy("robovast_cli.commands.replay:app", "Execute a run again, and compare."),
+    "minimise": Lazy(
+        "robovast_cli.commands.minimise:app", "Find the mildest parameters with which a run fails."
+    ),
     "results": Lazy(
         "robovast_cli.commands.results.app:app",
         "Download, postprocess, query and publish results.",
@@ -66,6 +69,15 @@ class Root(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command of a name; plugins are looked for when no own command has it."""
         return super().get_command(ctx, cmd_name) or self.plugins.get(cmd_name)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that is called; an unknown one says which group has its name."""
+        try:
+            return super().resolve_command(ctx, args)
+        except typer.TyperException as error:
+            if found := sorted(paths_of(args[0], self, "vast")):
+                error.message = f"No such command {args[0]!r}. Did you mean {', '.join(found)}?"
+            raise
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from robovast.base.errors import InputError
 from robovast_cli.ui.report import tell
+from robovast_cli.ui.working import working
 
 if TYPE_CHECKING:
     from robovast.model.document import Document
@@ -60,11 +61,13 @@ class Workspace:
 
     def document(self) -> Document:
         """The checked .vast file; keys without effect are reported on stderr."""
-        from robovast.model.document import load_document
-
         project = self.project  # its log level holds for what follows
         del project
-        document = load_document(self.path)
+        path = self.path
+        with working(f"Reading {path.name}"):
+            from robovast.model.document import load_document
+
+            document = load_document(path)
         for warning in document.warnings:
             tell(f"warning: {warning}")
         return document

@@ -3,12 +3,12 @@
 import os
 import secrets
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
 from robovast.base.errors import CannotRunError, InputError
+from robovast_cli.commands.results.options import ResultsDir
 from robovast_cli.lazy import new_app
 from robovast_cli.ui.output import say
 
@@ -20,16 +20,7 @@ app = new_app("Let an assistant look at results (MCP).")
 @app.command()
 def mcp(
     ctx: typer.Context,
-    results_dir: Annotated[
-        Path | None,
-        typer.Option(
-            "-r",
-            "--results-dir",
-            metavar="PATH",
-            help="Results folder, or one campaign's; the project's when omitted.",
-            show_default=False,
-        ),
-    ] = None,
+    results_dir: ResultsDir = None,
     transport: Annotated[
         Literal["stdio", "streamable-http", "sse"],
         typer.Option(

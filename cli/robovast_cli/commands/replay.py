@@ -10,6 +10,23 @@ import typer
 from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.lazy import new_app
 
+Runtime = Annotated[
+    Literal["same", "docker", "podman", "process"],
+    typer.Option("--runtime", help="What executes it; the same as then when omitted."),
+]
+Image = Annotated[
+    str | None,
+    typer.Option(
+        "-i",
+        "--image",
+        help="Container image, in place of the one that ran.",
+        show_default=False,
+    ),
+]
+Out = Annotated[
+    Path, typer.Option("--out", metavar="PATH", help="Folder for the new campaign's folder.")
+]
+
 app = new_app("Execute a run again, with its files, parameters, seed and image, and compare.")
 
 
@@ -30,13 +47,10 @@ def replay(
             "--times",
             min=1,
             max=100_000,
-            help="How often; from 2 on it is told whether the harness is flaky.",
+            help="How often; with 2 or more, also say whether the harness is flaky.",
         ),
     ] = 1,
-    out: Annotated[
-        Path,
-        typer.Option("--out", metavar="PATH", help="Folder for the new campaign's folder."),
-    ] = Path("replays"),
+    out: Out = Path("replays"),
     compare: Annotated[
         list[str] | None,
         typer.Option(
@@ -46,19 +60,8 @@ def replay(
             show_default=False,
         ),
     ] = None,
-    runtime: Annotated[
-        Literal["same", "docker", "podman", "process"],
-        typer.Option("--runtime", help="What executes it; the same as then when omitted."),
-    ] = "same",
-    image: Annotated[
-        str | None,
-        typer.Option(
-            "-i",
-            "--image",
-            help="Container image, in place of the one that ran.",
-            show_default=False,
-        ),
-    ] = None,
+    runtime: Runtime = "same",
+    image: Image = None,
     jobs: Annotated[
         int,
         typer.Option("-j", "--jobs", min=1, help="Replays side by side."),
@@ -76,17 +79,23 @@ def replay(
     """
     from robovast_cli.ui.replay import replayed
 
-    if is_stored_elsewhere(run):
-        from robovast_cli.kube.api import cluster_extra
-
-        with cluster_extra():
-            from robovast_cli.commands.results.downloading import download_run
-
-        run = download_run(context, namespace, str(run), out / "originals")
+    run = brought_here(run, out, context, namespace)
     return replayed(run, out, times, compare, runtime=runtime, image=image, jobs=jobs)
 
 
+def brought_here(run: Path, out: Path, context: str | None, namespace: str | None) -> Path:
+    """The folder of a run, fetched below `out` if only a cluster has it."""
+    if not is_stored_elsewhere(run):
+        return run
+    from robovast_cli.kube.api import cluster_extra
+
+    with cluster_extra():
+        from robovast_cli.commands.results.downloading import download_run
+
+    return download_run(context, namespace, str(run), out / "originals")
+
+
 def is_stored_elsewhere(run: Path) -> bool:
-    """Whether a run is none of this machine, but may be one of a cluster."""
+    """Whether a run is not on this machine, but may be on a cluster."""
     here = run.is_absolute() or run.parent.parent.exists()
     return not here and len(run.parts) == 3 and run.name.isdecimal()

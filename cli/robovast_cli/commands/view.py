@@ -10,7 +10,7 @@ import typer
 
 from robovast.base.errors import ExitCode, InputError
 from robovast.base.optional_deps import ROS
-from robovast_cli.commands.evaluation.gui import make_starting, present, serving
+from robovast_cli.commands.evaluation.gui import NoBrowser, Port, make_starting, present, serving
 from robovast_cli.lazy import new_app
 from robovast_cli.ui.output import say
 
@@ -39,20 +39,8 @@ def view(
             help="Serve the recording to Lichtblick or Foxglove, and print how to open it there.",
         ),
     ] = False,
-    port: Annotated[
-        int | None,
-        typer.Option(
-            "-p",
-            "--port",
-            min=1,
-            max=65535,
-            help="Port on this machine, to forward it over SSH; any free one when omitted.",
-            show_default=False,
-        ),
-    ] = None,
-    no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="Print the address only, open no browser.")
-    ] = False,
+    port: Port = None,
+    no_browser: NoBrowser = False,
 ) -> int:
     """Play what a run has recorded: map, robot, laser, paths and events on one time line.
 

@@ -112,6 +112,10 @@ class Kubernetes:
         """The namespace's pods with all these labels, the oldest first."""
         return self._list("pods", "v1", labels)
 
+    def create_pod(self, pod: Json) -> Json:
+        """Create a pod."""
+        return self._call("POST", "pods", body=pod)
+
     def config_map(self, name: str) -> Json | None:
         """A ConfigMap; None when there is none of this name."""
         return self._find("configmaps", name)

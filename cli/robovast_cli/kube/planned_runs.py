@@ -108,7 +108,7 @@ def _files(kube: Kubernetes, campaign: CampaignState) -> Files:
 
 
 def _expanded(plan: CampaignPlan, text: str, files: Files, folder: Path) -> list[str]:
-    """Names of the variants of a document, in whose making no code of others has a part."""
+    """Names of the variants of a document whose expansion executes no code of users."""
     from robovast.agent.campaign import expand
 
     try:

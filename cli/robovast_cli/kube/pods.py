@@ -41,6 +41,12 @@ def waiting_reason(pod: Json) -> str:
     return f"its pod {name} {next(_reasons(pod), 'is just starting')}"
 
 
+def running_since(pod: Json, container: str) -> str:
+    """When a container was started, as Kubernetes writes times; empty when it does not run."""
+    states = (s.get("state") or {} for s in _statuses(pod) if s["name"] == container)
+    return next((str(s["running"]["startedAt"]) for s in states if s.get("running")), "")
+
+
 def _reasons(pod: Json) -> Iterator[str]:
     for condition in (pod.get("status") or {}).get("conditions") or ():
         if condition["type"] == "PodScheduled" and condition["status"] == "False":

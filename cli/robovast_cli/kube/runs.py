@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,15 +27,23 @@ from robovast_cli.kube.store import StorePlace, open_store
 if TYPE_CHECKING:
     from robovast.storage.s3 import ObjectStore
 
+SIDE_BY_SIDE = 8
+"""Records that are read at once."""
+
 
 @dataclass(frozen=True)
 class Executor:
     """A pod that is there for a run."""
 
     pod: Json
-    runs: int
-    """How many runs it is for."""
+    ids: Sequence[int]
+    """Of the runs that it is for."""
     attempt: int
+
+    @property
+    def runs(self) -> int:
+        """How many runs it is for."""
+        return len(self.ids)
 
     @property
     def name(self) -> str:
@@ -43,7 +52,7 @@ class Executor:
 
 
 class CampaignRuns:
-    """The runs of a campaign; what is known of them is asked for when it is needed."""
+    """The runs of a campaign; their state is requested when it is needed."""
 
     def __init__(
         self,
@@ -73,7 +82,7 @@ class CampaignRuns:
 
     @cached_property
     def planned(self) -> PlannedRuns | None:
-        """Which runs there are; None when that is not known yet, or any more."""
+        """The runs of the campaign; None if they are not known yet, or no longer."""
         if self.campaign is None:
             return None
         return planned_runs(self._kube, self.campaign, lambda: self._store)
@@ -84,18 +93,23 @@ class CampaignRuns:
         Raises:
             InputError: the campaign has no such run.
         """
-        if self.campaign is None or self.planned is None:
+        if self.planned is None:
             return None
         id_ = self.planned.id_of(run)
+        return next((found for found in self.executors() if id_ in found.ids), None)
+
+    def executors(self) -> Iterator[Executor]:
+        """The pods that are there for runs, the newest first."""
+        if self.campaign is None or self.planned is None:
+            return
         for pod in reversed(
             self._kube.pods({UID_LABEL: self.campaign.uid, ROLE_LABEL: SHARD_ROLE})
         ):
             request = PackRequest.of_pod(pod)
             if request is not None and is_live(pod):
                 ids = self._ids_of(request, self.planned)
-                if id_ in ids:
-                    return Executor(pod, len(ids), request.attempt)
-        return None
+                if ids:
+                    yield Executor(pod, ids, request.attempt)
 
     def _ids_of(self, request: PackRequest, planned: PlannedRuns) -> Sequence[int]:
         """Ids of a pod's runs; none of one that is not as the plan says."""
@@ -125,6 +139,12 @@ class CampaignRuns:
             return []
         status = self.campaign.status
         return self.planned.paths_of(status.failed_runs, status.errored_runs)
+
+    def bad_records(self) -> Iterator[tuple[str, RunRecord | None]]:
+        """Failed and errored runs by folder, and what was stored of them."""
+        bad = self.bad()
+        with ThreadPoolExecutor(SIDE_BY_SIDE) as readers:
+            yield from zip(bad, readers.map(self.record, bad), strict=True)
 
     def runs_of_job(self, job: str) -> int:
         """How many runs a job was begun for; 1 when nobody knows."""

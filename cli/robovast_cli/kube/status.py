@@ -77,8 +77,7 @@ class CampaignState:
     @property
     def done(self) -> int:
         """Runs with a verdict."""
-        runs = self.status.runs
-        return runs.passed + runs.failed + runs.errored
+        return self.status.runs.decided
 
     @property
     def messages(self) -> list[str]:
@@ -104,7 +103,7 @@ class CampaignState:
             return ExitCode.RUN_ERRORED
         if self.status.state == "Failed":
             return ExitCode.RUN_ERRORED if self.done else ExitCode.CANNOT_RUN
-        return ExitCode.OK if self.done >= runs.total else ExitCode.RUN_ERRORED
+        return ExitCode.OK if self.done >= runs.needed else ExitCode.RUN_ERRORED
 
     @property
     def _given_up_before_any_run(self) -> bool:
@@ -112,13 +111,18 @@ class CampaignState:
         return self._is("Succeeded", "False") and not self.status.runs.stored
 
     def counts(self) -> str:
-        """`12 of 260 done: 11 passed, 1 failed; 4 running, 2 waiting`."""
+        """`12 of 260 done: 11 passed, 1 failed; 40 not needed; 4 running, 2 waiting`."""
         runs = self.status.runs
         numbers = {"passed": runs.passed, "failed": runs.failed, "errored": runs.errored}
         parts = [f"{count} {word}" for word, count in numbers.items() if count]
-        text = f"{self.done} of {runs.total} done" + (f": {', '.join(parts)}" if parts else "")
-        parts = [", ".join(self.pods()), self.search_counts()]
+        text = f"{self.done} of {runs.needed} done" + (f": {', '.join(parts)}" if parts else "")
+        parts = [self.spared(), ", ".join(self.pods()), self.search_counts()]
         return "; ".join([text, *filter(None, parts)])
+
+    def spared(self) -> str:
+        """`40 not needed`: runs that are not executed, since others have decided."""
+        number = self.status.runs.not_needed
+        return f"{number:,} not needed" if number else ""
 
     def search_counts(self) -> str:
         """`batches 3/50 | failure_rate 0.97/0.9 | best failure_rate 0.97`; empty without search."""
@@ -149,7 +153,7 @@ class CampaignState:
             return None
         if self.status.search is not None:  # nobody knows what it will still propose
             return None
-        return elapsed / self.done * (self.status.runs.total - self.done)
+        return elapsed / self.done * (self.status.runs.needed - self.done)
 
     def summary(self) -> Iterator[str]:
         """Its result: problems, bad runs, counts."""
@@ -164,6 +168,8 @@ class CampaignState:
         more = runs.failed + runs.errored - len(self.status.failing)
         if self.status.failing and more > 0:
             yield f"… and {more} more that did not pass."
+        if self.status.decisions:
+            yield f"{printable(self.status.decisions)}."
         if runs.total:
             yield f"{self.counts()}."
 

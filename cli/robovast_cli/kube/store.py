@@ -79,6 +79,16 @@ def open_store(kube: Kubernetes, place: StorePlace) -> Iterator[ObjectStore]:
         yield ObjectStore(endpoint, credentials, patience=REPEATABLE, connections=CONNECTIONS)
 
 
+def given_store() -> ObjectStore:
+    """The store that the environment names: an address and the keys of an account."""
+    from robovast.storage.endpoint import Credentials, Endpoint
+    from robovast.storage.s3 import ObjectStore
+
+    endpoint = Endpoint.parse(os.environ[ENDPOINT])
+    keys = Credentials(os.environ[ACCESS_KEY], os.environ[SECRET_KEY])
+    return ObjectStore(endpoint, keys, patience=REPEATABLE, connections=CONNECTIONS)
+
+
 def cluster_service(endpoint: str) -> tuple[str, str, int] | None:
     """Name, namespace and port when an endpoint is a Service of the cluster, else None."""
     parts = urlsplit(endpoint)

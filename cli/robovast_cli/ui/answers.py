@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,9 +13,8 @@ from robovast.analysis.provenance.vocabulary import PREFIXES
 from robovast.base.errors import InputError
 from robovast.base.file_errors import reading
 from robovast.base.printable import printable_json
-from robovast.campaign.finding import find_campaigns
-from robovast_cli.ui.listing import format_table
 from robovast_cli.ui.output import say_data
+from robovast_cli.ui.table import format_table
 
 Format = Literal["table", "csv", "json"]
 
@@ -25,16 +24,16 @@ def print_query_names() -> None:
     sys.stdout.write(format_table(["NAME", "ANSWER"], query_names().items()))
 
 
-def print_answer(query: str, results: Path, output: Format) -> None:
-    """Print the answer of a query over all campaigns of a folder.
+def print_answer(query: str, campaigns: Sequence[Path], output: Format) -> None:
+    """Print the answer of a query over campaigns.
 
     Args:
         query: name of a query of the package, a file, or `-`.
-        results: folder of campaigns, or one campaign.
+        campaigns: their folders.
         output: how.
     """
     text = _read(query)
-    graphs = Graphs(find_campaigns(results))
+    graphs = Graphs(campaigns)
     _FORMATS[output](graphs.ask(text), graphs)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -12,12 +13,13 @@ from functools import partial
 from pathlib import Path
 
 from robovast.base.errors import ExitCode, InputError
-from robovast.campaign.decisions import summed_up
+from robovast.campaign.decisions import runs_needed
 from robovast.campaign.failure_groups import FailureGroup, failure_groups
 from robovast.campaign.layout import SYSTEM_LOG, Layout
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.execution.local import LocalOptions, Summary
+from robovast.execution.local.process_environment import VARIABLE
 from robovast.model.document import Document
 from robovast.model.expansion import select_variants
 from robovast.search import local as search
@@ -31,6 +33,11 @@ from robovast_cli.workspace import shown
 
 MOST_LISTED = 20
 """Causes that the summary names at most."""
+_LACKS = "No module named"
+_NAME_ANOTHER = (
+    f"Name an environment that has more in {VARIABLE}, in each terminal; "
+    f"for examples with ROS: export {VARIABLE}=$(scripts/ros-environment)"
+)
 
 
 def start(document: Document, output: Path, options: LocalOptions) -> ExitCode:
@@ -137,7 +144,8 @@ def summary_lines(summary: Summary) -> Iterator[str]:
     yield f"{_counts(summary)}."
     yield f"Results: {shown(summary.campaign)}"
     if summary.missing or summary.interrupted:
-        yield f"Continue: vast exec local run --resume {shown(summary.campaign)}"
+        folder = shlex.quote(str(shown(summary.campaign)))
+        yield f"Continue: vast exec local run --resume {folder}"
 
 
 def _causes(summary: Summary) -> Iterator[str]:
@@ -149,6 +157,16 @@ def _causes(summary: Summary) -> Iterator[str]:
         verdicts = _verdicts(record for group in rest for record in group.runs)
         yield f"… and {len(rest)} more causes: {', '.join(verdicts)}."
     yield from [""] if groups else []
+    yield from _lacking(summary)
+
+
+def _lacking(summary: Summary) -> Iterator[str]:
+    """How plain processes get a module of Python that one of them lacks."""
+    for record in summary.records:
+        if record.runtime == "process" and _LACKS in record.reason:
+            yield f"Plain processes have the modules of {record.image} alone. {_NAME_ANOTHER}"
+            yield ""
+            return
 
 
 def _listed(groups: Sequence[FailureGroup[RunRecord]]) -> list[FailureGroup[RunRecord]]:
@@ -181,7 +199,7 @@ def _decisions(summary: Summary) -> str:
     needed = sum(decision.runs for decision in decisions)
     ahead = len(summary.records) - needed
     more = f" ({ahead} more are stored)" if ahead > 0 else ""
-    return f"{summed_up(decisions)}; {needed:,} of {summary.total:,} runs needed{more}"
+    return f"{runs_needed(decisions, summary.total)}{more}"
 
 
 def _verdicts(records: Iterable[RunRecord]) -> list[str]:

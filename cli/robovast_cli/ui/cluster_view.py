@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from typing import Protocol, Self
 
+from robovast.base.printable import printable
 from robovast_cli.kube.status import CampaignState, now
-from robovast_cli.ui.listing import format_table
 from robovast_cli.ui.live_view import LiveView, Standing, clock_time, is_live
 from robovast_cli.ui.output import say
+from robovast_cli.ui.table import format_table
 
 STEPS = 100
 """Into how many parts a campaign is divided: a line is printed for each at most."""
@@ -44,9 +45,9 @@ class CampaignLines:
         """Print changes."""
         for campaign in campaigns:
             runs = campaign.status.runs
-            step = campaign.done * STEPS // max(runs.total, 1)
+            step = campaign.done * STEPS // max(runs.needed, 1)
             bad = runs.failed + runs.errored
-            mark = (campaign.status.state, step, min(bad, STEPS), runs.total, *campaign.messages)
+            mark = (campaign.status.state, step, min(bad, STEPS), runs.needed, *campaign.messages)
             if self._said.get(campaign.name) != mark:
                 self._said[campaign.name] = mark
                 say(line(campaign))
@@ -79,7 +80,8 @@ def table(campaigns: Sequence[CampaignState]) -> str:
 
 
 def _found(campaign: CampaignState) -> list[str]:
-    return [found for found in [campaign.search_counts()] if found]
+    told = [campaign.search_counts(), printable(campaign.status.decisions) or campaign.spared()]
+    return [found for found in told if found]
 
 
 def _cells(campaign: CampaignState) -> list[str]:
@@ -88,7 +90,7 @@ def _cells(campaign: CampaignState) -> list[str]:
     return [
         campaign.name,
         campaign.status.state,
-        f"{campaign.done}/{runs.total}",
+        f"{campaign.done}/{runs.needed}",
         str(runs.passed),
         str(runs.failed),
         str(runs.errored),
@@ -114,7 +116,7 @@ def _standing(campaign: CampaignState) -> Standing:
     pods = {} if campaign.finished else {"running": runs.active, "waiting": runs.waiting}
     return Standing(
         campaign.done,
-        runs.total,
+        runs.needed,
         {"passed": runs.passed, "failed": runs.failed, "errored": runs.errored, **pods},
         campaign.elapsed(at),
         campaign.left(at),

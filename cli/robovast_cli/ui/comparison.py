@@ -6,7 +6,7 @@ import json
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import asdict
-from typing import Literal
+from typing import Any, Literal
 
 from robovast.base.errors import ExitCode
 from robovast.base.printable import printable_json
@@ -14,8 +14,9 @@ from robovast.base.statistics import percent
 from robovast.campaign.junit import Case, Outcome, Suite, report_text
 from robovast.evaluation.compare import Comparison, VariantDifference
 from robovast.evaluation.rates import MOST_RUNS, Sample
-from robovast_cli.ui.listing import format_table
+from robovast_cli.ui.markdown import markdown_table
 from robovast_cli.ui.output import say_data
+from robovast_cli.ui.table import format_table
 
 Format = Literal["text", "json"]
 
@@ -24,7 +25,7 @@ CHANGES = ("worse", "unclear", "better", "same")
 MOST_ROWS = 30
 """Most configurations in a text; those that did not change are left out of it."""
 
-_COLUMNS = ["CHANGE", "CONFIGURATION", "BEFORE", "AFTER", "POINTS (95 %)", "P", "MORE RUNS"]
+COLUMNS = ["CHANGE", "CONFIGURATION", "BEFORE", "AFTER", "POINTS (95 %)", "P", "MORE RUNS"]
 
 
 def print_comparison(base: str, new: str, found: Comparison, output: Format) -> None:
@@ -42,28 +43,36 @@ def exit_code(found: Comparison, fail_on: str) -> ExitCode:
 def markdown_text(base: str, new: str, found: Comparison) -> str:
     """A comment for a pull request."""
     lines = [
-        f"### {_headline(found)}",
+        f"### {headline(found)}",
         "",
         f"`{new}` beside `{base}`: {found.statement}",
         "",
-        _sentence(found),
+        sentence(found),
     ]
-    rows = [[_escaped(cell) for cell in _row(variant)] for variant in _changed(found)[:MOST_ROWS]]
+    rows = [difference_row(variant) for variant in changed_variants(found)[:MOST_ROWS]]
     if rows:
-        table = [_COLUMNS, ["---"] * len(_COLUMNS), *rows]
-        lines += ["", *(f"| {' | '.join(row)} |" for row in table)]
-    lines += ["", *_notes(found)]
+        lines += ["", *markdown_table(COLUMNS, rows)]
+    lines += ["", *notes(found)]
     return "\n".join(lines).rstrip() + "\n"
 
 
 def junit_report(base: str, new: str, found: Comparison) -> str:
     """A report with a case for all together and one for each configuration."""
+    return report_text(f"{new} beside {base}", [suite("comparison", found)])
+
+
+def suite(name: str, found: Comparison) -> Suite:
+    """A case for all together and one for each configuration."""
     everything = Case("all configurations", _outcome(found.change), found.statement)
     cases = [
-        Case(v.name_b, _outcome(v.change), f"{_share(v.difference.a)} → {_share(v.difference.b)}")
+        Case(
+            v.name_b,
+            _outcome(v.change),
+            f"{share_text(v.difference.a)} → {share_text(v.difference.b)}",
+        )
         for v in found.variants
     ]
-    return report_text(f"{new} beside {base}", [Suite("comparison", [everything, *cases])])
+    return Suite(name, [everything, *cases])
 
 
 def _outcome(change: str) -> Outcome:
@@ -71,19 +80,27 @@ def _outcome(change: str) -> Outcome:
     return outcomes.get(change, "passed")
 
 
+def comparison_data(base: str, new: str, found: Comparison) -> dict[str, Any]:
+    """A comparison as JSON has it."""
+    return {"base": base, "new": new, "result": found.result, **asdict(found)}
+
+
 def _json(base: str, new: str, found: Comparison) -> str:
-    data = {"base": base, "new": new, "result": found.result, **asdict(found)}
+    data = comparison_data(base, new, found)
     return printable_json(json.dumps(data, indent=1, ensure_ascii=False)) + "\n"
 
 
 def _text(base: str, new: str, found: Comparison) -> str:
-    changed = _changed(found)
-    table = format_table(_COLUMNS, map(_row, changed[:MOST_ROWS])) + "\n" if changed else ""
-    lines = [f"{new} beside {base}: {_headline(found)}", found.statement, _sentence(found)]
-    return table + "\n".join([*lines, *_notes(found)]) + "\n"
+    changed = changed_variants(found)
+    table = (
+        format_table(COLUMNS, map(difference_row, changed[:MOST_ROWS])) + "\n" if changed else ""
+    )
+    lines = [f"{new} beside {base}: {headline(found)}", found.statement, sentence(found)]
+    return table + "\n".join([*lines, *notes(found)]) + "\n"
 
 
-def _headline(found: Comparison) -> str:
+def headline(found: Comparison) -> str:
+    """What came of it, in a few words."""
     match found.result:
         case "worse":
             return "worse"
@@ -95,7 +112,8 @@ def _headline(found: Comparison) -> str:
             return "unclear whether it got worse"
 
 
-def _sentence(found: Comparison) -> str:
+def sentence(found: Comparison) -> str:
+    """How many configurations changed, and what would decide about them."""
     counts = Counter(variant.change for variant in found.variants)
     told = ", ".join(f"{counts[change]} {change}" for change in CHANGES)
     text = f"{_counted(len(found.variants), 'configuration')} in both: {told}."
@@ -105,8 +123,9 @@ def _sentence(found: Comparison) -> str:
     return f"{text} {more} more runs of both campaigns would decide it, if they go as before."
 
 
-def _notes(found: Comparison) -> Iterable[str]:
-    changed = len(_changed(found))
+def notes(found: Comparison) -> Iterable[str]:
+    """What tables leave out."""
+    changed = len(changed_variants(found))
     if changed > MOST_ROWS:
         yield f"{changed - MOST_ROWS} more configurations are worse, unclear or better (JSON)."
     for names, where in ((found.only_a, "before"), (found.only_b, "after")):
@@ -114,18 +133,20 @@ def _notes(found: Comparison) -> Iterable[str]:
             yield f"{_counted(len(names), 'configuration')} only {where}: not compared."
 
 
-def _changed(found: Comparison) -> list[VariantDifference]:
+def changed_variants(found: Comparison) -> list[VariantDifference]:
+    """Configurations that did not stay the same, in the order of `CHANGES`."""
     changed = [variant for variant in found.variants if variant.change != "same"]
     return sorted(changed, key=lambda variant: CHANGES.index(variant.change))
 
 
-def _row(variant: VariantDifference) -> list[str]:
+def difference_row(variant: VariantDifference) -> list[str]:
+    """Cells for `COLUMNS`."""
     found = variant.difference
     return [
         variant.change,
         variant.name_b,
-        _share(found.a),
-        _share(found.b),
+        share_text(found.a),
+        share_text(found.b),
         f"{_points(found.b.rate - found.a.rate)} ({_points(found.low)} to {_points(found.high)})",
         f"{variant.adjusted_p:.2g}",
         _more(variant.more_runs) if variant.change == "unclear" else "",
@@ -140,16 +161,10 @@ def _more(runs: int | None) -> str:
     return f"> {MOST_RUNS}" if runs is None else str(runs)
 
 
-def _share(sample: Sample) -> str:
+def share_text(sample: Sample) -> str:
+    """How many runs did not pass: `15 of 20`."""
     return f"{sample.bad} of {sample.runs}"
 
 
 def _counted(number: int, noun: str) -> str:
     return f"1 {noun}" if number == 1 else f"{number} {noun}s"
-
-
-def _escaped(cell: str) -> str:
-    """A cell that ends neither its column nor its line, and is no markup."""
-    for character in "\\`|<>[]_*":
-        cell = cell.replace(character, f"\\{character}")
-    return cell

@@ -12,7 +12,7 @@ from robovast.evaluation.coverage import EntryCoverage, Pair
 from robovast.model.designs import completing
 from robovast.model.document import Document
 from robovast.model.expansion.expand import expand_rows
-from robovast_cli.ui.listing import WIDEST_CELL, format_table
+from robovast_cli.ui.table import WIDEST_CELL, format_table, shortened
 
 
 def coverage_text(entries: Sequence[EntryCoverage], most: int) -> str:
@@ -39,14 +39,16 @@ def _entry(found: EntryCoverage, most: int) -> Iterator[str]:
     holes = found.holes()
     if holes:
         yield "\n" if bad else ""
-        yield format_table(["NEVER RUN"], [[hole[:WIDEST_CELL]] for hole in holes[: most or None]])
+        yield format_table(
+            ["NEVER RUN"], [[shortened(hole, WIDEST_CELL)] for hole in holes[: most or None]]
+        )
         yield _more(len(holes), most)
 
 
 def _row(pair: Pair) -> list[str]:
     rate = percent(pair.bad / pair.runs)
     counts = f"{pair.bad} of {pair.runs}"
-    return [pair.values[:WIDEST_CELL], counts, rate, interval_text(pair.interval)]
+    return [shortened(pair.values, WIDEST_CELL), counts, rate, interval_text(pair.interval)]
 
 
 def _more(count: int, most: int) -> str:

@@ -88,12 +88,13 @@ class LocalView:
         return [Standing(self.done, self.total, counts, self.elapsed, self.left, "", state, notes)]
 
     def campaign_started(self, campaign: Path, total: int, done: int, how: str) -> None:
-        """Say what begins, and begin to count."""
+        """Say what begins, and begin to count; 0 runs are some that only follow."""
         self.total, self.done_before = total, done
         self._started = self._clock()
         noun = "run" if total == 1 else "runs"
         before = f", {done} of them finished before" if done else ""
-        self.message(f"{total} {noun}{before}, {how}, into {shown(campaign)}")
+        runs = f"{total} {noun}{before}, " if total else ""
+        self.message(f"{runs}{how}, into {shown(campaign)}")
 
     def runs_added(self, count: int) -> None:
         """Count runs that are added to the campaign."""

@@ -13,7 +13,7 @@ from robovast.base.errors import ExitCode, InputError
 from robovast.execution.local import LocalOptions, replay_run
 from robovast.execution.local.replay import find_run
 from robovast.model.document import load_document
-from robovast.model.document.model import Output
+from robovast.model.document.execution import Output
 from robovast_cli.ui.campaign import view
 from robovast_cli.ui.output import say
 from robovast_cli.workspace import shown

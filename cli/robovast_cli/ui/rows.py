@@ -12,8 +12,8 @@ from typing import Any, Literal
 
 from robovast.analysis.tables.query import Answer
 from robovast.base.printable import printable_json
-from robovast_cli.ui.listing import format_table
 from robovast_cli.ui.output import say_data
+from robovast_cli.ui.table import format_table
 
 Format = Literal["table", "csv", "json"]
 

@@ -5,24 +5,33 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 from robovast.base.printable import printable_json
 from robovast.base.sequential import State
 from robovast.base.statistics import LEVEL, interval_text, percent
-from robovast.campaign.decisions import summed_up, told
+from robovast.campaign.decisions import runs_needed, told
 from robovast.campaign.failure_groups import FailureGroup
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.effects import Effect, Side
-from robovast.evaluation.rates import MOST_RUNS, CampaignRates, Rate, VariantRate
-from robovast_cli.ui.listing import WIDEST_CELL, format_table
+from robovast.evaluation.launch.commands import as_shell, more_runs_words, resume_words
+from robovast.evaluation.rates import (
+    MOST_RUNS,
+    CampaignRates,
+    Rate,
+    VariantRate,
+    soonest_decided,
+    why_wider,
+)
 from robovast_cli.ui.output import say_data
+from robovast_cli.ui.table import WIDEST_CELL, WIDEST_REASON, format_table, shortened
 
 Format = Literal["text", "json"]
 
-_COLUMNS = ["CONFIGURATION", "STATE", "NOT PASSED", "RATE", "95 % INTERVAL", "MORE RUNS", "REASON"]
+COLUMNS = ["CONFIGURATION", "STATE", "NOT PASSED", "RATE", "95 % INTERVAL", "MORE RUNS", "REASON"]
 _CAUSE_COLUMNS = ["RUNS", "CAUSE", "VERDICT", "FIRST"]
-_EFFECT_COLUMNS = [
+EFFECT_COLUMNS = [
     "FACTOR",
     "WORSE WHERE",
     "NOT PASSED",
@@ -30,20 +39,21 @@ _EFFECT_COLUMNS = [
     "DIFFERENCE (95 %)",
     "BY CHANCE",
 ]
-_CHANCE = "No factor explains the failures better than chance.\n"
-_ANYTIME = (
-    "Runs are missing, so the intervals are such that hold however often one looks meanwhile."
-)
+CHANCE = "No factor explains the failures better than chance.\n"
 
 
 @dataclass(frozen=True)
 class Findings:
     """What is known of a campaign."""
 
+    results: Path | None
+    """The results folder; None if the campaign is in a bucket."""
     rates: CampaignRates
     causes: Sequence[FailureGroup[str]]
     """Runs that did not pass, by cause."""
     effects: Sequence[Effect]
+    batches: Sequence[str] = ()
+    """Of a search: arguments of the command that lets it go on."""
 
 
 def print_summary(findings: Findings, output: Format, worst: int) -> None:
@@ -72,6 +82,7 @@ def _json(findings: Findings) -> str:
         "causes": [asdict(group) for group in findings.causes],
         "effects": [asdict(effect) for effect in findings.effects],
         "configurations": [asdict(variant) for variant in rates.configurations],
+        "next": as_shell(_next(findings)),
     }
     return printable_json(json.dumps(data, indent=1, ensure_ascii=False)) + "\n"
 
@@ -80,9 +91,36 @@ def _text(findings: Findings, worst: int) -> str:
     rates = findings.rates
     shown = rates.configurations[: worst or None]
     left = rates.configurations[len(shown) :]
-    table = format_table(_COLUMNS, map(_row, shown))
+    table = format_table(COLUMNS, map(_short_row, shown))
     more = f"… and {len(left)} more: {_states(left)} (`-n 0` shows all)\n" if left else ""
-    return f"{table}{more}\n{_causes(findings.causes, worst)}{_effects(findings)}{_counts(rates)}"
+    return (
+        f"{table}{more}\n{_causes(findings.causes, worst)}{_effects(findings)}{counts_text(rates)}"
+        f"{_remedy(findings)}"
+    )
+
+
+def _remedy(findings: Findings) -> str:
+    """How to continue the campaign, or which further runs tell the most."""
+    command = as_shell(_next(findings))
+    if not command:
+        return ""
+    summary, nearest = findings.rates.summary, soonest_decided(findings.rates)
+    if summary.is_search or summary.state != "finished" or nearest is None:
+        return f"Continue: {command}\n"
+    return f"{nearest.name} is decided soonest, by {nearest.more_runs} more runs: {command}\n"
+
+
+def _next(findings: Findings) -> Sequence[str]:
+    """Arguments of the command that executes what is missing, else what decides the soonest."""
+    summary, nearest = findings.rates.summary, soonest_decided(findings.rates)
+    if findings.results is None or summary.is_search:
+        return findings.batches
+    if summary.state != "finished":
+        return resume_words(findings.results, summary)
+    if nearest is None:
+        return []
+    in_all = nearest.rate.runs + (nearest.more_runs or 0)
+    return more_runs_words(findings.results, summary, [nearest.name], in_all)
 
 
 def _causes(causes: Sequence[FailureGroup[str]], most: int) -> str:
@@ -90,7 +128,12 @@ def _causes(causes: Sequence[FailureGroup[str]], most: int) -> str:
         return ""
     shown = causes[: most or None]
     rows = [
-        [str(len(group.runs)), group.cause[:WIDEST_CELL], ", ".join(group.verdicts), group.runs[0]]
+        [
+            str(len(group.runs)),
+            shortened(group.cause, WIDEST_REASON),
+            ", ".join(group.verdicts),
+            group.runs[0],
+        ]
         for group in shown
     ]
     left = len(causes) - len(shown)
@@ -100,16 +143,22 @@ def _causes(causes: Sequence[FailureGroup[str]], most: int) -> str:
 
 def _effects(findings: Findings) -> str:
     """The factors that explain failures; chance explains the others."""
-    clear = [effect for effect in findings.effects if effect.p < LEVEL]
+    clear = clear_effects(findings.effects)
     if clear:
-        return f"{format_table(_EFFECT_COLUMNS, map(_effect, clear))}\n"
-    return _CHANCE if findings.effects else ""
+        return f"{format_table(EFFECT_COLUMNS, map(effect_row, clear))}\n"
+    return CHANCE if findings.effects else ""
 
 
-def _effect(effect: Effect) -> list[str]:
+def clear_effects(effects: Iterable[Effect]) -> list[Effect]:
+    """Those that chance hardly explains."""
+    return [effect for effect in effects if effect.p < LEVEL]
+
+
+def effect_row(effect: Effect) -> list[str]:
+    """Cells for `EFFECT_COLUMNS`."""
     return [
-        " = ".join([effect.factor, *effect.same])[:WIDEST_CELL],
-        effect.worse.condition[:WIDEST_CELL],
+        shortened(" = ".join([effect.factor, *effect.same]), WIDEST_CELL),
+        shortened(effect.worse.condition, WIDEST_CELL),
         _side(effect.worse),
         _side(effect.better),
         f"{100 * effect.low:+.0f} to {100 * effect.high:+.0f} points",
@@ -121,7 +170,13 @@ def _side(side: Side) -> str:
     return f"{percent(side.rate)} of {side.runs}"
 
 
-def _row(variant: VariantRate) -> list[str]:
+def _short_row(variant: VariantRate) -> list[str]:
+    *cells, reason = configuration_row(variant)
+    return [*cells, shortened(reason, WIDEST_REASON)]
+
+
+def configuration_row(variant: VariantRate) -> list[str]:
+    """Cells for `COLUMNS`."""
     rate = variant.rate
     return [
         variant.name,
@@ -130,7 +185,7 @@ def _row(variant: VariantRate) -> list[str]:
         "–" if rate.rate is None else percent(rate.rate),
         interval_text(rate.interval),
         _more_runs(variant),
-        variant.reason[:WIDEST_CELL],
+        variant.reason,
     ]
 
 
@@ -142,21 +197,22 @@ def _more_runs(variant: VariantRate) -> str:
     return f"> {MOST_RUNS}" if variant.more_runs is None else str(variant.more_runs)
 
 
-def _counts(rates: CampaignRates) -> str:
+def counts_text(rates: CampaignRates) -> str:
+    """How many configurations and runs there are of each kind, and how many runs did not pass."""
     summary = rates.summary
     stored = sum(summary.counts.values())
     verdicts = ", ".join(f"{summary.counts[verdict]} {verdict}" for verdict in Verdict)
     reused = f"; reused {summary.reused} of {stored}" if summary.reused else ""
+    count = len(rates.configurations)
+    noun = "configuration" if count == 1 else "configurations"
     lines = [
-        f"{len(rates.configurations)} configurations: {_states(rates.configurations)} "
-        f"({_measure(rates)})",
+        f"{count} {noun}: {_states(rates.configurations)} ({_measure(rates)})",
         f"{stored} of {summary.planned} runs stored: {verdicts}{reused}",
         _overall(rates.overall),
     ]
     if summary.test is not None:
         lines.insert(1, _needed(rates))
-    elif rates.method == "anytime":
-        lines.append(_ANYTIME)
+    lines += filter(None, [why_wider(summary)])
     return "\n".join(lines) + "\n"
 
 
@@ -165,19 +221,19 @@ def _measure(rates: CampaignRates) -> str:
     test = rates.summary.test
     if test is None:
         return f"limit {percent(rates.limit)} of the runs"
+    rule = test.rule
     return (
-        f"decided between {percent(test.good)} and {percent(test.bad)}, each wrong in at most "
-        f"{percent(test.error)} of all cases"
+        f"decided between {percent(rule.good)} and {percent(rule.bad)}, each wrong in at most "
+        f"{percent(rule.error)} of all cases"
     )
 
 
 def _needed(rates: CampaignRates) -> str:
     """`70 sound after 18-41, 30 broken after 3; 1,740 of 5,000 runs needed`."""
     test = rates.summary.test
-    decisions = [one.decision for one in rates.configurations if one.decision is not None]
-    most = len(decisions) * ((test and test.most) or 0)
-    needed = sum(decision.runs for decision in decisions)
-    return f"{summed_up(decisions)}; {needed:,} of {most:,} runs needed"
+    decided = [one for one in rates.configurations if one.decision is not None]
+    most = sum(test.planned.of(one.name) for one in decided) if test is not None else 0
+    return runs_needed([one.decision for one in decided if one.decision], most)
 
 
 def _overall(rate: Rate) -> str:

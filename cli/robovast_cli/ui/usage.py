@@ -8,6 +8,8 @@ from typing import Any
 
 import typer
 
+_TOO_MANY = "Got unexpected extra argument"
+_SEVERAL_FILES = ". If a `*` on the command line stands for several files or folders, name one."
 _KINDS = {"int": "N", "float": "NUMBER", "str": "TEXT"}
 """Names of types in the help."""
 
@@ -19,6 +21,10 @@ def usage_explained() -> Iterator[None]:
         yield
     except typer.BadParameter as error:
         error.message = _explained(error)
+        raise
+    except typer.TyperException as error:
+        if error.message.startswith(_TOO_MANY):
+            error.message += _SEVERAL_FILES
         raise
 
 

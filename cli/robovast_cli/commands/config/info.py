@@ -26,8 +26,9 @@ from robovast.model.quantities import LOCAL_CONTEXT, cpus, memory
 from robovast.model.scenario import read_scenario
 from robovast_cli.plugins import origin
 from robovast_cli.ui.expanding import expanded
-from robovast_cli.ui.listing import format_table, runs_of_each
+from robovast_cli.ui.listing import runs_of_each
 from robovast_cli.ui.report import message_of, tell
+from robovast_cli.ui.table import format_table
 
 MOST_ERRORS = 20
 """Errors of entries that a check reports at most."""
@@ -52,7 +53,7 @@ def print_check(document: Document) -> None:
         CannotRunError: this machine lacks something that it needs.
     """
     for difference in differences(document):
-        typer.echo(f"differs: {difference}", err=True)
+        typer.echo(f"differs from the existing tool: {difference}", err=True)
     errors: list[RobovastError] = []
     with _noted(errors):
         _check_resources(document)
@@ -83,7 +84,7 @@ def _noted(errors: list[RobovastError]) -> Iterator[None]:
 
 
 def _raise_all(errors: Sequence[RobovastError]) -> NoReturn:
-    """Print all errors but one, and raise that; one of the user's input, if there is any."""
+    """Raise one error, if possible one of the user's input, and print the others."""
     *others, last = sorted(errors, key=lambda error: isinstance(error, InputError))
     for error in others:
         tell(message_of(error))
@@ -160,7 +161,7 @@ def _made_of(entry: ConfigurationEntry) -> str:
 
 
 def _designs(document: Document) -> Iterator[str]:
-    """What the design of each entry covers of the product."""
+    """How much of the product each design covers."""
     for entry in document.vast.configuration or ():
         if entry.design is not None:
             sizes = design_sizes(entry, document.folder)

@@ -68,7 +68,7 @@ def _picture(document: Document, variant: Variant, kind: Format) -> bytes:
     name = str(record["map_file"]).removeprefix(CONFIG_MOUNT)
     files = {file.name: file.source for file in variant.files}
     occupancy = read_map(files.get(name, document.folder / name))
-    found = list(marks(record))
+    found = list(marks(record, variant.parameters))
     if kind == "png":
         return to_png(occupancy, found, variant.name)
     return to_svg(occupancy, found, variant.name).encode()

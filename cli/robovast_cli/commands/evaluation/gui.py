@@ -11,6 +11,7 @@ from urllib.parse import quote
 import typer
 
 from robovast.base.errors import CannotRunError, ExitCode, InputError
+from robovast_cli.commands.results.options import ResultsDir
 from robovast_cli.lazy import new_app
 from robovast_cli.ui.output import say
 from robovast_cli.workspace import Workspace
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from robovast.evaluation.server.launches import Starting
+    from robovast.evaluation.server.preparing import Preparation
 
 app = new_app("Look at results in the browser.")
 
@@ -27,20 +29,26 @@ NO_START = (
     "campaign there and `vast exec cluster run` one in a cluster."
 )
 
+Port = Annotated[
+    int | None,
+    typer.Option(
+        "-p",
+        "--port",
+        min=1,
+        max=65535,
+        help="Port on this machine, to forward it over SSH; any free one when omitted.",
+        show_default=False,
+    ),
+]
+NoBrowser = Annotated[
+    bool, typer.Option("--no-browser", help="Print the address only, open no browser.")
+]
+
 
 @app.command()
 def gui(
     ctx: typer.Context,
-    results_dir: Annotated[
-        Path | None,
-        typer.Option(
-            "-r",
-            "--results-dir",
-            metavar="PATH",
-            help="Results folder, or one campaign's; the project's when omitted.",
-            show_default=False,
-        ),
-    ] = None,
+    results_dir: ResultsDir = None,
     force: Annotated[
         bool,
         typer.Option("-f", "--force", help="Postprocess everything again, changed or not."),
@@ -62,17 +70,7 @@ def gui(
             show_default=False,
         ),
     ] = None,
-    port: Annotated[
-        int | None,
-        typer.Option(
-            "-p",
-            "--port",
-            min=1,
-            max=65535,
-            help="Port on this machine, to forward it over SSH; any free one when omitted.",
-            show_default=False,
-        ),
-    ] = None,
+    port: Port = None,
     notebook_timeout: Annotated[
         float,
         typer.Option(
@@ -82,26 +80,22 @@ def gui(
             help="Stop a notebook that takes longer.",
         ),
     ] = 600,
-    no_browser: Annotated[
-        bool, typer.Option("--no-browser", help="Print the address only, open no browser.")
-    ] = False,
+    no_browser: NoBrowser = False,
     no_start: Annotated[
         bool, typer.Option("--no-start", help="Let no campaign be started from the page.")
     ] = False,
 ) -> int:
     """Look at results in the browser, those of a campaign that is still running too.
 
-    The results are postprocessed first, as `vast results postprocess` does: that executes what
-    their .vast files name. The page answers on this machine only, at an address that holds a
-    secret. Ctrl-C ends it.
+    The page is there at once; meanwhile the results are postprocessed, as `vast results
+    postprocess` does: that executes what their .vast files name. The page answers on this machine
+    only, at an address that holds a secret. Ctrl-C ends it.
     """
     from robovast.model.naming import holds_campaign
 
     serve = serving()
     folder = results_dir or ctx.obj.results
     root = folder.resolve()
-    if not skip_postprocessing and not _postprocess(folder, force, override):
-        return ExitCode.INTERRUPTED
     campaign = root.name if holds_campaign(root) else ""
 
     def show(address: str) -> None:
@@ -115,6 +109,7 @@ def gui(
         starting=make_starting(ctx.obj, override, no_start, not skip_postprocessing),
         override=override and override.absolute(),
         notebook_timeout=notebook_timeout,
+        preparation=None if skip_postprocessing else _preparation(folder, force, override),
     )
     return ExitCode.OK
 
@@ -147,7 +142,7 @@ def make_starting(
     """The document for campaigns started from the page: the override's or the project's."""
     from robovast.evaluation.server.launches import Starting
 
-    program = [sys.executable, "-P", "-m", "robovast_cli"]  # no module of this folder in its place
+    program = _program()
     document, refusal = override, ""
     if no_start:
         program, document, refusal = [], None, NO_START
@@ -160,16 +155,20 @@ def make_starting(
     return Starting(program, absolute, refusal, postprocess, say)
 
 
-def _postprocess(folder: Path, force: bool, override: Path | None) -> bool:
-    """Bring tables up to date; False when the user stops that.
+def _program() -> list[str]:
+    """The command line of `vast`; no module of this folder takes its place."""
+    return [sys.executable, "-P", "-m", "robovast_cli"]
 
-    Failures are reported, and the page shows the available results.
-    """
-    from robovast.analysis.postprocessing.events import Options
+
+def _preparation(folder: Path, force: bool, override: Path | None) -> "Preparation":
+    """What brings tables up to date; it reports failures, and the page shows what there is."""
     from robovast.evaluation.campaigns import find_campaigns
+    from robovast.evaluation.server.preparing import Preparation
     from robovast.model.naming import holds_campaign
-    from robovast_cli.commands.results.postprocessing import run
 
-    if not holds_campaign(folder) and not find_campaigns(folder):
-        return True
-    return run(folder, Options(override=override, force=force)) is not ExitCode.INTERRUPTED
+    root = folder.resolve()
+    found = [root] if holds_campaign(root) else [root / name for name in find_campaigns(root)]
+    words = [*_program(), "results", "postprocess", "-r", str(folder)]
+    words += ["--force"] if force else []
+    words += ["--override", str(override)] if override else []
+    return Preparation(words, found, say)

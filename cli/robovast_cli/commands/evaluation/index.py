@@ -26,7 +26,8 @@ def index(
     """
     from robovast.analysis.tables.campaign_store import index_campaign
     from robovast.campaign.finding import find_campaigns
-    from robovast.campaign.layout import CAMPAIGN_STORE, Layout
+    from robovast.campaign.layout import Layout
+    from robovast.model.naming import CAMPAIGN_STORE
     from robovast_cli.ui.output import say
     from robovast_cli.workspace import shown
 

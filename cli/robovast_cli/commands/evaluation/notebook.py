@@ -33,6 +33,16 @@ def notebook(
             show_default=False,
         ),
     ] = None,
+    batch: Annotated[
+        int | None,
+        typer.Option(
+            "--batch",
+            metavar="N",
+            min=0,
+            help="Of a search: the notebook for this batch, with `BATCH` set to its number.",
+            show_default=False,
+        ),
+    ] = None,
     override: Annotated[
         Path | None,
         typer.Option(
@@ -55,15 +65,16 @@ def notebook(
     from robovast.evaluation.notebooks.workloads import find_notebook, target_of
 
     require_extra()
-    target = target_of(path)
+    target = target_of(path, batch)
     original = find_notebook(target, workload, override).file()
-    copy = Path(f"{'-'.join((original.stem, *target.names))}.ipynb")
+    parts = [] if batch is None else [f"batch-{batch}"]
+    copy = Path(f"{'-'.join((original.stem, *target.names, *parts))}.ipynb")
     if copy.exists():
         say(f"{copy} is there already; it is kept as it is.")
     else:
         import nbformat
 
-        content = read_notebook(original.read_bytes(), target.folder)
+        content = read_notebook(original.read_bytes(), target.folder, batch)
         copy.write_text(nbformat.writes(content), encoding="utf-8")
         say(f"Wrote {copy}.")
     return _open(copy, original.parent)

@@ -64,6 +64,16 @@ def run(
     ] = None,
     config: Select = None,
     runs: Runs = None,
+    batches: Annotated[
+        int | None,
+        typer.Option(
+            "--batches",
+            min=1,
+            help="Of a search: end it after so many batches in all, whatever the file says. With "
+            "`--resume` one that has ended goes on.",
+            show_default=False,
+        ),
+    ] = None,
     jobs: Annotated[
         int | None,
         typer.Option(
@@ -95,7 +105,8 @@ def run(
         typer.Option(
             "--resume",
             metavar="CAMPAIGN_DIR",
-            help="Continue this campaign: finished runs are not repeated.",
+            help="Continue this campaign: finished runs are not repeated. More `--runs` are in "
+            "all, of those of `--config` alone if it is given.",
             show_default=False,
         ),
     ] = None,
@@ -140,6 +151,7 @@ def run(
     options = LocalOptions(
         select=config,
         runs=runs,
+        batches=batches,
         jobs=jobs,
         runtime=runtime,
         image=image,

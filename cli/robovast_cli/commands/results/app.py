@@ -22,7 +22,15 @@ COMMANDS: Mapping[str, Lazy] = {
     ),
     "compare": Lazy(
         "robovast_cli.commands.results.compare:app",
-        "Compare two campaigns: what got worse, and whether chance explains it.",
+        "Compare campaigns: what got worse, and whether chance explains it.",
+    ),
+    "history": Lazy(
+        "robovast_cli.commands.results.history:app",
+        "Say how often a configuration failed in each campaign, and what changed between.",
+    ),
+    "report": Lazy(
+        "robovast_cli.commands.results.report:app",
+        "Write a report of a campaign to send: one HTML file, or Markdown.",
     ),
     "coverage": Lazy(
         "robovast_cli.commands.results.coverage:app",

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import logging
 import os
-from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
+from robovast_cli.commands.results.options import Target
 from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.lazy import new_app
 
@@ -29,16 +29,7 @@ def download(
             show_default=False,
         ),
     ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="PATH",
-            help="Folder for the campaigns' folders; the project's results folder when omitted.",
-            show_default=False,
-        ),
-    ] = None,
+    output: Target = None,
     force: Annotated[
         bool, typer.Option("-f", "--force", help="Download everything, including existing files.")
     ] = False,

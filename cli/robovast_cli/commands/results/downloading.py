@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robovast.base.errors import CannotRunError, InputError, StorageError
+from robovast.base.printable import printable
 from robovast.base.sizes import fmt_size
 from robovast.storage.bucket_ownership import find_bucket, is_owned, owner_of
 from robovast.storage.download import DownloadResult, download_campaign
@@ -151,6 +152,8 @@ def _download(
             result = download_campaign(store, results.bucket, folder, view, force=force, run=run)
     for line in _summary(result):
         say(line)
+    if results.campaign is not None and results.campaign.status.decisions:
+        say(f"{printable(results.campaign.status.decisions)}.")
     return folder
 
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from robovast_cli.commands.results.options import Target
 from robovast_cli.lazy import new_app
 
 app = new_app("Take over a campaign that comes as an archive.")
@@ -18,16 +19,7 @@ def import_results(
     archive: Annotated[
         Path, typer.Argument(metavar="ARCHIVE", help="A campaign's .tar.gz or .zip file.")
     ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="PATH",
-            help="Folder for the campaign's folder; the project's results folder when omitted.",
-            show_default=False,
-        ),
-    ] = None,
+    output: Target = None,
     force: Annotated[
         bool, typer.Option("-f", "--force", help="Replace a campaign of the same name.")
     ] = False,

@@ -23,6 +23,17 @@ ResultsDir = Annotated[
     ),
 ]
 
+Target = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        metavar="PATH",
+        help="Folder for the campaign's folder; the project's results folder when omitted.",
+        show_default=False,
+    ),
+]
+
 AnswerFormat = Annotated[
     Literal["table", "csv", "json"],
     typer.Option("-o", "--output", help="How to print the answer."),
@@ -84,7 +95,7 @@ def named_campaign(results: Path, name: str) -> Path:
         )
     found = find_campaigns(candidates[0])
     if len(found) > 1:
-        names = ", ".join(path.name for path in found[:5]) + (" …" if len(found) > 5 else "")
+        names = ("… " if len(found) > 5 else "") + ", ".join(path.name for path in found[-5:])
         raise InputError(f"{name} holds {len(found)} campaigns ({names}); name one of them.")
     return found[0].resolve()
 
@@ -96,11 +107,9 @@ def read_campaign(folder: Path) -> CampaignIndex:
         InputError: it cannot be read, or it has no runs.
     """
     from robovast.evaluation.campaign_index import CampaignIndex
-    from robovast_cli.ui.listing import no_garbage_collection
 
     index = CampaignIndex(folder.parent, folder.name)
-    with no_garbage_collection():
-        index.refresh()
+    index.refresh()
     if not any(variant.runs for variant in index.variants):
         raise InputError(f"{folder.name} has no stored run yet: nothing can be said about it.")
     return index

@@ -11,7 +11,7 @@ from typing import Any
 
 from robovast.base.plugins import plugins_of
 from robovast_cli.plugins import origin
-from robovast_cli.ui.listing import format_table
+from robovast_cli.ui.table import format_table
 
 _ARGUMENTS = re.compile(r"^Args:\n(?P<items>(?: .*\n?|\n(?= ))+)", re.MULTILINE)
 _ARGUMENT = re.compile(r"^ {4}(\w+)(?: \([^)]*\))?: (.*(?:\n {5,}.*)*)", re.MULTILINE)

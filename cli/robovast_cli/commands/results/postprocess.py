@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from robovast_cli.commands.results.options import ResultsDir
 from robovast_cli.lazy import new_app
 
 app = new_app("Turn raw results into tables, metadata and a provenance graph.")
@@ -14,16 +15,7 @@ commands_app = new_app("List the installed postprocessing commands and their par
 @app.command()
 def postprocess(
     ctx: typer.Context,
-    results_dir: Annotated[
-        Path | None,
-        typer.Option(
-            "-r",
-            "--results-dir",
-            metavar="PATH",
-            help="Folder of campaigns, or of one; the project's results folder when omitted.",
-            show_default=False,
-        ),
-    ] = None,
+    results_dir: ResultsDir = None,
     force: Annotated[
         bool, typer.Option("-f", "--force", help="Do everything again, changed or not.")
     ] = False,

@@ -65,9 +65,9 @@ def search(
     is the probability that it does at all.
     """
     from robovast.base.errors import InputError
-    from robovast.search.results import StoredSearch
     from robovast_cli.commands.results.options import named_campaign
     from robovast_cli.ui.rows import print_rows
+    from robovast_cli.ui.working import working
 
     if picture is not None and what not in {"map", "progress"}:
         raise InputError(f"--picture belongs to `map` and `progress`, not to `{what}`.")
@@ -77,20 +77,25 @@ def search(
         raise InputError(
             f"--at belongs to `critical`, and to `map` with --picture; not to `{what}`."
         )
-    stored = StoredSearch(named_campaign(results_dir or ctx.obj.results, campaign))
-    fixed = dict(map(_pair, at or []))
-    if picture is not None:
-        _draw(stored, picture, None if what == "progress" else (over or []), fixed)
-        return
-    answers = {
-        "sets": stored.sets,
-        "best": stored.best,
-        "progress": stored.report,
-        "critical": lambda: stored.critical(fixed),
-        "map": stored.map,
-        "archive": stored.archive,
-    }
-    print_rows(answers[what](), output)
+    folder, fixed = named_campaign(results_dir or ctx.obj.results, campaign), _fixed(at)
+    with working(f"Reading {folder.name}") as tell:
+        from robovast.search.results import stored_search
+
+        stored = stored_search(folder)
+        answers = {
+            "sets": stored.sets,
+            "best": stored.best,
+            "progress": stored.report,
+            "critical": lambda: stored.critical(fixed),
+            "map": stored.map,
+            "archive": stored.archive,
+        }
+        tell(f"computing `{what}`")
+        if picture is not None:
+            _draw(stored, picture, None if what == "progress" else (over or []), fixed)
+            return
+        answer = answers[what]()
+    print_rows(answer, output)
 
 
 def _draw(
@@ -104,6 +109,10 @@ def _draw(
         from robovast.search.pictures import draw_map, draw_progress, encoded
     figure = draw_progress(stored) if over is None else draw_map(stored, over, fixed)
     write_report(picture, encoded(figure, picture))
+
+
+def _fixed(at: list[str] | None) -> dict[str, Any]:
+    return dict(map(_pair, at or []))
 
 
 def _pair(text: str) -> tuple[str, Any]:

@@ -36,7 +36,7 @@ def list_share(
     environment or a `.env` file in this folder or above; docs/publication.md has them all.
     """
     from robovast.storage.shares.campaigns import open_share
-    from robovast_cli.ui.listing import format_table
+    from robovast_cli.ui.table import format_table
 
     results = results_dir or ctx.obj.results
     with open_share() as share:

@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from robovast_cli.commands.results.buckets import Buckets, Context, Namespace
 from robovast_cli.commands.results.options import AnswerFormat, ResultsDir
 from robovast_cli.lazy import new_app
 
@@ -26,15 +27,28 @@ def sparql(
     list_queries: Annotated[
         bool, typer.Option("--list", help="List the queries of the package and exit.")
     ] = False,
+    bucket: Buckets = None,
+    context: Context = None,
+    namespace: Namespace = None,
 ) -> None:
     """Ask the provenance graphs of campaigns with SPARQL.
 
     The prefixes rdf, rdfs, xsd, prov, dcterms, dcat, foaf, robovast, smm, scenarios, env, agn, qudt
-    and unit need not be declared.
+    and unit need not be declared. A table has IRIs relative to the campaign, CSV and JSON have
+    complete ones. With --bucket only the graphs are downloaded, which results
+    processing in the cluster makes.
     """
+    from robovast.campaign.finding import find_campaigns
+    from robovast.model.naming import GRAPH
     from robovast_cli.ui.answers import print_answer, print_query_names
 
     if list_queries or query is None:
         print_query_names()
         return
-    print_answer(query, results_dir or ctx.obj.results, output)
+    if not bucket:
+        print_answer(query, find_campaigns(results_dir or ctx.obj.results), output)
+        return
+    from robovast_cli.commands.results.buckets import opened
+
+    with opened(bucket, context, namespace) as found:
+        print_answer(query, [one.bring(GRAPH) for one in found], output)

@@ -40,6 +40,14 @@ RunWords = Annotated[
         show_default=False,
     ),
 ]
+CampaignWord = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="CAMPAIGN",
+        help="The campaign, where there are several.",
+        show_default=False,
+    ),
+]
 Secondary = Annotated[
     str | None,
     typer.Option(
@@ -79,6 +87,14 @@ def run(
             show_default=False,
         ),
     ] = None,
+    reuse: Annotated[
+        bool,
+        typer.Option(
+            "--reuse",
+            help="Take over runs that another campaign with this option has stored with equal "
+            "inputs and seed. The file must set `execution.seed`, and the image have a digest.",
+        ),
+    ] = False,
     queue: Annotated[
         str | None,
         typer.Option(
@@ -88,9 +104,26 @@ def run(
             show_default=False,
         ),
     ] = None,
+    queue_priority: Annotated[
+        str | None,
+        typer.Option(
+            "--queue-priority",
+            metavar="NAME",
+            help="Kueue WorkloadPriorityClass: what is higher comes first in the queue.",
+            show_default=False,
+        ),
+    ] = None,
     dry_run: Annotated[
         bool,
         typer.Option("--dry-run", help="Print the Campaign, for Git or kubectl; create nothing."),
+    ] = False,
+    estimate: Annotated[
+        bool,
+        typer.Option(
+            "--estimate",
+            help="Print how long it would take and cost, by earlier campaigns of the file; "
+            "create nothing.",
+        ),
     ] = False,
     output: Annotated[
         Literal["yaml", "json"], typer.Option("-o", "--output", help="How `--dry-run` prints it.")
@@ -116,11 +149,18 @@ def run(
         debug=debug,
         context=context,
         queue=queue,
+        queue_priority=queue_priority,
         parallelism=parallelism,
+        reuse=reuse,
     )
     document = ctx.obj.document()
     if dry_run:
         return cluster_run.print_campaign(document, options, namespace, output)
+    if estimate:
+        from robovast_cli.commands.exec.cluster.estimating import print_estimate
+
+        print_estimate(document, options, context, namespace)
+        return 0
     return cluster_run.run(
         document, options, context, namespace, detach=detach, clean_before=cleanup
     )
@@ -155,7 +195,7 @@ def logs(
         ),
     ] = None,
     failed: Annotated[
-        bool, typer.Option("--failed", help="Of all failed and errored runs, one after the other.")
+        bool, typer.Option("--failed", help="The logs of all failed and errored runs, in turn.")
     ] = False,
     context: Context = None,
     namespace: Namespace = None,
@@ -171,6 +211,21 @@ def logs(
 
 
 @app.command()
+def runs(
+    campaign: CampaignWord = None,
+    failed: Annotated[
+        bool, typer.Option("--failed", help="Only those that failed or errored.")
+    ] = False,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> None:
+    """Print which runs are executed now and by which pod, and which did not pass and why."""
+    from robovast_cli.commands.exec.cluster import runs as cluster_runs
+
+    cluster_runs.runs(context, namespace, campaign, failed=failed)
+
+
+@app.command()
 def shell(
     words: RunWords = None,
     secondary: Secondary = None,
@@ -181,6 +236,17 @@ def shell(
     from robovast_cli.commands.exec.cluster import shell as cluster_shell
 
     return cluster_shell.shell(context, namespace, words or [], secondary)
+
+
+@app.command("debug")
+def debug_run(words: RunWords = None, context: Context = None, namespace: Namespace = None) -> None:
+    """Execute a run once more in a pod of its own that stays, to look into it.
+
+    With its parameters, seed and image; nothing of it is stored in the campaign's results.
+    """
+    from robovast_cli.commands.exec.cluster import debug as cluster_debug
+
+    cluster_debug.debug(context, namespace, words or [])
 
 
 @app.command()
@@ -281,12 +347,23 @@ def stop(
 
 @app.command()
 def resume(
-    campaign: CampaignName = None, context: Context = None, namespace: Namespace = None
+    campaign: CampaignName = None,
+    batches: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="Let a search go on, even one that has ended: it ends after so many batches in "
+            "all, whatever its `budget` and `stopping` say.",
+        ),
+    ] = None,
+    context: Context = None,
+    namespace: Namespace = None,
 ) -> None:
     """Let a stopped campaign go on after its last stored run."""
     from robovast_cli.commands.exec.cluster import control as cluster_control
 
-    cluster_control.resume(context, namespace, campaign)
+    cluster_control.resume(context, namespace, campaign, batches)
 
 
 @app.command()

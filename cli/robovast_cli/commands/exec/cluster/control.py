@@ -24,12 +24,42 @@ def stop(context: str | None, namespace: str | None, name: str | None) -> None:
     say(f"Resume:   vast exec cluster resume -i {campaign.name}")
 
 
-def resume(context: str | None, namespace: str | None, name: str | None) -> None:
-    """Let a stopped campaign go on; without a name the only one that is stopped."""
+def resume(
+    context: str | None, namespace: str | None, name: str | None, batches: int | None
+) -> None:
+    """Let a stopped campaign go on, or a search with so many batches in all.
+
+    Without a name it is the only one that is stopped, or is a search.
+    """
     with connect(context, namespace) as kube:
-        campaign = _one(kube, name, lambda c: c.suspended, "that is stopped")
-        kube.patch_campaign(campaign.name, {"suspend": False})
+        if batches is None:
+            campaign = _one(kube, name, lambda c: c.suspended, "that is stopped")
+            kube.patch_campaign(campaign.name, {"suspend": False})
+        else:
+            campaign = _one(kube, name, _is_search, "that is a search")
+            _refuse_fewer(campaign, batches)
+            end = {"budget": [{"batches": batches}], "stopping": []}
+            kube.patch_campaign(campaign.name, {"suspend": False, "vast": {"search": end}})
     say(f"{campaign.name}: goes on.")
+
+
+def _is_search(campaign: CampaignState) -> bool:
+    return bool(campaign.resource["spec"]["vast"].get("search"))
+
+
+def _refuse_fewer(campaign: CampaignState, batches: int) -> None:
+    """Refuse a number of batches with which nothing would be executed.
+
+    Raises:
+        InputError: so many are done.
+    """
+    search = campaign.status.search
+    done = search.batch if search is not None else 0
+    if batches <= done:
+        raise InputError(
+            f"{campaign.name} has {done} batches; `--batches` counts them all: give more than "
+            f"{done}."
+        )
 
 
 def retry(context: str | None, namespace: str | None, name: str | None) -> None:

@@ -152,7 +152,7 @@ class RunLog:
         _print([""])
 
     def _show_live(self, executor: Executor) -> bool:
-        """Print it from a pod, and what comes; False when the pod has none of the run."""
+        """Print it from a pod, and what is added to it; False if the pod has none of the run."""
         container = self._how.secondary or RUN
         check_container(executor.pod, container)
         if not has_begun(executor.pod, container):
@@ -190,7 +190,7 @@ class RunLog:
         _print(self._how.last(part or self._whole(lines, runs)))
 
     def _whole(self, lines: Sequence[str], runs: int) -> Sequence[str]:
-        """All lines of a job's log, with a word where other runs are in it."""
+        """All lines of a job's log, with a note if other runs are in it."""
         if runs > 1:
             tell(f"{self._run}: this log does not tell it from the {runs} runs of its job.")
         return lines

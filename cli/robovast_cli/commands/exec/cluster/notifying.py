@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from typing import Any
 from urllib.parse import urlsplit
 
-from robovast.base.errors import InputError, RobovastError
-from robovast.kubeapi.resources import API_VERSION, Notification, SecretKey
-from robovast.kubeapi.secret_names import SECRET_PREFIX
+from robovast.base.errors import InputError
+from robovast.kubeapi.resources import SUBJECTS, Notification, SecretKey
+from robovast_cli.commands.exec.cluster.secrets import create_secret, secret_name
 from robovast_cli.kube.api import Json, Kubernetes
 from robovast_cli.ui.output import say
 
@@ -25,6 +25,10 @@ PUBLIC_SERVER = "https://ntfy.sh"
 
 _TOPIC = re.compile(r"[-_A-Za-z0-9]{1,64}")
 _NTFY_URL, _NTFY_TOKEN, _WEBHOOK_URL = "ntfy-url", "ntfy-token", "webhook-url"
+
+
+SUFFIX = "notify"
+"""What the name of their Secret ends with."""
 
 
 def receivers(environment: Mapping[str, str]) -> dict[str, str]:
@@ -52,7 +56,7 @@ def receivers(environment: Mapping[str, str]) -> dict[str, str]:
 
 def with_notifications(campaign: Json, values: Mapping[str, str]) -> Json:
     """Add the receivers to a Campaign, with a Secret that is created after it."""
-    secret = _secret_name(campaign)
+    secret = secret_name(campaign, SUFFIX)
 
     def key(name: str) -> SecretKey | None:
         return SecretKey(name=secret, key=name) if name in values else None
@@ -60,47 +64,25 @@ def with_notifications(campaign: Json, values: Mapping[str, str]) -> Json:
     found = []
     if _NTFY_URL in values:
         url, token = key(_NTFY_URL), key(_NTFY_TOKEN)
-        found.append(Notification(kind="ntfy", url_from=url, token_from=token))
+        found.append(
+            Notification(kind="ntfy", url_from=url, token_from=token, subjects=[*SUBJECTS])
+        )
     if _WEBHOOK_URL in values:
-        found.append(Notification(kind="webhook", url_from=key(_WEBHOOK_URL)))
+        webhook = key(_WEBHOOK_URL)
+        found.append(Notification(kind="webhook", url_from=webhook, subjects=[*SUBJECTS]))
     if not found:
         return campaign
     written = [item.model_dump(by_alias=True, exclude_defaults=True) for item in found]
     return {**campaign, "spec": {**campaign["spec"], "notifications": written}}
 
 
-def create_secret(kube: Kubernetes, campaign: Mapping[str, Any], values: Mapping[str, str]) -> None:
-    """Create the Secret of a Campaign; errors are reported and do not stop the campaign."""
-    if not values:
-        return
-    try:
-        kube.create_secret(_secret(campaign, values))
-    except RobovastError as error:
-        say(f"No notifications will be sent: {error}")
-        return
-    kinds = ("ntfy",) * (_NTFY_URL in values) + ("webhook",) * (_WEBHOOK_URL in values)
-    say(f"Told by {' and '.join(kinds)}: its end, and what needs help.")
-
-
-def _secret(campaign: Mapping[str, Any], values: Mapping[str, str]) -> Json:
-    """The Secret; it goes when the Campaign does."""
-    owner: dict[str, Any] = {
-        "apiVersion": API_VERSION,
-        "kind": "Campaign",
-        "name": campaign["metadata"]["name"],
-        "uid": campaign["metadata"]["uid"],
-    }
-    return {
-        "apiVersion": "v1",
-        "kind": "Secret",
-        "metadata": {"name": _secret_name(campaign), "ownerReferences": [owner]},
-        "immutable": True,
-        "stringData": dict(values),
-    }
-
-
-def _secret_name(campaign: Mapping[str, Any]) -> str:
-    return f"{SECRET_PREFIX}{campaign['metadata']['name']}-notify"
+def begin(kube: Kubernetes, campaign: Mapping[str, Any], values: Mapping[str, str]) -> None:
+    """Create the Secret of a Campaign that has receivers."""
+    without = "No notifications will be sent"
+    if values and create_secret(kube, campaign, SUFFIX, values, without):
+        kinds = ("ntfy",) * (_NTFY_URL in values) + ("webhook",) * (_WEBHOOK_URL in values)
+        told = "its start, each hour, its end, and what needs help"
+        say(f"Told by {' and '.join(kinds)}: {told}.")
 
 
 def _check_url(variable: str, url: str) -> None:

@@ -17,11 +17,7 @@ from robovast.base.errors import CannotRunError, ExitCode
 from robovast.kubeapi.submission import Submission, SubmitOptions, campaign_name, prepare_submission
 from robovast.model.document import Document
 from robovast.storage.bucket_names import BUNDLES_BUCKET
-from robovast_cli.commands.exec.cluster.notifying import (
-    create_secret,
-    receivers,
-    with_notifications,
-)
+from robovast_cli.commands.exec.cluster import notifying, sharing
 from robovast_cli.commands.exec.cluster.remove import remove_finished
 from robovast_cli.kube.api import Kubernetes, connect
 from robovast_cli.kube.api_errors import ConflictError, UnreachableError
@@ -71,15 +67,16 @@ def run(
         detach: do not wait for the end.
         clean_before: remove finished campaigns before.
     """
-    told = receivers(environment())
+    told, shared = notifying.receivers(environment()), sharing.share_of(environment())
     with connect(context, namespace) as kube:
         if clean_before:
             remove_finished(kube)
         queue = options.queue or (QUEUE if kube.has_queue(QUEUE) else None)
         chosen = replace(options, context=kube.context, queue=queue)
-        campaign = submit(kube, document, chosen, told)
+        campaign = submit(kube, document, chosen, told, shared)
         say(f"Campaign {campaign.name} is in the cluster (namespace {kube.namespace}).")
-        create_secret(kube, campaign.resource, told)
+        notifying.begin(kube, campaign.resource, told)
+        sharing.begin(kube, campaign.resource, shared)
         if detach:
             say_how_to_go_on(campaign.name)
             return ExitCode.OK
@@ -87,7 +84,11 @@ def run(
 
 
 def submit(
-    kube: Kubernetes, document: Document, options: SubmitOptions, told: Mapping[str, str]
+    kube: Kubernetes,
+    document: Document,
+    options: SubmitOptions,
+    told: Mapping[str, str],
+    shared: Mapping[str, str],
 ) -> CampaignState:
     """Create the Campaign of a document, its archive in S3 before when it needs one.
 
@@ -95,7 +96,8 @@ def submit(
         kube: the cluster.
         document: the checked document.
         options: what counts beside it.
-        told: receivers of notifications (`robovast_cli.commands.exec.cluster.notifying.receivers`).
+        told: receivers of notifications (`notifying.receivers`).
+        shared: variables of the share for its results (`sharing.share_of`).
     """
     for attempt in range(ATTEMPTS):
         name = campaign_name(document, unique=True)
@@ -103,7 +105,8 @@ def submit(
         if submission.archive and not attempt:
             _upload(kube, submission)
         try:
-            wanted = with_notifications(submission.campaign, told)
+            wanted = notifying.with_notifications(submission.campaign, told)
+            wanted = sharing.with_share(wanted, shared)
             return CampaignState(kube.create_campaign(wanted))
         except ConflictError:
             if attempt == ATTEMPTS - 1:

@@ -19,8 +19,8 @@ from robovast_cli.commands.exec.cluster.chart import RELEASE, Helm, chart_folder
 from robovast_cli.kube.api import KUEUE, Kubernetes, connect
 from robovast_cli.kube.api_errors import NotInstalledError
 from robovast_cli.kube.status import CampaignState
-from robovast_cli.ui.listing import format_table
 from robovast_cli.ui.output import say
+from robovast_cli.ui.table import format_table
 
 GROUP = "robovast.cluster_configs"
 _BY = "vast exec cluster setup "

@@ -1,0 +1,48 @@
+"""`vast exec cluster debug`: one run once more, in a pod of its own that stays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from robovast.base.errors import CannotRunError
+from robovast.kubeapi.pod_contract.debug_pod import HOURS, debug_pod
+from robovast.kubeapi.pod_contract.pack_request import RUN
+from robovast.kubeapi.resources import ROLE_LABEL, SHARD_ROLE, UID_LABEL
+from robovast_cli.commands.exec.cluster.logs import campaign_and_run, opened_runs
+from robovast_cli.ui.output import say
+
+
+def debug(context: str | None, namespace: str | None, words: Sequence[str]) -> None:
+    """Start the pod, and print how to enter and to end it.
+
+    Args:
+        context: of the kubeconfig; the current one when None.
+        namespace: the context's when None.
+        words: the campaign, which may be left out, and the run.
+
+    Raises:
+        InputError: there is no such campaign or run.
+        CannotRunError: nothing says any more how its pod is made.
+    """
+    name, run = campaign_and_run(words)
+    with opened_runs(context, namespace, name) as (kube, runs):
+        campaign, planned = runs.campaign, runs.planned
+        if campaign is None or planned is None:
+            raise CannotRunError("the Campaign has no runs yet, or was removed.")
+        id_ = planned.id_of(run)
+        jobs = kube.jobs({UID_LABEL: campaign.uid, ROLE_LABEL: SHARD_ROLE})
+        if not jobs:
+            raise CannotRunError(
+                f"no Job of {campaign.name} is left that says how the pod of {run} is made. "
+                f"`vast replay` executes a downloaded run once more on this machine."
+            )
+        pod = kube.create_pod(debug_pod(campaign.resource, jobs[-1], id_))["metadata"]["name"]
+        kubectl = "kubectl" + (f" --context {kube.context}" if kube.context else "")
+        kubectl += f" --namespace {kube.namespace}"
+    inside = "source /config/environment.sh && cd /out && bash /config/entrypoint.sh"
+    say(f"{run} is executed once more in the pod {pod}, which stores nothing. When it has ended,")
+    say(f"the pod stays, for {HOURS} h at most; what the run writes is in /out.")
+    say(f"log:    {kubectl} logs --follow {pod} --container {RUN}")
+    say(f"enter:  {kubectl} exec --stdin --tty {pod} --container {RUN} -- bash")
+    say(f"again:  {inside}  (in there)")
+    say(f"end:    {kubectl} delete pod {pod}")

@@ -1,0 +1,99 @@
+"""`vast exec cluster run --estimate`: how long a campaign would take, by those before it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from datetime import datetime, timedelta
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from robovast.base.errors import InputError
+from robovast.kubeapi.resources import CampaignSpec
+from robovast.kubeapi.submission import SubmitOptions, document_name
+from robovast.model.document import Document
+from robovast.model.estimate import Forecast, Spent, cores_of, forecast
+from robovast.model.expansion import compose, select_any
+from robovast_cli.kube.api import connect
+from robovast_cli.kube.status import CampaignState, now
+from robovast_cli.ui.live_view import clock_time
+from robovast_cli.ui.output import say
+
+
+def print_estimate(
+    document: Document, options: SubmitOptions, context: str | None, namespace: str | None
+) -> None:
+    """Print how long a campaign of a document would take and cost; nothing is created.
+
+    Args:
+        document: the checked document.
+        options: what counts beside it.
+        context: of the kubeconfig; the current one when None.
+        namespace: the context's when None.
+
+    Raises:
+        InputError: nobody can know how many runs it has.
+    """
+    runs = _runs_of(document, options)
+    with connect(context, namespace) as kube:
+        known = [CampaignState(item) for item in kube.campaigns()]
+        cores = cores_of(document.vast.execution, kube.context or "")
+    earlier = list(_like(document, known))
+    workers = options.parallelism or _default_parallelism()
+    found = forecast(earlier, runs, workers)
+    say(f"{runs:,} runs, at most {min(runs, workers):,} at once.")
+    if found is None:
+        say(
+            f"Nothing is known of its time: no campaign of {document_name(document)} has ended in "
+            "this namespace."
+        )
+        return
+    say(
+        f"Takes about {clock_time(found.seconds)}, nine of ten times {clock_time(found.least)} to "
+        f"{clock_time(found.most)}, as {_campaigns(len(earlier))} before it did: begun now, it "
+        f"ends about {_moment(found.seconds)}."
+    )
+    if cores:
+        say(_cost(found, cores * min(runs, workers)))
+
+
+def _runs_of(document: Document, options: SubmitOptions) -> int:
+    if document.vast.search is not None:
+        raise InputError("--estimate: a search proposes its runs itself; nobody knows how many.")
+    with TemporaryDirectory() as folder:
+        variants = select_any(compose(document, Path(folder)).variants, options.select)
+    return len(list(variants)) * (options.runs or document.vast.execution.most_runs)
+
+
+def _default_parallelism() -> int:
+    return int(CampaignSpec.model_fields["parallelism"].default)
+
+
+def _like(document: Document, known: Iterable[CampaignState]) -> Iterator[Spent]:
+    """What campaigns of the same document took that were executed once, to their end."""
+    name, metadata = document_name(document), document.vast.metadata.get("name")
+    for campaign in known:
+        spec, status = campaign.resource["spec"], campaign.status
+        named = ((spec.get("vast") or {}).get("metadata") or {}).get("name")
+        ended = status.state == "Finished" and status.attempt == 1
+        if not ended or (spec.get("document"), named) != (name, metadata):
+            continue
+        if status.start_time and status.completion_time and status.runs.total:
+            begun, over = map(datetime.fromisoformat, (status.start_time, status.completion_time))
+            workers = int(spec.get("parallelism") or _default_parallelism())
+            yield Spent(status.runs.total, workers, max(1.0, (over - begun).total_seconds()))
+
+
+def _campaigns(number: int) -> str:
+    return "the one campaign" if number == 1 else f"{number} campaigns"
+
+
+def _moment(seconds: float) -> str:
+    return (now() + timedelta(seconds=seconds)).strftime("%Y-%m-%d %H:%M UTC")
+
+
+def _cost(found: Forecast, cores: float) -> str:
+    """The CPU-hours that its pods ask for."""
+    hours = [cores * seconds / 3600 for seconds in (found.seconds, found.least, found.most)]
+    return (
+        f"Costs about {hours[0]:.2g} CPU-hours, nine of ten times {hours[1]:.2g} to {hours[2]:.2g}."
+    )

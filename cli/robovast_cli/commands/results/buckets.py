@@ -1,0 +1,154 @@
+"""Campaigns that are asked where they are stored, without downloading them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from robovast.base.errors import InputError
+
+if TYPE_CHECKING:
+    from robovast.analysis.tables.stored import StoredTables
+    from robovast.storage.s3 import ObjectStore
+    from robovast_cli.kube.store import StorePlace
+
+BUCKET_HELP = (
+    "Ask this campaign where it is stored, without downloading it: name of the campaign, of its "
+    "results folder or of its bucket."
+)
+Buckets = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--bucket", metavar="NAME", help=f"{BUCKET_HELP} May be repeated.", show_default=False
+    ),
+]
+Bucket = Annotated[
+    str | None, typer.Option("--bucket", metavar="NAME", help=BUCKET_HELP, show_default=False)
+]
+Context = Annotated[
+    str | None,
+    typer.Option(
+        "--context",
+        metavar="NAME",
+        help="With --bucket: context of the kubeconfig; the current one when omitted.",
+        show_default=False,
+    ),
+]
+Namespace = Annotated[
+    str | None,
+    typer.Option(
+        "--namespace",
+        metavar="NAME",
+        help="With --bucket: the campaign's namespace; the context's when omitted.",
+        show_default=False,
+    ),
+]
+
+
+@dataclass(frozen=True)
+class InBucket:
+    """A campaign in an S3 server that is reached."""
+
+    store: ObjectStore
+    bucket: str
+    campaign: str
+    """Name of the results folder."""
+    scratch: Path
+    """Folder for what must be copied; removed at the end."""
+
+    def tables(self) -> StoredTables | Path:
+        """Its tables; see `tables_in`."""
+        from robovast.analysis.tables.in_bucket import tables_in
+
+        return tables_in(self.store, self.bucket, self.campaign, self.scratch)
+
+    def has(self, folder: str) -> bool:
+        """Whether a folder of it holds anything."""
+        found = self.store.objects(self.bucket, f"{folder}/")
+        return next(iter(found), None) is not None
+
+    def bring(self, key: str) -> Path:
+        """Download one file; return the campaign's folder, in which it is if it is stored."""
+        folder = self.scratch / self.campaign
+        item = self.store.find(self.bucket, key)
+        if item is not None:
+            self.store.get_file(self.bucket, item, folder / key)
+        return folder
+
+
+@contextmanager
+def opened(
+    names: Sequence[str], context: str | None, namespace: str | None
+) -> Iterator[list[InBucket]]:
+    """Campaigns by name, as long as the context lasts.
+
+    No cluster is needed where the environment names the S3 server and its keys.
+
+    Raises:
+        InputError: there is no campaign of a name, or several.
+        CannotRunError: the extra `cluster` is not installed, or the cluster cannot be reached.
+        StorageError: the S3 server cannot be read.
+    """
+    from robovast_cli.kube.api import cluster_extra
+
+    with cluster_extra():
+        from robovast_cli.kube.store import ACCESS_KEY, ENDPOINT, SECRET_KEY
+
+    given = all(os.environ.get(name) for name in (ENDPOINT, ACCESS_KEY, SECRET_KEY))
+    with ExitStack() as stack:
+        scratch = Path(stack.enter_context(TemporaryDirectory(prefix="robovast-bucket-")))
+        if given and not context and not namespace:
+            yield _by_environment(names, scratch)
+        else:
+            yield _by_cluster(names, context, namespace, scratch, stack)
+
+
+def _by_environment(names: Sequence[str], scratch: Path) -> list[InBucket]:
+    from robovast.storage.bucket_ownership import find_bucket
+    from robovast_cli.kube.store import given_store
+
+    store = given_store()
+    found = []
+    for name in names:
+        place = find_bucket(store, name)
+        if place is None:
+            raise InputError(f"{store.endpoint} has no bucket of a campaign `{name}`.")
+        bucket, owner = place
+        campaign = owner.campaign if owner is not None else bucket
+        found.append(InBucket(store, bucket, campaign, scratch / bucket))
+    return found
+
+
+def _by_cluster(
+    names: Sequence[str],
+    context: str | None,
+    namespace: str | None,
+    scratch: Path,
+    stack: ExitStack,
+) -> list[InBucket]:
+    from robovast.storage.bucket_ownership import is_owned
+    from robovast_cli.commands.results.downloading import named_results
+    from robovast_cli.kube.api import connect
+    from robovast_cli.kube.status import CampaignState
+    from robovast_cli.kube.store import open_store
+
+    kube = stack.enter_context(connect(context, namespace))
+    known = [CampaignState(item) for item in kube.campaigns()]
+    stores: dict[StorePlace, ObjectStore] = {}
+    found = []
+    for name in names:
+        results = named_results(kube, known, name)
+        if results.place not in stores:
+            stores[results.place] = stack.enter_context(open_store(kube, results.place))
+        store = stores[results.place]
+        if results.campaign is not None:
+            is_owned(store, results.bucket, results.campaign.uid)
+        found.append(InBucket(store, results.bucket, results.name, scratch / results.bucket))
+    return found

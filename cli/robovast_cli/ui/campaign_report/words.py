@@ -1,0 +1,130 @@
+"""What HTML and Markdown say alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+
+from robovast.base.statistics import LEVEL, percent
+from robovast.campaign.log_lines import parse_line
+from robovast.evaluation.campaign_report import CampaignReport, Worst
+from robovast.evaluation.explained import Explained
+from robovast.evaluation.logs import LogLine
+from robovast.evaluation.matrix import Cell, value_label
+from robovast.evaluation.poses import LAST_SECONDS
+from robovast.evaluation.rates import VariantRate
+from robovast_cli.ui.summary import CHANCE, COLUMNS, configuration_row
+from robovast_cli.ui.table import shortened
+
+MOST_CAUSES = 20
+MOST_ROWS = 30
+"""Configurations in a table."""
+MOST_FACTORS = 12
+WIDEST = 60
+"""Characters of a value."""
+WIDEST_LINE = 300
+"""Characters of a line of a log or a file."""
+LONGEST_TEXT = 1_000
+"""Characters of a description or a reason."""
+MOST_CHANGES, MOST_CHANGED_LINES = 8, 40
+"""Files that differ from those of the baseline, and lines of each."""
+MAP_KEY = "blue: the planned path"
+WAY_KEY = (
+    f"violet: the way; red: its last {LAST_SECONDS:g} s, and × where runs ended that did not pass"
+)
+
+
+def facts(report: CampaignReport) -> str:
+    """When and of what a campaign was executed."""
+    summary = report.rates.summary
+    started = summary.started_at
+    image = summary.execution.get("image")
+    found = (
+        summary.name,
+        summary.state,
+        None if started is None else f"{datetime.fromtimestamp(started, UTC):%Y-%m-%d %H:%M} UTC",
+        None if summary.duration is None else duration(summary.duration),
+        image if isinstance(image, str) else None,
+    )
+    return " · ".join(shortened(text, LONGEST_TEXT) for text in found if text)
+
+
+def duration(seconds: float) -> str:
+    """`42 s`, `3 min 20 s`, `2 h 5 min`."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    if hours:
+        return f"{hours} h {minutes} min"
+    return f"{minutes} min {rest} s" if minutes else f"{rest} s"
+
+
+def axes_note(explained: Explained) -> str:
+    """Why the matrix has its axes."""
+    if not explained.axes:
+        return "Nothing was varied."
+    names = " and ".join(explained.axes)
+    if not explained.effects:
+        return f"Nothing tells failures apart: {names} come first."
+    ps = [effect.p for effect in explained.effects if effect.factor in explained.axes]
+    verb = "separate" if len(explained.axes) > 1 else "separates"
+    if all(p < LEVEL for p in ps):
+        return f"{names} {verb} failures best."
+    if any(p < LEVEL for p in ps):
+        return f"{names} {verb} failures best, though chance can explain one of both."
+    return f"{names} {verb} failures best. {CHANCE.strip()}"
+
+
+def titled(factor: str, units: Mapping[str, str]) -> str:
+    """A factor with its unit."""
+    unit = units.get(factor)
+    return shortened(f"{factor} [{unit}]" if unit else factor, WIDEST)
+
+
+def values(worst: Worst) -> dict[str, str]:
+    """What was varied in a configuration."""
+    shown = list(worst.variant.factors.items())[:MOST_FACTORS]
+    units = worst.variant.units
+    return {titled(name, units): shortened(value_label(value), WIDEST) for name, value in shown}
+
+
+def configuration_table(bad: Sequence[VariantRate]) -> list[list[str]]:
+    """Columns and rows of the worst configurations, with the reason beside the name."""
+    rows = [COLUMNS, *map(configuration_row, bad[:MOST_ROWS])]
+    return [[name, reason, *cells] for name, *cells, reason in rows]
+
+
+def run_facts(worst: Worst) -> str:
+    """The run whose end is shown, and how many of its configuration fail."""
+    rate = worst.rate.rate
+    bad = f"{rate.failed + rate.errored} of {rate.runs} runs did not pass"
+    took = "" if worst.run.duration is None else f" after {duration(worst.run.duration)}"
+    reason = shortened(worst.run.reason, LONGEST_TEXT) or "no reason is known"
+    return f"{bad}. Run {worst.run.number} {worst.run.verdict}{took}: {reason}"
+
+
+def log_line(line: LogLine, started: float | None) -> str:
+    """A line of a log, with the seconds since the start of the run in place of the time."""
+    message = parse_line(line.text)
+    if not message.levels:
+        return shortened(line.text, WIDEST_LINE)
+    seconds = ""
+    if message.stamp is not None and started is not None:
+        seconds = f"{message.stamp - started:8.3f} s  "
+    source = f"{message.source}: " if message.source else ""
+    return shortened(f"{seconds}{message.level.upper():5} {source}{message.text}", WIDEST_LINE)
+
+
+def log_lines(worst: Worst) -> list[tuple[LogLine | None, str]]:
+    """Lines of a run's log with their text; None for those that are left out."""
+    ending = worst.ending
+    if ending is None:
+        return []
+    started = worst.run.started_at
+    texts = [(line, log_line(line, started)) for line in ending.error]
+    gap = [(None, "…")] if texts else []
+    return [*texts, *gap, *((line, log_line(line, started)) for line in ending.lines)]
+
+
+def cell_text(cell: Cell) -> str:
+    """The share of the runs of a cell that did not pass."""
+    return f"{percent(cell.bad / cell.runs)} ({cell.bad}/{cell.runs})" if cell.runs else ""
