@@ -18,15 +18,14 @@ BOX = 0.21
 def picture(config: Path, runs: list[Path]) -> SVG:
     """Where the robot drove in some runs of a configuration; those that failed in red."""
     occupancy = read_map(config / "_config" / get_scenario_parameter(config, "map_file"))
+    boxes = get_scenario_parameter(config, "obstacles")
     drawn = {
         "start": get_scenario_parameter(config, "start_pose"),
         "goals": [get_scenario_parameter(config, "goal_pose")],
-        "obstacles": [
-            {**box["spawn_pose"]["position"], "radius": BOX}
-            for box in get_scenario_parameter(config, "obstacles")
-        ],
+        "obstacles": [{**box["spawn_pose"]["position"], "radius": BOX} for box in boxes],
     }
-    return SVG(to_svg(occupancy, [*marks(drawn), *map(drive, runs)], config.name))
+    found = [*marks(drawn, {"obstacles": boxes}), *map(drive, runs)]
+    return SVG(to_svg(occupancy, found, config.name))
 
 
 def drive(run: Path) -> Line:

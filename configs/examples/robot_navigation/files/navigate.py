@@ -17,6 +17,7 @@ import sys
 from pathlib import Path
 
 import rclpy
+from camera import Camera, CameraError
 from follower import Follower
 from grid import Grid
 from rclpy.experimental import EventsExecutor
@@ -53,11 +54,14 @@ def main() -> int:
     lock, domain = own_domain()
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     rclpy.init(args=["--ros-args", "--disable-external-lib-logs"], domain_id=domain)
-    recorder = Recorder(output / "rosbag2")
+    camera, lack = look(world, float(given.get("camera", 0)))
+    recorder = Recorder(output / "rosbag2", camera is not None)
     memory = MEMORY if ends else math.inf
     follower = Follower(goal, radius + float(given["margin"]), float(given["speed"]), memory)
     limit, pace = float(given["limit"]), float(given["pace"])
-    simulator = Simulator(grid, world, goal, limit, pace, traffic)
+    simulator = Simulator(grid, world, goal, limit, pace, traffic, camera)
+    if lack:
+        simulator.get_logger().warning(lack)
     executor = EventsExecutor()
     for node in (recorder, follower, simulator):
         executor.add_node(node)
@@ -69,6 +73,8 @@ def main() -> int:
     finally:
         recorder.close()
         lock.close()
+        if camera:
+            camera.close()
     outcome = simulator.outcome or follower.outcome
     x, y, _ = simulator.places[-1]
     told = {
@@ -84,6 +90,14 @@ def main() -> int:
         table.writeheader()
         table.writerow(told)
     return 0 if outcome == "arrived" else 1
+
+
+def look(world: World, rate: float) -> tuple[Camera | None, str]:
+    """The camera, if it is to take pictures, or why it takes none."""
+    try:
+        return (Camera(world, rate), "") if rate > 0 else (None, "")
+    except CameraError as error:
+        return None, f"no pictures of the camera: {error}"
 
 
 def own_domain() -> tuple[socket.socket, int]:

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import LaserScan
+from sensor_msgs.msg import CompressedImage, LaserScan
 
 TOPICS = {
     "/clock": Clock,
@@ -27,6 +27,7 @@ TOPICS = {
     "/plan": Path,
     "/rosout": Log,
 }
+CAMERA = {"/camera/image/compressed": CompressedImage}
 TRANSFORMS = {"/transforms": "/tf", "/transforms_static": "/tf_static"}
 TRANSFORM, TRANSFORMS_TYPE = "geometry_msgs/msg/TransformStamped", "tf2_msgs/msg/TFMessage"
 
@@ -34,13 +35,13 @@ TRANSFORM, TRANSFORMS_TYPE = "geometry_msgs/msg/TransformStamped", "tf2_msgs/msg
 class Recorder(Node):
     """Writes the folder of a bag until it is closed."""
 
-    def __init__(self, folder: FilePath) -> None:
+    def __init__(self, folder: FilePath, camera: bool = False) -> None:
         super().__init__("recorder")
         self.types = get_typestore(Stores.ROS2_JAZZY)
         self.writer = Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP)
         self.writer.open()
         self.now = 0
-        for topic, kind in TOPICS.items():
+        for topic, kind in {**TOPICS, **(CAMERA if camera else {})}.items():
             self.record(topic, kind, topic, f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}")
         for topic, recorded in TRANSFORMS.items():
             self.record(topic, TransformStamped, recorded, TRANSFORMS_TYPE)

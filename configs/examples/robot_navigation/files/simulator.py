@@ -14,9 +14,10 @@ from messages import LATCHED, header, pose, transform
 from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import LaserScan
+from sensor_msgs.msg import CompressedImage, LaserScan
 from world import ANGLES, RANGE, STEP, World
 
+CAMERA = "camera/image/compressed"
 TOLERANCE = 0.2
 """Distance at which the goal counts as reached [m]."""
 BUMP = 60.0
@@ -30,14 +31,15 @@ class Simulator(Node):
 
     `outcome` is empty until the run is over: `arrived`, or why it is not. `trajectory` is a hash
     of all places. `traffic` says how a second robot moves, if there is one. With a `pace` above 0,
-    that many simulated seconds pass in a second at most.
+    that many simulated seconds pass in a second at most. With a `camera`, what it sees is
+    published at every so many steps.
     """
 
     def __init__(
-        self, grid: Grid, world: World, goal, limit: float, pace: float, traffic=None
+        self, grid: Grid, world: World, goal, limit: float, pace: float, traffic=None, camera=None
     ) -> None:
         super().__init__("simulator")
-        self.traffic = traffic
+        self.traffic, self.camera = traffic, camera
         self.world, self.goal, self.limit, self.pace = world, goal, limit, pace
         self.steps, self.began = 0, time.monotonic()
         self.places = [world.place()]
@@ -48,6 +50,7 @@ class Simulator(Node):
         self.moving = self.create_publisher(TransformStamped, "transforms", LATCHED)
         self.fixed = self.create_publisher(TransformStamped, "transforms_static", LATCHED)
         self.map = self.create_publisher(OccupancyGrid, "map", LATCHED)
+        self.pictures = camera and self.create_publisher(CompressedImage, CAMERA, LATCHED)
         self.create_subscription(TwistStamped, "cmd_vel", self.drive, LATCHED)
         self.map.publish(map_message(grid))
         self.fixed.publish(transform("map", "odom", 0.0))
@@ -108,6 +111,10 @@ class Simulator(Node):
             ranges=array("f", self.world.ranges()),
         )
         self.scan.publish(scan)
+        if self.camera and self.steps % self.camera.every == 0:
+            picture = CompressedImage(header=header("camera", now), format="jpeg")
+            picture.data = array("B", self.camera.picture())
+            self.pictures.publish(picture)
 
 
 def map_message(grid: Grid) -> OccupancyGrid:

@@ -120,8 +120,9 @@ def scene(
 <mujoco>
   <compiler angle="radian"/>
   <option timestep="0.002" integrator="implicitfast" cone="elliptic"/>
+  {LOOKS}
   <worldbody>
-    <geom type="plane" size="0 0 1" friction="0.01"/>
+    <geom type="plane" size="0 0 1" friction="0.01" material="floor"/>
     {"".join(walls(grid))}
     {"".join(others)}
     <body name="robot" pos="{x} {y} {WHEEL}" euler="0 0 {yaw}">
@@ -129,6 +130,7 @@ def scene(
       <geom type="cylinder" size="{radius} 0.06" pos="0 0 0.04" mass="8" friction="0.3" group="1"/>
       <site name="bumper" type="cylinder" size="{radius + 0.02} 0.08" pos="0 0 0.04"/>
       <site name="laser" pos="0 0 0.12"/>
+      <camera name="ahead" pos="0 0 0.25" xyaxes="0 -1 0 0.2 0 1" fovy="65"/>
       {caster(0.7 * radius)}{caster(-0.7 * radius)}
       {wheel("right", -track / 2)}{wheel("left", track / 2)}
     </body>
@@ -161,14 +163,15 @@ def walls(grid: Grid) -> Iterator[str]:
         (x0, y0), (x1, y1) = grid.place(top, left), grid.place(bottom, right)
         yield (
             f'<geom type="box" pos="{(x0 + x1) / 2} {(y0 + y1) / 2} 0.5"'
-            f' size="{(x1 - x0) / 2 + half} {(y1 - y0) / 2 + half} 0.5"/>'
+            f' size="{(x1 - x0) / 2 + half} {(y1 - y0) / 2 + half} 0.5" rgba="0.8 0.82 0.85 1"/>'
         )
 
 
 def box(given: Box) -> str:
     (x, y, yaw), length, width = given
     return f"""<body pos="{x} {y} 0.2" euler="0 0 {yaw}"><freejoint/>
-      <geom type="box" size="{length / 2} {width / 2} 0.2" mass="2" friction="0.5"/></body>"""
+      <geom type="box" size="{length / 2} {width / 2} 0.2" mass="2" friction="0.5"
+      rgba="0.85 0.55 0.2 1"/></body>"""
 
 
 def cart(x: float, y: float) -> str:
@@ -176,8 +179,22 @@ def cart(x: float, y: float) -> str:
     return f"""<body name="second" pos="{x} {y} 0.22">
       <joint name="second_x" type="slide" axis="1 0 0"/>
       <joint name="second_y" type="slide" axis="0 1 0"/>
-      <geom type="cylinder" size="0.2 0.2" mass="20" friction="0.5"/></body>"""
+      <geom type="cylinder" size="0.2 0.2" mass="20" friction="0.5" rgba="0.2 0.4 0.8 1"/></body>"""
 
 
 CART_MOTORS = """<velocity joint="second_x" kv="200" forcerange="-150 150"/>
     <velocity joint="second_y" kv="200" forcerange="-150 150"/>"""
+
+LOOKS = """<visual>
+    <headlight ambient="0.5 0.5 0.5"/>
+    <map znear="0.005"/>
+    <quality shadowsize="0" offsamples="0"/>
+  </visual>
+  <asset>
+    <texture type="skybox" builtin="gradient" rgb1="0.9 0.95 1" rgb2="0.6 0.7 0.8" width="64"
+      height="384"/>
+    <texture name="tiles" type="2d" builtin="checker" rgb1="0.75 0.77 0.8" rgb2="0.6 0.62 0.65"
+      width="64" height="64"/>
+    <material name="floor" texture="tiles" texrepeat="1 1" texuniform="true"/>
+  </asset>"""
+"""What only the camera sees. Shadows would take longer to draw than all else."""
