@@ -3,9 +3,9 @@
 
     python tests/bench/agent_start.py [--repeat 12]
 
-Imports the modules of `fetch` and `agent` in new processes: as in the pods, with the docstrings of
-models, and with a standard library that has no bytecode. They alternate; prints the least CPU
-seconds and the memory of each.
+Starts `fetch` in new processes, which end as they find no plan: as in the pods, with all of minio
+and with garbage collected meanwhile, with the docstrings of models, and with a standard library
+that has no bytecode. They alternate; prints the least CPU seconds and the memory of each.
 """
 
 from __future__ import annotations
@@ -15,19 +15,26 @@ import os
 import subprocess
 import sys
 import sysconfig
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from robovast.base.docstrings import WITHOUT
+from robovast.kubeapi.pod_contract.exit_codes import AgentExit
 
-START = "import robovast.agent.__main__, robovast.agent.agent, robovast.agent.fetch"
+ARGUMENTS = ["fetch", "--plan=/nowhere", "--message=/nowhere"]
+START = ("-m", "robovast.agent")
+UNAWARE = ("-c", "from robovast.agent.__main__ import main; raise SystemExit(main())")
+"""Not as the program that is made to start sooner."""
 
 
-def cost(code: str, environment: dict[str, str]) -> tuple[float, float]:
+def cost(start: Sequence[str], environment: dict[str, str]) -> tuple[float, float]:
     """CPU seconds, and the most memory [MiB]."""
-    process = subprocess.Popen([sys.executable, "-c", code], env=environment)
-    _, status, used = os.wait4(process.pid, 0)
-    assert status == 0
+    with TemporaryDirectory() as work:
+        command = [sys.executable, *start, *ARGUMENTS, f"--work={work}"]
+        process = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
+        _, status, used = os.wait4(process.pid, 0)
+    assert os.waitstatus_to_exitcode(status) == AgentExit.BAD_PLAN
     return used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
 
 
@@ -49,6 +56,7 @@ def main() -> None:
         bare = {**usual, "PYTHONPYCACHEPREFIX": partial, "PYTHONDONTWRITEBYTECODE": "1"}
         cases = {
             "as in pods": (START, usual),
+            "with all of minio, and garbage collected": (UNAWARE, usual),
             "with docstrings": (START, described),
             "without bytecode of the standard library": (START, bare),
         }

@@ -23,17 +23,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from threading import Event, Thread
 from typing import Any
 
 sys.path[:0] = [str(Path(__file__).parents[1] / part) for part in (".", "testbed")]
 
-from robovast_testbed import bed, controlplane, images, node  # noqa: E402
+from robovast_testbed import images  # noqa: E402
 from support.campaigns.local import DOCUMENT, make_campaign  # noqa: E402
-from support.kube.lab import SYSTEM, Lab, copy_credentials, install  # noqa: E402
+from support.kube.lab import SYSTEM, Lab, bench_lab  # noqa: E402
 
-SPACE = "cost"
 GROUPS = Path("/sys/fs/cgroup")
 PATIENCE = 900
 LOOK = 0.1
@@ -165,7 +163,7 @@ class Bench:
         before, begin = self._cpu(system), time.perf_counter()
         yield
         cost.seconds.append(time.perf_counter() - begin)
-        own = self._containers(SPACE)
+        own = self._containers(self.lab.namespace)
         cost.cpu.append(self._cpu(own) + self._cpu(system) - before)
         self.names |= {id_: f"{what} of {name}" for id_, what in own.items()}
 
@@ -225,17 +223,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--repeat", type=int, default=3)
     options = parser.parse_args()
-    with (
-        bed.session(f"cost-{os.getpid()}") as own,
-        TemporaryDirectory() as folder,
-        Containers() as seen,
-    ):
-        cluster = controlplane.start(own)
-        node.start(cluster, [images.archive()])
-        install(cluster)
-        cluster.kubectl("create", "namespace", SPACE)
-        copy_credentials(cluster, SPACE)
-        lab = Lab(cluster, SPACE, Path(folder), cluster.env)
+    with bench_lab("cost") as lab, Containers() as seen:
         measure(Bench(lab, seen, options.runs), options.repeat)
 
 

@@ -11,21 +11,16 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import statistics
 import sys
 import time
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 sys.path[:0] = [str(Path(__file__).parents[1] / part) for part in (".", "testbed")]
 
-from robovast_testbed import bed, controlplane, images, node  # noqa: E402
 from support.campaigns.local import DOCUMENT, make_campaign  # noqa: E402
-from support.kube.lab import SYSTEM, Lab, copy_credentials, install  # noqa: E402
-
-SPACE = "start"
+from support.kube.lab import SYSTEM, Lab, bench_lab  # noqa: E402
 
 
 def seconds_to_start(lab: Lab, obj: dict[str, Any], selector: str) -> float:
@@ -59,13 +54,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--repeat", type=int, default=5)
     options = parser.parse_args()
-    with bed.session(f"start-{os.getpid()}") as own, TemporaryDirectory() as folder:
-        cluster = controlplane.start(own)
-        node.start(cluster, [images.archive()])
-        install(cluster)
-        cluster.kubectl("create", "namespace", SPACE)
-        copy_credentials(cluster, SPACE)
-        lab = Lab(cluster, SPACE, Path(folder), cluster.env)
+    with bench_lab("start") as lab:
         path = make_campaign(lab.folder / "one", "true\n", "", DOCUMENT.replace("[1, 2, 3]", "[1]"))
         ours, bare = [], []
         for index in range(options.repeat):

@@ -36,7 +36,7 @@ from support.gauntlet.jury import executions, judge  # noqa: E402
 from support.gauntlet.play import Gauntlet  # noqa: E402
 from support.gauntlet.verdict import Fault, Violation  # noqa: E402
 from support.gauntlet.watch import Watch  # noqa: E402
-from support.kube.lab import SYSTEM, Lab, copy_credentials, install  # noqa: E402
+from support.kube.lab import SYSTEM, Lab, install, make_lab  # noqa: E402
 
 NAMESPACES = ("north", "south")
 NODE_DISK = "/var/lib/kubelet"
@@ -67,7 +67,9 @@ def arena(folder: Path) -> Iterator[tuple[Arena, list[Lab], Path]]:
         trace.touch()
         program = [sys.executable, TESTS / "support/gauntlet/executions.py", trace]
         sink = own.spawn("trace", ["env", f"PYTHONPATH={TESTS}", *program])
-        labs = [make_lab(cluster, name, folder) for name in NAMESPACES]
+        for name in NAMESPACES:
+            (folder / name).mkdir()
+        labs = [make_lab(cluster, name, folder / name) for name in NAMESPACES]
         files = Path(f"/proc/{_inside(cluster, sink.process.pid)}/root")
         volume = cluster.kubectl("get", "persistentvolumes", "--output=json")
         (bound,) = (
@@ -87,13 +89,6 @@ def _inside(cluster: Cluster, pid: int) -> int:
             return pid
         time.sleep(0.1)
     raise StartFailed("the trace of executions does not start")
-
-
-def make_lab(cluster: Cluster, name: str, folder: Path) -> Lab:
-    cluster.kubectl("create", "namespace", name)
-    copy_credentials(cluster, name)
-    (folder / name).mkdir()
-    return Lab(cluster, name, folder / name, cluster.env)
 
 
 def report(

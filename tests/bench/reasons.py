@@ -15,6 +15,7 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -25,11 +26,11 @@ EXAMPLE = Path(__file__).parents[2] / "configs" / "examples" / "growth_sim"
 VAST = Path(sys.executable).with_name("vast")
 
 CAUSES = {
-    "below-1": "share below 0.9",
-    "exception-1": "RuntimeError: sensor lost",
-    "crash-1": "SIGSEGV",
-    "hang-1": "stopped by the scenario's timeout",
-    "stuck-1": "the limit of execution.timeout",
+    "below": "share below 0.9",
+    "exception": "RuntimeError: sensor lost",
+    "crash": "SIGSEGV",
+    "hang": "stopped by the scenario's timeout",
+    "stuck": "the limit of execution.timeout",
 }
 """What the reason of each configuration must contain."""
 FAULTS = """\
@@ -60,7 +61,7 @@ def broken_example(folder: Path) -> Path:
     scenario.write_text(scenario.read_text().replace("timeout(30s)", "timeout(3s)"))
     entries = [
         {
-            "name": name.removesuffix("-1"),
+            "name": name,
             "parameters": [{"expected": 0.9}, {"growth_rate": 0.02}],
             "variations": [
                 {"ParameterVariationList": {"name": "capacity", "values": [1000 + fault]}}
@@ -85,18 +86,27 @@ def broken_example(folder: Path) -> Path:
 
 
 def records(folder: Path) -> list[dict[str, str]]:
-    """Records of the executed runs."""
+    """Records of the executed runs that did not pass."""
     path, out = broken_example(folder / "example"), folder / "results"
     command = [VAST, "-V", path, "exec", "local", "run", "--runtime", "process", out]
     subprocess.run(command, capture_output=True, check=False)
-    found = [json.loads(file.read_text()) for file in sorted(out.glob("*/*/*/run.json"))]
+    return stored(out)
+
+
+def stored(results: Path) -> list[dict[str, str]]:
+    """Records of a results folder's runs that did not pass."""
+    found = [json.loads(file.read_text()) for file in sorted(results.glob("*/*/*/run.json"))]
     return [record for record in found if record["verdict"] != Verdict.PASSED]
 
 
-def main() -> None:
-    with TemporaryDirectory() as folder:
-        found = records(Path(folder))
-    right = [record for record in found if CAUSES[record["variant"]] in record["reason"]]
+def report(found: list[dict[str, str]], causes: Mapping[str, str]) -> None:
+    """Print the reasons, how many of them name their cause, and in how many groups they fall.
+
+    Args:
+        found: records of runs.
+        causes: what the reason of each configuration must contain.
+    """
+    right = [record for record in found if causes[record["entry"]] in record["reason"]]
     for record in found:
         mark = "right" if record in right else "WRONG"
         sys.stdout.write(f"{mark}  {record['variant']}/{record['run']}  {record['reason']}\n")
@@ -104,8 +114,13 @@ def main() -> None:
     reasons = len({record["reason"] for record in found})
     sys.stdout.write(
         f"{len(right)} of {len(found)} reasons name the cause; {reasons} different reasons, "
-        f"{len(groups)} groups of {len(CAUSES)} causes\n"
+        f"{len(groups)} groups of {len(causes)} causes\n"
     )
+
+
+def main() -> None:
+    with TemporaryDirectory() as folder:
+        report(records(Path(folder)), CAUSES)
 
 
 if __name__ == "__main__":

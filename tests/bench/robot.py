@@ -3,8 +3,9 @@
 
     python tests/bench/robot.py [--repeat 3] [--same 100] [--beside 1]
 
-Executes four drives of the example, each with the same commands in four ways, in turns: the physics
-and the laser alone; with the pilot; with the nodes of ROS 2; with the recorder, as a run does it.
+Executes four drives of the example, each with the same commands in five ways, in turns: the physics
+and the laser alone; with the pilot; with the nodes of ROS 2; with the recorder, as a run does it;
+with five pictures a second of its camera, too.
 Prints CPU seconds of their loops, without the start of Python and ROS, and simulated seconds per
 CPU second. Then one drive again and again, each in a process, some beside each other: how many
 trajectories there are. `--repeat 0` and `--same 0` leave one of the two out.
@@ -33,7 +34,7 @@ ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "configs" / "examples" / "robot_navigation"
 VAST = Path(sys.executable).with_name("vast")
 DRIVES = ("drive-1-1-1-2", "drive-1-2-1-2", "drive-2-1-1-2", "drive-2-2-1-2")
-CASES = ("physics", "pilot", "nodes", "recorder")
+CASES = ("physics", "pilot", "nodes", "recorder", "camera")
 SEED = 1
 
 
@@ -61,7 +62,7 @@ def child(case: str, words: list[str]) -> None:
     grid, radius = Grid.read(Path(given["map"])), float(given["diameter"]) / 2
     boxes = [(place(box["spawn_pose"]), *size(box)) for box in ast.literal_eval(given["obstacles"])]
     world = World(grid, boxes, start, radius, SEED)
-    if case in ("nodes", "recorder"):
+    if case in ("nodes", "recorder", "camera"):
         seconds, steps = nodes(case, given, grid, world, goal)
     else:
         pilot = Pilot(grid, goal, radius + float(given["margin"]), float(given["speed"]))
@@ -86,6 +87,7 @@ def child(case: str, words: list[str]) -> None:
 def nodes(case: str, given: dict[str, Any], grid: Any, world: Any, goal: Any) -> tuple[float, int]:
     """CPU seconds and steps of a drive by nodes."""
     import rclpy
+    from camera import Camera
     from follower import Follower
     from navigate import own_domain
     from rclpy.experimental import EventsExecutor
@@ -95,10 +97,12 @@ def nodes(case: str, given: dict[str, Any], grid: Any, world: Any, goal: Any) ->
     lock, domain = own_domain()
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     rclpy.init(args=["--ros-args", "--disable-external-lib-logs"], domain_id=domain)
-    recorder = Recorder(Path(given["output"]) / "rosbag2") if case == "recorder" else None
+    camera = Camera(world, 5.0) if case == "camera" else None
+    bag = Path(given["output"]) / "rosbag2"
+    recorder = None if case == "nodes" else Recorder(bag, camera is not None)
     clearance = float(given["diameter"]) / 2 + float(given["margin"])
     follower = Follower(goal, clearance, float(given["speed"]))
-    simulator = Simulator(grid, world, goal, 60.0, 0.0)
+    simulator = Simulator(grid, world, goal, 60.0, 0.0, camera=camera)
     executor = EventsExecutor()
     for node in (recorder, follower, simulator):
         if node:

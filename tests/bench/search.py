@@ -1,28 +1,46 @@
 """Measures searches: the share of a space that a failure map misjudges, and what proposing costs.
 
-    python tests/bench/search.py map [--seeds 8] [--problem landing] [--jobs 1]
+    python tests/bench/search.py map [--seeds 8] [--problem landing] [--runs 1]
+    python tests/bench/search.py coverage [--seeds 8] [--problem landing]
+    python tests/bench/search.py workers
     python tests/bench/search.py propose
+    python tests/bench/search.py worst [--seeds 8]
     python tests/bench/search.py qd [--seeds 5]      # also needs: pip install ribs
 
 `map` compares the sets of `boundary` with random ones and those of a Sobol sequence: 96 sets of 3
-runs, judged by the same Gaussian process. `propose` times a batch of 20 after 1,000 and 10,000
-sets in 10 dimensions. `qd` fills an archive of what an arm of 8 joints reaches, beside pyribs.
+runs, judged by the same Gaussian process; `alone` is `boundary` told of each batch before it is
+asked for the next one. `workers` executes a search whose runs vary fivefold in time, both ways,
+and prints which share of the workers' time is used. `propose` times a batch of 20 after 1,000 and
+10,000 sets in 10 dimensions. `worst` counts the runs until TPE, and until random sets, reach what
+one random set in a thousand does. `qd` fills an archive of what an arm of 8 joints reaches, beside
+pyribs.
 """
 
 from __future__ import annotations
 
 import argparse
 import resource
+import sys
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from scipy.special import expit
 from scipy.stats import qmc
 
-from robovast.model.document.model import Search
+from robovast.execution.local import LocalOptions
+from robovast.model.document import load_document
+from robovast.model.document.search.section import Search
+from robovast.search import rounds
+from robovast.search.local import run_search
+from robovast.search.plugins import strategy_of
+from robovast.search.rounds import OPEN
 from robovast.search.strategies.boundary import BoundaryParameters, BoundaryStrategy
 from robovast.search.strategies.failure_process import Array
 from robovast.search.strategies.quality_diversity import (
@@ -31,7 +49,13 @@ from robovast.search.strategies.quality_diversity import (
 )
 from robovast.search.types import Evaluation, ParamSet
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from support.campaigns.local import Recorder
+
 SETS, RUNS, BATCH, POINTS = 96, 3, 8, 1024
+MOST = 4096
+"""Most sets that a worst case is looked for with."""
 STEP, SECONDS = 0.02, 40.0
 
 
@@ -69,6 +93,39 @@ def landing(x: Array, generator: np.random.Generator) -> Array:
     return failed
 
 
+def example(x: Array, generator: np.random.Generator) -> Array:
+    """Whether landings of configs/examples/drone_landing fail."""
+    speed, aside = touchdown(x, generator)
+    return np.asarray(~((speed >= -1.2) & (np.abs(aside) <= 1.5)))
+
+
+def touchdown(x: Array, generator: np.random.Generator) -> tuple[Array, Array]:
+    """Speed and distance aside of landings of configs/examples/drone_landing: one a row of mass,
+    gain, delay, wind and shelter, over the ranges of search_boundary.vast; nan of those that stay
+    in the air."""
+    mass = 0.7 + 0.8 * x[:, 0]
+    gain = 10.0 ** x[:, 1]
+    late = np.round(0.4 * x[:, 2] / STEP).astype(int)
+    strength = np.sqrt(STEP) * 0.25 * 16.0 * x[:, 3] * (1.0 - 0.9 * x[:, 4])
+    height, speed = np.full(len(x), 10.0), np.zeros(len(x))
+    aside, drift, gust = np.zeros(len(x)), np.zeros(len(x)), np.zeros(len(x))
+    memory = np.zeros((21, len(x)))
+    landed_at = np.full((2, len(x)), np.nan)
+    for step in range(int(30.0 / STEP)):
+        memory[step % 21] = speed
+        seen = np.where(late <= step, memory[(step - late) % 21, np.arange(len(x))], 0.0)
+        wanted = -np.clip(0.5 * height, 0.4, 2.0)
+        thrust = np.clip(9.81 + gain * (wanted - seen), 0.0, 18.0)
+        gust += STEP * -0.8 * gust + strength * generator.standard_normal(len(x))
+        speed = speed + STEP * (thrust / mass - 9.81 + 0.5 * gust)
+        drift += STEP * (gust - 1.5 * aside - 1.2 * drift)
+        aside += STEP * drift
+        height = height + STEP * speed
+        lands = np.isnan(landed_at[0]) & (height <= 0.0)
+        landed_at[:, lands] = speed[lands], aside[lands]
+    return landed_at[0], landed_at[1]
+
+
 def _chance(x: Array) -> Array:
     """Probability of failure of the analytic problem: three of ten dimensions matter most."""
     ridge = 6.0 * (x[:, 0] - 0.5) + 5.0 * (x[:, 1] - 0.5) ** 2 - 4.0 * (x[:, 2] * x[:, 3] - 0.25)
@@ -96,7 +153,11 @@ class Problem:
         return np.asarray(rate > 0.5)
 
 
-PROBLEMS = {"landing": Problem(5, landing), "analytic": Problem(10, analytic)}
+PROBLEMS = {
+    "landing": Problem(5, landing),
+    "example": Problem(5, example),
+    "analytic": Problem(10, analytic),
+}
 
 
 def section(strategy: str, dimensions: int, seed: int, per_batch: int = BATCH) -> Search:
@@ -122,8 +183,9 @@ def strategy(dimensions: int, seed: int, **parameters: Any) -> BoundaryStrategy:
 class Execution:
     """Executes sets, and remembers the runs of each."""
 
-    def __init__(self, problem: Problem, seed: int) -> None:
+    def __init__(self, problem: Problem, seed: int, usual: int = RUNS) -> None:
         self.problem = problem
+        self.usual = usual
         self.generator = np.random.default_rng([seed, 7])
         self.failures: dict[str, list[bool]] = {}
         self.runs = 0
@@ -131,7 +193,7 @@ class Execution:
     def evaluate(self, params: ParamSet) -> Evaluation:
         """Run a set as often as it asks for."""
         done = self.failures.setdefault(params.id, [])
-        missing = (params.n_reps or RUNS) - len(done)
+        missing = (params.n_reps or self.usual) - len(done)
         if missing > 0:
             x = np.tile(list(params.values.values()), (missing, 1))
             done.extend(self.problem.fails(x, self.generator).tolist())
@@ -139,23 +201,58 @@ class Execution:
         return Evaluation(params, {"failure_rate": float(np.mean(done))}, {}, len(done))
 
 
-def misjudged(problem: Problem, seed: int, how: str, points: Array, truth: Array) -> float:
-    """The share of points that the map of one search gets wrong."""
-    chosen = strategy(problem.dimensions, seed, initial=SETS if how == "sobol" else None)
-    execution = Execution(problem, seed)
-    drawn = np.random.default_rng([seed, 5]).random((SETS, problem.dimensions))
+def search(problem: Problem, seed: int, how: str, runs: int = RUNS) -> BoundaryStrategy:
+    """The strategy after all sets."""
+    sets, per_batch = SETS * RUNS // runs, BATCH * RUNS // runs
+    chosen = strategy(problem.dimensions, seed, initial=sets if how == "sobol" else None)
+    execution = Execution(problem, seed, runs)
+    drawn = np.random.default_rng([seed, 5]).random((sets, problem.dimensions))
     given = [ParamSet(dict(zip(chosen.search_space, row, strict=True))) for row in drawn.tolist()]
+    results: deque[list[Evaluation]] = deque()
     while execution.runs < SETS * RUNS:
-        left = min(BATCH, SETS - execution.runs // RUNS)
-        first = execution.runs // RUNS
+        first = execution.runs // runs
+        left = min(per_batch, sets - first)
         proposed = given[first : first + left] if how == "random" else chosen.ask(left)
-        chosen.tell([execution.evaluate(params) for params in proposed])
+        evaluated = [execution.evaluate(params) for params in proposed]
+        results.append(evaluated)
+        if len(results) >= (1 if how == "alone" or not chosen.known else OPEN):
+            chosen.tell(results.popleft())
+    for evaluated in results:
+        chosen.tell(evaluated)
+    return chosen
+
+
+def misjudged(chosen: BoundaryStrategy, points: Array, truth: Array) -> float:
+    """The share of points that the map of one search gets wrong."""
     assert chosen.process is not None
     mean, _ = chosen.process.predict(points)
     return float(np.mean((mean > 0) != truth))
 
 
-def compare(names: list[str], seeds: int, hows: list[str]) -> None:
+def coverage(names: list[str], seeds: int) -> None:
+    """Print how many intervals of critical values have the true one within."""
+    line = np.linspace(0.0, 1.0, 101)
+    for name in names:
+        problem = PROBLEMS[name]
+        units = np.full((problem.dimensions, len(line), problem.dimensions), 0.5)
+        for column in range(problem.dimensions):
+            units[column, :, column] = line
+        truth = [problem.truth(points) for points in units]
+        within, found = 0, 0
+        for seed in range(seeds):
+            made = search(problem, seed, "boundary").map()
+            for fails, critical in zip(
+                truth, made.critical([0.5] * problem.dimensions), strict=True
+            ):
+                ends = line[np.flatnonzero(fails[1:] != fails[:-1])] + 0.005
+                if critical.low is not None and critical.high is not None and len(ends):
+                    found += 1
+                    low, high = critical.low - 0.005, critical.high + 0.005  # half a step
+                    within += bool(np.any((ends > low) & (ends < high)))
+        print(f"{name}: {within} of {found} intervals have the true value within", flush=True)
+
+
+def compare(names: list[str], seeds: int, hows: list[str], runs: int) -> None:
     """Print the share that each way of choosing misjudges."""
     for name in names:
         problem = PROBLEMS[name]
@@ -163,9 +260,59 @@ def compare(names: list[str], seeds: int, hows: list[str]) -> None:
         truth = problem.truth(points)
         print(f"{name}: {truth.mean():.1%} fail")
         for how in hows:
-            shares = [misjudged(problem, seed, how, points, truth) for seed in range(seeds)]
+            made = (search(problem, seed, how, runs) for seed in range(seeds))
+            shares = [misjudged(chosen, points, truth) for chosen in made]
             ends = f"{min(shares):.1%} to {max(shares):.1%}"
             print(f"  {how:<9} {np.mean(shares):.1%} misjudged, {ends}", flush=True)
+
+
+WORKERS = """\
+version: 1
+metadata: {name: workers}
+execution: {scenario_file: scenario.osc, runs: 1, run_files: [step.sh]}
+search:
+  strategy: boundary
+  search_space: {x: {type: float, low: 0.0, high: 1.0}, y: {type: float, low: 0.0, high: 1.0}}
+  objectives: [{name: failure_rate}]
+  per_batch: 8
+  budget: [{batches: 8}]
+"""
+STEP_SCRIPT = """\
+import hashlib, sys, time
+time.sleep(2 + hashlib.sha256(sys.argv[1].encode()).digest()[0] / 32)  # 2 to 10 s
+sys.exit(float(sys.argv[1]) > 0.5)
+"""
+SCENARIO = """\
+import osc.helpers
+
+scenario workers:
+    x: float = 0.0
+    y: float = 0.0
+    here: common
+    do serial:
+        run_process("python3 " + here.get_scenario_file_directory() + "/step.sh %s" % x)
+"""
+
+
+def workers(jobs: tuple[int, ...]) -> None:
+    """Print which share of the workers' time runs take, of a search as plain processes."""
+    for many in jobs:
+        for open_ in (1, OPEN):
+            with (
+                TemporaryDirectory(prefix="robovast-") as folder,
+                patch.object(rounds, "OPEN", open_),
+            ):
+                Path(folder, "step.sh").write_text(STEP_SCRIPT)
+                Path(folder, "scenario.osc").write_text(SCENARIO)
+                path = Path(folder, "workers.vast")
+                path.write_text(WORKERS)
+                options = LocalOptions(runtime="process", jobs=many)
+                began = time.perf_counter()
+                made = run_search(load_document(path), Path(folder, "out"), options, Recorder())
+                took = time.perf_counter() - began
+            used = sum(record.duration for record in made.records)
+            share = f"{used / took / many:.0%} of the time of {many} workers"
+            print(f"{open_} open: {share}, {len(made.records)} runs in {took:.0f} s", flush=True)
 
 
 JOINTS, BINS, PER_BATCH = 8, 32, 20
@@ -238,6 +385,38 @@ def _ribs(name: str, seed: int, batches: int) -> tuple[float, float]:
     return float(archive.stats.coverage), float(archive.stats.qd_score)
 
 
+def worst(seeds: int) -> None:
+    """Print how many runs it takes to land as far away as one random set in a thousand does."""
+    generator = np.random.default_rng(11)
+    rare = float(np.quantile(distance(generator.random((8192, 5)), generator), 0.999))
+    print(f"looked for: {rare:.2f} m, mean of {RUNS} runs")
+    for how in ("optuna", "random"):
+        found = sorted(_until(how, seed, rare) for seed in range(seeds))
+        middle = float(np.median(found)) * RUNS
+        print(f"{how}: {middle:.0f} runs, {found[0] * RUNS} to {found[-1] * RUNS}", flush=True)
+
+
+def distance(x: Array, generator: np.random.Generator) -> Array:
+    """How far away landings of sets end, means of their runs; 0 of those that stay in the air."""
+    _, aside = touchdown(np.tile(x, (RUNS, 1)), generator)
+    return np.asarray(np.nan_to_num(np.abs(aside)).reshape(RUNS, -1).mean(axis=0))
+
+
+def _until(how: str, seed: int, rare: float) -> int:
+    """Number of sets until one is as bad, at most `MOST`."""
+    chosen = strategy_of(section(how, 5, seed), Path("search.vast"))
+    generator = np.random.default_rng([seed, 12])
+    size = BATCH if how == "optuna" else MOST // 4  # random sets do not depend on results
+    for sets in range(0, MOST, size):
+        asked = chosen.ask(size)
+        scores = distance(np.array([list(params.values.values()) for params in asked]), generator)
+        if (scores >= rare).any():
+            return sets + int(np.argmax(scores >= rare)) + 1
+        told = zip(asked, scores.tolist(), strict=True)
+        chosen.tell([Evaluation(p, {"failure_rate": s}, {}, RUNS) for p, s in told])
+    return MOST
+
+
 def propose() -> None:
     """Print time and memory of one proposal."""
     for sets in (1_000, 10_000):
@@ -246,7 +425,8 @@ def propose() -> None:
         execution = Execution(PROBLEMS["analytic"], 0)
         names = list(chosen.search_space)
         told = [ParamSet(dict(zip(names, row, strict=True))) for row in units.tolist()]
-        chosen.replay(sets, told, [execution.evaluate(params) for params in told])
+        chosen.repeat(sets, told)
+        chosen.tell([execution.evaluate(params) for params in told])
         began = time.perf_counter()
         chosen.ask(20)
         took = time.perf_counter() - began
@@ -256,15 +436,22 @@ def propose() -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["map", "propose", "qd"])
+    parser.add_argument("what", choices=["map", "coverage", "workers", "propose", "worst", "qd"])
     parser.add_argument("--seeds", type=int, default=8)
+    parser.add_argument("--runs", type=int, default=RUNS, help="of a set; the total stays")
     parser.add_argument("--problem", choices=sorted(PROBLEMS), action="append")
-    parser.add_argument("--how", choices=["boundary", "random", "sobol"], action="append")
+    parser.add_argument("--how", choices=["boundary", "alone", "random", "sobol"], action="append")
     given = parser.parse_args()
     if given.what == "propose":
         propose()
+    elif given.what == "worst":
+        worst(given.seeds)
+    elif given.what == "workers":
+        workers((8, 4))
+    elif given.what == "coverage":
+        coverage(given.problem or sorted(PROBLEMS), given.seeds)
     elif given.what == "qd":
         qd(given.seeds)
     else:
-        ways = given.how or ["boundary", "random", "sobol"]
-        compare(given.problem or sorted(PROBLEMS), given.seeds, ways)
+        ways = given.how or ["boundary", "alone", "random", "sobol"]
+        compare(given.problem or sorted(PROBLEMS), given.seeds, ways, given.runs)

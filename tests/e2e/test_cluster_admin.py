@@ -112,7 +112,8 @@ def older_chart(folder: Path) -> Path:
         (chart / name).unlink()
     path = chart / "files/crds/campaign.yaml"
     crd = yaml.safe_load(path.read_text())
-    (version,) = crd["spec"]["versions"]
+    version, *_ = crd["spec"]["versions"]
+    crd["spec"]["versions"] = [version]
     version["additionalPrinterColumns"].pop()
     del version["schema"]["openAPIV3Schema"]["properties"]["spec"]["properties"]["acceptance"]
     path.write_text(yaml.safe_dump(crd))

@@ -11,11 +11,22 @@ from pathlib import Path
 
 import pytest
 import yaml
-from robovast_testbed import images, programs
-from support.campaigns.local import make_campaign
+from robovast_testbed import containerd, images, programs
+from support.campaigns.local import (
+    AS_NEEDED,
+    DECISIONS,
+    SOUND_BROKEN_MIXED,
+    make_campaign,
+    verdicts,
+)
+from support.campaigns.local import run as run_here
 from support.kube.lab import QUICK, SYSTEM, VAST, Lab, buckets, files
 from support.patience import eventually
 from support.servers.notices import POD_PORT, receiver_pod
+
+DESIGN = """
+  - ParameterVariationList: {name: text, values: [a, b, c, d]}
+  design: {kind: lhs, count: 4, seed: 1}"""
 
 GROWTH = Path(__file__).parents[2] / "configs/examples/growth_sim/growth_sim.vast"
 
@@ -63,6 +74,46 @@ def test_growth_sim_gives_the_same_results_by_client_by_kubectl_and_on_this_mach
         status = lab.campaign(name)["status"]
         assert status["progress"] == "13/13"
         assert lab.conditions(name)["Passed"]["status"] == "True"
+
+
+def test_each_configuration_has_as_many_runs_as_it_needs_and_everybody_says_so(
+    lab: Lab, tmp_path: Path
+) -> None:
+    path = make_campaign(tmp_path / "in", SOUND_BROKEN_MIXED, AS_NEEDED, QUICK)
+    words = ("-V", path, "exec", "cluster", "run", "-n", lab.namespace, "-i", images.SLIM)
+    said = lab.vast(*words, code=1).stdout
+    assert f"{DECISIONS}." in said
+    assert "9 of 9 done: 5 passed, 4 failed; 3 not needed." in said
+    (name,) = (item["metadata"]["name"] for item in lab.get("campaigns")["items"])
+    assert DECISIONS in lab.vast("exec", "cluster", "monitor", "--once", "-n", lab.namespace).stdout
+    assert DECISIONS in lab.kubectl("get", "campaigns", "--output=wide")
+    target = ("-n", lab.namespace, "-i", name, "-o", lab.folder / "other")
+    assert DECISIONS in lab.vast("results", "download", *target).stdout
+    home = lab.download(name)
+    assert len(lab.verdicts(home)) == 9
+    assert DECISIONS in lab.vast("results", "summary", home).stdout
+
+
+def test_of_a_design_of_which_one_value_was_edited_one_run_is_executed(
+    lab: Lab, tmp_path: Path
+) -> None:
+    """Four of sixteen combinations, in which each value occurs once; they are those of a laptop."""
+    image = containerd.of(lab.cluster.bed).named_by_digest(images.SLIM)
+    script = 'echo "$1" > "$3/out.csv"; date +%N > "$3/when"\n'
+    limits = "  seed: 3\n  resources: {cpu: 0.1, memory: 256Mi}\n"
+    words = ("exec", "cluster", "run", "--reuse", "-n", lab.namespace, "-i", image)
+    homes = []
+    for last in (4, 5):
+        document = QUICK.replace("[1, 2, 3]}", f"[1, 2, 3, {last}]}}{DESIGN}")
+        path = make_campaign(tmp_path / str(last), script, limits, document)
+        said = lab.vast("-V", path, *words).stdout
+        assert "4 of 4 done: 4 passed." in said
+        homes.append(lab.download(said.partition("Campaign ")[2].split()[0]))
+    second = homes[1]
+    assert lab.verdicts(second) == verdicts(run_here(path, tmp_path / "here", jobs=1))
+    assert "reused 3 of 4" in lab.vast("results", "summary", second).stdout
+    times = [[p.read_text() for p in sorted(home.glob("*/0/when"))] for home in homes]
+    assert sum(a == b for a, b in zip(*times, strict=True)) == 3
 
 
 def test_failed_runs_are_told_from_broken_ones_and_repeated_alone(lab: Lab) -> None:
@@ -127,6 +178,8 @@ def test_the_log_of_a_run_is_followed_from_its_start_to_the_end_of_its_part(lab:
     assert (
         "has not come to it yet" in lab.vast("exec", "cluster", "logs", "one-3/0", *inside).stderr
     )
+    executed = lab.vast("exec", "cluster", "runs", "talk", *inside).stdout.splitlines()[1]
+    assert executed.startswith("one-1/0 and 2 more  running  0:"), executed
     shell = subprocess.run(
         [VAST, "exec", "cluster", "shell", "talk", "one-2/0", *inside],
         input="pwd; df --output=size -BM /dev/shm; touch one-2/0/go\n",
@@ -159,6 +212,37 @@ def received(lab: Lab) -> list[dict[str, str]]:
     """What the receiver was told, each message once."""
     lines = lab.kubectl("logs", "receiver").splitlines()
     return list({item["id"]: item for item in map(json.loads, lines)}.values())
+
+
+def test_a_run_is_looked_into_in_a_pod_of_its_own_and_the_results_stay_as_they_are(
+    lab: Lab,
+) -> None:
+    lab.quick("odd", 'echo "$1 $ROBOVAST_SEED" > "$3/said.txt"; [ "$1" != 2 ]\n')
+    lab.wait("odd")
+    home = lab.download("odd")
+    said = (home / "one-2/0/said.txt").read_text()
+    bucket = lab.campaign("odd")["status"]["bucket"]
+    stored = f"find /data/buckets/{bucket} -type f -exec ls -l {{}} + | sort"
+    listing = ("--namespace", SYSTEM, "exec", "robovast-s3-0", "--", "sh", "-c", stored)
+    before = lab.cluster.kubectl(*listing)
+    told = lab.vast("exec", "cluster", "debug", "odd", "one-2/0", "-n", lab.namespace).stdout
+    (pod,) = re.findall(r"delete pod (\S+)", told)
+    inside = ("exec", pod, "--container=robovast", "--")
+    lab.kubectl("wait", f"pod/{pod}", "--for=condition=Ready", "--timeout=90s")
+
+    def written() -> str:
+        return lab.kubectl(*inside, "sh", "-c", "cat /out/one-2/0/said.txt || true")
+
+    assert eventually(written, 60, told) == said
+    (again,) = re.findall(r"again: +(.*?) +\(", told)
+    lab.kubectl(*inside, "bash", "-c", f"rm /out/one-2/0/said.txt; {again} || true")
+    assert written() == said
+    assert lab.cluster.kubectl(*listing) == before
+    lab.kubectl("delete", "pod", pod, "--timeout=90s")
+    assert lab.verdicts(lab.download("odd"))["one-2/0"] == "failed"
+    wrong = lab.vast("exec", "cluster", "debug", "odd", "one-9/0", "-n", lab.namespace, code=None)
+    assert wrong.returncode != 0
+    assert "no run `one-9/0`" in wrong.stderr
 
 
 def test_a_campaign_with_a_users_plugin_is_composed_in_a_container_and_never_in_the_operator(

@@ -8,8 +8,6 @@ import os
 import random
 import re
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,8 +16,15 @@ from typing import Any
 import pytest
 from robovast_testbed import images
 from robovast_testbed.errors import StartFailed
-from support.campaigns.local import make_campaign
-from support.kube.lab import QUICK, SYSTEM, Lab
+from support.campaigns.local import (
+    AS_NEEDED,
+    DECISIONS,
+    SOUND_BROKEN_MIXED,
+    make_campaign,
+    run,
+    verdicts,
+)
+from support.kube.lab import QUICK, SYSTEM, Lab, own_operator
 from support.patience import eventually
 
 from robovast.common.execution import COMPAT_VERSION
@@ -56,46 +61,6 @@ def test_an_incompatible_image_starts_no_run_and_everybody_says_why(lab: Lab) ->
     assert not any(container.get("started") for container in statuses)
 
 
-@contextlib.contextmanager
-def own_operator(lab: Lab) -> Iterator[Any]:
-    """An operator of the test's own in place of the installed one; call to kill and restart it."""
-    deployment = ("--namespace", SYSTEM, "scale", "deployment/robovast-operator")
-    lab.cluster.kubectl(*deployment, "--replicas=0")
-    lab.cluster.kubectl(
-        *("--namespace", SYSTEM, "wait", "pod", "--selector=app=robovast-operator"),
-        *("--for=delete", "--timeout=60s"),
-    )
-    environment = {
-        **os.environ,
-        **lab.env,
-        "ROBOVAST_AGENT_IMAGE": images.AGENT,
-        "ROBOVAST_S3_ENDPOINT": f"http://robovast-s3.{SYSTEM}.svc:9000",
-        "ROBOVAST_PORT": "0",
-        "ROBOVAST_LEASE_SECONDS": "2",
-        "ROBOVAST_STATUS_SECONDS": "1",
-        "POD_NAMESPACE": lab.namespace,
-        "POD_NAME": "same",
-    }
-    processes: list[subprocess.Popen[bytes]] = []
-    log = (lab.folder / "operator.log").open("ab")
-
-    def restart() -> None:
-        if processes:
-            processes[-1].kill()
-            processes[-1].wait()
-        command = [sys.executable, "-m", "robovast_operator"]
-        processes.append(subprocess.Popen(command, env=environment, stdout=log, stderr=log))
-
-    restart()
-    try:
-        yield restart
-    finally:
-        processes[-1].terminate()
-        processes[-1].wait(timeout=30)
-        log.close()
-        lab.cluster.kubectl(*deployment, "--replicas=1")
-
-
 def run_processes(lab: Lab) -> list[int]:
     """The first processes of the namespace's run containers."""
     shards = lab.get("pods", "--selector=robovast.io/role=shard")["items"]
@@ -126,7 +91,7 @@ def test_killing_the_operator_and_a_pod_loses_no_run_and_repeats_none(lab: Lab) 
         lab.wait("hunted", seconds=600)  # an agent waits 300 s for a dead container
     status = lab.campaign("hunted")["status"]
     assert status["runs"] | {"active": 0, "waiting": 0} == {
-        "total": 15, "active": 0, "waiting": 0, "undecided": 0, "stored": 15,
+        "total": 15, "active": 0, "waiting": 0, "undecided": 0, "notNeeded": 0, "stored": 15,
         "passed": status["runs"]["passed"], "failed": 0, "errored": 15 - status["runs"]["passed"],
     }  # fmt: skip
     assert status["runs"]["passed"] >= 14
@@ -136,6 +101,32 @@ def test_killing_the_operator_and_a_pod_loses_no_run_and_repeats_none(lab: Lab) 
     assert logs.count("Executing scenario") <= 16
     jobs = [job["metadata"]["name"] for job in lab.get("jobs")["items"]]
     assert len(jobs) == 2, "one shard and one finish Job, whoever made them"
+
+
+def test_runs_as_needed_are_those_of_this_machine_whatever_is_killed(
+    lab: Lab, tmp_path: Path
+) -> None:
+    with own_operator(lab) as restart:
+        script = f"sleep 1\n{SOUND_BROKEN_MIXED}"
+        path = lab.quick("needed", script, f"{AS_NEEDED}  seed: 5\n")
+        for _ in range(2):
+            eventually(lambda: len(run_processes(lab)) > 1, 120)
+            time.sleep(2)  # so that some of the runs are stored
+            lab.kubectl(
+                *("delete", "pods", "--selector=robovast.io/role=shard", "--force"),
+                "--grace-period=0",
+            )
+            restart()
+        lab.wait("needed")
+    status = lab.campaign("needed")["status"]
+    told = {key: status["runs"][key] for key in ("total", "passed", "failed", "errored")}
+    assert told == {"total": 12, "passed": 5, "failed": 4, "errored": 0}
+    assert (status["runs"]["notNeeded"], status["progress"]) == (3, "9/9")
+    assert status["decisions"] == DECISIONS
+    home = lab.download("needed")
+    here = run(path, tmp_path / "here", jobs=1)
+    assert lab.verdicts(home) == verdicts(here)
+    assert DECISIONS in lab.vast("results", "summary", home).stdout
 
 
 def test_a_container_that_is_killed_for_its_memory_costs_one_run_of_its_pack(lab: Lab) -> None:

@@ -206,6 +206,25 @@ def test_a_campaign_that_is_pushed_aside_goes_on_after_its_last_stored_run(queue
     assert shard["status"].get("failed", 0) == 0
 
 
+def test_what_is_urgent_goes_first_and_a_priority_that_does_not_exist_is_told(queue: Lab) -> None:
+    lab = queue
+    lab.quick("one", "[ -e /tmp/go ] || sleep 5\n", queueName="lab", select=["one-1", "one-2"])
+    running(lab, "one")
+    lab.quick("two", "true\n", queueName="lab", select=["one-1"])
+    queued(lab, "two")
+    spec = {"queueName": "lab", "queuePriorityClassName": "nothing"}
+    lab.quick("pressing", "true\n", select=["one-1"], **spec)
+    lab.kubectl("wait", "campaign/pressing", "--for=condition=Stalled", "--timeout=60s")
+    told = lab.conditions("pressing")["Stalled"]
+    assert told["reason"] == "NoPriorityClass"
+    assert "no WorkloadPriorityClass nothing" in told["message"]
+    change(lab, "pressing", queuePriorityClassName="urgent")
+    for name in ("one", "two", "pressing"):
+        lab.wait(name)
+    (two,), (pressing,) = stored(lab, "two"), stored(lab, "pressing")
+    assert pressing["finished_at"] <= two["started_at"]
+
+
 def admit(lab: Lab, pods: int) -> None:
     """Give the queue quota for so many pods."""
     spec = {"resourceGroups": [resource_group(lab.namespace, pods)]}

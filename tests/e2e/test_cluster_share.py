@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 import os
 import subprocess
 import sys
@@ -89,6 +90,11 @@ class Share:
         assert done.returncode == code, done.stdout
         return done.stdout
 
+    def secret(self, name: str) -> dict[str, object]:
+        """The same as a Secret for campaigns."""
+        where = {"name": name, "namespace": self.lab.namespace}
+        return {"apiVersion": "v1", "kind": "Secret", "metadata": where, "stringData": self.env}
+
     def upload(self, *arguments: object, code: int = 0, **env: str) -> str:
         """What `upload-to-share` prints."""
         where = ("-n", self.lab.namespace)
@@ -125,10 +131,22 @@ def files(campaign: Path) -> dict[str, object]:
 def test_a_campaign_goes_to_the_share_and_comes_home(lab: Lab, share: Share) -> None:
     """No credential stays in the cluster; what a pod says reaches the user."""
     (lab.folder / "far.py").write_text(FAR)
-    lab.quick("hall", 'echo "$1" >"$3/said"\n')
+    lab.cluster.apply(share.secret("robovast-webdav"))
+    lab.quick("hall", 'echo "$1" >"$3/said"\n', share={"secretName": "robovast-webdav"})
     lab.wait("hall")
     direct = lab.download("hall")
     name = direct.name
+    eventually(lambda: "Uploaded" in lab.kubectl("get", "events"), 60, "it is on the share")
+    assert [path.name for path in share.folder.iterdir()] == [f"{name}.tar.gz"]
+    share.vast("results", "download", "-o", lab.folder / "by-itself")
+    assert files(lab.folder / "by-itself" / name) == files(direct)
+    share.vast("results", "remove-from-share", "-y", "-i", name)
+    lab.kubectl("delete", "jobs", "--selector=robovast.io/role=share")
+    wrong = {"spec": {"share": {"secretName": "robovast-none"}, "attempt": 2}}
+    lab.kubectl("patch", "campaign", "hall", "--type=merge", f"--patch={json.dumps(wrong)}")
+    missing = "not on the share: "
+    eventually(lambda: missing in lab.kubectl("get", "events"), 60, "it says what is missing")
+    lab.kubectl("delete", "jobs", "--selector=robovast.io/role=share")
 
     said = share.upload("--detach")
     (job,) = [item for item in lab.get("jobs")["items"] if "share" in item["metadata"]["name"]]

@@ -137,11 +137,13 @@ def impatient_operator(lab: Lab) -> Iterator[None]:
 
 def test_a_run_that_writes_nothing_is_told_and_not_ended(lab: Lab) -> None:
     with impatient_operator(lab):
-        lab.quick("hangs", HELD, "  runs: 1\n", parallelism=3)
+        # One: on a busy machine a scenario's log says now and then that a tick took long, and of
+        # several runs one that does so is at work.
+        lab.quick("hangs", HELD, "  runs: 1\n", select=["one-1"])
         assert "kubectl logs" in wait_stalled(lab, "hangs", "Silent", 240)
         release(lab, "hangs")
     lab.wait("hangs")
-    assert lab.campaign("hangs")["status"]["runs"]["passed"] == 3
+    assert lab.campaign("hangs")["status"]["runs"]["passed"] == 1
 
 
 def test_a_node_that_is_cut_off_is_told(lab: Lab) -> None:

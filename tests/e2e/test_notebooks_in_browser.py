@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect, sync_playwright
 from robovast_testbed import debian
-from support.campaigns.notebooks import add_notebooks
-from support.campaigns.stored import NAME, write_campaign
+from support.campaigns.notebooks import add_notebooks, notebook_of
+from support.campaigns.searches import write_search
+from support.campaigns.stored import NAME, write, write_campaign
 from support.servers.page import ShownPage, shown
 
 DATA = "DATA_DIR = ''"
@@ -89,3 +90,23 @@ def test_what_a_notebook_gives_out_does_nothing_to_the_page(page: Page, server: 
     page.goto(alone)
     assert page.evaluate("self.origin") == "null"
     assert page.evaluate("window.stolen") is None
+
+
+def test_a_batch_of_a_search_is_chosen_for_its_notebook(page: Page, tmp_path: Path) -> None:
+    root = write_search(tmp_path / "results", batches=3, runs=False, strategy="random")
+    (document,) = (root / "_config").glob("*.vast")
+    visualization = "evaluation: {visualization: [Round: {batch: round.ipynb}]}\n"
+    document.write_text(document.read_text() + visualization)
+    cells = (f"{DATA}\nBATCH = None", "print('batch', BATCH + 40)")
+    write(root / "_config" / "round.ipynb", notebook_of(*cells))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+        with shown(root.parent) as server:
+            page.goto(f"{server.address}#/campaign/{root.name}?view=notebooks")
+            expect(page.get_by_role("heading", name="For batch 2")).to_be_visible()
+            page.get_by_label("Batch").select_option("1")
+            expect(page.get_by_role("heading", name="For batch 1")).to_be_visible()
+            page.get_by_role("button", name="Execute", exact=True).click()
+            frame = page.frame_locator("iframe")
+            expect(frame.get_by_text("batch 41", exact=True)).to_be_visible()
+            page.goto("about:blank")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import io
 import json
 import random
 import re
@@ -11,13 +12,16 @@ import shutil
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 from robovast_testbed import debian
-from support.campaigns.drives import record_drive
+from support.campaigns.drives import DriveBag, photo, record_drive
 from support.campaigns.local import make_campaign
+from support.campaigns.searches import QD, write_search
 from support.campaigns.stored import (
     NAME,
     START,
@@ -27,11 +31,15 @@ from support.campaigns.stored import (
     write_campaign,
     write_run,
 )
+from support.patience import eventually
 from support.servers.page import VAST, ShownPage, shown
 
 WEB = Path(__file__).parents[2] / "web"
 LATER = "hall-2026-03-05-090000"
 SHAPES = "shapes-2026-03-06-090000"
+LIMITS, WAYS = "limits-2026-03-07-090000", "ways-2026-03-07-100000"
+LAST, NIGHT = "hall-2026-03-06-090000", "night-2026-03-08-090000"
+ONE, BROKEN = "one-2026-03-08-100000", "broken-2026-03-08-110000"
 POSE = {"position": {"x": 3.925, "y": -3.175}, "orientation": {"roll": 0, "yaw": 1.6092}}
 EVIL = "<img src=x onerror=stolen=1>"
 
@@ -48,6 +56,9 @@ SCREENS = {
     "parallel": f"#/campaign/{NAME}?view=parallel&q=speed>0.5",
     "mixed": f"#/campaign/{NAME}?view=mixed",
     "document": f"#/campaign/{NAME}?view=sources",
+    "search": f"#/campaign/{LIMITS}",
+    "search unsure": f"#/campaign/{LIMITS}?across=load&down=surface&shade=unsure",
+    "archive": f"#/campaign/{WAYS}?view=search",
     "maps": f"#/campaign/{NAME}?view=maps",
     "logs": f"#/campaign/{NAME}?view=logs&text=goal+not+reached",
     "log": f"#/campaign/{NAME}/hall-9/0",
@@ -60,6 +71,7 @@ SCREENS = {
     "player": f"#/campaign/{NAME}/hall-9/0?tab=player&t=5",
     "two runs": f"#/campaign/{NAME}/hall-9/0?tab=player&with=hall-9%2F1&show=apart&everyone=1",
     "map": f"#/campaign/{NAME}/hall-9/0?tab=map",
+    "history": f"#/campaign/{NAME}/hall-9/0?tab=history",
     "files": f"#/campaign/{NAME}/hall-9/0?tab=files",
     "notebooks": f"#/campaign/{NAME}/hall-9/0?tab=notebooks",
     "job": f"#/job/{NAME}/job-0",
@@ -67,6 +79,20 @@ SCREENS = {
     "lines": f"#/campaign/{SHAPES}?view=parallel",
     "structure": f"#/campaign/{SHAPES}/hall-1/0?tab=parameters",
     "compare": f"#/compare?a={NAME}&b={LATER}",
+    "several": f"#/compare?a={NAME}&b={LATER},{LAST}",
+    "none after": f"#/compare?a={NAME}",
+    "under way": f"#/campaign/{NIGHT}",
+    "under way, lines": f"#/campaign/{NIGHT}?view=parallel",
+    "under way, maps": f"#/campaign/{NIGHT}?view=maps",
+    "under way, a run": f"#/campaign/{NIGHT}/hall-1/0",
+    "under way, a job": f"#/job/{NIGHT}/job-7",
+    "one configuration": f"#/campaign/{ONE}",
+    "one configuration, maps": f"#/campaign/{ONE}?view=maps",
+    "broken": f"#/campaign/{BROKEN}",
+    "broken run": f"#/campaign/{BROKEN}/hall-1/0",
+    "broken drive": f"#/campaign/{BROKEN}/hall-1/0?tab=player",
+    "broken plots": f"#/campaign/{BROKEN}/hall-1/0?tab=plots",
+    "broken parameters": f"#/campaign/{BROKEN}/hall-1/0?tab=parameters",
     "start": "#/start",
     "nothing": "#/campaign/none",
     "nowhere": "#/campain/none",
@@ -103,17 +129,44 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_campaign(folder, LATER, variants=VARIANTS, runs=4, judge=judge(2, 0.5), outputs=False)
     shapes = [{"start": POSE, "obstacles": [POSE] * n, "a" * 40: "b" * 60} for n in (1, 2)]
     write_campaign(folder, SHAPES, variants=shapes, judge=lambda *_: "failed")
+    write_campaign(folder, LAST, variants=VARIANTS, runs=4, judge=judge(3, 0.1), outputs=False)
+    write_search(folder, LIMITS)
+    write_search(folder, WAYS, batches=2, **QD)
+    night = write_campaign(folder, NIGHT, runs=3, judge=judge(4, 0.5))
+    shutil.rmtree(night / "hall-2" / "2")
+    write(night / ".running" / "lock", "")
+    write(night / ".running" / "job-7" / "console.log", "[INFO] [1772630684.0] [n]: begins\n")
+    write_campaign(folder, ONE, variants=[{}], runs=3)
+    write_broken(folder)
     run = root / "hall-9" / "0"
     for number in ("0", "1"):
-        record_drive(root / "hall-9" / number / "rosbag2")
+        record_drive(root / "hall-9" / number / "rosbag2", pictures=number == "0")
     add_map(root, "hall-9")
     (run / "camera.png").write_bytes(PIXEL)
     return folder
 
 
+def write_broken(folder: Path) -> None:
+    """A campaign of which no file is as it should be."""
+    root = write_campaign(folder, BROKEN, judge=lambda *_: "failed")
+    for place in (
+        "_config/hall.vast",
+        "_execution/execution.yaml",
+        "_transient/configurations.yaml",
+    ):
+        write(root / place, "[: {")
+    run = root / "hall-1" / "0"
+    for name, text in {"run.json": "{", "test.xml": "<testsuite", "poses.csv": "a,b\n1\n"}.items():
+        write(run / name, text)
+    write(run / "rosbag2" / "metadata.yaml", "[")
+    write(run / "rosbag2" / "rosbag2_0.mcap", "no bag")
+    (root / "_jobs" / "job-0" / "logs" / "system.log").write_bytes(b"\xff\xfe\x00 no text\n")
+
+
 @pytest.fixture(scope="module")
 def server(results: Path) -> Iterator[ShownPage]:
-    with shown(results) as page:
+    with open(results / NIGHT / ".running" / "lock") as lock, shown(results) as page:
+        fcntl.flock(lock, fcntl.LOCK_EX)
         yield page
 
 
@@ -159,9 +212,11 @@ def settled(page: Page) -> None:
 
 
 @contextmanager
-def browsing(page: Page, results: Path, *options: str | Path) -> Iterator[str]:
+def browsing(
+    page: Page, results: Path, *options: str | Path, cwd: Path | None = None
+) -> Iterator[str]:
     """Address of the page of a folder; the tab leaves before the server does."""
-    with shown(results, *options) as server:
+    with shown(results, *options, cwd=cwd) as server:
         yield server.address
         page.goto("about:blank")
 
@@ -179,10 +234,93 @@ def test_three_clicks_from_a_local_run_to_the_log_of_the_failing_one(
         expect(page.get_by_role("heading", level=1)).to_have_text(re.compile("one-2/0 .*failed"))
         lines = page.get_by_role("region", name="Lines of the log")
         expect(lines).to_contain_text("no goal for 2")
-        again = page.locator(".command code").inner_text()
+        again = page.get_by_label("Run it again here").inner_text()
+        more = page.get_by_label("Run 10 more here").inner_text()
+        assert more.endswith("--config=one-2 --runs=11")
     words = [str(VAST), *shlex.split(again)[1:]]
     repeated = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
     assert "1 run: 1 failed." in repeated.stdout
+
+
+def test_a_cell_has_the_command_that_runs_its_configurations_more_often(
+    page: Page, axe: str, tmp_path: Path
+) -> None:
+    values = [{"speed": speed, "map": name} for speed in (1.0, 2.0) for name in "ab"]
+    root = write_campaign(tmp_path, variants=values, runs=3, judge=lambda *_: "failed")
+    with browsing(page, tmp_path) as address:
+        page.goto(f"{address}#/campaign/{NAME}?x=speed&y=-")
+        page.locator('[data-cell="1,0"]').click()
+        page.get_by_label("Runs in all, of each of 2 configurations").fill("7")
+        page.keyboard.press("Enter")
+        expect(page.locator(".beside")).not_to_contain_text("all intervals are wider")
+        expect(page.locator(".run-more")).to_contain_text("make the intervals of all")
+        command = page.get_by_label("Run 4 more here")
+        expect(command).to_contain_text(f"--resume={root} --config=hall-3 --config=hall-4 --runs=7")
+        page.evaluate(axe)
+        found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
+        assert [(v["id"], v["nodes"][0]["html"]) for v in found["violations"]] == []
+        page.screenshot(path=tmp_path / "more.png", full_page=True)
+        record = root / "_execution" / "execution.yaml"
+        record.write_text(f"{record.read_text()}more_runs: {{hall-3: 4}}\n")
+        write_run(root, "hall-3", 3, 12, values[2], lambda *_: "failed")
+        expect(page.locator(".beside")).to_contain_text("Runs were added after a look")
+        expect(page.locator(".run-more")).not_to_contain_text("make the intervals of all")
+        page.screenshot(path=tmp_path / "wider.png", full_page=True)
+
+
+def test_a_cell_of_a_campaign_of_a_cluster_has_the_command_of_the_cluster(
+    page: Page, tmp_path: Path
+) -> None:
+    values = [{"speed": speed, "map": name} for speed in (1.0, 2.0) for name in "ab"]
+    root = write_campaign(tmp_path, variants=values, runs=3, judge=lambda *_: "failed")
+    record = root / "_execution" / "execution.yaml"
+    record.write_text(record.read_text().replace("local", "cluster"))
+    with browsing(page, tmp_path) as address:
+        page.goto(f"{address}#/campaign/{NAME}?x=speed&y=-")
+        page.locator('[data-cell="1,0"]').click()
+        page.get_by_label("Runs in all, of each of 2 configurations").fill("7")
+        page.keyboard.press("Enter")
+        command = page.get_by_label("Run 4 more in the cluster")
+        expect(command).to_contain_text('"name": "hall-3-more"')
+        expect(command).to_contain_text('"parameters": [{"speed": 2.0}, {"map": "b"}], "runs": 4}')
+        expect(page.get_by_role("button", name="Run 4 more")).to_have_count(0)
+
+
+def test_more_runs_are_seen_and_stopped_where_they_were_started(
+    page: Page, axe: str, tmp_path: Path
+) -> None:
+    """In a folder where no campaign can be started, since there are two documents."""
+    file = make_campaign(tmp_path, 'sleep "$(cat "${0%/*}/pause")"\n')
+    pause, results = file.parent / "files" / "pause", tmp_path / "results"
+    pause.write_text("0")
+    command = [VAST, "-V", file, "exec", "local", "run", "--runtime=process", "-c", "one-1"]
+    subprocess.run([*command, results], check=True, capture_output=True)
+    shutil.copy(file, tmp_path / "other.vast")
+    (root,) = results.glob("test-campaign-*")
+    (root / "_config" / "files" / "pause").write_text("600")
+    with browsing(page, results, cwd=tmp_path) as address:
+        page.goto(f"{address}#/campaign/{root.name}/one-1/0")
+        page.get_by_label("Runs in all").fill("4")
+        page.keyboard.press("Enter")
+        page.get_by_role("button", name="Run 3 more").click()
+        expect(page.get_by_role("heading", level=1)).to_contain_text("one-1/0")
+        launched = page.get_by_role("region", name="The campaign that was started here")
+        expect(launched).to_contain_text("It is running.")
+        expect(launched).to_be_in_viewport()
+        expect(launched).to_contain_text("3 to come")
+        expect(launched.get_by_role("region", name="Output")).to_contain_text("4 runs, 1 of them")
+        expect(page.get_by_label("Run 10 more here")).to_contain_text("--runs=14")
+        page.screenshot(path=tmp_path / "further.png", full_page=True)
+        page.evaluate(axe)
+        found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
+        assert [(v["id"], v["nodes"][0]["html"]) for v in found["violations"]] == []
+        page.get_by_role("link", name="a campaign is running").click()
+        expect(page.get_by_role("heading", level=1)).to_contain_text(root.name)
+        expect(launched).to_contain_text("It is running.")
+        page.goto(f"{address}#/start")
+        expect(page.locator(".hint").first).to_contain_text("several .vast files")
+        launched.get_by_role("button", name="Stop").click()
+        expect(launched).to_contain_text("It was stopped.", timeout=60_000)
 
 
 def test_a_campaign_is_run_from_the_page_and_looked_at(
@@ -212,6 +350,7 @@ def test_a_campaign_is_run_from_the_page_and_looked_at(
         page.locator("tr[data-row]").first.get_by_role("link").click()
         expect(page.get_by_role("region", name="Lines of the log")).to_contain_text("no goal for 2")
         page.get_by_role("button", name="Run it again").click()
+        expect(page.get_by_role("heading", level=1)).to_contain_text("one-2/0")
         expect(launched).to_contain_text("--config=one-2 --runs=1")
         expect(launched).to_contain_text("A run failed.", timeout=60_000)
     assert len(list(results.glob("test-campaign-*/one-2/0/run.json"))) == 2
@@ -229,6 +368,42 @@ def test_every_screen_is_accessible_and_fits(
         page.evaluate(axe)
         found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
         assert [(v["id"], v["nodes"][0]["html"]) for v in found["violations"]] == [], name
+
+
+def test_a_report_to_send_is_accessible_and_fits(
+    browser: Browser, results: Path, axe: str, tmp_path: Path
+) -> None:
+    file, base = tmp_path / "report.html", results / LATER
+    subprocess.run([VAST, "results", "report", results / NAME, "-b", base, "-o", file], check=True)
+    for width in (390, 1280):
+        for scheme in ("light", "dark"):
+            context = browser.new_context(
+                viewport={"width": width, "height": 800},
+                color_scheme=scheme,  # type: ignore[arg-type]
+                bypass_csp=True,  # it allows no script, and thus no checks either
+            )
+            page = context.new_page()
+            requested: list[str] = []
+            page.on("request", lambda request, seen=requested: seen.append(request.url))
+            page.goto(file.as_uri())
+            page.evaluate(axe)
+            assert page.evaluate("axe.run()")["violations"] == []
+            assert page.evaluate("document.documentElement.scrollWidth") == width
+            assert [one for one in requested if not one.startswith(("file:", "data:"))] == []
+            context.close()
+
+
+def test_a_wide_matrix_fits_a_printed_page(browser: Browser, tmp_path: Path) -> None:
+    """Of A4, with margins of 14 mm."""
+    variants = [{"speed": speed, "width": w} for speed in range(24) for w in (1, 2)]
+    root = write_campaign(tmp_path / "results", variants=variants, judge=judge(1, 0.5))
+    subprocess.run([VAST, "results", "report", root, "-o", tmp_path / "report.html"], check=True)
+    page = browser.new_page(viewport={"width": 688, "height": 1017})
+    page.goto((tmp_path / "report.html").as_uri())
+    page.emulate_media(media="print")
+    assert page.locator(".matrix thead th").count() == 24
+    assert page.evaluate("document.documentElement.scrollWidth") == 688
+    page.close()
 
 
 @pytest.mark.parametrize("width", [360, 390])
@@ -273,6 +448,20 @@ def test_a_cell_and_a_filter_choose_runs_and_the_address_says_so(
     texts = shared.locator("tr[data-row]").all_inner_texts()
     assert texts == page.locator("tr[data-row]").all_inner_texts()
     shared.close()
+
+
+def test_the_first_runs_are_there_while_others_are_read(page: Page, server: ShownPage) -> None:
+    whole, held = server.get(f"api/campaigns/{NAME}").data, []
+    page.route(f"**/campaigns/{NAME}", lambda route: held.append(route))
+    page.route("**/begun", lambda route: route.fulfill(json={**whole, "reading": [3, 12]}))
+    page.goto(f"{server.address}#/campaign/{NAME}")
+    expect(page.locator("tr[data-row]").first).to_be_visible()
+    title = page.get_by_role("heading", level=1)
+    expect(title).to_contain_text("reading: 3 of 12 configurations")
+    expect(page.locator("[data-cell]")).to_have_count(0)
+    held[0].continue_()
+    expect(title).to_contain_text("incomplete" if whole["resume"] else "finished")
+    expect(page.locator("[data-cell]").first).to_be_visible()
 
 
 def test_a_cause_filters_everything_and_a_verdict_no_rate(page: Page, tmp_path: Path) -> None:
@@ -346,6 +535,36 @@ def test_the_matrix_begins_with_what_was_varied_and_matters(page: Page, tmp_path
         expect(page.get_by_role("main").get_by_role("status")).to_have_text("12 of 48 runs")
 
 
+def test_lines_are_chosen_along_an_axis_and_axes_moved(page: Page, server: ShownPage) -> None:
+    page.goto(f"{server.address}#/campaign/{NAME}?view=parallel")
+    axes = page.locator(".parallel .axis")
+    usual = ["speed", "width", "map", "mean duration [s]", "failure rate"]
+    expect(axes).to_have_text(usual)
+    axes.nth(1).press("ArrowLeft")
+    expect(axes).to_have_text(["width", "speed", *usual[2:]])
+    page.get_by_text("Axes 5").click()
+    page.get_by_label("Search axes").fill("wid")
+    page.get_by_label("width", exact=True).uncheck()
+    page.keyboard.press("Escape")
+    expect(axes).to_have_text(["speed", *usual[2:]])
+    chart = page.locator(".parallel canvas").last
+    box = chart.bounding_box()
+    assert box is not None
+    x = box["x"] + box["width"] / 8  # the middle of the first of four axes
+    page.mouse.move(x, box["y"] + 20)
+    page.mouse.down()
+    page.mouse.move(x, box["y"] - 20)
+    page.mouse.up()
+    status = page.get_by_role("main").get_by_role("status")
+    expect(status).to_have_text("16 of 48 runs")
+    page.mouse.move(x, box["y"] + 8)
+    expect(page.locator(".about-line")).to_contain_text("speed 2")
+    page.reload()
+    expect(status).to_have_text("16 of 48 runs")
+    page.get_by_role("button", name="Only the chosen lines").click()
+    expect(status).to_have_text("48 runs")
+
+
 def test_what_is_shown_can_be_saved(page: Page, server: ShownPage) -> None:
     page.goto(f"{server.address}#/campaign/{NAME}?q=speed%3D2&verdict=failed")
     expect(page.get_by_role("main").get_by_role("status")).to_have_text("4 of 48 runs")
@@ -363,6 +582,9 @@ def test_everything_can_be_reached_with_keys(page: Page, server: ShownPage) -> N
     page.get_by_role("tab", name="Matrix").focus()
     page.keyboard.press("ArrowRight")
     expect(page.get_by_role("tab", name="Parallel coordinates")).to_be_focused()
+    page.keyboard.press("ArrowDown")
+    expect(page.locator("tr[data-row]").first.get_by_role("link")).to_be_focused()
+    page.get_by_role("tab", name="Parallel coordinates").focus()
     page.keyboard.press("ArrowLeft")
     page.locator('[data-cell="0,0"]').focus()
     page.keyboard.press("ArrowRight")
@@ -376,6 +598,33 @@ def test_everything_can_be_reached_with_keys(page: Page, server: ShownPage) -> N
     expect(row).to_be_focused()
     page.keyboard.press("Enter")
     expect(page.get_by_role("tab", name="Log")).to_be_visible()
+
+
+def test_columns_are_chosen_and_remembered(page: Page, server: ShownPage) -> None:
+    page.goto(f"{server.address}#/campaign/{NAME}")
+    heads = page.get_by_role("region", name="Runs", exact=True).get_by_role("columnheader")
+    usual = ["Verdict↑", "Run", "Reason", "speed", "width", "map", "Duration", "Started"]
+    expect(heads).to_have_text(usual)
+    page.get_by_text(re.compile("^Columns")).click()
+    page.get_by_label("Started").uncheck()
+    page.get_by_label("Search columns").fill("varied wi")
+    page.get_by_role("group", name="Varied").get_by_label("width").uncheck()
+    expect(page.get_by_role("checkbox")).to_have_count(1)
+    page.keyboard.press("Escape")
+    fewer = [*usual[:4], *usual[5:7]]
+    expect(heads).to_have_text(fewer)
+    page.goto(f"{server.address}#/campaign/{LATER}")
+    expect(heads).to_have_text(fewer)
+    page.get_by_text(re.compile("^Columns")).click()
+    page.get_by_role("button", name="As usual").click()
+    expect(heads).to_have_text(usual)
+
+
+def test_a_misspelt_parameter_is_named(page: Page, server: ShownPage) -> None:
+    page.goto(f"{server.address}#/campaign/{NAME}?q=sped>1")
+    expect(page.get_by_text("There is no parameter or column “sped”")).to_be_visible()
+    page.get_by_role("button", name="speed", exact=True).last.click()
+    expect(page.get_by_label("Find")).to_have_value("speed>1")
 
 
 def test_a_log_is_searched_and_filtered(page: Page, server: ShownPage) -> None:
@@ -532,6 +781,48 @@ def test_a_drive_is_played_with_keys_and_looked_at_from_any_moment(
     expect(player.get_by_role("status")).to_have_text("1 other run on the map; all of them passed.")
 
 
+def test_the_camera_shows_what_it_saw_at_the_moment_that_is_looked_at(
+    page: Page, server: ShownPage
+) -> None:
+    page.goto(f"{server.address}#/campaign/{NAME}/hall-9/0?tab=player&t=0")
+    seen = page.get_by_role("img", name="What the camera of hall-9/0 sees")
+    page.get_by_role("region", name="Player").focus()
+
+    def shows(red: int) -> bool:
+        picture = Image.open(io.BytesIO(seen.screenshot())).convert("RGB")
+        return abs(picture.resize((1, 1)).getpixel((0, 0))[0] - red) < 4
+
+    for key, expected in (("Home", 0), ("ArrowRight", 10), ("End", 198)):
+        page.keyboard.press(key)
+        eventually(partial(shows, expected), seconds=20)
+    page.get_by_label("Compare with run").select_option("hall-9/1")
+    expect(page.locator(".where")).to_have_count(2)
+    expect(page.locator("canvas.sight")).to_have_count(1)
+    heights = "rows => rows.map(row => [row.offsetHeight, row.parentElement.offsetHeight])"
+    names = page.locator(".happenings button > span").evaluate_all(heights)
+    assert all(own <= row for own, row in names)
+
+
+def test_what_a_recording_lacks_is_said_and_the_rest_is_shown(page: Page, tmp_path: Path) -> None:
+    run = write_campaign(tmp_path / "results", outputs=False) / "hall-1" / "0"
+    with DriveBag(run / "rosbag2") as bag:
+        for tenth in (*range(20), *range(80, 100)):
+            bag.odometry(tenth / 10, 1.0, 1.0, 0.0)
+        whole = photo(200)
+        bag.picture(1.0, whole[: whole.index(b"\xff\xda")])  # its size, and nothing to see
+    with browsing(page, tmp_path / "results") as address:
+        page.goto(f"{address}#/campaign/{NAME}/hall-1/0?tab=player&t=5")
+        player = page.get_by_role("region", name="Player")
+        lacks = player.get_by_role("note")
+        expect(lacks).to_contain_text("Without a map")
+        expect(lacks).to_contain_text("Without the laser")
+        expect(lacks).to_contain_text("The robot never moved more than 5 cm.")
+        expect(lacks).to_contain_text("The camera's picture at 1.00 s is damaged.")
+        where = player.locator(".where")
+        expect(where).to_contain_text("x 1.00 m, y 1.00 m")
+        expect(where).to_contain_text("picture of 1.0 s · no pose for 3.1 s")
+
+
 def test_a_small_map_leads_to_the_run_that_failed(page: Page, server: ShownPage) -> None:
     page.goto(f"{server.address}#/campaign/{NAME}?view=maps")
     page.get_by_label("Find").fill("speed=2 width=0.8 map=hall")
@@ -548,11 +839,38 @@ def test_a_place_where_runs_fail_leads_to_one_of_them(page: Page, server: ShownP
         re.compile(r"^\d+ failures at 9.9, 1.0$")
     )
     page.get_by_label("Find").fill("speed=2 width=0.8 map=hall verdict=failed")
-    place = places.get_by_role("link", name="hall-9/0 failed at 9.9, 1.0")
+    place = places.get_by_role("link", name="1 failure at 9.9, 1.0: hall-9/0")
     expect(place).to_be_in_viewport()
     place.click()
     expect(page.get_by_role("heading", level=1)).to_contain_text("hall-9/0")
     expect(page.get_by_role("region", name="Player")).to_contain_text("16.90 of 19.90 s")
+
+
+def test_a_search_is_mapped_looked_at_with_keys_and_followed_while_it_runs(
+    page: Page, tmp_path: Path
+) -> None:
+    root = write_search(tmp_path / "results", LIMITS, batches=2)
+    (root / ".running").mkdir()
+    with open(root / ".running/lock", "w") as lock, browsing(page, tmp_path / "results") as address:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        page.goto(f"{address}#/campaign/{LIMITS}")
+        expect(page.locator(".search-state")).to_contain_text("Under way. 24 sets evaluated in 2")
+        table = page.get_by_role("region", name="Critical values")
+        expect(table.get_by_role("row")).to_have_count(3)
+        dry = table.inner_text()
+        page.locator(".place-of").get_by_label("surface").select_option(label="wet")
+        expect(table).not_to_have_text(dry)
+        write_search(tmp_path / "results", LIMITS)
+        expect(page.locator(".search-state")).to_contain_text("Ended: batches 4/4. 48 sets")
+        expect(page.get_by_text("batches 4 / 4")).to_be_visible()
+        command = page.locator(".search .command code")
+        expect(command).to_have_text(re.compile(rf"--resume=.*{LIMITS} --batches 6$"))
+        field = page.get_by_role("application", name="48 parameter sets over speed and load")
+        field.focus()
+        page.keyboard.press("ArrowRight")
+        expect(page.get_by_text("· boundary 0.1.0, knowing")).to_contain_text(" of 3 runs")
+        page.keyboard.press("Enter")
+        expect(page.get_by_role("heading", level=1)).to_have_text(re.compile("c[0-9a-f]{12}/0"))
 
 
 def test_a_comparison_says_what_got_worse(page: Page, server: ShownPage) -> None:
@@ -563,6 +881,39 @@ def test_a_comparison_says_what_got_worse(page: Page, server: ShownPage) -> None
     expect(page.locator(".statement")).to_contain_text("did not pass rose, from ")
     expect(page.locator(".statement")).to_contain_text("chance alone hardly explains that")
     expect(page.locator("tr[data-row]")).to_have_count(len(VARIANTS))
+
+
+def test_several_campaigns_are_compared_with_the_oldest(page: Page, server: ShownPage) -> None:
+    page.goto(server.address)
+    for name in (LAST, NAME, LATER):
+        page.get_by_label(f"Compare {name}").check()
+    page.get_by_role("link", name=f"Compare {NAME} with 2 later ones").click()
+    campaigns = page.get_by_role("region", name="Campaigns")
+    expect(campaigns.get_by_role("rowheader")).to_have_text([LATER, LAST])
+    rows = page.get_by_role("region", name="Configurations").locator("tr[data-row]")
+    expect(rows).to_have_count(len(VARIANTS))
+    expect(rows.first.get_by_role("img", name="unclear").first).to_be_visible()
+    page.get_by_text("After 2").click()
+    page.get_by_role("checkbox", name=LATER).uncheck()
+    page.keyboard.press("Escape")
+    expect(page.locator(".statement")).to_contain_text("The share of runs that did not pass")
+    page.go_back()
+    expect(page.get_by_role("heading", level=1)).to_have_text("Campaigns")
+
+
+def test_a_configuration_has_a_history(page: Page, server: ShownPage, tmp_path: Path) -> None:
+    page.goto(f"{server.address}#/campaign/{LATER}/hall-9/0?tab=history")
+    dots = page.get_by_role("list", name="hall-9 over campaigns").get_by_role("link")
+    expect(dots).to_have_count(3)
+    expect(dots.nth(1)).to_have_attribute("aria-current", "page")
+    expect(page.get_by_text("hall-9 in 3 campaigns, the oldest first.")).to_be_visible()
+    expect(page.get_by_text("it is empty where all passed")).to_be_visible()
+    assert "rgba(0, 0, 0, 0) 0" in dots.first.evaluate("e => getComputedStyle(e).backgroundImage")
+    name = dots.first.get_attribute("aria-label") or ""
+    assert re.fullmatch(rf"{NAME}; \d of 4 did not pass", name)
+    page.screenshot(path=tmp_path / "history.png")
+    dots.first.click()
+    expect(page).to_have_url(re.compile(rf"#/campaign/{NAME}\?q=variant%3Dhall-9$"))
 
 
 def test_a_comparison_says_what_changed_and_what_it_could_have_shown(

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import csv
 import json
+import shlex
 from pathlib import Path
 
 import pytest
 from robovast_testbed import containerd, images
-from support.campaigns.local import EXAMPLES
 from support.kube.lab import Lab, files
+from support.pages import ROOT, code_blocks
 
-VAST = EXAMPLES / "robot_navigation" / "robot_navigation.vast"
 OUTCOMES = {"drive-1-1-2-2/0": "arrived", "drive-2-1-2-2/0": "no way to the goal"}
 SELECT = ("-c", "drive-?-1-2-2", "-i", images.ROS)
 VERDICT = {"arrived": "passed"}
@@ -34,14 +34,24 @@ def drives(campaign: Path) -> dict[str, dict[str, str]]:
     }
 
 
+def documented() -> list[list[str]]:
+    """The words of the README's commands for containers, and of nothing else."""
+    blocks = code_blocks("configs/examples/robot_navigation/README.md", "bash")
+    (block,) = [block for block in blocks if "--runtime docker" in block]
+    lines = [shlex.split(line, comments=True) for line in block.splitlines()]
+    return [[str(ROOT / w) if w.startswith("configs/") else w for w in line] for line in lines]
+
+
 def test_a_robot_drives_in_docker_and_on_a_cluster_as_the_readme_says(docker_lab: Lab) -> None:
     """The same file, drives (to the last bit) and files; the tables and the graph come home too."""
-    lab, here = docker_lab, docker_lab.folder / "here"
-    lab.vast("-V", VAST, "exec", "local", "run", "--runtime", "docker", *SELECT, here, code=1)
-    (mine,) = here.iterdir()
-    lab.vast("-V", VAST, "exec", "cluster", "run", "-n", lab.namespace, *SELECT, code=1)
-    (campaign,) = lab.get("campaigns")["items"]
-    theirs = lab.download(campaign["metadata"]["name"])
+    lab, results = docker_lab, docker_lab.folder / "results"
+    build, locally, on_cluster, download = (words for _, *words in documented())
+    assert build == ["--slim", "--", "--build-arg", "ROS_WHEELS=true"]  # as the image was built
+    lab.vast(*locally, *SELECT, code=1)
+    (mine,) = results.iterdir()
+    lab.vast(*on_cluster, "-n", lab.namespace, *SELECT, code=1)
+    lab.vast(*download, "-n", lab.namespace)
+    (theirs,) = set(results.iterdir()) - {mine}
     assert drives(mine) == drives(theirs)
     assert {run: row["outcome"] for run, row in drives(mine).items()} == OUTCOMES
     assert lab.verdicts(mine) == lab.verdicts(theirs)

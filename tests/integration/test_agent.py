@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import json
 import os
 import random
 import re
 import subprocess
+import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,20 +18,37 @@ from tempfile import TemporaryDirectory
 import pytest
 import yaml
 from robovast_testbed.s3 import Server
-from support.campaigns.local import DOCUMENT, Recorder, make_campaign, run
-from support.kube.pod_processes import Campaign, Pod
+from support.campaigns.local import (
+    AS_NEEDED,
+    DECISIONS,
+    DOCUMENT,
+    SOUND_BROKEN_MIXED,
+    Recorder,
+    make_campaign,
+    run,
+    verdicts,
+)
+from support.kube.pod_processes import Campaign, Pod, keys_by_path
 from support.patience import eventually
 from support.servers.refusing_s3_proxy import refusing
 
+from robovast.agent import reuse
 from robovast.agent.claims import MOST_STARTS
+from robovast.analysis.tables.in_bucket import tables_in
+from robovast.analysis.tables.query import ask
+from robovast.base import safe_paths
 from robovast.campaign.configurations import variants_digest
+from robovast.campaign.layout import INDEX, INPUTS, RUNS_TABLE
 from robovast.execution.local import LocalOptions, replay_run
 from robovast.execution.local.replay import find_run
 from robovast.kubeapi.pod_contract.sightings import Sightings
 from robovast.model.document import load_document
-from robovast.model.expansion import compose
-from robovast.model.repetition import list_key, list_name
+from robovast.model.expansion import Variant, compose
+from robovast.model.packs import Block, PlanSpec
+from robovast.model.plan import Run
+from robovast.model.repetition import GroupSizes, list_key, list_name
 from robovast.model.seeds import run_seed
+from robovast.storage.bucket_names import REUSE_BUCKET
 from robovast.storage.download import Silent, download_campaign
 
 PASS = 'echo "$1,$2" > "$3/out.csv"\n'
@@ -55,10 +74,10 @@ def make(tmp_path: Path, s3_server: Server) -> Iterator[Make]:
         **given: object,
     ) -> Campaign:
         extra = extra.replace("MOUNTS", str(tmp_path / "mounts"))
-        vast = make_campaign(tmp_path / "source", script, extra, document)
+        vast = make_campaign(tmp_path / f"source{len(made)}", script, extra, document)
         for name, text in (files or {}).items():
             (vast.parent / name).write_text(text)
-        made.append(Campaign(tmp_path / "mounts", vast, s3_server, dict(given)))
+        made.append(Campaign(tmp_path / f"mounts{len(made) or ''}", vast, s3_server, dict(given)))
         return made[-1]
 
     yield make
@@ -85,13 +104,236 @@ def files_below(root: Path) -> set[str]:
     return {path.relative_to(root).as_posix() for path in found}
 
 
+def stored(campaign: Campaign, variant: str) -> list[str]:
+    return [run for run in campaign.verdicts() if run.startswith(f"{variant}/")]
+
+
+@one_server
+@pytest.mark.parametrize("per_job", [1, 3])
+def test_a_pod_executes_as_many_runs_of_its_configuration_as_a_laptop_does(
+    make: Make, tmp_path: Path, per_job: int
+) -> None:
+    extra = f"{AS_NEEDED}  seed: 7\n  runs_per_job: {per_job}\n"
+    campaign = make(SOUND_BROKEN_MIXED, extra, seed=7)
+    pods = [Pod(campaign) for _ in range(3)]
+    assert [pod.run(index) for index, pod in enumerate(pods)] == [0, 10, 10]
+    assert [pod.message()["counts"] for pod in pods] == [[3, 0, 0], [0, 2, 0], [2, 2, 0]]
+    assert [pod.message().get("notNeeded") for pod in pods] == [1, 2, None]
+    here = run(campaign.vast, tmp_path / "here", jobs=1)
+    assert campaign.verdicts() == verdicts(here)
+    assert {path: campaign.record(path)["seed"] for path in verdicts(here)} == {
+        f"{record.variant}/{record.run}": record.seed for record in here.records
+    }
+    finish = Pod(campaign)
+    assert finish.task("finish") == 0, finish.log("finish")
+    said = finish.message()
+    assert (said["total"], said["notNeeded"], said["errored"]) == (12, 3, 0)
+    assert said["decisions"] == DECISIONS
+    index = json.loads(campaign.read("_execution/index.json"))
+    assert len(index["runs"]) == 9
+    assert {n: (d["state"], d["runs"]) for n, d in index["decisions"].items()} == {
+        "one-1": ("sound", 3),
+        "one-2": ("broken", 2),
+        "one-3": ("undecided", 4),
+    }
+
+
+@one_server
+def test_killed_in_the_middle_a_pod_is_followed_by_one_that_decides_the_same(make: Make) -> None:
+    campaign = make(SOUND_BROKEN_MIXED, AS_NEEDED)
+    for index, least in ((0, 1), (2, 3)):
+        pod = Pod(campaign)
+        pod.start(index)
+        eventually(lambda n=index, least=least: len(stored(campaign, f"one-{n + 1}")) >= least)
+        pod.kill()
+    pods = [Pod(campaign) for _ in range(3)]
+    assert [pod.run(index) for index, pod in enumerate(pods)] == [0, 10, 10]
+    assert [pod.message()["counts"] for pod in pods] == [[3, 0, 0], [0, 2, 0], [2, 2, 0]]
+    assert len(campaign.verdicts()) == 9
+
+
+REUSED = {"image": f"registry/image@sha256:{'0' * 64}", "seed": 7, "reuse": True}
+SEED = "  seed: 7\n  resources: {cpu: 1, memory: 1G}\n"
+
+
+@one_server
+@pytest.mark.parametrize("per_job", [1, 3])
+def test_what_was_edited_alone_is_executed_and_the_others_are_taken_over(
+    make: Make, per_job: int
+) -> None:
+    extra = f"{SEED}  runs: 2\n  runs_per_job: {per_job}\n"
+    script = """echo "$1,$ROBOVAST_SEED" > "$3/out.csv"
+mkdir "$3/d"; date +%N > "$3/d/when"
+[ $1 != 2 ]
+"""
+    campaign = make(script, extra, **REUSED)
+    packs = range(campaign.plan.plan.packs)
+    ends = [Pod(campaign).run(index) for index in packs]
+    edited = DOCUMENT.replace("[1, 2, 3]", "[1, 2, 4]")
+    again = make(script, extra, document=edited, **REUSED)
+    pods = [Pod(again) for _ in packs]
+    assert [pod.run(index) for index, pod in enumerate(pods)] == ends
+    origins = {name: again.record(name).get("reused_from", "") for name in again.verdicts()}
+    reused = [n for n in origins if per_job == 1 or n in {"one-1/0", "one-1/1", "one-2/0"}]
+    assert origins == {
+        n: f"{campaign.name}/{n}" if n in reused and not n.startswith("one-3") else ""
+        for n in origins
+    }
+    for name in ("one-1/0", "one-2/0"):
+        before, now = campaign.record(name), again.record(name)
+        assert (now["campaign"], now["id"], now["pod"]) == (again.name, before["id"], before["pod"])
+        assert now["verdict"] == before["verdict"]
+        for path in ("out.csv", "d/when", "test.xml"):
+            assert again.read(f"{name}/{path}") == campaign.read(f"{name}/{path}")
+        assert again.read(f"_jobs/{now['job']}/logs/system.log")
+    assert again.read("one-3/0/out.csv").startswith("4,")
+    finish = Pod(again)
+    assert finish.task("finish") == 0, finish.log("finish")
+    assert finish.message()["total"] == 6
+
+
+@one_server
+def test_runs_as_needed_are_taken_over_as_far_as_they_are_stored(make: Make) -> None:
+    campaign = make(SOUND_BROKEN_MIXED, SEED + AS_NEEDED, **REUSED)
+    assert [Pod(campaign).run(index) for index in range(3)] == [0, 10, 10]
+    wider = AS_NEEDED.replace("max: 4", "max: 5")
+    again = make(SOUND_BROKEN_MIXED, SEED + wider, **REUSED)
+    assert [Pod(again).run(index) for index in range(3)] == [0, 10, 10]
+    executed = [n for n in again.verdicts() if "reused_from" not in again.record(n)]
+    assert executed == ["one-3/4"]
+
+
+@one_server
+def test_what_is_no_longer_what_it_was_is_executed(make: Make) -> None:
+    extra = f"{SEED}  runs: 2\n"
+    campaign = make("[ $1 != 2 ]\n", extra, **REUSED)
+    ends = [0, 0, 10, 10, 0, 0]
+    assert [Pod(campaign).run(index) for index in range(6)] == ends
+    store, bucket = campaign.store, campaign.bucket
+    keys = keys_by_path(store, bucket)
+    store.put_bytes(bucket, keys["one-1/0/test.xml"], b"<testsuite/>")
+    store.put_bytes(REUSE_BUCKET, campaign.record("one-3/0")["key"], b"nothing")
+    for name, change in (
+        ("one-1/1", {"verdict": "errored"}),
+        ("one-2/0", {"verdict": "passed"}),
+        ("one-2/1", {"outputs": {"../../../x": "0" * 64}}),
+    ):
+        text = json.dumps({**campaign.record(name), **change})
+        store.put_bytes(bucket, f"{name}/run.json", text.encode())
+    again = make("[ $1 != 2 ]\n", extra, **REUSED)
+    assert [Pod(again).run(index) for index in range(6)] == ends
+    assert [n for n in again.verdicts() if "reused_from" in again.record(n)] == ["one-3/1"]
+
+
+@one_server
+def test_whatever_others_have_stored_a_pod_executes_its_runs(make: Make) -> None:
+    deep = f"[ $1 != 1 ] || for i in $(seq 20); do mkdir {'d' * 250}; cd {'d' * 250}; done\n"
+    script = f'cd "$3"\n{deep}echo > f\n'
+    extra = f"{SEED}  runs: 2\n"
+    campaign = make(script, extra, **REUSED)
+    assert [Pod(campaign).run(index) for index in range(6)] == [0] * 6
+    store, bucket = campaign.store, campaign.bucket
+    for name, offer in (
+        ("one-2/0", {"bucket": "../x", "run": "one-2/0"}),
+        ("one-2/1", {"bucket": bucket, "run": "../../x/0"}),
+        ("one-3/0", {"bucket": bucket, "run": "one-3/0", "x": "x" * 100_000}),
+    ):
+        store.put_bytes(REUSE_BUCKET, campaign.record(name)["key"], json.dumps(offer).encode())
+    text = json.dumps({**campaign.record("one-3/1"), "job": "\udc80"})
+    store.put_bytes(bucket, "one-3/1/run.json", text.encode())
+    again = make(script, extra, **REUSED)
+    pods = [Pod(again) for _ in range(6)]
+    assert [pod.run(index) for index, pod in enumerate(pods)] == [0] * 6, pods[0].log("fetch")
+    assert not [n for n in again.verdicts() if "reused_from" in again.record(n)]
+
+
+@one_server
+def test_of_a_pack_the_runs_before_the_first_that_is_damaged_are_taken_over(make: Make) -> None:
+    campaign = make(PASS, SEED + PACK, **REUSED)
+    assert Pod(campaign).run() == 0
+    damage(campaign, keys_by_path(campaign.store, campaign.bucket)["one-2/0/out.csv"])
+    again = make(PASS, SEED + PACK, **REUSED)
+    pod = Pod(again)
+    assert pod.run() == 0, pod.log("fetch")
+    origins = {n: again.record(n).get("reused_from") for n in again.verdicts()}
+    assert origins == {"one-1/0": f"{campaign.name}/one-1/0", "one-2/0": None, "one-3/0": None}
+    assert "one-2/0 is not reused" in pod.log("fetch")
+    assert not list(pod.work.rglob("reused"))
+
+
+@one_server
+def test_a_damaged_log_of_another_campaign_is_not_waited_for(make: Make) -> None:
+    campaign = make(PASS, SEED, **REUSED)
+    assert Pod(campaign).run() == 0
+    damage(campaign, f"_jobs/{campaign.record('one-1/0')['job']}/logs/system.log")
+    again = make(PASS, SEED, **REUSED)
+    pod = Pod(again)
+    assert pod.run() == 0, pod.log("fetch")
+    assert "reused_from" not in again.record("one-1/0")
+
+
+@one_server
+def test_a_campaign_that_is_removed_while_a_run_of_it_is_copied_is_not_waited_for(
+    make: Make, tmp_path: Path
+) -> None:
+    campaign = make(PASS, SEED, **REUSED)
+    assert Pod(campaign).run() == 0
+    store = campaign.store
+    found = reuse._find(store, campaign.record("one-1/0")["key"])
+    assert found is not None
+    run = Run(0, Variant("one-1", "one", {}), 0)
+
+    def bring() -> bool:
+        stage = tmp_path / "stage"
+        safe_paths.remove(stage, tmp_path)
+        return reuse._bring(store, found, stage, with_job=True)
+
+    assert reuse._if_fit(store, run, campaign.bucket, bring) is True
+    store.delete_bucket(campaign.bucket)
+    assert reuse._if_fit(store, run, campaign.bucket, bring) is None
+
+
+def damage(campaign: Campaign, key: str) -> None:
+    """Replace an object's content, but not its checksum."""
+    store, bucket = campaign.store, campaign.bucket
+    metadata = {"sha256": store.digest(bucket, key) or ""}
+    store._client.put_object(bucket, key, io.BytesIO(b"0,b\n"), 4, metadata=metadata)
+
+
+@one_server
+def test_a_repetition_goes_on_with_the_test(make: Make, tmp_path: Path) -> None:
+    """What failed for a reason outside passes now, so that its configuration needs more runs."""
+    broken = tmp_path / "broken"
+    campaign = make(f"[ ! -e {broken} ] || [ $1 != 2 ]\n", AS_NEEDED)
+    broken.touch()
+    assert [Pod(campaign).run(index) for index in range(3)] == [0, 10, 0]
+    broken.unlink()
+    for attempt, stored_then in ((2, 8), (3, 9)):
+        finish = Pod(campaign)
+        assert finish.task("finish") == 0, finish.log("finish")
+        repeat = finish.message()["repeat"]
+        groups = GroupSizes.parse(repeat["sizes"]).groups
+        asked = ("--attempt", attempt, "--repeat", repeat["list"])
+        assert [Pod(campaign).run(index, *asked) for index in range(groups)] == [0] * groups
+        assert len(campaign.verdicts()) == stored_then
+    finish = Pod(campaign)
+    assert finish.task("finish") == 0
+    assert finish.message()["decisions"] == "3 sound after 3; 9 of 12 runs needed"
+
+
 @one_server
 def test_a_pack_is_one_pod(make: Make) -> None:
     campaign = make(FAIL_SECOND, PACK)
     pod = Pod(campaign)
+    begin = time.monotonic()
     assert pod.run() == 10, pod.log("agent")
+    lived = time.monotonic() - begin
     assert pod.message() == {"passed": "0,2", "failed": "1", "errored": "", "counts": [2, 1, 0]}
     assert campaign.verdicts() == {"one-1/0": "passed", "one-2/0": "failed", "one-3/0": "passed"}
+    assert pod.bad() == {"one-2/0": f"failed: {campaign.record('one-2/0')['reason']}"}
+    runs, seconds = pod.took()
+    assert runs == 3
+    assert 0 < seconds <= lived
     assert campaign.read("one-3/0/out.csv") == "3,a\n"
     assert campaign.read("_transient/job-0.params.yaml").count("_output_dir") == 3
 
@@ -139,7 +381,9 @@ def test_a_run_that_kills_its_process_is_errored_and_the_others_go_on(make: Make
     assert pod.run() == 11, pod.log("agent")
     assert pod.message() == {"passed": "0,2", "failed": "", "errored": "1", "counts": [2, 0, 1]}
     assert campaign.read("one-2/0/out.csv") == "2,a\n", "partial output is kept"
-    assert "SIGKILL" in campaign.record("one-2/0")["reason"]
+    reason = campaign.record("one-2/0")["reason"]
+    assert "SIGKILL" in reason
+    assert pod.bad() == {"one-2/0": f"errored: {reason}"}
     jobs = [campaign.record(f"one-{n}/0")["job"] for n in (1, 2, 3)]
     assert jobs == ["job-0", "job-0", "job-0-2"]
     assert "_jobs/job-0/logs/system.log" in campaign.objects()
@@ -280,7 +524,7 @@ def test_a_repetition_replaces_bad_runs_alone(make: Make) -> None:
 
 
 def test_of_two_pods_for_one_index_each_run_is_stored_once(make: Make) -> None:
-    script = 'echo $RANDOM$RANDOM >"$3/0"; for n in {1..99}; do cp "$3/0" "$3/$n"; done\n'
+    script = 'echo $RANDOM$RANDOM | tee "$3"/{0..99} >/dev/null\n'
     campaign = make(script, PACK)
     pods = [Pod(campaign), Pod(campaign)]
     agents = []
@@ -291,7 +535,8 @@ def test_of_two_pods_for_one_index_each_run_is_stored_once(make: Make) -> None:
         agents.append(pod.command("agent"))
     assert [agent.wait(60) for agent in agents] == [0, 0]
     for run_path in ("one-1/0", "one-2/0", "one-3/0"):
-        files = [campaign.read(f"{run_path}/{number}") for number in range(100)]
+        keys = keys_by_path(campaign.store, campaign.bucket, run_path)
+        files = [campaign.store.read(campaign.bucket, keys[f"{run_path}/{n}"]) for n in range(100)]
         assert len(set(files)) == 1, "files of both"
     jobs = [campaign.record(f"one-{n}/0")["job"] for n in (1, 2, 3)]
     assert set(jobs) <= {"job-0", "job-0-2"}
@@ -561,8 +806,9 @@ def test_a_finished_campaign_equals_a_local_one_file_by_file(make: Make, tmp_pat
         "repeat": {"list": list_name("1"), "sizes": "1x1"},
     }  # fmt: skip
     root = run(campaign.vast, tmp_path / "local").campaign
-    own = {"_execution/index.json", "_transient/owner.json", list_key(list_name("1"))}
-    local = {name for name in files_below(root) if name != "_execution/controller.log"}
+    own = {INDEX, RUNS_TABLE, "_transient/owner.json", list_key(list_name("1"))}
+    of_one_machine = {"_execution/controller.log", INPUTS}
+    local = {name for name in files_below(root) if name not in of_one_machine}
     assert set(campaign.objects()) == {*local, *own}
     for name in ("_config/scenario.osc", "one-1/_config/config.yaml", "_transient/entrypoint.sh"):
         assert campaign.read(name) == (root / name).read_text()
@@ -572,9 +818,28 @@ def test_a_finished_campaign_equals_a_local_one_file_by_file(make: Make, tmp_pat
     assert [(item["id"], item["verdict"]) for item in index["runs"]] == [
         (0, "passed"), (1, "failed"), (2, "passed"),
     ]  # fmt: skip
+    tables = tables_in(campaign.store, campaign.bucket, "c", tmp_path / "nothing")
+    asked = ask([tables], "SELECT config, run, verdict, param_x FROM runs ORDER BY id").rows
+    assert asked == [
+        ("one-1", 0, "passed", 1),
+        ("one-2", 0, "failed", 2),
+        ("one-3", 0, "passed", 3),
+    ]
     execution = yaml.safe_load(campaign.read("_execution/execution.yaml"))
     assert execution["execution_type"] == "cluster"
     assert execution["execution_time"].startswith("2026-01-02T03:04:05")
+
+
+@one_server
+def test_it_is_recorded_that_runs_were_added(make: Make) -> None:
+    campaign = make(PASS)
+    assert Pod(campaign).task("finish") == 0
+    assert "runs_added" not in yaml.safe_load(campaign.read("_execution/execution.yaml"))
+    more = Block(first_variant=0, variants=3, first_run=1, runs=1)
+    campaign.change(runs=2, plan=PlanSpec(blocks=(*campaign.plan.plan.blocks, more)))
+    assert Pod(campaign).task("finish") == 0
+    execution = yaml.safe_load(campaign.read("_execution/execution.yaml"))
+    assert (execution["runs"], execution["runs_added"]) == (2, True)
 
 
 @one_server

@@ -11,9 +11,12 @@ from typing import Any
 
 import pytest
 from robovast_testbed.s3 import Server
+from support.campaigns import searched
 from support.campaigns.local import Recorder, make_campaign
 from support.campaigns.one_run import Execution, killed_after, open_store
+from support.campaigns.searched import FAILS_ABOVE_50, at_random
 from support.kube.pod_processes import Campaign, Pod
+from support.optional import needs
 
 from robovast.agent import propose as propose_module
 from robovast.agent.bucket import Bucket
@@ -27,29 +30,14 @@ from robovast.kubeapi.pod_contract.messages import LIMIT
 from robovast.model.document import load_document
 from robovast.model.packs import Block, Entry, PlanSpec, format_breaks
 from robovast.search.local import execute_document
-from robovast.search.results import StoredSearch
+from robovast.search.results import stored_search
 from robovast.storage.download import Silent, download_campaign
 
+needs("optuna")
 pytestmark = pytest.mark.parametrize("s3_server", ["minio"], indirect=True)
 
-DOCUMENT = """\
-version: 1
-metadata: {name: test_search}
-execution:
-  scenario_file: scenario.osc
-  run_files: ['files/*']
-  seed: 3
-search:
-  search_space:
-    x: {type: int, low: 0, high: 100}
-"""
-RANDOM = """\
-  strategy: random
-  objectives: [{name: failure_rate}]
-  per_batch: 2
-  budget: [{batches: 2}]
-"""
-FAILS_ABOVE_50 = 'echo "x,y" > "$3/out.csv"; echo "1,$1" >> "$3/out.csv"; [ "$1" -lt 50 ]\n'
+DOCUMENT = searched.DOCUMENT.replace("search:", "  seed: 3\nsearch:")
+RANDOM = at_random(2)
 
 
 class Search:
@@ -79,17 +67,32 @@ class Search:
         keys = ("first_variant", "variants", "first_run", "runs")
         more = [Block(**dict(zip(keys, block, strict=True))) for block in said["blocks"]]
         variants = known + said["variants"]
-        plan = PlanSpec(blocks=(*before.blocks, *more), breaks=format_breaks(range(1, variants)))
+        plan = PlanSpec(
+            blocks=(*before.blocks, *more),
+            breaks=format_breaks(range(1, variants)),
+            awaited=said.get("awaited"),
+        )
         entries = (Entry(name="search", variants=variants),)
         self.campaign.change(plan=plan, entries=entries, composed=said["digest"])
         return range(before.packs, plan.packs)
 
     def go_on(self) -> dict[str, Any]:
-        """Propose, and execute what is proposed, until the search ends."""
+        """Propose, and execute no more than it waits for before it goes on, until it ends."""
+        ended = 0
         while not (said := self.propose())["stop"]:
-            for pack in self.append(said):
+            self.append(said)
+            awaited = self.awaited_packs
+            for pack in range(ended, awaited):
                 Pod(self.campaign).run(pack)
+            ended = max(ended, awaited)
         return said
+
+    @property
+    def awaited_packs(self) -> int:
+        """How many packs of the plan end before the search goes on."""
+        plan = self.campaign.plan.plan
+        assert plan is not None
+        return PlanSpec(blocks=plan.awaited_blocks, breaks=plan.breaks).packs
 
     def download(self) -> Path:
         home = self.root / "home" / self.campaign.name
@@ -121,20 +124,38 @@ def proposed(campaign: Path) -> list[list[dict[str, Any]]]:
     return [[item["values"] for item in json.loads(file.read_text())["sets"]] for file in files]
 
 
+def by(strategy: str, parameters: str, more: str = "") -> str:
+    """Three batches of another strategy, whose third is proposed from what the first has found."""
+    text = at_random(3).replace("random", strategy)
+    return f"{text}  strategy_parameters: {parameters}\n{more}"
+
+
+MEASURED = "  extract: {metrics: {y: {table: out, column: y, over_time: max, over_runs: mean}}}\n"
+
+
+@pytest.mark.parametrize(
+    ("extra", "batches"),
+    [
+        (at_random(4), 4),
+        (by("optuna", "{n_startup_trials: 2}"), 3),
+        (by("qd", "{archive: {measures: {y: {low: 0, high: 100, bins: 8}}}}", MEASURED), 3),
+    ],
+    ids=["random", "optuna", "qd"],
+)
 def test_a_search_of_pods_proposes_and_finds_what_one_on_this_machine_does(
-    make: Make, tmp_path: Path
+    make: Make, tmp_path: Path, extra: str, batches: int
 ) -> None:
-    search = make()
+    search = make(extra)
     said = search.go_on()
-    assert (said["batch"], said["evaluated"], said["stop"]) == (2, 4, "batches")
-    assert said["criteria"] == "batches 2/2"
+    assert (said["batch"], said["evaluated"], said["stop"]) == (batches, 2 * batches, "batches")
+    assert said["criteria"] == f"batches {batches}/{batches}"
     assert Pod(search.campaign).task("finish") == 0
     home = search.download()
     document = load_document(search.campaign.vast)
     options = LocalOptions(runtime="process")
     local = execute_document(document, tmp_path / "local", options, Recorder()).campaign
     assert proposed(home) == proposed(local)
-    assert StoredSearch(home).sets() == StoredSearch(local).sets()
+    assert stored_search(home).sets() == stored_search(local).sets()
     assert said["best"].startswith("failure_rate ")
     query = "SELECT config_name, objective, n_samples, status FROM unit ORDER BY id"
     with (
@@ -162,10 +183,12 @@ class Steps(HistoryStrategy):
     \"\"\"Each batch begins where the evaluations of those before lead.\"\"\"
 
     def propose(self, n):
-        begin = sum(known.n_samples * known.params.values["x"] for known in self.known.values())
+        begin = len(self.asked)
+        begin += sum(known.n_samples * known.params.values["x"] for known in self.known.values())
         return [ParamSet({"x": (begin + 7 * i) % 101}, n_reps=1 + i % 2) for i in range(n)]
 """
-FOLLOWING = RANDOM.replace("strategy: random", "strategy: steps.py:Steps")
+BY_STEPS = "strategy: random", "strategy: steps.py:Steps"
+FOLLOWING = RANDOM.replace(*BY_STEPS)
 
 
 class Stages:
@@ -232,24 +255,24 @@ def stages(make: Make, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Stages]
 def test_pods_that_propose_may_be_killed_after_any_request(
     stages: Callable[..., Stages],
 ) -> None:
-    calm, hunted = stages(), stages()
-    kills = 0
-    for _ in range(2):
+    four = at_random(4).replace(*BY_STEPS)  # of which the second and third are proposed at once
+    calm, hunted = stages(four), stages(four)
+    kills = ended = 0
+    while True:
         calm.propose()
         kills += hunted.killed(3)
         assert hunted.message == calm.message
-        assert not calm.message["stop"]
+        if calm.message["stop"]:
+            break
         for each in (calm, hunted):
-            each.store_runs(each.search.append(each.message))
-    calm.propose()
-    kills += hunted.killed(3)
-    assert hunted.message == calm.message
-    assert (calm.message["stop"], calm.message["evaluated"]) == ("batches", 4)
+            each.search.append(each.message)
+            each.store_runs(range(ended, each.search.awaited_packs))
+        ended = calm.search.awaited_packs
+    assert (calm.message["stop"], calm.message["evaluated"]) == ("batches", 8)
     assert kills > 25
     assert proposed(hunted.search.download()) == proposed(calm.search.download())
-    assert (
-        StoredSearch(hunted.search.download()).sets() == StoredSearch(calm.search.download()).sets()
-    )
+    found, wanted = (stored_search(one.search.download()).sets() for one in (hunted, calm))
+    assert found == wanted
 
 
 def test_of_two_pods_that_propose_at_once_the_slower_one_gives_up(

@@ -196,6 +196,14 @@ def test_a_wrong_password_ends_it_before_anything_is_packed(stored: Stored, plac
     assert "something wrong" not in log + message
 
 
+def test_a_secret_with_a_value_that_is_no_text_ends_it_with_its_name(stored: Stored) -> None:
+    stored.describe({"KEYSTORE": ""})
+    for value in (b"\xff\xfe", b"a\0b"):
+        (stored.mounts / "share/KEYSTORE").write_bytes(value)
+        code, _, message = stored.upload()
+        assert (code, "KEYSTORE: the Secret that describes the share has" in message) == (65, True)
+
+
 @pytest.fixture
 def shared_folder(stored: Stored, tmp_path: Path) -> Path:
     """A share of a third party's provider, whose file is in the Secret."""

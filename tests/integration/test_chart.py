@@ -130,7 +130,7 @@ def rows(heading: str) -> set[str]:
 
 def test_the_admins_page_explains_every_figure_and_every_alert() -> None:
     figures = generate_figures()
-    assert rows("figure") == figures
+    assert rows("metric") == figures
     values = {"metrics": {"prometheusRule": {"enabled": True}}}
     (rule,) = of_kind(rendered(values), "PrometheusRule").values()
     alerts = rule["spec"]["groups"][0]["rules"]
@@ -258,6 +258,14 @@ def test_policies_of_the_site_refuse_campaigns_with_a_message(
         for image in ("ghcr.io/acme-evil/runs:1", "docker.io/ghcr.io/acme/runs", "fake"):
             told = refused(lambda: apply("wrong", image=image, queueName="robovast"))  # noqa: B023
             assert f"the image {image} comes from none of: ghcr.io/acme, registry.lab" in told
+        for image in ("docker.io/models", "ghcr.io/acme/models"):
+            other = campaign("assets", namespace, 1, 1, queueName="robovast", suspend=True)
+            assets = [{"path": "/a", "image": image}, {"path": "/b", "claim": "worlds"}]
+            other["spec"]["vast"]["execution"] |= {
+                "image": "ghcr.io/acme/runs", "kubernetes": {"assets": assets},
+            }  # fmt: skip
+            told = refused(lambda: fake_cluster.apply(other))  # noqa: B023
+            assert ("an image of execution.kubernetes.assets" in told) == ("acme" not in image)
         told = refused(lambda: apply("wrong", image="ghcr.io/acme/runs:1"))
         assert "a Campaign must name its queue here, by spec.queueName" in told
         apply("right", image="registry.lab:5000/team/runs:1", queueName="robovast")

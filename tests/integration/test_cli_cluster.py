@@ -115,6 +115,21 @@ class Operator:
         found: Any = self._cluster.get("campaign", name, self._in)
         return dict(found["spec"])
 
+    def make_search(self, name: str) -> None:
+        """Let a Campaign have a search in place of its configurations."""
+        search = {
+            "strategy": "random",
+            "search_space": {"x": {"type": "bool"}},
+            "objectives": [{"name": "failure_rate"}],
+            "per_batch": 1,
+            "budget": [{"batches": 2}],
+            "stopping": [{"target_objective": 1.0}],
+        }
+        patch = {"spec": {"vast": {"configuration": None, "search": search}}}
+        self._cluster.kubectl(
+            *("patch", "campaign", name, self._in, "--type=merge", f"--patch={json.dumps(patch)}")
+        )
+
     def report(self, name: str, **status: Any) -> None:
         runs = {"total": 26, "active": 0, "passed": 0, "failed": 0, "errored": 0, "stored": 0}
         patch = {"observedGeneration": 99, "state": "Running", **status}
@@ -239,6 +254,44 @@ def test_a_campaign_runs_although_nobody_may_be_told_of_its_end(
     assert len(operator.names()) == 1
 
 
+OWN_SHARE = """
+from robovast.execution.cluster_execution.share_providers.base import BaseShareProvider
+
+class Own(BaseShareProvider):
+    SHARE_TYPE = "own"
+
+    def required_env_vars(self):
+        return {"OWN_TOKEN": "an account"}
+
+    def build_pod_env(self):
+        import os
+        return {"OWN_TOKEN": os.environ["OWN_TOKEN"]}
+
+    def upload_archive(self, archive_path, object_name, progress_callback=None): ...
+"""
+
+
+def test_the_share_that_is_configured_gets_the_results_of_a_campaign(
+    vast: Vast, operator: Operator, known_cluster: Cluster, namespace: str, tmp_path: Path
+) -> None:
+    (tmp_path / "own.py").write_text(OWN_SHARE)
+    (tmp_path / ".env").write_text("ROBOVAST_SHARE_TYPE=own.py:Own\n")
+    refused = vast("run", "--detach")
+    assert refused.code == 2
+    assert "OWN_TOKEN" in refused.err
+    assert operator.names() == []
+    (tmp_path / ".env").write_text("ROBOVAST_SHARE_TYPE=own.py:Own\nOWN_TOKEN=hidden\n")
+    outcome = vast("run", "--detach")
+    assert outcome.code == 0, outcome.err
+    assert "Its results go to the share" in outcome.out
+    (name,) = operator.names()
+    wanted = f"robovast-{name}-share"
+    assert operator.spec(name)["share"] == {"secretName": wanted}
+    secret: Any = known_cluster.get("secret", wanted, f"--namespace={namespace}")
+    assert base64.b64decode(secret["data"]["OWN_TOKEN"]) == b"hidden"
+    assert "hidden" not in outcome.out + outcome.err + json.dumps(operator.spec(name))
+
+
 @pytest.mark.parametrize(
     "line", ["ROBOVAST_NTFY_TOPIC=a/b", "ROBOVAST_WEBHOOK_URL=//nowhere.example/secret"]
 )
@@ -318,6 +371,28 @@ def test_ctrl_c_ends_only_the_following(
     assert f"vast exec cluster stop -i {name}" in out
 
 
+def test_an_estimate_tells_of_earlier_campaigns_and_creates_nothing(
+    vast: Vast, operator: Operator
+) -> None:
+    outcome = vast("run", "--estimate")
+    assert outcome.code == 0
+    assert "Nothing is known of its time" in outcome.out + outcome.err
+    assert operator.names() == []
+    for _ in range(3):
+        assert vast("run", "--detach", "--parallelism", 13).code == 0
+    for number, name in enumerate(operator.names()):
+        times = {"startTime": "2026-01-01T00:00:00Z"}
+        times["completionTime"] = f"2026-01-01T00:{10 + number}:00Z"
+        operator.report(name, state="Finished", runs={"total": 26, "passed": 26}, **times)
+    outcome = vast("run", "--estimate", "--parallelism", 13)
+    said = outcome.out + outcome.err
+    assert outcome.code == 0
+    assert "26 runs, at most 13 at once" in said
+    assert "about 10:58, nine of ten times" in said
+    assert "as 3 campaigns before it did" in said
+    assert len(operator.names()) == 3
+
+
 def test_an_option_that_no_campaign_can_hold_creates_nothing(
     vast: Vast, operator: Operator
 ) -> None:
@@ -332,7 +407,7 @@ def test_what_the_api_server_refuses_has_a_line_for_each_field(
 ) -> None:
     monkeypatch.setenv("KUBECONFIG", str(known_cluster.kubeconfig))
     document = yaml.safe_load(GROWTH.read_text())
-    document["execution"]["runs_per_job"] = "many"
+    document["execution"]["timeout"] = "many"
     campaign = {
         "apiVersion": "robovast.io/v1alpha1",
         "kind": "Campaign",
@@ -344,7 +419,7 @@ def test_what_the_api_server_refuses_has_a_line_for_each_field(
     lines = str(caught.value).splitlines()
     assert lines[0].endswith("refuses the Campaign `bad`:")
     assert {line.strip().partition(":")[0] for line in lines[1:]} >= {
-        "execution.runs_per_job",
+        "execution.timeout",
         "spec.parallelism",
     }
 
@@ -427,7 +502,7 @@ def test_monitor_shows_all_campaigns_and_what_hinders_them(vast: Vast, operator:
     operator.report(first, runs={"passed": 5, "failed": 1, "active": 2})
     operator.report(second, state="Queued", conditions=[waits])
     table = vast("monitor", "--once").out
-    assert [line.split()[:3] for line in table.splitlines()[1:3]] == [
+    assert sorted(line.split()[:3] for line in table.splitlines()[1:3]) == [
         [first, "Running", "6/26"],
         [second, "Queued", "0/26"],
     ]
@@ -460,6 +535,23 @@ def test_stop_resume_and_retry_change_what_the_operator_reads(
     outcome = vast("retry", "-i", name)
     assert outcome.out == f"{name}: 1 runs are executed once more.\n"
     assert operator.spec(name)["attempt"] == 2
+
+
+def test_a_search_is_given_more_batches(vast: Vast, operator: Operator) -> None:
+    vast("run", "--detach")
+    (name,) = operator.names()
+    refused = vast("resume", "-i", name, "--batches", 3)
+    assert refused.code == 2
+    assert "is no campaign that is a search" in refused.err
+    operator.make_search(name)
+    operator.report(name, state="Finished", search={"batch": 2})
+    refused = vast("resume", "-i", name, "--batches", 2)
+    assert refused.code == 2
+    assert "has 2 batches" in refused.err
+    assert vast("resume", "--batches", 3).out == f"{name}: goes on.\n"
+    search = operator.spec(name)["vast"]["search"]
+    assert (search["budget"], search["stopping"]) == ([{"batches": 3}], [])
+    assert search["strategy"] == "random"
 
 
 def test_run_cleanup_removes_what_is_finished_or_named(vast: Vast, operator: Operator) -> None:
@@ -589,6 +681,11 @@ def test_the_log_of_a_stored_run_is_its_part_of_the_packs(vast: Vast, stored: St
     none = vast("logs", "sweep-1-2/0", "--secondary", "radio")
     assert (none.code, none.out) == (2, "")
     assert "logs/system.log, logs/system_sim.log" in none.err
+    for arguments in (("runs",), ("runs", stored.name, "--failed")):
+        head, row, counts = vast(*arguments).out.splitlines()
+        assert head.split() == ["RUN", "STATE", "TIME", "POD", "NODE", "WHY"]
+        assert row.split() == ["sweep-1-2/0", "failed", "0:01", "h", "too", "slow"]
+        assert counts == f"{stored.name}: 26 of 26 done: 26 passed."
 
 
 def test_a_run_without_a_log_says_why_and_one_that_is_none_which_there_are(
@@ -604,6 +701,13 @@ def test_a_run_without_a_log_says_why_and_one_that_is_none_which_there_are(
     outcome = vast("logs", name, "sweep-1-1/0")
     assert (outcome.code, outcome.out) == (0, "")
     assert "sweep-1-1/0 waits: it has no pod yet (0 of 26 done)." in outcome.err
+    none = vast("runs", name)
+    assert (none.code, none.out.splitlines()) == (
+        0,
+        ["No run is executed now, and none has failed.", f"{name}: 0 of 26 done."],
+    )
+    assert vast("runs", "--failed").out.splitlines()[0] == "No run has failed."
+    assert vast("runs", "other").code == 2
     unknown = vast("logs", "sweep-9-9/0")
     assert unknown.code == 2
     assert "the campaign has no run `sweep-9-9/0`; it has 13" in unknown.err

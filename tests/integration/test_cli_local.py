@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 import yaml
 from support.campaigns.local import make_campaign
+from support.terminal import read_all, shown_on_terminal
 
 VAST = Path(sys.executable).with_name("vast")
 
@@ -94,32 +95,13 @@ def wait_for(condition: Callable[[], bool], seconds: float = 60) -> None:
 
 def test_a_terminal_shows_a_live_view(tmp_path: Path) -> None:
     file = make_campaign(tmp_path / "in", FAIL_SECOND)
-    main, other = pty.openpty()
     command = [VAST, "-V", file, "exec", "local", "run", "out", "--runtime", "process"]
-    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100"}
-    process = subprocess.Popen(
-        command, cwd=tmp_path, stdout=other, stderr=other, env=environment
-    )  # fmt: skip
-    os.close(other)
-    shown = re.sub(r"\x1b\[[0-9;]*m", "", read_all(main))
-    assert process.wait(timeout=60) == 1
+    code, text = shown_on_terminal(command, tmp_path)
+    shown = re.sub(r"\x1b\[[0-9;]*m", "", text)
+    assert code == 1
     assert "running: one-" in shown
     assert "failed  one-2/0: " in shown
     assert "3 runs: 2 passed, 1 failed." in shown
-
-
-def read_all(descriptor: int) -> str:
-    chunks = []
-    while True:
-        try:
-            chunk = os.read(descriptor, 65536)
-        except OSError:  # Linux says so when the other side is closed
-            break
-        if not chunk:
-            break
-        chunks.append(chunk)
-    os.close(descriptor)
-    return b"".join(chunks).decode()
 
 
 def test_a_campaign_goes_on_when_nobody_reads_its_lines(tmp_path: Path) -> None:

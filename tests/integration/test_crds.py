@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from robovast_testbed.errors import StartFailed
 from robovast_testbed.kubernetes import Cluster
 from support.kube.chart import of_kind, rendered
@@ -73,6 +75,112 @@ def test_a_change_that_cannot_be_is_refused_with_its_reason(
 )
 def test_what_may_change_does(server: Cluster, spec: dict[str, Any]) -> None:
     assert change(server, spec) == ""
+
+
+NEWER = "v1beta1"
+"""What the definitions know and do not serve yet."""
+
+
+class Fresh:
+    """A cluster by a kubectl that remembers nothing which others would go by later."""
+
+    def __init__(self, server: Cluster, folder: Path) -> None:
+        self._server, self._folder = server, folder
+
+    def kubectl(self, *arguments: str, stdin: str | None = None) -> str:
+        return self._server.kubectl(f"--cache-dir={self._folder}", *arguments, stdin=stdin)
+
+
+def define(server: Fresh, change: Callable[[list[dict[str, Any]]], None]) -> None:
+    """Apply the definition of Campaigns with other versions."""
+    definition = yaml.safe_load((CRDS / "campaign.yaml").read_text())
+    change(definition["spec"]["versions"])
+    apply = ("apply", "--server-side", "--force-conflicts", "--filename=-")
+    server.kubectl(*apply, stdin=json.dumps(definition))
+
+
+def serves_newer(server: Fresh) -> bool:
+    try:
+        server.kubectl("get", f"--raw=/apis/robovast.io/{NEWER}/campaigns")
+    except StartFailed:
+        return False
+    return True
+
+
+@pytest.fixture
+def both(server: Cluster, tmp_path: Path) -> Iterator[Fresh]:
+    """The cluster as a later version of the chart makes it, which serves both versions."""
+    fresh = Fresh(server, tmp_path)
+    define(fresh, lambda versions: versions[1].update(served=True))
+    eventually(lambda: serves_newer(fresh), 30)
+    yield fresh
+    define(fresh, lambda versions: None)
+    eventually(lambda: not serves_newer(fresh), 30)
+
+
+def read(server: Fresh, version: str, name: str) -> dict[str, Any]:
+    """The Campaign as a client of one version sees it."""
+    path = f"/apis/robovast.io/{version}/namespaces/default/campaigns/{name}"
+    found: dict[str, Any] = json.loads(server.kubectl("get", f"--raw={path}"))
+    assert found.pop("apiVersion") == f"robovast.io/{version}"
+    return found
+
+
+def tell(server: Fresh, name: str) -> None:
+    """Write a status as the operator does."""
+    metadata = {"name": name, "namespace": "default"}
+    said = {"apiVersion": "robovast.io/v1alpha1", "kind": "Campaign", "metadata": metadata}
+    server.kubectl(
+        *("apply", "--server-side", "--force-conflicts", "--subresource=status"),
+        *("--field-manager=robovast-operator", "--filename=-"),
+        stdin=json.dumps({**said, "status": {"state": "Running"}}),
+    )
+
+
+@pytest.mark.parametrize(("one", "other"), [("v1alpha1", NEWER), (NEWER, "v1alpha1")])
+def test_what_was_written_as_one_version_is_read_and_changed_as_the_other(
+    both: Fresh, one: str, other: str
+) -> None:
+    """By `kubectl apply` of either kind, as from Git, and with the same rules."""
+    name = f"as-{one}"
+    made = {**campaign(name, "default", 2, 3), "apiVersion": f"robovast.io/{one}"}
+    both.kubectl("apply", "--filename=-", stdin=json.dumps(made))
+    tell(both, name)
+    assert read(both, one, name) == read(both, other, name)
+    made = {**made, "apiVersion": f"robovast.io/{other}"}
+    made["spec"] = {**made["spec"], "parallelism": 7}
+    both.kubectl("apply", "--filename=-", stdin=json.dumps(made))
+    both.kubectl("apply", "--server-side", "--force-conflicts", "-f", "-", stdin=json.dumps(made))
+    assert read(both, one, name)["spec"]["parallelism"] == 7
+    made["spec"] = {**made["spec"], "image": "another"}
+    with pytest.raises(StartFailed, match="`image` cannot be changed"):
+        both.kubectl("apply", "--filename=-", stdin=json.dumps(made))
+    definition = json.loads(both.kubectl("get", "crd", "campaigns.robovast.io", "--output=json"))
+    assert definition["status"]["storedVersions"] == ["v1alpha1"]
+
+
+def test_a_rollback_to_a_chart_that_knows_both_goes_on_and_to_one_that_does_not_cannot(
+    both: Fresh,
+) -> None:
+    """So both have to be known before the newer one is served."""
+    made = {**campaign("later", "default", 2, 3), "apiVersion": f"robovast.io/{NEWER}"}
+    both.kubectl("apply", "--server-side", "--filename=-", stdin=json.dumps(made))
+    define(both, lambda versions: None)
+    eventually(lambda: not serves_newer(both), 30)
+    tell(both, "later")
+    assert read(both, "v1alpha1", "later")["status"] == {"state": "Running"}
+    define(both, lambda versions: versions.pop() and None)
+
+    def refused() -> str:
+        try:
+            tell(both, "later")
+        except StartFailed as refusal:
+            return str(refusal)
+        return ""
+
+    assert "invalid group/version" in eventually(refused, 30)
+    define(both, lambda versions: None)
+    eventually(lambda: not refused(), 30)
 
 
 def test_a_document_is_kept_as_its_user_wrote_it(server: Cluster) -> None:

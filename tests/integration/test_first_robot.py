@@ -40,8 +40,8 @@ def environment() -> dict[str, str]:
     return {**os.environ, **own}
 
 
-def told_until_open(command: str, clone: Path) -> list[str]:
-    """What a command says until its page answers; then the page is ended."""
+def told_until_open(command: str, clone: Path, last: str = "") -> list[str]:
+    """What a command says until its page answers, and then says `last`; then the page is ended."""
     with subprocess.Popen(
         ["bash", "-euc", command],
         cwd=clone,
@@ -59,16 +59,21 @@ def told_until_open(command: str, clone: Path) -> list[str]:
         assert address, "".join(said)
         with urllib.request.urlopen(address[0], timeout=30) as answer:  # noqa: S310 - of http
             assert answer.status == 200
+        while last not in said[-1] and (line := process.stdout.readline()):
+            said.append(line)
         os.killpg(process.pid, signal.SIGINT)
     return said
 
 
 def test_the_walk_through_works_as_it_stands_there(clone: Path) -> None:
     first, *others = code_blocks(PAGE, "bash")
-    said = told_until_open(f"{first.strip()} -c 'drive-2-1-2-?'", clone)
+    said = told_until_open(f"{first.strip()} -c 'drive-2-1-2-?'", clone, "2 worked on")
     assert any("2 runs: 2 failed" in line for line in said), "".join(said)
+    lines = "".join(others).splitlines(keepends=True)
+    (shown,) = [line for line in lines if line.startswith("vast view")]
+    lines.remove(shown)
     done = subprocess.run(
-        ["bash", "-euc", "".join(others)],
+        ["bash", "-euc", "".join(lines)],
         cwd=clone,
         env=environment(),
         capture_output=True,
@@ -80,3 +85,13 @@ def test_the_walk_through_works_as_it_stands_there(clone: Path) -> None:
     told_last = ("depot-1-2-1", "traffic ready")
     for told in ("no way to the goal", "collision", "plans/flat.fpm", "flat-1-1-2-2-2", *told_last):
         assert told in done.stdout
+    assert told_until_open(f". .venv/bin/activate\n{shown.strip()}", clone)
+
+
+@pytest.mark.parametrize(("option", "code"), [("--help", 0), ("--ros", 2)])
+def test_the_script_says_how_it_is_called(option: str, code: int) -> None:
+    done = subprocess.run(
+        [ROOT / "scripts" / "example", option], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == code
+    assert "scripts/example --ros NAME [OPTION...]" in done.stdout + done.stderr

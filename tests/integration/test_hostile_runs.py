@@ -6,6 +6,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterator
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
@@ -90,14 +91,36 @@ def test_a_spoilt_verdict_is_an_error_and_hangs_nobody(
     assert (str(record.verdict), reason in record.reason) == ("errored", True), record.reason
 
 
-def test_a_pipe_in_place_of_the_list_of_finished_runs_meets_the_timeout(tmp_path: Path) -> None:
-    step = 'mkfifo "$OUTPUT_DIR/finished_runs"\n'
-    began = time.monotonic()
-    summary = run(
-        make_campaign(tmp_path / "in", step, "  runs_per_job: 3\n  timeout: 4\n"), tmp_path / "out"
-    )
-    assert time.monotonic() - began < 60
-    assert set(verdicts(summary).values()) == {"errored"}
+@pytest.mark.parametrize("name", ["finished_runs", "finished_runs.part"])
+def test_a_pipe_in_place_of_the_list_of_finished_runs_hinders_nobody(
+    tmp_path: Path, name: str
+) -> None:
+    step = f'rm -f "$OUTPUT_DIR/{name}"; mkfifo "$OUTPUT_DIR/{name}"\n'
+    assert verdicts(run(make_campaign(tmp_path / "in", step, PACK), tmp_path / "out")) == ALL_PASSED
+
+
+def test_what_a_run_leaves_behind_changes_nothing_that_is_stored(tmp_path: Path) -> None:
+    """It would still hold its file and its folder when these are among the results."""
+    step = """\
+cd "$3"
+[ "$1" != 1 ] || setsid bash -c 'trap "" TERM; while :; do
+    echo 1 >> trace.csv; [ ! -e run.json ] || rm -f test.xml; sleep 0.01
+done' > /dev/null 2>&1 < /dev/null &
+sleep 1
+"""
+    summary = run(make_campaign(tmp_path / "in", step, PACK), tmp_path / "out")
+    assert verdicts(summary) == ALL_PASSED
+    folder = summary.campaign / "one-1" / "0"
+    (record,) = [record for record in summary.records if record.variant == "one-1"]
+    stored = ((name, (folder / name).read_bytes()) for name in ("test.xml", "trace.csv"))
+    assert {name: sha256(content).hexdigest() for name, content in stored} == record.outputs
+
+
+def test_a_folder_that_a_run_makes_for_another_ends_none(tmp_path: Path) -> None:
+    step = 'mkdir -p "$3/../../one-2/0" "$3/../../one-3/0"; sleep 1; echo 1 > "$3/late.csv"\n'
+    summary = run(make_campaign(tmp_path / "in", step, PACK), tmp_path / "out")
+    assert verdicts(summary) == ALL_PASSED
+    assert (summary.campaign / "one-1" / "0" / "late.csv").exists()
 
 
 def test_a_clock_that_jumps_makes_no_run_overdue(

@@ -21,8 +21,13 @@ from support.patience import eventually
 from support.processes import marked
 
 from robovast.base.errors import CannotRunError, InputError, StorageError
+from robovast.base.statistics import anytime, wilson
+from robovast.base.yaml_files import read_mapping
 from robovast.campaign.merge import merge_campaigns
 from robovast.common.execution import campaign_folder_name, is_campaign_dir
+from robovast.evaluation.campaign_index import CampaignIndex
+from robovast.evaluation.rates import interval_for
+from robovast.execution.local.process_environment import process_environment
 from robovast.model.seeds import run_seed
 
 PASS = 'echo "$1,$2" > "$3/out.csv"\n'
@@ -76,13 +81,24 @@ def seeds_seen(campaign: Path) -> dict[str, int]:
     return seen
 
 
-@pytest.mark.parametrize("size", [1, 4])
-def test_each_run_has_a_seed_which_appended_runs_do_not_change(tmp_path: Path, size: int) -> None:
+@pytest.mark.parametrize("size", [1, 4, "auto"])
+def test_each_run_has_a_seed_which_appended_runs_do_not_change(
+    tmp_path: Path, size: int | str
+) -> None:
     extra = f"  seed: 7\n  runs_per_job: {size}\n"
     summary = run(make_campaign(tmp_path / "in", SEED, extra), tmp_path / "out", runs=1)
     resume(summary.campaign, runs=2)
     runs = [(f"one-{n}", number) for n in (1, 2, 3) for number in (0, 1)]
     assert seeds_seen(summary.campaign) == {f"{v}/{n}": run_seed(7, v, n) for v, n in runs}
+
+
+def test_short_runs_share_ever_more_of_a_start_where_packs_are_measured(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", "true\n", "  runs_per_job: auto\n")
+    summary = run(path, tmp_path / "out", runs=10)
+    assert len(summary.records) == 30
+    jobs = {path.name for path in summary.campaign.glob("_jobs/job-*")}
+    assert len(jobs) < 20
+    assert summary.campaign.joinpath("_jobs/job-1").is_dir()
 
 
 def test_a_seed_that_is_drawn_is_kept_when_the_campaign_goes_on(tmp_path: Path) -> None:
@@ -159,6 +175,25 @@ def test_a_timeout_in_a_pack_costs_one_run(tmp_path: Path) -> None:
     assert verdicts(summary) == {"one-1/0": "passed", "one-2/0": "errored", "one-3/0": "passed"}
 
 
+def test_a_pack_whose_program_cannot_be_driven_has_its_verdicts_at_its_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = tmp_path / "other"
+    (other / "bin").mkdir(parents=True)
+    usual = process_environment(lambda _: None)
+    shutil.copytree(usual / "etc", other / "etc")
+    program = other / "bin" / "scenario_execution"
+    program.write_text(f'#!/bin/sh\nexec {usual}/bin/scenario_execution "$@"\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("ROBOVAST_PROCESS_ENV", str(other))
+    script = 'echo . >> "$3/out.csv"; [ "$1" != 2 ]\n'
+    summary = run(make_campaign(tmp_path / "in", script, "  runs_per_job: 3\n"), tmp_path / "out")
+    assert verdicts(summary) == {"one-1/0": "passed", "one-2/0": "failed", "one-3/0": "passed"}
+    assert [(summary.campaign / run / "out.csv").read_text() for run in verdicts(summary)] == [
+        ".\n"
+    ] * 3, "each was executed once"
+
+
 def test_a_scenario_that_kills_its_parent_is_errored_and_the_others_run(tmp_path: Path) -> None:
     script = PASS + 'if [ "$1" = 2 ]; then kill -9 $PPID; fi\n'
     path = make_campaign(tmp_path / "in", script, "  runs_per_job: 3\n")
@@ -222,6 +257,32 @@ def test_a_request_to_stop_keeps_finished_runs_and_marks_interrupted_ones(
     assert (summary.campaign / "one-1/0/run.json").stat().st_mtime_ns == first
 
 
+def test_a_campaign_goes_on_in_the_environment_that_it_was_begun_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual = process_environment(lambda _: None)
+    other = tmp_path / "cache" / "robovast" / "other"
+    other.parent.mkdir(parents=True)
+    other.symlink_to(usual)
+    monkeypatch.setenv("ROBOVAST_PROCESS_ENV", str(other))
+    campaign = run(make_campaign(tmp_path, PASS), tmp_path / "out", select="one-1").campaign
+    monkeypatch.delenv("ROBOVAST_PROCESS_ENV")
+    with pytest.raises(CannotRunError, match="in the environment other, which is not here"):
+        resume(campaign, runs=2, runtime="auto")
+
+    recorder = Recorder()
+    resume(campaign, recorder, runs=2)
+    changed = f"Going on with process:{usual.name}; so far it was process:other."
+    assert recorder.messages == [changed]
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    recorder = Recorder()
+    resume(campaign, recorder, runs=3, runtime="auto")
+    assert recorder.messages == []
+    record = json.loads((campaign / "one-1/2/run.json").read_text())
+    assert (record["runtime"], record["image"]) == ("process", "process:other")
+
+
 def test_kill_9_loses_nothing_and_resume_finishes_the_campaign(tmp_path: Path) -> None:
     path = make_campaign(tmp_path / "in", PASS + "sleep 0.3\n")
     program = (
@@ -249,6 +310,7 @@ NOT_UNDERSTOOD = {
     "a record without its keys": lambda text: '{"verdict": "passed"}',
     "a record with values of other kinds": lambda text: text.replace('"run": 0', '"run": []'),
     "a record that nobody can parse": lambda text: "[" * 100_000,
+    "the record of another run": lambda text: text.replace('"one-1"', '"one-2"'),
     "no record": None,
 }
 
@@ -280,6 +342,115 @@ def test_resuming_moves_aside_what_it_does_not_understand(tmp_path: Path, what: 
     record.write_text("")
     resume(summary.campaign, select="one-1", runs=2)
     assert {item.name for item in aside.parent.iterdir()} == {"0", "0.1"}
+
+
+def test_no_run_is_stored_where_a_link_leads(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", PASS)
+    campaign = run(path, tmp_path / "out", runs=1).campaign
+    elsewhere = tmp_path / "elsewhere"
+    (campaign / "one-1").rename(elsewhere)
+    (campaign / "one-1").symlink_to(elsewhere)
+    with pytest.raises(StorageError, match="one-1: is a link"):
+        resume(campaign, runs=2)
+    assert [item.name for item in elsewhere.iterdir() if item.name.isdecimal()] == ["0"]
+
+
+def test_a_configuration_alone_gets_more_runs_and_a_killed_session_goes_on(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", f"{PASS}\nsleep 0.2")
+    campaign = run(path, tmp_path / "out", runs=2).campaign
+    seeds = seeds_of(campaign / "one-2")
+    words = ["exec", "local", "run", "--resume", campaign, "--config", "one-2"]
+    words += ["--runs", "5", "--runtime", "process", "--jobs", "1"]
+    process = subprocess.Popen([Path(sys.executable).with_name("vast"), *words])
+    end = time.monotonic() + 60
+    while not (campaign / "one-2" / "2" / "run.json").exists():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    process.kill()
+    process.wait()
+    index = CampaignIndex(tmp_path / "out", campaign.name)
+    index.refresh()
+    assert (index.summary().planned, index.summary().state) == (9, "incomplete")
+
+    summary = resume(campaign)
+    assert (summary.total, summary.missing) == (9, 0)
+    again = seeds_of(campaign / "one-2")
+    assert seeds.items() <= again.items()
+    assert len(set(again.values())) == 5
+    index.refresh()
+    assert (index.summary().planned, index.summary().state) == (9, "finished")
+    recorder = Recorder()
+    resume(campaign, recorder, select="one-2", runs=4)
+    assert recorder.started == []
+    resume(campaign, recorder, runs=3)
+    assert sorted(recorder.started) == ["one-1/2", "one-3/2"]
+    recorded = read_mapping(campaign / "_execution/execution.yaml")
+    assert (recorded["runs"], recorded["more_runs"]) == (3, {"one-2": 5})
+
+
+@pytest.mark.parametrize("select", [None, "one-*", "one-1"])
+def test_intervals_are_wider_once_runs_were_added(tmp_path: Path, select: str | None) -> None:
+    campaign = run(make_campaign(tmp_path / "in", PASS), tmp_path / "out", runs=1).campaign
+    resume(campaign)
+    resume(campaign, runs=1)
+    index = CampaignIndex(tmp_path / "out", campaign.name)
+    index.refresh()
+    assert interval_for(index.summary()) is wilson
+    resume(campaign, select=select, runs=2)
+    resume(campaign)
+    index.refresh()
+    assert index.summary().state == "finished"
+    assert interval_for(index.summary()) is anytime
+
+
+@pytest.mark.parametrize("name", ["files/step.sh", "test.vast", "scenario.osc"])
+def test_who_edits_inputs_of_a_campaign_is_told_that_further_runs_differ(
+    tmp_path: Path, name: str
+) -> None:
+    path = make_campaign(tmp_path / "in", PASS)
+    campaign = run(path, tmp_path / "out", runs=1).campaign
+    (path.parent / "files/step.sh").write_text("exit 1\n")
+    unchanged, edited, older = Recorder(), Recorder(), Recorder()
+    resume(campaign, unchanged, select="one-3", runs=2)
+    assert not [text for text in unchanged.messages if "edited" in text]
+    with (campaign / "_config" / name).open("a") as file:
+        file.write("# edited\n")
+    resume(campaign, edited, select="one-3", runs=3)
+    (told,) = [text for text in edited.messages if "edited" in text]
+    assert told.startswith(f"{campaign}/_config/{name}: edited since the campaign began")
+    assert told in (campaign / "_execution/controller.log").read_text()
+    (campaign / "_execution/inputs.json").unlink()
+    resume(campaign, older, select="one-3", runs=4)
+    assert not [text for text in older.messages if "edited" in text]
+
+
+class Meanwhile(Recorder):
+    """Executes more runs of one configuration while another program prepares to do so, too."""
+
+    def __init__(self, campaign: Path) -> None:
+        super().__init__()
+        self.campaign = campaign
+
+    def message(self, text: str) -> None:
+        super().message(text)
+        if text.startswith("Going on with"):
+            resume(self.campaign, select="one-1", runs=3)
+
+
+def test_what_another_program_plans_meanwhile_stays_planned(tmp_path: Path) -> None:
+    campaign = run(make_campaign(tmp_path / "in", PASS), tmp_path / "out", runs=1).campaign
+    record = campaign / "_execution/execution.yaml"
+    began_with = read_mapping(record) | {"image": "what was here before"}
+    record.write_text(yaml.safe_dump(began_with))
+    observer = Meanwhile(campaign)
+    resume(campaign, observer, select="one-2", runs=2)
+    assert observer.started == ["one-2/1"]
+    assert read_mapping(record)["more_runs"] == {"one-1": 3, "one-2": 2}
+
+
+def seeds_of(variant: Path) -> dict[str, int]:
+    records = variant.glob("*/run.json")
+    return {file.parent.name: json.loads(file.read_text())["seed"] for file in records}
 
 
 def test_a_record_with_further_keys_is_understood(tmp_path: Path) -> None:
@@ -334,7 +505,8 @@ def test_two_programs_do_not_execute_one_campaign(tmp_path: Path) -> None:
     with (summary.campaign / ".running" / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         with pytest.raises(StorageError, match="another `vast` is executing this campaign"):
-            resume(summary.campaign)
+            resume(summary.campaign, runs=9)
+    assert read_mapping(summary.campaign / "_execution" / "execution.yaml")["runs"] != 9
 
 
 def test_a_glob_that_matches_no_configuration_names_what_there_is(tmp_path: Path) -> None:

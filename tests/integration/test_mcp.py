@@ -137,6 +137,9 @@ def test_a_failing_run_is_found_and_explained(assistant: Assistant) -> None:
     assert "one row in 2" in poses["cut"]
     same = assistant.call("inspect_campaign_comparison", before=NAME, after=NAME)
     assert same["changes"] == {"same": 2}
+    past = assistant.call("get_configuration_history", campaign=NAME, configuration="hall-2")
+    assert [(one["campaign"], one["rate"]["failed"]) for one in past["entries"]] == [(NAME, 2)]
+    assert past["pending"] == 0
     assert NAME in assistant.prompt("explain_failures", campaign=NAME)
 
 

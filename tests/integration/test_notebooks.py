@@ -9,7 +9,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from support.campaigns.notebooks import add_notebooks
+from support.campaigns.notebooks import add_notebooks, notebook_of
+from support.campaigns.searches import write_search
 from support.campaigns.stored import NAME, write, write_campaign
 from support.patience import eventually
 from support.servers.page import VAST, ShownPage, shown
@@ -93,6 +94,28 @@ def test_listing_executes_nothing_and_shows_what_is_known(page: ShownPage) -> No
     assert page.get(f"api/notebook?{scope}&workload=Files").status == 405
     done = page.post(f"api/notebook?{scope}&workload=Files").data
     assert page.get(f"api/notebooks?{scope}").data[0]["result"] == done
+
+
+def test_a_notebook_for_a_batch_of_a_search_gets_its_number(tmp_path: Path) -> None:
+    root = write_search(tmp_path / "results", batches=3, runs=False, strategy="random")
+    (document,) = (root / "_config").glob("*.vast")
+    visualization = "evaluation: {visualization: [Round: {batch: round.ipynb}]}\n"
+    document.write_text(document.read_text() + visualization)
+    cells = (f"{DATA}\nBATCH = None", "print('batch', BATCH + 40)", SHOW)
+    write(root / "_config" / "round.ipynb", notebook_of(*cells))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+        with shown(root.parent) as page:
+            asked = f"campaign={root.name}&batch=2"
+            (listed,) = page.get(f"api/notebooks?{asked}").data
+            assert listed["command"].endswith(" Round --batch 2")
+            result = page.post(f"api/notebook?{asked}&workload=Round").data
+            assert result["fault"] == ""
+            assert "batch 42" in output(page, result)
+            assert "_execution" in output(page, result)
+            for batch in ("3", "-1", "x"):
+                path = f"api/notebooks?campaign={root.name}&batch={batch}"
+                assert page.get(path).status == 404
 
 
 def test_an_error_is_shown_with_its_cell(page: ShownPage) -> None:

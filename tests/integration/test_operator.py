@@ -62,6 +62,61 @@ def test_two_hundred_runs_cost_little_and_their_end_nothing(
     assert before["status"] == after["status"]
 
 
+def test_runs_that_are_not_needed_are_counted_apart_as_their_pods_say(
+    fake_cluster: Cluster, namespace: str, operator: OperatorProcess
+) -> None:
+    runs = {"min": 3, "max": 50, "decide": {"good": 0.05, "bad": 0.2, "error": 0.05}}
+    made = campaign("needed", namespace, 3, runs)
+    fake_cluster.apply(made)
+    eventually(lambda: finished(fake_cluster, namespace, "needed"), 60, operator.told)
+    state = status(fake_cluster, namespace, "needed")
+    assert (state["progress"], state["state"]) == ("54/54", "Finished")
+    assert (state["runs"]["total"], state["runs"]["notNeeded"]) == (150, 96)
+    assert state["shards"][0]["notNeeded"] == 96
+    assert state["decisions"] == "3 sound after 18"
+    assert condition(state, "Passed")["status"] == "True"
+    execution = made["spec"]["vast"]["execution"]
+    execution["runs"] = {**runs, "decide": {**runs["decide"], "good": 0.1}}
+    fake_cluster.apply(made)
+    told = eventually(
+        lambda: (
+            condition(status(fake_cluster, namespace, "needed"), "Accepted").get("reason")
+            != "Valid"
+        )
+    )
+    assert told
+    refused = condition(status(fake_cluster, namespace, "needed"), "Accepted")
+    assert refused["reason"] == "DocumentChanged"
+
+
+def test_packs_are_planned_in_rounds_by_what_pods_took_and_a_killed_operator_goes_on(
+    fake_cluster: Cluster, namespace: str, operator: OperatorProcess, new_operator: NewOperator
+) -> None:
+    made = campaign("measured", namespace, 5, 60, parallelism=10)
+    made["spec"]["vast"]["execution"]["runs_per_job"] = "auto"
+    fake_cluster.apply(made)
+
+    def rounds() -> list[tuple[int, int]]:
+        maps: Any = fake_cluster.get("configmaps", f"--namespace={namespace}")
+        texts = [(item.get("data") or {}).get("campaign.json") for item in maps["items"]]
+        plans = [json.loads(text)["plan"] for text in texts if text]
+        longest = max((plan["rounds"] for plan in plans), key=len, default=[])
+        return [(round_["runs"], round_["size"]) for round_ in longest]
+
+    eventually(rounds, 60, operator.told)
+    operator.kill()
+    after = new_operator("two")
+    after.start()
+    eventually(lambda: finished(fake_cluster, namespace, "measured"), 120, after.told)
+    state = status(fake_cluster, namespace, "measured")
+    assert (state["progress"], state["state"]) == ("300/300", "Finished")
+    assert [shard["passed"] for shard in state["shards"]] == [runs for runs, _ in rounds()]
+    sizes = [size for _, size in rounds()]
+    assert sizes[0] == 1
+    assert 10 <= max(sizes) <= 16
+    assert sizes[-1] <= max(sizes)
+
+
 def test_pods_go_to_the_nodes_that_a_campaign_requires(
     fake_cluster: Cluster, namespace: str, new_operator: NewOperator
 ) -> None:
@@ -168,3 +223,41 @@ def test_a_job_that_somebody_deletes_is_made_again(
     first = eventually(uid, 30, operator.told)
     fake_cluster.kubectl("--namespace", namespace, "delete", "job", "--all")
     eventually(lambda: uid() not in {"", first}, 30, operator.told)
+
+
+def test_an_upload_of_earlier_results_is_ended_before_newer_ones_are_uploaded(
+    fake_cluster: Cluster, namespace: str, operator: OperatorProcess
+) -> None:
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    made: Any = fake_cluster.get("jobs", f"--namespace={namespace}")["items"]
+    (finish,) = (job for job in made if job["metadata"]["labels"]["robovast.io/role"] == "finish")
+    name, labels = finish["metadata"]["name"], finish["metadata"]["labels"]
+    early = name.replace("finish-1", "share-1-0")
+    own = {k: v for k, v in labels.items() if "batch" not in k and k != "job-name"}
+    container = {"name": "share", "image": "fake"}
+    pod = {"spec": {"restartPolicy": "Never", "containers": [container]}}
+    fake_cluster.apply(
+        {
+            "apiVersion": "batch/v1",
+            "kind": "Job",
+            "metadata": {
+                "name": early,
+                "namespace": namespace,
+                "labels": {**own, "robovast.io/role": "share"},
+            },
+            "spec": {"suspend": True, "template": pod},
+        }
+    )
+    patch = json.dumps({"spec": {"share": {"secretName": "robovast-share"}}})
+    fake_cluster.kubectl(
+        *("--namespace", namespace, "patch", "campaign", "few", "--type=merge", f"--patch={patch}")
+    )
+
+    def uploads() -> list[str]:
+        selector = "--selector=robovast.io/role=share"
+        found: Any = fake_cluster.get("jobs", f"--namespace={namespace}", selector)["items"]
+        return [job["metadata"]["name"] for job in found]
+
+    late = early.replace("share-1-0", "share-1-1")
+    eventually(lambda: uploads() == [late], 30, lambda: (uploads(), operator.told()))

@@ -34,7 +34,12 @@ def test_the_oldest_version_is_the_one_that_the_chart_states() -> None:
     assert stated == f">={minor}.0-0"
 
 
-def test_a_campaign_on_the_oldest_version_comes_to_its_end(
+def accepted(cluster: Cluster, name: str) -> str:
+    """What the condition Accepted of a campaign says in a word."""
+    return condition(status(cluster, "lab", name), "Accepted").get("reason", "")
+
+
+def test_a_campaign_on_the_oldest_version_comes_to_its_end_or_says_what_that_lacks(
     oldest_cluster: Cluster, tmp_path: Path
 ) -> None:
     version = oldest_cluster.kubectl("get", "--raw=/version")
@@ -53,6 +58,19 @@ def test_a_campaign_on_the_oldest_version_comes_to_its_end(
         state = status(oldest_cluster, "lab", "few")
         assert (state["progress"], state["state"]) == ("6/6", "Finished")
         oldest_cluster.kubectl("--namespace=lab", "delete", "campaign", "few", "--timeout=20s")
+        lacking = {
+            "AssetsNotSupported": {"assets": [{"path": "/assets", "image": "models:1"}]},
+            "DevicesNotSupported": {"device_claims": ["camera"]},
+        }
+        for number, (reason, wanted) in enumerate(lacking.items()):
+            modern = campaign(f"modern-{number}", "lab", 3, 2)
+            modern["spec"]["vast"]["execution"]["kubernetes"] = wanted
+            oldest_cluster.apply(modern)
+            eventually(
+                lambda name=f"modern-{number}": accepted(oldest_cluster, name) == reason,  # noqa: B023
+                30,
+                operator.told,
+            )
         assert operator.alive
         assert "Traceback" not in operator.told(), operator.told()
     finally:

@@ -171,10 +171,14 @@ def test_a_closed_terminal_leaves_no_files_and_no_viewer(
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     monkeypatch.setenv("TMPDIR", str(scratch))
-    with viewed(results / NAME / "hall-1" / "0", "--rerun", path=rerun[0]) as (page, _):
-        assert list(scratch.iterdir())
-        page.process.send_signal(number)
-        page.process.wait(timeout=30)
+    before = signal.signal(number, signal.SIG_DFL)  # `nohup` would be inherited
+    try:
+        with viewed(results / NAME / "hall-1" / "0", "--rerun", path=rerun[0]) as (page, _):
+            assert list(scratch.iterdir())
+            page.process.send_signal(number)
+            page.process.wait(timeout=30)
+    finally:
+        signal.signal(number, before)
     assert not list(scratch.iterdir())
 
 

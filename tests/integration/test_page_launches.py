@@ -111,6 +111,21 @@ def test_a_campaign_is_run_watched_and_one_run_of_it_repeated(page: ShownPage) -
     assert "1 run: 1 failed." in lines
     assert len(page.get("api/campaigns").data["campaigns"]) == 2
 
+    asked = f"campaigns/{name}/more?config=one-1&config=one-2"
+    more = page.get(f"api/{asked}").data
+    assert more["planned"] == 1
+    launch = page.post(f"api/more?campaign={name}&config=one-2&runs=3").data
+    assert launch["command"] == f"{more['command']} --config=one-2 --runs=3"
+    assert launch["campaign"] == name
+    end, lines = ended(page)
+    assert (end["number"], end["code"]) == (launch["number"], 1)
+    assert "3 runs: 3 failed." in lines
+    siblings = page.get(f"api/campaigns/{name}/one-2/2").data["siblings"]
+    assert [number for number, *_ in siblings] == [0, 1, 2]
+    assert page.get(f"api/{asked}").data["planned"] == 3
+    for wrong in ("config=two-1&runs=3", "config=one-2", "config=--output=x&runs=3"):
+        assert page.post(f"api/more?campaign={name}&{wrong}").status == 404
+
 
 @pytest.mark.parametrize("pattern", ["--output=/etc", "one-1 --runs=9", "$(id)"])
 def test_a_pattern_is_a_pattern_whatever_it_looks_like(page: ShownPage, pattern: str) -> None:
@@ -137,7 +152,7 @@ def test_what_is_no_choice_is_refused(page: ShownPage, choices: dict[str, str]) 
     assert answer.data["error"]
 
 
-@pytest.mark.parametrize("what", ["start?runtime=process", "expansion", "stop", "repeat"])
+@pytest.mark.parametrize("what", ["start?runtime=process", "expansion", "stop", "repeat", "more"])
 def test_another_site_starts_and_stops_nothing(page: ShownPage, what: str) -> None:
     path = f"api/{what}"
     assert page.post(path, Origin="http://evil.example").status == 403
@@ -171,6 +186,30 @@ def test_one_campaign_at_a_time_and_stop_ends_it(tmp_path: Path) -> None:
         assert any(line.startswith("Continue: vast exec local run --resume") for line in lines)
         (summary,) = page.get("api/campaigns").data["campaigns"].values()
         assert summary["state"] == "incomplete"
+
+
+def test_more_runs_are_counted_from_those_that_are_planned(tmp_path: Path) -> None:
+    root = write_campaign(tmp_path / "results", variants=[{"x": 1}, {"x": 2}], runs=3)
+    record = root / "_execution" / "execution.yaml"
+    record.write_text(f"{record.read_text()}more_runs: {{hall-2: 13}}\n")
+    with started_in(tmp_path) as page:
+        asked = f"api/campaigns/{NAME}/more"
+        assert page.get(f"{asked}?config=hall-1").data["planned"] == 3
+        assert page.get(f"{asked}?config=hall-1&config=hall-2").data["planned"] == 13
+        assert page.get(asked).data["planned"] == 0
+
+
+def test_more_runs_of_a_campaign_of_a_cluster_are_for_kubectl(tmp_path: Path) -> None:
+    root = write_campaign(tmp_path / "results", variants=[{"x": 1}, {"x": 2}], runs=3)
+    record = root / "_execution" / "execution.yaml"
+    record.write_text(record.read_text().replace("local", "cluster"))
+    with started_in(tmp_path) as page:
+        data = page.get(f"api/campaigns/{NAME}/more?config=hall-2").data
+        assert (data["command"], data["planned"], data["cluster"]["of_all"]) == ("", 3, False)
+        command = "10".join(data["cluster"]["parts"])
+        assert '"name": "hall-2-more", "parameters": [{"x": 2}], "runs": 10' in command
+        query = urlencode({"campaign": NAME, "config": "hall-2", "runs": 13})
+        assert page.post(f"api/more?{query}").status == 404
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
@@ -212,7 +251,9 @@ def test_a_page_that_only_shows_starts_nothing(tmp_path: Path) -> None:
         offer = page.get("api/offer").data
         assert (offer["document"], offer["repeat"]) == (None, False)
         assert "only shows results" in offer["refusal"]
-        for what in ("start", "expansion", f"repeat?campaign={NAME}&variant=hall-1&run=0"):
+        repeat = f"repeat?campaign={NAME}&variant=hall-1&run=0"
+        more = f"more?campaign={NAME}&config=hall-1&runs=9"
+        for what in ("start", "expansion", repeat, more):
             assert page.post(f"api/{what}").data == {"error": offer["refusal"]}
         assert [path.name for path in (tmp_path / "results").iterdir()] == [NAME]
 
@@ -224,4 +265,5 @@ def test_tables_are_made_when_the_campaign_has_ended(tmp_path: Path) -> None:
         end, _ = ended(page)
         assert end["code"] == 0
         (name,) = page.get("api/campaigns").data["campaigns"]
-        assert page.get(f"api/campaigns/{name}/metrics").data == {"numbers": ["a", "b"]}
+        metrics = page.get(f"api/campaigns/{name}/metrics").data
+        assert metrics == {"columns": {"numbers": ["a", "b"]}, "same": {"numbers": ["a", "b"]}}

@@ -9,6 +9,7 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import quote
+from urllib.request import urlopen
 
 import pytest
 from support.campaigns.drives import record_drive
@@ -58,6 +59,9 @@ def test_the_page_shows_campaigns_runs_and_logs(page: ShownPage) -> None:
     log = page.get(f"api/log?path={quote(run['logs'][0])}&levels=error").data
     assert "goal not reached" in log["lines"][0][2]
     assert page.get(f"api/compare?a={NAME}&b={NAME}").data["overall"]["p"] == 1
+    beside = page.get(f"api/comparisons?a={NAME}&b={NAME}&b={NAME}").data
+    assert [(one["name"], one["comparison"]["overall"]["p"]) for one in beside] == [(NAME, 1)] * 2
+    assert page.get("api/reading").data == {}
     usage = page.get(f"api/usage?path={quote(run['usage'][0])}").data
     assert len(usage["time"]) == len(usage["cpu"]) > 4
     table = page.get(f"api/table?path={NAME}/hall-2/0/poses.csv&column=timestamp").data
@@ -69,6 +73,13 @@ def test_a_configuration_is_drawn_on_its_map(page: ShownPage) -> None:
     assert answer.headers["content-type"].startswith("image/svg+xml")
     assert answer.body.startswith(b"<svg")
     assert page.get(f"api/map/{NAME}/hall-2").status == 404
+
+
+def test_the_script_is_small_and_sent_compressed(page: ShownPage) -> None:
+    answer = page.get("page.js", **{"Accept-Encoding": "gzip"})
+    assert answer.headers["content-encoding"] == "gzip"
+    assert len(answer.body) < 80_000
+    assert gzip.decompress(answer.body) == page.get("page.js").body
 
 
 def test_lists_are_compressed(page: ShownPage) -> None:
@@ -267,12 +278,27 @@ def test_a_campaign_folder_is_shown_among_its_neighbours(results: Path) -> None:
         assert list(page.get("api/campaigns").data["campaigns"]) == [NAME]
 
 
-def test_tables_are_made_before_the_page_is_shown(tmp_path: Path) -> None:
+def _prepared(page: ShownPage) -> list[dict[str, int | bool]]:
+    """What the page is told of tables until all of them are there."""
+    told: list[dict[str, int | bool]] = []
+    with urlopen(f"{page.address}api/events", timeout=60) as stream:  # noqa: S310
+        for line in stream:
+            if line == b"event: preparing\n":
+                told.append(json.loads(next(stream).removeprefix(b"data: ")))
+                if not told[-1]["running"]:
+                    break
+    return told
+
+
+def test_the_page_is_there_while_tables_are_made_and_says_so(tmp_path: Path) -> None:
     root = write_campaign(tmp_path, variants=[{"speed": 1.0}], runs=1)
     write(root / "_transient" / "configurations.yaml", "configs: []\n")
     with shown(tmp_path, postprocess=True) as page:
+        first, *_, last = _prepared(page)
+        assert first == {"done": 0, "total": 1, "running": True, "changed": False}
+        assert last == {"done": 1, "total": 1, "running": False, "changed": True}
         metrics = page.get(f"api/campaigns/{NAME}/metrics").data
-        assert metrics["poses"] == ["timestamp", "position.x", "position.y"]
+        assert metrics["columns"]["poses"] == ["timestamp", "position.x", "position.y"]
         query = "metric?table=poses&column=position.x&aggregate=most"
         assert page.get(f"api/campaigns/{NAME}/{query}").data == {"hall-1/0": 9.95}
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import tarfile
-from collections.abc import Iterator
 from pathlib import Path
 from uuid import uuid4
 
@@ -43,14 +42,6 @@ class Meter:
 def store(s3_server: Server) -> ObjectStore:
     credentials = Credentials(s3_server.access_key, s3_server.secret_key)
     return ObjectStore(Endpoint.parse(f"http://{s3_server.endpoint}"), credentials, patience=20)
-
-
-@pytest.fixture
-def bucket(store: ObjectStore) -> Iterator[str]:
-    name = f"test-{uuid4().hex[:12]}"
-    store.make_bucket(name)
-    yield name
-    store.delete_bucket(name)
 
 
 def put_run(store: ObjectStore, bucket: str, path: str, attempt: int = 1, **files: bytes) -> None:

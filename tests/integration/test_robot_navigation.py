@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import io
 import json
 import os
 import shlex
@@ -14,9 +15,13 @@ from pathlib import Path
 
 import pytest
 import yaml
+from PIL import Image
+from robovast_testbed import debian
 from support.campaigns import local
 from support.campaigns.local import EXAMPLES
-from support.pages import code_blocks
+from support.pages import ROOT, code_blocks
+
+from robovast.evaluation.drive.drives import Drives
 
 VAST = Path(sys.executable).with_name("vast")
 NAVIGATION = EXAMPLES / "robot_navigation" / "robot_navigation.vast"
@@ -69,6 +74,40 @@ def query(campaign: Path, sql: str) -> list[dict[str, object]]:
     return json.loads(vast("results", "query", sql, "-r", campaign, "-o", "json"))
 
 
+def test_the_readme_of_the_example_leads_from_a_drive_to_its_results(
+    ros_environment: str, tmp_path: Path
+) -> None:
+    """Its commands as they stand there, with fewer drives; containers are for other tests."""
+    blocks = code_blocks("configs/examples/robot_navigation/README.md", "bash")
+    start, first, asked, containers, camera = blocks
+    assert start.startswith("scripts/example --robot ")  # docs/first-robot.md, too
+    assert containers.startswith("container/build.sh ")  # test_robot_in_containers.py
+    for name in ("configs", "scripts", "container", "src"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    made, run = first.splitlines()
+    assert made == "export ROBOVAST_PROCESS_ENV=$(scripts/ros-environment)"
+    *told, shown = asked.splitlines()
+    assert shown == "vast evaluation gui -r results"  # what scripts/example does, too
+    lines = [f"{run} -c drive-2-1-2-1 || [ $? = 1 ]", *told, camera.strip() + " || [ $? = 1 ]"]
+    path = f"{VAST.parent}{os.pathsep}{os.environ['PATH']}"
+    done = subprocess.run(
+        ["bash", "-euc", "\n".join(lines)],
+        cwd=tmp_path,
+        env={**os.environ, "ROBOVAST_PROCESS_ENV": ros_environment, "PATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    for expected in (
+        "1 run: 1 failed",
+        "plans/flat.fpm",
+        "collision",
+        "2 runs: 1 passed, 1 failed",
+    ):
+        assert expected in done.stdout
+
+
 def test_the_way_from_a_grid_to_a_failure_map(ros_environment: str, tmp_path: Path) -> None:
     """Every command of docs/search.md about this example, with fewer drives."""
     (block,) = [b for b in code_blocks("docs/search.md", "bash") if "configs/examples" in b]
@@ -85,7 +124,8 @@ def test_the_way_from_a_grid_to_a_failure_map(ros_environment: str, tmp_path: Pa
         _, *words = [str(made) if "-2026-" in word else word for word in shlex.split(line)]
         with contextlib.chdir(tmp_path):
             answers.append(vast(*words, ROBOVAST_PROCESS_ENV=ros_environment))
-    *_, critical, points, _ = answers
+    _, _, searched, *_, critical, points, _ = answers
+    assert searched.count("FloorplanGeneration: flat\n") <= 2, "first tried, then executed"
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
     assert "margin" in critical
     assert points.startswith("speed,margin,boxes,failure_rate,low,high")
@@ -122,22 +162,39 @@ def test_what_was_recorded_agrees_with_what_was_simulated(campaign: Path) -> Non
     ]
 
 
-def drive(campaign: Path, ros_environment: str, config: str, seed: object, out: Path) -> str:
-    """Hash of the trajectory of one more drive, without RoboVAST."""
+def drive(
+    campaign: Path,
+    ros_environment: str,
+    config: str,
+    seed: object,
+    out: Path,
+    *,
+    camera: float = 0.0,
+    before: str = "",
+) -> tuple[str, str]:
+    """Hash of the trajectory of one more drive, without RoboVAST, and what it says.
+
+    `before` is executed before it.
+    """
     told = yaml.safe_load((campaign / config / "_config" / "scenario.config").read_text())
     given = {"speed": 0.8, "diameter": 0.4, "pace": 0, "limit": 60, **told["navigate"]}
     words = {name.removesuffix("_pose"): value for name, value in given.items()}
     words |= {"map": campaign / config / "_config" / given["map_file"], "output": out}
+    words["camera"] = camera
     out.mkdir()
-    command = [f"{ros_environment}/bin/python", campaign / "_config" / "files" / "navigate.py"]
+    files = campaign / "_config" / "files"
+    start = f"{before}\nimport runpy, sys; sys.path.insert(0, {str(files)!r})\n"
+    start += "runpy.run_module('navigate', run_name='__main__')"
     options = [word for name, value in words.items() for word in (f"--{name}", value)]
-    subprocess.run(
-        [str(word) for word in (*command, *options)],
+    done = subprocess.run(
+        [str(word) for word in (f"{ros_environment}/bin/python", "-c", start, *options)],
         env={**os.environ, "ROBOVAST_SEED": str(seed)},
+        capture_output=True,
+        text=True,
         check=False,
     )
     (row,) = csv.DictReader((out / "outcome.csv").read_text().splitlines())
-    return row["trajectory"]
+    return row["trajectory"], done.stderr
 
 
 def test_a_seed_is_a_drive(campaign: Path, ros_environment: str, tmp_path: Path) -> None:
@@ -145,10 +202,40 @@ def test_a_seed_is_a_drive(campaign: Path, ros_environment: str, tmp_path: Path)
     config, told = "drive-2-1-2-1", "SELECT config, seed, trajectory FROM outcome"
     (row,) = [row for row in query(campaign, told) if row["config"] == config]
     again, other = (
-        drive(campaign, ros_environment, config, seed, tmp_path / str(seed))
+        drive(campaign, ros_environment, config, seed, tmp_path / str(seed))[0]
         for seed in (row["seed"], int(str(row["seed"])) + 1)
     )
     assert again == row["trajectory"] != other
+
+
+def test_a_camera_records_what_is_ahead_and_changes_no_drive(
+    campaign: Path, ros_environment: str, tmp_path: Path
+) -> None:
+    """To the last bit, also where nothing draws, which is said in one line."""
+    debian.require(debian.OSMESA)
+    config = "drive-2-1-2-1"
+    told = "SELECT config, seed, trajectory, seconds FROM outcome"
+    (row,) = [row for row in query(campaign, told) if row["config"] == config]
+    nothing_draws = "import ctypes.util; ctypes.util.find_library = lambda name: None"
+    with_it, without = (
+        drive(campaign, ros_environment, config, row["seed"], tmp_path / name, **given)
+        for name, given in (
+            ("seen", {"camera": 5.0}),
+            ("blind", {"camera": 5.0, "before": nothing_draws}),
+        )
+    )
+    assert with_it[0] == without[0] == row["trajectory"]
+    (said,) = [line for line in without[1].splitlines() if "no pictures of the camera" in line]
+    assert "apt-get install libosmesa6" in said
+    assert "no pictures" not in with_it[1]
+    seen, blind = (Drives(tmp_path.resolve()).drive(f"{n}/rosbag2", {}) for n in ("seen", "blind"))
+    found = seen.pictures(0)
+    assert len(found.frames) == int(float(str(row["seconds"])) * 5) + 1
+    images = [Image.open(io.BytesIO(content)).convert("RGB") for content in found.content]
+    assert {image.size for image in images} == {(320, 240)}
+    assert all(len(image.getcolors(320 * 240) or ()) > 50 for image in images)
+    assert len(set(found.content)) > len(images) // 2
+    assert "camera" not in blind.overview().topics
 
 
 def test_failures_are_counted_by_floor_plan(campaign: Path) -> None:
@@ -167,6 +254,7 @@ def test_a_notebook_draws_the_drives(
     request = {
         "notebook": str(campaign / "_config" / "analysis" / f"{scope}.ipynb"),
         "data_dir": str(campaign / folder),
+        "batch": None,
         "timeout": 120,
     }
     (tmp_path / "request.json").write_text(json.dumps(request))

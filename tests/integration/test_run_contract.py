@@ -23,6 +23,7 @@ from robovast_testbed.pytest_plugin import skipped_when_unavailable
 from support.patience import eventually
 
 from robovast.campaign.job_log import part_of
+from robovast.campaign.verdict import read_test_result
 from robovast.execution.contract import contract_files
 
 VERSION = "1.8.0"
@@ -219,12 +220,20 @@ def test_a_failed_run_of_a_pack_leaves_the_others_alone(job: Job) -> None:
     assert abs(float(start.get("value", "0")) - time.time()) < 60
 
 
-def test_a_run_of_a_pack_that_cannot_be_parsed_fails_alone(job: Job) -> None:
+def test_a_run_of_a_pack_that_cannot_be_parsed_is_errored_alone(job: Job) -> None:
     job.pack("true", {"no_such_parameter": 1}, "true")
     code, _ = job.run()
-    verdicts = [job.verdict(f"a b/{index}") for index in range(3)]
-    assert (code, verdicts) == (1, [True, False, True])
-    assert "no_such_parameter" in (job.out / "a b/1/test.xml").read_text()
+    results = [read_test_result(job.out / f"a b/{index}") for index in range(3)]
+    assert (code, [r.verdict for r in results]) == (1, ["passed", "errored", "passed"])
+    assert results[1].reason.startswith("the scenario cannot be parsed: Scenario Parameter Over")
+
+
+def test_a_single_run_that_cannot_be_parsed_is_errored(job: Job) -> None:
+    job.single("true")
+    job.write("my scenario.osc", SCENARIO.replace("program: string", "program: int"))
+    assert job.run()[0] == 1
+    result = read_test_result(job.out / "one/0")
+    assert (result.verdict, result.reason[:30]) == ("errored", "the scenario cannot be parsed:")
 
 
 def test_a_run_of_a_pack_whose_action_raises_fails_alone(job: Job) -> None:
@@ -358,6 +367,52 @@ def test_what_a_run_of_a_pack_started_ends_with_it(job: Job) -> None:
     job.pack("sleep 61", "sleep 62")
     code, _ = job.run()
     assert (code, processes_of(job)) == (0, [])
+
+
+LEAVES = """\
+exec </dev/null >/dev/null 2>&1
+setsid bash -c 'trap "" TERM; cd /; exec env -i sleep {0}1' &
+(trap '' TERM HUP; sleep {0}2 & sleep {0}3) &
+"""
+
+
+@pytest.fixture
+def seconds() -> str:
+    """How long a process of this test sleeps, and of no other; digits may be appended."""
+    return f"45.{time.time_ns()}"
+
+
+def sleeping(seconds: str) -> set[str]:
+    """The digits appended to it in the arguments of what sleeps."""
+    found = set()
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            name, _, arguments = path.read_bytes().decode("utf-8", "replace").partition("\0")
+            if name == "sleep" and arguments.startswith(seconds):
+                found.add(arguments[len(seconds) : -1])
+    return found
+
+
+def test_whatever_a_run_of_a_pack_leaves_behind_ends_before_it_is_over(
+    job: Job, seconds: str
+) -> None:
+    """Daemons that ignore signals, know nothing of the job, and lost their parents."""
+    job.write("pre.sh", f"sleep {seconds}0 &\n")
+    job.pack(job.program(LEAVES.format(seconds)), "sleep 60")
+    told = job.output / "finished_runs"
+    with job.start(PRE_COMMAND="/config/pre.sh") as process:
+        eventually(lambda: sleeping(seconds) == {"0", "1", "2", "3"})
+        eventually(lambda: told.exists())
+        assert sleeping(seconds) == {"0"}, "the pre command is no run's"
+        process.terminate()
+        process.communicate(timeout=30)
+
+
+def test_what_a_post_command_leaves_behind_ends_too(job: Job, seconds: str) -> None:
+    job.write("post.sh", f"#!/bin/bash\nsetsid sleep {seconds} </dev/null >/dev/null 2>&1 &\n")
+    job.pack("true", "true")
+    assert job.run(POST_COMMAND="/config/post.sh")[0] == 0
+    assert sleeping(seconds) == set()
 
 
 def test_a_post_command_that_cannot_be_run_is_found_before_the_run(job: Job) -> None:
@@ -498,6 +553,21 @@ def test_a_pack_in_one_simulation(job: Job) -> None:
     assert (code, verdicts) == (1, [True, False, True]), output
     assert (output.count("simulation set up"), output.count("simulation reset")) == (1, 3)
     assert (job.output / "finished_runs").read_text() == "a b/0\na b/1\na b/2\n"
+
+
+def test_what_a_simulation_starts_lives_as_long_as_it(job: Job, seconds: str) -> None:
+    server = f'subprocess.Popen(["sleep", "{seconds}1"])'
+    start = f'self.servers = [*getattr(self, "servers", []), {server}]'
+    check = "assert all(one.poll() is None for one in self.servers), 'a server has ended'"
+    text = "import subprocess\n" + SIMULATION
+    text = text.replace('print("simulation set up")', start)
+    text = text.replace('print("simulation reset")', start).replace("pass", check)
+    text = text.replace('print("simulation shut down")', "[one.kill() for one in self.servers]")
+    job.write("steps.py", text)
+    job.pack(*[job.program(f"setsid sleep {seconds}2 </dev/null >/dev/null 2>&1 &")] * 3)
+    code, output = job.run(SIMULATION="steps:Steps", PYTHONPATH=str(job.config))
+    assert (code, [job.verdict(f"a b/{n}") for n in range(3)]) == (0, [True] * 3), output
+    assert sleeping(seconds) == set()
 
 
 def install(job: Job, name: str, text: str) -> None:

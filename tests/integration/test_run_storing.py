@@ -5,10 +5,8 @@ from __future__ import annotations
 import itertools
 import os
 import random
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from uuid import uuid4
 
 import pytest
 from robovast_testbed.s3 import Server
@@ -30,14 +28,6 @@ MIB = 2**20
 @pytest.fixture
 def store(s3_server: Server) -> ObjectStore:
     return open_store(s3_server)
-
-
-@pytest.fixture
-def bucket(store: ObjectStore) -> Iterator[str]:
-    name = f"test-{uuid4().hex[:12]}"
-    store.make_bucket(name)
-    yield name
-    store.delete_bucket(name)
 
 
 def check_all(store: ObjectStore, bucket: str, runs: list[str]) -> dict[str, str]:

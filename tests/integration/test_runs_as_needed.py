@@ -10,18 +10,15 @@ import time
 from pathlib import Path
 
 import pytest
+import yaml
+from support.campaigns.local import AS_NEEDED as RULE
+from support.campaigns.local import DECISIONS as SUMMED_UP
+from support.campaigns.local import SOUND_BROKEN_MIXED as SCRIPT
 from support.campaigns.local import Recorder, make_campaign, resume, run, verdicts
 from support.pages import code_blocks
 
-RULE = "  runs: {min: 2, max: 4, decide: {good: 0.1, bad: 0.6, error: 0.1}}\n"
-SCRIPT = """\
-number=$(basename "$3")
-case $1 in
-1) exit 0 ;;
-2) exit 1 ;;
-3) exit $((number % 2)) ;;
-esac
-"""
+from robovast.analysis.provenance import write_graph, write_metadata
+
 NEEDED = {
     "one-1/0": "passed",
     "one-1/1": "passed",
@@ -34,7 +31,6 @@ NEEDED = {
     "one-3/3": "failed",
 }
 DECIDED = {"one-1": "sound after 3", "one-2": "broken after 2", "one-3": "undecided at 4"}
-SUMMED_UP = "1 sound after 3, 1 broken after 2, 1 undecided at 4; 9 of 12 runs needed"
 
 
 HERE = ["--runtime", "process", "--jobs", "1"]
@@ -69,9 +65,13 @@ def test_each_configuration_has_the_runs_that_its_verdicts_need(
         "one-2": 2,
         "one-3": 4,
     }
-    assert {c["name"]: c["state"] for c in said["configurations"]} == {
-        name: state.split()[0] for name, state in DECIDED.items()
-    }
+    states = {name: state.split()[0] for name, state in DECIDED.items()}
+    assert {c["name"]: c["state"] for c in said["configurations"]} == states
+    metadata = yaml.safe_load(write_metadata(summary.campaign).read_text())
+    described = {c["name"]: c["decision"]["state"] for c in metadata["configurations"]}
+    assert described == states
+    graph = json.loads(write_graph(summary.campaign).read_text())["@graph"]
+    assert sorted(str(n["decision"]) for n in graph if "decision" in n) == sorted(states.values())
 
 
 def test_workers_run_ahead_only_beside_what_is_needed(tmp_path: Path) -> None:
@@ -116,6 +116,16 @@ def test_more_runs_at_most_continue_what_is_undecided(tmp_path: Path) -> None:
     assert recorder.decided == DECIDED
     said = vast("results", "summary", summary.campaign).stdout
     assert SUMMED_UP in said
+
+
+def test_more_runs_of_one_configuration_leave_the_others_undecided(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path / "in", SCRIPT, RULE)
+    campaign = run(path, tmp_path / "out", jobs=1, runs=2).campaign
+    recorder = Recorder()
+    resume(campaign, recorder, jobs=1, select="one-3", runs=4)
+    assert recorder.decided == {"one-3": "undecided at 4"}
+    said = vast("results", "summary", campaign).stdout
+    assert "1 broken after 2, 2 undecided at 2-4; 8 of 8 runs needed" in said
 
 
 def test_more_runs_than_the_first_few_bring_back_the_least_ones(tmp_path: Path) -> None:

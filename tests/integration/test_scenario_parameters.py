@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -12,6 +14,7 @@ from robovast.base.errors import InputError
 from robovast.common.scenario import get_scenario_parameters
 from robovast.execution.local.process_environment import process_environment
 from robovast.model.scenario import read_scenario, scenario_defaults
+from robovast.model.scenario_values import refusal
 
 HEADER = "import osc.helpers\nimport osc.robotics\n\n"
 BODY = '    do serial:\n        log("hi")\n'
@@ -45,6 +48,70 @@ def _asked(path: Path, template: Path) -> set[str]:
     assert template.exists(), result.stdout + result.stderr
     data = yaml.safe_load(template.read_text()) or {}
     return set((data.get("a") or {}).keys())
+
+
+TYPES = """scenario a:
+    whole: int = 3
+    none: int
+    number: float = 1.0
+    short: length = 1m
+    long: length = 1.0m
+    turn: angle
+    fast: bool = true
+    word: string = "x"
+    numbers: list of float
+    ways: list of length
+    given: pose_3d = pose_3d(position_3d(x: 1.0m))
+    goal: pose_3d
+    own: box = box(name: "a")
+    owns: list of box
+"""
+STRUCT = "struct box:\n    name: string\n    size: length = 1.0m\n    layers: int = 3\n\n"
+VALUES: list[Any] = [3, -3, 2.5, True, "4", None, [], [1, 2.5], ["x"], {}]
+VALUES += [{"position": {"x": x}} for x in (2, 2.5, "a")] + [{"position": {"q": 1}}]
+VALUES += [{"size": 2.5}, {"size": "a"}, {"layers": 2.5}, [{"size": 2}], [{"layers": 2.5}]]
+TRY = """
+import itertools, json, sys, tempfile, yaml
+from scenario_execution.model.osc2_parser import OpenScenario2Parser
+from unittest.mock import Mock
+names, values = json.load(sys.stdin)
+parser = OpenScenario2Parser(Mock())
+model = None
+def refused(name, value):
+    import copy
+    try:
+        parser.apply_parameter_overrides(copy.deepcopy(model), {"a": {name: value}})
+    except (ValueError, AttributeError, TypeError):
+        return True
+    return False
+import py_trees
+from scenario_execution.model.model_resolver import resolve_internal_model
+model = parser.load_internal_model(parser.parse_file(sys.argv[1]), sys.argv[1])
+resolve_internal_model(model, py_trees.composites.Sequence(name="", memory=True), Mock(), False)
+print(json.dumps([[refused(name, value) for value in values] for name in names]))
+"""
+
+
+def test_values_are_refused_as_scenario_execution_does(tmp_path: Path) -> None:
+    path = tmp_path / "a.osc"
+    path.write_text(HEADER + STRUCT + TYPES + BODY)
+    scenario = read_scenario(path)
+    names = [parameter.name for parameter in scenario.parameters]
+    result = subprocess.run(
+        [process_environment(print) / "bin" / "python", "-c", TRY, path],
+        input=json.dumps([names, VALUES]), capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    ours = [[refusal(scenario, name, value) is not None for value in VALUES] for name in names]
+    theirs = json.loads(result.stdout.splitlines()[-1])
+    different = [
+        (name, value, own)
+        for name, row, real in zip(names, ours, theirs, strict=True)
+        for value, own, their in zip(VALUES, row, real, strict=True)
+        if own != their
+    ]
+    assert not different
+    assert any(map(any, theirs))
 
 
 def test_defaults_and_places(tmp_path: Path) -> None:

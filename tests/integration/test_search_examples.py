@@ -17,7 +17,7 @@ from robovast.execution.local import LocalOptions
 from robovast.model.document import load_document
 from robovast.search.local import SearchSummary, execute_document
 from robovast.search.pictures import draw_map, draw_progress, encoded
-from robovast.search.results import StoredSearch
+from robovast.search.results import stored_search
 
 needs("optuna")
 
@@ -46,7 +46,7 @@ def execute(path: Path, **options: Any) -> SearchSummary:
 def test_a_search_of_each_kind(tmp_path: Path, name: str) -> None:
     """Five dimensions, a variation, a command and an extractor in files of their own."""
     summary = execute(shortened(tmp_path / "in", name))
-    stored = StoredSearch(summary.campaign)
+    stored = stored_search(summary.campaign)
     answer = stored.sets()
     rows = [dict(zip(answer.columns, row, strict=True)) for row in answer.rows]
     assert len(rows) == len(summary.records) == 6
@@ -63,12 +63,12 @@ def test_a_search_of_each_kind(tmp_path: Path, name: str) -> None:
 
 
 def test_pictures_of_a_search_and_what_cannot_be_drawn(tmp_path: Path) -> None:
-    stored = StoredSearch(execute(shortened(tmp_path / "in", "boundary")).campaign)
+    stored = stored_search(execute(shortened(tmp_path / "in", "boundary")).campaign)
     figure = draw_map(stored, ["mass", "gain"], {"wind": 8.0})
     assert encoded(figure, Path("map.png")).startswith(b"\x89PNG")
     assert b"<svg" in encoded(draw_progress(stored), Path("progress.SVG"))
     for over, fixed, message in (
-        (["mass", "gian"], {}, "`gian` is no dimension"),
+        (["mass", "gian"], {}, "`gian` is no dimension of the search space. Did you mean `gain`?"),
         (["mass", "mass"], {}, "two different dimensions"),
         (["mass"], {}, "two different dimensions"),
         ([], {"wind": 99.0}, "wind = 99.0 is not in the search space"),

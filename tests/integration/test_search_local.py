@@ -3,126 +3,212 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import sqlite3
-import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 from support.campaigns.local import Recorder, make_campaign
-from support.patience import eventually
+from support.campaigns.searched import (
+    DOCUMENT,
+    FAILS_ABOVE_50,
+    at_random,
+    proposed_values,
+    run_searched,
+    stored_rows,
+)
+from support.terminal import shown_on_terminal
 
-from robovast.base.errors import InputError
+from robovast.base.errors import InputError, StorageError
+from robovast.base.locks import exclusive_folder
+from robovast.campaign.layout import Layout
 from robovast.execution.local import LocalOptions
 from robovast.model.document import load_document
+from robovast.model.packs import RUNS_LIMIT
+from robovast.model.plan import Run
 from robovast.search.history import History
 from robovast.search.local import SearchSummary, execute_document, resume
+from robovast.search.plugins import make_strategy
 
-DOCUMENT = """\
-version: 1
-metadata: {name: test_search}
-execution:
-  scenario_file: scenario.osc
-  run_files: ['files/*']
-search:
-  search_space:
-    x: {type: int, low: 0, high: 100}
-"""
-RANDOM = """\
-  strategy: random
-  objectives: [{name: failure_rate}]
-  per_batch: 2
-  budget: [{batches: 3}]
-"""
-FAILS_ABOVE_50 = 'echo "x,y" > "$3/out.csv"; echo "1,$1" >> "$3/out.csv"; [ "$1" -lt 50 ]\n'
-
-
-def search(
-    folder: Path, extra: str = RANDOM, script: str = FAILS_ABOVE_50, **options: Any
-) -> tuple[SearchSummary, Recorder]:
-    path = make_campaign(folder, script, extra, document=options.pop("document", DOCUMENT))
-    recorder = Recorder()
-    chosen = LocalOptions(runtime="process", **options)
-    summary = execute_document(load_document(path), folder / "out", chosen, recorder)
-    assert isinstance(summary, SearchSummary)
-    return summary, recorder
-
-
-def proposed(campaign: Path) -> list[list[dict[str, Any]]]:
-    files = sorted((campaign / "_execution/search").glob("batch-????.json"))
-    return [[item["values"] for item in json.loads(file.read_text())["sets"]] for file in files]
-
-
-def rows(campaign: Path, query: str) -> list[tuple[Any, ...]]:
-    with sqlite3.connect(campaign / "campaign.db") as connection:
-        return connection.execute(query).fetchall()
+RANDOM = at_random(3)
 
 
 def test_random_search_end_to_end(tmp_path: Path) -> None:
-    summary, recorder = search(tmp_path, runs=2)
+    summary, recorder = run_searched(tmp_path, RANDOM, runs=2)
     assert summary.stop is not None
     assert (summary.stop.kind, summary.total, len(summary.records)) == ("batches", 12, 12)
     assert summary.report is not None
-    worst = max(values["x"] for batch in proposed(summary.campaign) for values in batch)
+    worst = max(values["x"] for batch in proposed_values(summary.campaign) for values in batch)
     assert summary.report.best is not None
     assert (summary.report.best.objectives["failure_rate"] == 1.0) is (worst >= 50)
-    for set_id, objective, samples, params in rows(
+    for set_id, objective, samples, params in stored_rows(
         summary.campaign, "SELECT config_name, objective, n_samples, params_json FROM unit"
     ):
         assert (summary.campaign / set_id / "1" / "run.json").is_file()
         assert (objective, samples) == (float(json.loads(params)["x"] >= 50), 2)
-    campaign_row = rows(summary.campaign, "SELECT mode, stop_kind, batches FROM campaign")
+    campaign_row = stored_rows(summary.campaign, "SELECT mode, stop_kind, batches FROM campaign")
     assert campaign_row == [("search", "batches", 3)]
-    assert "batch 3: batches 3/3" in " ".join(recorder.messages)
+    scored = [message[:30] for message in recorder.messages if " is scored: " in message]
+    assert scored == [f"batch {number} is scored: batches {number + 1}/3" for number in range(3)]
     again = resume(summary.campaign, LocalOptions(runtime="process"), Recorder())
     assert again.total == 12, "a budget that is spent leaves nothing to do"
 
 
-OPTUNA = RANDOM.replace("strategy: random", "strategy: optuna") + (
-    "  strategy_parameters: {sampler: tpe, n_startup_trials: 2}\n"
-)
+STORE = {
+    "campaign": {
+        "id": "integer", "name": "text", "mode": "text", "config_dir": "text",
+        "config_json": "text", "created_at": "real", "strategy_state": "null",
+        "stop_kind": "text", "stop_reason": "text", "batches": "integer", "elapsed_s": "real",
+    },
+    "batch": {
+        "id": "integer", "campaign_id": "integer", "idx": "integer", "dir": "text",
+        "created_at": "real",
+    },
+    "unit": {
+        "id": "integer", "batch_id": "integer", "paramset_id": "text", "config_name": "text",
+        "params_json": "text", "objective": "real", "objectives_json": "text",
+        "measures_json": "text", "n_samples": "integer", "status": "text", "result_dir": "text",
+        "created_at": "real",
+    },
+}  # fmt: skip
+"""Columns of `campaign.db`, and the types of their values when a search has ended."""
 
 
-@pytest.mark.parametrize("extra", [RANDOM, OPTUNA], ids=["random", "optuna"])
-def test_killed_search_continues_the_same_sequence(tmp_path: Path, extra: str) -> None:
-    """Kill -9 at arbitrary times; the sets are those of a search that nobody disturbed."""
-    undisturbed, _ = search(tmp_path / "calm", extra)
-    path = make_campaign(tmp_path / "killed", FAILS_ABOVE_50, extra, document=DOCUMENT)
-    out = tmp_path / "killed" / "out"
-    command = [sys.executable, "-m", "robovast_cli", "--vast-file", str(path), "exec", "local"]
-    command += ["run", "--runtime", "process"]
-    _killed_after(0.0, [*command, "--output", str(out)], out)
-    (campaign,) = out.iterdir()
-    for pause in (1.0, 2.2):
-        _killed_after(pause, [*command, "--resume", str(campaign)], out)
-    summary = resume(campaign, LocalOptions(runtime="process"), Recorder())
-    assert proposed(campaign) == proposed(undisturbed.campaign)
-    assert len(summary.records) == len(undisturbed.records) == 6
-    assert {record.attempt for record in summary.records} == {1}, "no stored run was repeated"
-    values = "SELECT paramset_id, objective FROM unit"
-    assert rows(campaign, values) == rows(undisturbed.campaign, values)
+class Reads(Recorder):
+    """Reads the store whenever it is told that a batch is scored."""
+
+    def __init__(self, out: Path) -> None:
+        super().__init__()
+        self.out = out
+        self.seen: list[tuple[int, int, str | None]] = []
+
+    def message(self, text: str) -> None:
+        super().message(text)
+        if text.startswith("batch "):
+            (campaign,) = self.out.iterdir()
+            query = (
+                "SELECT batches, (SELECT count(*) FROM unit), stop_kind FROM campaign, "
+                "(SELECT max(idx) AS last FROM batch) WHERE last = batches - 1"
+            )
+            self.seen += stored_rows(campaign, query)
 
 
-def _killed_after(pause: float, command: list[str], out: Path) -> None:
-    process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL)
-    try:
-        eventually(lambda: any(out.glob("*/.running/lock")), 30, "no search runs")
-        time.sleep(pause)
-    finally:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
+def test_the_store_is_complete_at_each_end_of_a_batch(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path, FAILS_ABOVE_50, RANDOM, document=DOCUMENT)
+    reader = Reads(tmp_path / "out")
+    options = LocalOptions(runtime="process")
+    campaign = execute_document(load_document(path), tmp_path / "out", options, reader).campaign
+    assert reader.seen == [(1, 2, None), (2, 4, None), (3, 6, None)]
+    assert stored_rows(campaign, "PRAGMA user_version") == [(1,)]
+    for table, columns in STORE.items():
+        listed = stored_rows(campaign, f"PRAGMA table_info({table})")
+        assert [name for _, name, *_ in listed] == list(columns)
+        typed = ", ".join(f"typeof({name})" for name in columns)
+        types = stored_rows(campaign, f"SELECT {typed} FROM {table}")  # noqa: S608
+        assert set(types) == {tuple(columns.values())}
+    row = "SELECT name, mode, config_dir, stop_kind, batches FROM campaign"
+    assert stored_rows(campaign, row) == [(campaign.name, "search", "_config", "batches", 3)]
+    assert stored_rows(campaign, "SELECT idx, dir FROM batch") == [(0, "."), (1, "."), (2, ".")]
+    query = "SELECT paramset_id, config_name, params_json, status, result_dir, batch.idx "
+    query += "FROM unit JOIN batch ON batch.id = unit.batch_id"
+    for set_id, config, params, status, folder, batch in stored_rows(campaign, query):
+        assert json.loads(params) in proposed_values(campaign)[batch]
+        assert (config, folder, status) == (f"c{set_id}", f"c{set_id}", "evaluated")
+        assert (campaign / folder / "0" / "run.json").is_file()
 
 
-def test_each_set_of_a_small_space_is_run_once_until_it_is_exhausted(tmp_path: Path) -> None:
-    document = DOCUMENT.replace("high: 100", "high: 2")
-    summary, _ = search(tmp_path, RANDOM.replace("batches: 3", "batches: 30"), document=document)
+def test_a_store_that_lacks_a_batch_is_completed_when_the_search_goes_on(tmp_path: Path) -> None:
+    """Who is killed between the two files has scored a batch that the store does not know."""
+    summary, _ = run_searched(tmp_path, RANDOM)
+    (summary.campaign / "campaign.db").unlink()
+    resume(summary.campaign, LocalOptions(runtime="process"), Recorder())
+    assert stored_rows(summary.campaign, "SELECT batches FROM campaign") == [(3,)]
+
+
+class Edits(Recorder):
+    """Changes the user's script at the end of a batch; keeps what the campaign has of it."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        self.folder = folder
+        self.kept: dict[int, str] = {}
+
+    def message(self, text: str) -> None:
+        super().message(text)
+        if text.startswith("batch "):
+            (self.folder / "files/step.sh").write_text("exit 0\n")
+            (own,) = self.folder.glob("out/*/_config/files/step.sh")
+            self.kept[own.stat().st_ino] = own.read_text()
+
+
+def test_a_search_keeps_the_files_that_it_began_with(tmp_path: Path) -> None:
+    """Neither an edit nor a kill while a batch is written changes what later runs execute."""
+    path = make_campaign(tmp_path, FAILS_ABOVE_50, RANDOM, document=DOCUMENT)
+    edits = Edits(tmp_path)
+    execute_document(load_document(path), tmp_path / "out", LocalOptions(runtime="process"), edits)
+    assert list(edits.kept.values()) == [FAILS_ABOVE_50], "written once, so never half"
+
+
+def test_an_ended_search_goes_on_with_more_batches(tmp_path: Path) -> None:
+    stopping = "  stopping: [{target_objective: 0.0}]\n"
+    summary, _ = run_searched(tmp_path, RANDOM + stopping)
     assert summary.stop is not None
-    assert summary.stop.kind == "exhausted"
-    assert len(summary.records) == 3
+    assert (summary.stop.kind, len(proposed_values(summary.campaign))) == ("target_objective", 1)
+    again = resume(summary.campaign, LocalOptions(runtime="process", batches=4), Recorder())
+    assert isinstance(again, SearchSummary)
+    assert again.stop is not None
+    assert (again.stop.reason, again.total) == ("batches: batches 4/4", 8)
+    whole, _ = run_searched(tmp_path / "whole", RANDOM.replace("3}", "4}"))
+    assert proposed_values(summary.campaign) == proposed_values(whole.campaign)
+    later = resume(summary.campaign, LocalOptions(runtime="process"), Recorder())
+    assert (later.total, len(proposed_values(summary.campaign))) == (8, 4), (
+        "as it was told the last time"
+    )
+    with pytest.raises(InputError, match=r"has 4 batches; .* give more than 4"):
+        resume(summary.campaign, LocalOptions(runtime="process", batches=4), Recorder())
+
+
+def test_what_is_refused_changes_nothing(tmp_path: Path) -> None:
+    summary, _ = run_searched(tmp_path, at_random(1))
+    record = summary.campaign / "_execution" / "execution.yaml"
+    before = record.read_text()
+    with (
+        exclusive_folder(Layout(summary.campaign).running, ""),
+        pytest.raises(StorageError, match="another `vast` is executing this campaign"),
+    ):
+        resume(summary.campaign, LocalOptions(runtime="process", batches=9), Recorder())
+    assert record.read_text() == before
+
+
+def test_more_runs_than_a_campaign_can_have_are_refused_before_there_is_one(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(InputError, match=r"runs, more than 10,000,000"):
+        run_searched(tmp_path, RANDOM, runs=RUNS_LIMIT)
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_has_no_effect_in_a_search_that_goes_on_is_said(tmp_path: Path) -> None:
+    summary, _ = run_searched(tmp_path, at_random(1))
+    name = next(iter(History(Layout(summary.campaign)).configs().values()))
+    recorder = Recorder()
+    options = LocalOptions(runtime="process", select=[name], runs=9, abort_on_failure=True)
+    resume(summary.campaign, options, recorder)
+    assert recorder.started == []
+    assert [text for text in recorder.messages if text.startswith("--")] == [
+        "--config has no effect in a search.",
+        "--abort-on-failure has no effect in a search.",
+        "--runs has no effect, since the search has ended: give `--batches`, too.",
+    ]
+
+
+def test_batches_belong_to_searches_alone(tmp_path: Path) -> None:
+    path = make_campaign(tmp_path, "true\n")
+    options = LocalOptions(runtime="process", batches=2)
+    with pytest.raises(InputError, match="has no `search`"):
+        execute_document(load_document(path), tmp_path / "out", options, Recorder())
+    summary, _ = run_searched(tmp_path / "one", RANDOM, batches=1)
+    assert len(proposed_values(summary.campaign)) == 1
 
 
 PLUGINS = '''\
@@ -134,39 +220,22 @@ from robovast.search.strategy import SearchStrategy
 from robovast.search.types import ParamSet, SearchReport
 
 
-class Repeats(SearchStrategy):
-    """Proposes the same set twice in a batch, and again with more runs later."""
-
-    def __init__(self, cfg, params):
-        super().__init__(cfg, params)
-        self.told = []
-
-    def ask(self, n):
-        if not self.told:
-            return [ParamSet({"x": 60}), ParamSet({"x": 60}), ParamSet({"x": 10})]
-        return [ParamSet({"x": 60}, n_reps=3), ParamSet({"x": 10})]
-
-    def tell(self, evaluations):
-        self.told.append([(ev.params.values["x"], ev.n_samples) for ev in evaluations])
-
-    def report(self):
-        return SearchReport(extra={"told": self.told})
-
-
 class Odd(Extractor):
-    """Fails for one set, gives nan for another."""
+    """Fails for one set, gives nan for another, and leaves the objective of a third out."""
 
     def extract(self, config_dir: Path):
         (value, *_) = {int(run.joinpath("out.csv").read_text().split(",")[-1])
                        for run in completed_run_dirs(config_dir)}
         if value == 60:
             raise SystemExit("no 60s")
+        if value == 30:
+            return ExtractResult({"other": 1.0})
         return ExtractResult({"score": float("nan") if value == 10 else value * self.params["by"]})
 
 
 class Three(SearchStrategy):
     def ask(self, n):
-        return [ParamSet({"x": x}) for x in (10, 60, 3)]
+        return [ParamSet({"x": x}) for x in (10, 60, 30, 3)]
 
     def tell(self, evaluations):
         self.seen = [ev.objectives["score"] for ev in evaluations]
@@ -213,47 +282,41 @@ def with_plugins(folder: Path, asked: str = "[]") -> None:
     (folder / "plugins.py").write_text(PLUGINS.replace("ASKED", asked))
 
 
-def test_equal_sets_are_run_once_and_more_repetitions_are_added(tmp_path: Path) -> None:
-    with_plugins(tmp_path)
-    extra = RANDOM.replace("strategy: random", "strategy: ./plugins.py:Repeats")
-    extra = extra.replace("batches: 3", "batches: 2").replace("per_batch: 2", "per_batch: 3")
-    summary, _ = search(tmp_path, extra)
-    assert len(summary.records) == 4, "x = 60 three times, x = 10 once"
-    assert summary.report is not None
-    assert summary.report.extra["told"] == [[(60, 1), (60, 1), (10, 1)], [(60, 3), (10, 1)]]
-    assert (summary.campaign / "_config/plugins.py").is_file()
-
-
 def test_errors_of_an_extractor_are_the_sets_and_the_search_goes_on(tmp_path: Path) -> None:
     with_plugins(tmp_path)
     extra = """\
   strategy: ./plugins.py:Three
   extract: {plugin: ./plugins.py:Odd, params: {by: 2}}
   objectives: [{name: score, direction: minimize}]
-  per_batch: 3
+  per_batch: 4
   budget: [{batches: 1}]
 """
-    summary, recorder = search(tmp_path, extra)
+    summary, recorder = run_searched(tmp_path, extra)
     assert summary.report is not None
     assert summary.report.extra["seen"] == [6.0]
     told = " ".join(recorder.messages)
     assert "SystemExit: no 60s" in told
     assert "`score` must be a finite number, not nan" in told
+    assert "the objective `score` is missing; there are: other" in told
     scores = History(_layout(summary.campaign)).scores()
     assert sum("no 60s" in score.trace for score in scores.values()) == 1
     status = "SELECT status FROM unit ORDER BY status"
-    assert rows(summary.campaign, status) == [("errored",), ("errored",), ("evaluated",)]
+    assert stored_rows(summary.campaign, status) == [*[("errored",)] * 3, ("evaluated",)]
 
 
-def test_too_many_sets_without_a_score_end_the_search(tmp_path: Path) -> None:
-    extra = RANDOM + "  max_errors: 1\n"
-    summary, recorder = search(tmp_path, extra, script='kill -9 "$PPID"; exit 1\n')
-    assert summary.stop is not None
-    assert summary.stop.kind == "errors"
-    assert len(summary.records) == 4, "a set without a verdict is asked once more, then left out"
-    assert "they are run once more" in " ".join(recorder.messages)
-    assert summary.report is not None
-    assert summary.report.evaluations == [], "an errored run is no evidence"
+def test_a_terminal_says_what_takes_its_time(tmp_path: Path) -> None:
+    with_plugins(tmp_path)
+    plugins = tmp_path / "plugins.py"
+    plugins.write_text(f"import time\ntime.sleep(2)\n{plugins.read_text()}")
+    own = "strategy: ./plugins.py:Leaves\n  strategy_parameters: {at: never}"
+    summary, _ = run_searched(tmp_path, at_random(1).replace("strategy: random", own))
+    vast = Path(sys.executable).with_name("vast")
+    listing = [vast, "-V", tmp_path / "test.vast", "config", "list"]
+    code, shown = shown_on_terminal(listing, tmp_path)
+    assert (code, "\rReading test.vast … " in shown.replace("\x1b[K", "")) == (0, True), shown
+    code, shown = shown_on_terminal([vast, "results", "search", summary.campaign], tmp_path)
+    told = f"\rReading {summary.campaign.name} … "
+    assert (code, told in shown.replace("\x1b[K", "")) == (0, True), shown
 
 
 @pytest.mark.parametrize(
@@ -273,7 +336,7 @@ def test_nonsense_of_a_strategy_is_refused_before_anything_exists(
     with_plugins(tmp_path, asked)
     extra = RANDOM.replace("strategy: random", "strategy: ./plugins.py:Nonsense")
     with pytest.raises(InputError, match=message):
-        search(tmp_path, extra)
+        run_searched(tmp_path, extra)
     assert not (tmp_path / "out").exists()
 
 
@@ -283,24 +346,54 @@ def test_a_strategy_that_ends_the_process_is_one_clear_error(tmp_path: Path, met
     extra = RANDOM.replace("strategy: random", "strategy: ./plugins.py:Leaves")
     extra += f"  strategy_parameters: {{at: {method}}}\n"
     with pytest.raises(InputError, match=rf"`{method}` raised SystemExit: enough \(.*plugins.py:"):
-        search(tmp_path, extra)
+        run_searched(tmp_path, extra)
 
 
 def test_fewer_sets_than_asked_and_numbers_that_are_none_do_no_harm(tmp_path: Path) -> None:
     with_plugins(tmp_path)
     extra = RANDOM.replace("strategy: random", "strategy: ./plugins.py:Leaves")
     extra += "  strategy_parameters: {at: never}\n"
-    summary, _ = search(tmp_path, extra)
+    summary, _ = run_searched(tmp_path, extra)
     assert len(summary.records) == 1
     batches = History(_layout(summary.campaign)).batches
     assert [dict(batch.outcome.metrics) for batch in batches if batch.outcome] == [{"fine": 1}] * 3
 
 
-def test_a_template_that_makes_several_configurations_is_refused(tmp_path: Path) -> None:
-    extra = RANDOM + "  variations: [{ParameterVariationList: {name: x, values: [$x, 3]}}]\n"
-    with pytest.raises(InputError, match="make 2 configurations of the parameter set"):
-        search(tmp_path, extra)
+NONE = """\
+from robovast.common.variation import Variation
+
+
+class Nothing(Variation):
+    def variation(self, in_configs):
+        return []
+"""
+
+
+@pytest.mark.parametrize(
+    ("variation", "said"),
+    [
+        (
+            "ParameterVariationList: {name: x, values: [$x, 3]}",
+            "make 2 configurations of the parameter set",
+        ),
+        ("none.py:Nothing: {}", "`none.py:Nothing` made no configuration at all"),
+    ],
+)
+def test_a_template_that_makes_none_or_several_configurations_is_refused(
+    tmp_path: Path, variation: str, said: str
+) -> None:
+    (tmp_path / "none.py").write_text(NONE)
+    extra = f"{RANDOM}  variations: [{{{variation}}}]\n"
+    with pytest.raises(InputError, match=said):
+        run_searched(tmp_path, extra)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_space_of_one_point_is_run_once(tmp_path: Path) -> None:
+    document = DOCUMENT.replace("low: 0, high: 100", "low: 7, high: 7")
+    summary, _ = run_searched(tmp_path, RANDOM, document=document)
+    assert summary.stop is not None
+    assert (summary.stop.kind, len(summary.records)) == ("exhausted", 1)
 
 
 def _layout(campaign: Path) -> Any:
@@ -321,10 +414,48 @@ def test_a_failure_map_from_metrics_without_code(tmp_path: Path) -> None:
   per_batch: 2
   budget: [{batches: 2}]
 """
-    summary, recorder = search(tmp_path, extra)
+    summary, recorder = run_searched(tmp_path, extra)
     assert summary.report is not None, recorder.messages
     assert len(summary.report.evaluations) == 4, recorder.messages
     for evaluation in summary.report.evaluations:
         x = evaluation.params.values["x"]
         assert evaluation.measures["height"] == evaluation.measures["asked"] == x
     assert 0 <= summary.report.extra["failing_low"] <= summary.report.extra["failing_high"] <= 1
+
+
+WAITS = """\
+if [ "$1" = {x} ]; then
+  for _ in $(seq 300); do [ -e "$3/go" ] && exit 0; sleep 0.1; done
+  exit 1
+fi
+"""
+
+
+class Releases(Recorder):
+    """Lets a run end when so many have begun."""
+
+    def __init__(self, out: Path, begun: int) -> None:
+        super().__init__()
+        self.out = out
+        self.begun = begun
+
+    def run_started(self, run: Run) -> None:
+        super().run_started(run)
+        if len(self.started) == self.begun:
+            for folder in self.out.glob("*/.running/*/out/**/"):
+                (folder / "go").touch()
+
+
+def test_workers_begin_the_next_batch_before_the_last_run_of_this_one_ends(tmp_path: Path) -> None:
+    """A run of the second batch passes if one of the third begins meanwhile."""
+    path = make_campaign(tmp_path, "", RANDOM, document=DOCUMENT)
+    made = make_strategy(load_document(path))
+    _, (slow, _) = made.ask(2), made.ask(2)
+    (tmp_path / "files/step.sh").write_text(WAITS.format(x=slow.values["x"]))
+    recorder = Releases(tmp_path / "out", 5)
+    options = LocalOptions(runtime="process", jobs=2)
+    summary = execute_document(load_document(path), tmp_path / "out", options, recorder)
+    assert {record.verdict.value for record in summary.records} == {"passed"}
+    assert len(summary.records) == 6
+    ahead = [b.proposal.ahead for b in History(_layout(summary.campaign)).batches]
+    assert ahead == [0, 0, 1]

@@ -16,27 +16,15 @@ from robovast.model.document import load_document
 from robovast.search.local import SearchSummary, execute_document
 
 PAGE = "docs/search.md"
-SCENARIO = """\
-import osc.helpers
-
-scenario test:
-    speed: float = 1.0
-    load: int = 1
-    here: common
-    do serial:
-        run_process("bash " + here.get_scenario_file_directory() + "/files/step.sh"
-            + " %s" % load + " " + here.get_output_directory())
-"""
-STEP = 'echo "$1" > "$2/time.txt"; echo "time,error" > "$2/out.csv"; echo "0,$1" >> "$2/out.csv"\n'
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     (tmp_path / "files").mkdir()
-    (tmp_path / "files" / "step.sh").write_text(STEP + '[ "$1" -lt 5 ]\n')
-    (tmp_path / "scenario.osc").write_text(SCENARIO)
-    written = write_files(PAGE, "yaml", tmp_path) + write_files(PAGE, "python", tmp_path)
-    assert {"search.vast", "extract.py", "my_strategy.py"} <= set(written)
+    languages = ("osc", "sh", "yaml", "python")
+    written = {name for one in languages for name in write_files(PAGE, one, tmp_path)}
+    needed = {"scenario.osc", "files/robot.sh", "search.vast", "extract.py", "my_strategy.py"}
+    assert needed <= written
     return tmp_path
 
 

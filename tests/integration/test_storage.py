@@ -8,7 +8,7 @@ import os
 import threading
 import time
 import tracemalloc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 from pathlib import Path
@@ -48,14 +48,6 @@ def store(s3_server: Server) -> ObjectStore:
 def plain(s3_server: Server) -> Minio:
     keys = {"access_key": s3_server.access_key, "secret_key": s3_server.secret_key}
     return Minio(s3_server.endpoint, secure=False, **keys)
-
-
-@pytest.fixture
-def bucket(store: ObjectStore) -> Iterator[str]:
-    name = f"test-{uuid4().hex[:12]}"
-    store.make_bucket(name)
-    yield name
-    store.delete_bucket(name)
 
 
 def some_file(path: Path, size: int) -> Path:

@@ -14,12 +14,13 @@ def eventually(
 
     It is asked often at first and ever less so, since to ask a cluster takes work.
     """
-    deadline = time.monotonic() + seconds
+    begin = time.monotonic()
     pause = 0.02
     while not (found := condition()):
-        if time.monotonic() > deadline:
+        waited = time.monotonic() - begin
+        if waited > seconds:
             what = told if isinstance(told, str) else told()
             raise AssertionError(f"it did not happen in {seconds:g} s: {what}")
         time.sleep(pause)
-        pause = min(0.3, pause * 1.5)
+        pause = max(min(0.3, pause * 1.5), min(1.0, waited / 30))
     return found

@@ -14,6 +14,7 @@ from robovast.base.statistics import (
     anytime,
     fisher_exact,
     holm,
+    interval_text,
     least,
     mcnemar_exact,
     newcombe,
@@ -131,3 +132,10 @@ def test_a_share_has_as_many_digits_as_people_read() -> None:
     shares = (0, 1e-17, 0.001, 0.0749, 0.0996, 0.12345, 1)
     told = ["0 %", "0 %", "0.1 %", "7.5 %", "10 %", "12 %", "100 %"]
     assert [percent(share) for share in shares] == told
+
+
+def test_a_share_that_is_neither_none_nor_all_is_not_told_to_be_so() -> None:
+    shares = (1e-5, 0.0004, 0.0005, 0.9949, 0.995, 0.996, 0.9994, 0.9996, 1 - 1e-17)
+    told = ["<0.1 %", "<0.1 %", "0.1 %", "99 %", "99.5 %", "99.6 %", "99.9 %", ">99.9 %", "100 %"]
+    assert [percent(share) for share in shares] == told
+    assert interval_text((1e-5, 0.9996)) == "<0.1 – >99.9 %"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 
 from support.campaigns.bags import TREE, TREE_TYPE, Bag, typestore
@@ -14,6 +16,7 @@ from support.campaigns.bags import TREE, TREE_TYPE, Bag, typestore
 RADIUS = 2.0
 """Of the circle [m]"""
 ODOMETRY, SCAN, PLAN = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Path"
+PICTURE = "sensor_msgs/msg/CompressedImage"
 LOG, STRING, GRID = "rcl_interfaces/msg/Log", "std_msgs/msg/String", "nav_msgs/msg/OccupancyGrid"
 
 
@@ -67,6 +70,11 @@ class DriveBag(Bag):
         poses = [self.make(stamped, header, self.pose(x, y, 0.0)) for x, y in points]
         self.write("/plan", self.make(PLAN, header, poses), at)
 
+    def picture(self, at: float, data: bytes, topic: str = "/camera/image/compressed") -> None:
+        """Record a picture of the camera."""
+        pixels = np.frombuffer(data, np.uint8)
+        self.write(topic, self.make(PICTURE, self.header(at, "camera"), "jpeg", pixels), at)
+
     def say(self, at: float, level: int, text: str) -> None:
         """Record a log message."""
         stamp = self.header(at, "").stamp
@@ -104,8 +112,24 @@ def around(at: float) -> tuple[float, float, float]:
     return RADIUS * math.cos(angle), RADIUS * math.sin(angle), angle + math.pi / 2
 
 
-def record_drive(folder: Path, seconds: float = 20.0, **options: Any) -> Path:
-    """Write the bag of a drive, its frame `odom` a metre beside `map`; returns its folder."""
+def photo(red: int, format_: str = "JPEG") -> bytes:
+    """A small picture of one colour."""
+    file = io.BytesIO()
+    Image.new("RGB", (32, 24), (red, 0, 0)).save(file, format_)
+    return file.getvalue()
+
+
+def record_drive(
+    folder: Path, seconds: float = 20.0, pictures: bool = False, **options: Any
+) -> Path:
+    """Write the bag of a drive, its frame `odom` a metre beside `map`; returns its folder.
+
+    Args:
+        folder: of the bag.
+        seconds: of the drive.
+        pictures: whether it has a camera, whose pictures become redder and redder.
+        options: of the bag.
+    """
     with DriveBag(folder, **options) as bag:
         bag.transforms([bag.transform("base_link", "laser", 0.0, (0.1, 0.0, 0.2))], static=True)
         bag.behave(0.0, Drive=2)
@@ -115,6 +139,8 @@ def record_drive(folder: Path, seconds: float = 20.0, **options: Any) -> Path:
             bag.transforms([bag.transform("map", "odom", at, (1.0, 0.0, 0.0))])
             bag.odometry(at, *around(at))
             bag.scan(at, [2.5] * 90)
+            if pictures and i % 2 == 0:
+                bag.picture(at, photo(i % 256))
         bag.say(seconds / 2, 30, "the way is long")
         bag.say(seconds - 0.5, 40, "collision with the wall")
         bag.behave(seconds - 0.3, Drive=4)

@@ -43,6 +43,20 @@ execution:
 """
 
 
+AS_NEEDED = "  runs: {min: 2, max: 4, decide: {good: 0.1, bad: 0.6, error: 0.1}}\n"
+SOUND_BROKEN_MIXED = """\
+number=$(basename "$3")
+echo "$1,$number" > "$3/out.csv"
+case $1 in
+1) exit 0 ;;
+2) exit 1 ;;
+3) exit $((number % 2)) ;;
+esac
+"""
+"""One configuration passes, the next fails, and the third does either in turn."""
+DECISIONS = "1 sound after 3, 1 broken after 2, 1 undecided at 4; 9 of 12 runs needed"
+
+
 class Recorder:
     """Remembers what a campaign told it."""
 

@@ -127,9 +127,8 @@ class Execution:
                 (out / path).write_bytes(content)
             job = self._pack().job(1, (self._run,))
             result = TestResult(Verdict.FAILED, self.name)
-            return self._results.store_run(
-                EndedRun(job, self._run, out, result, (1e9, 1e9 + 1), None)
-            )
+            ended = EndedRun(job, self._run, out, result, (1e9, 1e9 + 1), None)
+            return self._results.store_run(ended).verdict
 
 
 def downloaded(store: ObjectStore, bucket: str, run: str) -> tuple[dict[str, Any], Files] | None:

@@ -159,11 +159,15 @@ def add_map(root: Path, variant: str) -> Path:
     return folder
 
 
-def record_moves(root: Path, variant: str, record: Any) -> None:
+def record_moves(root: Path, variant: str, record: Any, **parameters: Any) -> None:
     """What navigation variations have recorded of a configuration, among others."""
     configs = [
         {"name": "another", "_navigation": {"map_file": "another.yaml"}},
-        {"name": variant, "config": {"a": f"- name: {variant}"}, "_navigation": record},
+        {
+            "name": variant,
+            "config": {"a": f"- name: {variant}", **parameters},
+            "_navigation": record,
+        },
         {"name": f"{variant}0", "_navigation": {}},
     ]
     listed = dump_yaml({"vast": "hall.vast", "configs": configs})

@@ -1,6 +1,6 @@
 """Where executions of runs leave a trace that nothing which happens to them or to us can remove.
 
-    python tests/support/gauntlet/trace.py FILE
+    python tests/support/gauntlet/executions.py FILE
 
 takes lines on the node's address and appends each to FILE, with the time, before it answers.
 """

@@ -12,6 +12,8 @@ import yaml
 from robovast_testbed import gobuild, programs
 from robovast_testbed.kubernetes import Cluster
 
+from robovast.base.yaml_files import YamlLoader
+
 CHART = Path(__file__).parents[3] / "helm/robovast"
 Object = dict[str, Any]
 
@@ -46,7 +48,7 @@ def rendered(
 ) -> list[Object]:
     """The objects that Helm would create."""
     text = template(values or {}, cluster, namespace)
-    return [obj for obj in yaml.safe_load_all(text) if obj]
+    return [obj for obj in yaml.load_all(text, Loader=YamlLoader) if obj]  # the safe one
 
 
 def of_kind(objects: list[Object], kind: str) -> dict[str, Object]:

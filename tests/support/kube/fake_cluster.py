@@ -8,15 +8,20 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from robovast.base.ranges import count, format_ranges, merge, parse_ranges, spans, truncate
+from robovast.campaign.decisions import decide as decide_runs
+from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.pod_contract.messages import Proposed
 from robovast.kubeapi.status import CampaignStatus, Runs
+from robovast.model.packing import Pace
 from robovast.model.repetition import GroupSizes, list_name, list_text, parse_list, retry_groups
 from robovast_operator.decide import (
     AppendRuns,
     CreateShard,
     CreateTask,
+    CreateUpload,
     Decision,
     DeleteJob,
+    DeletePlan,
     ResizeJob,
     SuspendJob,
     decide,
@@ -79,9 +84,20 @@ SEARCH = {
 }
 
 
-def accepted(search: dict[str, Any] | None = None, **spec: Any) -> Accepted:
-    """The campaign, accepted; perhaps with a search in place of its entry."""
+AS_NEEDED = {"min": 2, "max": 6, "decide": {"good": 0.1, "bad": 0.6, "error": 0.1}}
+
+
+def accepted(
+    search: dict[str, Any] | None = None,
+    as_needed: dict[str, Any] | None = None,
+    execution: dict[str, Any] | None = None,
+    **spec: Any,
+) -> Accepted:
+    """The campaign, accepted; perhaps with a search in place of its entry, or runs as needed."""
     obj = campaign(**spec)
+    obj["spec"]["vast"]["execution"] |= execution or {}
+    if as_needed is not None:
+        obj["spec"]["vast"]["execution"]["runs"] = as_needed
     if search is not None:
         del obj["spec"]["vast"]["configuration"]
         obj["spec"]["vast"]["search"] = search
@@ -157,6 +173,8 @@ class World:
         self.executed: list[int] = []
         """Run ids in the order in which they were stored."""
         self.created: list[str] = []
+        self.uploads: list[str] = []
+        """Names of the Jobs that upload results, each as often as it was made."""
         self._groups: dict[str, list[list[int]]] = {}
         self.mute: set[str] = set()
         """Finish Jobs whose pods are gone."""
@@ -169,6 +187,10 @@ class World:
         """Names of Jobs that others have taken."""
         self.now = datetime(2026, 11, 21, 8, tzinfo=UTC)
         self.variant_limit = SETTINGS.variant_limit
+        self.pace: Pace | None = Pace(start=10.0, run=1.0)
+        """What the operator has measured, where packs are measured."""
+        self.totals: list[int] = []
+        """Runs of each plan of a search that was made of what it proposed."""
         self.batches: list[Proposed] = []
         """What the propose Jobs of a search say, the first one's words first."""
         if not campaign.is_search:
@@ -180,10 +202,12 @@ class World:
         first = first_plan(self.accepted, batches[0], "plan-0", 1000, "")
         assert isinstance(first, Revision), first
         self.revisions.append(first)
+        self.totals = [first.plan.total]
 
     def plan_more(self) -> None:
         """Fix what is asked for in a plan."""
-        name = self.accepted.identity.child(f"plan-{len(self.revisions)}")
+        number = self.revisions[-1].number + 1 if self.revisions else 0
+        name = self.accepted.identity.child(f"plan-{number}")
         new = next_revision(self.accepted, self.revisions, (), name)
         if new is not None:
             self.revisions.append(new)
@@ -233,25 +257,33 @@ class World:
                     for name, job in self.jobs.items()
                     if job.role == "propose" and job.over and name not in self.mute
                 },
+                pace=self.pace,
             ),
         )
 
     def work(self, verdict: str = "passed", which: int = 0) -> bool:
         """Let one pod end; False when none is there."""
+        return self.work_as(lambda _: verdict, which)
+
+    def work_as(self, verdict: Callable[[int], str], which: int = 0) -> bool:
+        """Let one pod end, each run as its id says; False when none is there."""
         busy = [job for job in self.jobs.values() if job.state().active]
         if not busy:
             return False
         job = busy[which % len(busy)]
         index = next(i for i in range(job.size) if i not in job.done)
-        job.done[index] = verdict if job.role == "shard" else "passed"
         job.ended = format_time(self.now)
+        given = "passed"
         for id_ in self._ids(job, index):
+            if self._is_decided(id_):
+                break
+            given = verdict(id_)
             attempted = (job.shard.attempt if job.shard else 1) > 1
             if id_ not in self.stored or (attempted and self.stored[id_] != "passed"):
                 self.executed.append(id_)
-                self.stored[id_] = verdict
-        if any(self.stored[id_] != "passed" for id_ in self._ids(job, index)):
-            job.done[index] = verdict if verdict != "passed" else "failed"
+                self.stored[id_] = given
+        bad = any(self.stored.get(id_, "passed") != "passed" for id_ in self._ids(job, index))
+        job.done[index] = (given if given != "passed" else "failed") if bad else "passed"
         return True
 
     def work_all(self, verdict: Callable[[int], str]) -> None:
@@ -265,6 +297,16 @@ class World:
                 found = {self.stored[id_] for id_ in self._ids(job, index)}
                 bad = [kind for kind in ("errored", "failed") if kind in found]
                 job.done.setdefault(index, bad[0] if bad else "passed")
+
+    def meet(self, kind: str, which: int, verdict: str) -> None:
+        """Let one thing happen: `look`, `dies before`, `dies amid` or `work`; no other kind."""
+        match kind:
+            case "look":
+                self.look()
+            case "dies before" | "dies amid":
+                self.look(dies=kind.split()[1])
+            case "work":
+                self.work(verdict, which)
 
     def settle(self, verdict: str = "passed", looks: int = 400) -> None:
         """Go on until nothing happens any more."""
@@ -302,18 +344,29 @@ class World:
             self._groups[name] = retry_groups(plan, parse_list(name, text))
         return self._groups[name][pack]
 
+    def _is_decided(self, id_: int) -> bool:
+        """Whether the stored runs before it decide about its variant."""
+        plan, test = self.revisions[-1].plan, self.accepted.vast.execution.test()
+        if test is None:
+            return False
+        ids = plan.numbers_of(plan.run(id_)[0])
+        stored = {n: Verdict(self.stored[i]) for n, i in ids.items() if i in self.stored}
+        return decide_runs(replace(test, most=None), stored).is_over
+
     def _reports(self, job: FakeJob) -> dict[int, Report]:
         reports = {}
         for index, verdict in job.done.items():
             if verdict == "lost" or index in self.unseen.get(job.name, ()):
                 continue
             ids: dict[str, list[int]] = {"passed": [], "failed": [], "errored": []}
-            for id_ in self._ids(job, index):
+            known = [id_ for id_ in self._ids(job, index) if id_ in self.stored]
+            for id_ in known:
                 ids[self.stored[id_]].append(id_)
             reports[index] = Report(
                 *(len(found) for found in ids.values()),
                 tuple(spans(ids["failed"])),
                 tuple(spans(ids["errored"])),
+                len(self._ids(job, index)) - len(known),
                 final=True,
             )
         return reports
@@ -321,13 +374,17 @@ class World:
     def _final(self) -> Final:
         """What finish finds in the bucket, and stores there."""
         total = self.revisions[-1].plan.total
-        verdicts = [self.stored.get(id_, "errored") for id_ in range(total)]
+        spared = {id_ for id_ in range(total) if id_ not in self.stored and self._is_decided(id_)}
+        verdicts = [
+            self.stored.get(i, "spared" if i in spared else "errored") for i in range(total)
+        ]
         by = {
             kind: spans(id_ for id_, found in enumerate(verdicts) if found in names)
             for kind, names in (("failed", ["failed"]), ("errored", ["errored", "lost"]))
         }
         numbers = {kind: count(found) for kind, found in by.items()}
-        runs = Runs(total=total, passed=total - sum(numbers.values()), **numbers)
+        passed = total - sum(numbers.values()) - len(spared)
+        runs = Runs(total=total, passed=passed, not_needed=len(spared), **numbers)
         bad = merge([*by["failed"], *by["errored"]])
         text = list_text(bad)
         name = list_name(text) if bad else ""
@@ -343,15 +400,26 @@ class World:
                 self._create(FakeJob(shard.job, "shard", shard.size, shard.parallelism, shard))
             case CreateTask(command, name, _):
                 self._create(FakeJob(name, command, 1, 1))
+            case CreateUpload(name):
+                self.uploads.append(name)
             case AppendRuns(plan):
-                if plan.number == len(self.revisions):  # as for Jobs
+                if plan.number == self.revisions[-1].number + 1:  # as for Jobs
                     self.revisions.append(plan)
+                    self.totals.append(plan.plan.total)
+            case DeletePlan(config_map):
+                self._delete_plan(config_map)
             case SuspendJob(job, suspend):
                 self.jobs[job].suspended = suspend
             case ResizeJob(job, parallelism):
                 self.jobs[job].parallelism = parallelism
             case DeleteJob(job):
                 self.jobs[job].deleting = True
+
+    def _delete_plan(self, config_map: str) -> None:
+        waiting = [job.shard.plan for job in self.jobs.values() if job.shard and not job.over]
+        assert config_map not in waiting, "its pods could not begin"
+        assert config_map != self.revisions[0].config_map
+        self.revisions = [r for r in self.revisions if r.config_map != config_map]
 
     def _create(self, job: FakeJob) -> None:
         if job.name not in self.jobs:  # the API server answers 409, which is as good

@@ -7,14 +7,16 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 from uuid import uuid4
 
 import pytest
-from robovast_testbed import containerd, images
+from robovast_testbed import bed, containerd, controlplane, images, node
 from robovast_testbed.errors import StartFailed
 from robovast_testbed.helm import helm
 from robovast_testbed.kubernetes import Cluster
@@ -184,14 +186,69 @@ class Lab:
         return found
 
 
+def make_lab(cluster: Cluster, name: str, folder: Path) -> Lab:
+    """A new namespace with credentials of the storage."""
+    cluster.kubectl("create", "namespace", name)
+    copy_credentials(cluster, name)
+    return Lab(cluster, name, folder, cluster.env)
+
+
+@contextmanager
+def bench_lab(name: str) -> Iterator[Lab]:
+    """A real node of a benchmark's own, with RoboVAST installed by its chart."""
+    with bed.session(f"{name}-{os.getpid()}") as own, TemporaryDirectory() as folder:
+        cluster = controlplane.start(own)
+        node.start(cluster, [images.archive()])
+        install(cluster)
+        yield make_lab(cluster, name, Path(folder))
+
+
 @pytest.fixture
 def lab(installed: Cluster, tmp_path: Path) -> Iterator[Lab]:
     """A namespace of the test's own, with credentials of the storage."""
     name = f"lab-{uuid4().hex[:6]}"
-    installed.kubectl("create", "namespace", name)
-    copy_credentials(installed, name)
-    yield Lab(installed, name, tmp_path, installed.env)
+    yield make_lab(installed, name, tmp_path)
     installed.kubectl("delete", "namespace", name, "--wait=false")
+
+
+@contextmanager
+def own_operator(lab: Lab) -> Iterator[Callable[[], None]]:
+    """An operator of the test's own in place of the installed one; call to kill and restart it."""
+    deployment = ("--namespace", SYSTEM, "scale", "deployment/robovast-operator")
+    lab.cluster.kubectl(*deployment, "--replicas=0")
+    lab.cluster.kubectl(
+        *("--namespace", SYSTEM, "wait", "pod", "--selector=app=robovast-operator"),
+        *("--for=delete", "--timeout=60s"),
+    )
+    environment = {
+        **os.environ,
+        **lab.env,
+        "ROBOVAST_AGENT_IMAGE": images.AGENT,
+        "ROBOVAST_S3_ENDPOINT": f"http://robovast-s3.{SYSTEM}.svc:9000",
+        "ROBOVAST_PORT": "0",
+        "ROBOVAST_LEASE_SECONDS": "2",
+        "ROBOVAST_STATUS_SECONDS": "1",
+        "POD_NAMESPACE": lab.namespace,
+        "POD_NAME": "same",
+    }
+    processes: list[subprocess.Popen[bytes]] = []
+    log = (lab.folder / "operator.log").open("ab")
+
+    def restart() -> None:
+        if processes:
+            processes[-1].kill()
+            processes[-1].wait()
+        command = [sys.executable, "-m", "robovast_operator"]
+        processes.append(subprocess.Popen(command, env=environment, stdout=log, stderr=log))
+
+    restart()
+    try:
+        yield restart
+    finally:
+        processes[-1].terminate()
+        processes[-1].wait(timeout=30)
+        log.close()
+        lab.cluster.kubectl(*deployment, "--replicas=1")
 
 
 def files(campaign: Path) -> set[str]:

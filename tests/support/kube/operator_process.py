@@ -64,6 +64,46 @@ def finish_stage(campaign: str, total: int) -> str:
     return FINISH_STAGE.format(campaign=campaign, message=message)
 
 
+def needed_stages(campaign: str, variants: int, most: int, needed: int) -> list[str]:
+    """The Stages of a campaign each of whose variants passes in as many runs as are needed."""
+    said = {"passed": "", "failed": "", "errored": "", "counts": [needed, 0, 0]}
+    spared = most - needed
+    counts = {"total": variants * most, "passed": variants * needed, "failed": 0, "errored": 0}
+    told = f"{variants} sound after {needed}"
+    summary = {**counts, "notNeeded": variants * spared, "decisions": told}
+    run = FINISH_STAGE.replace("finish", "shard").replace("name: shard\n", "name: agent\n")
+    words = {FINISH_STAGE: summary, run: {**said, "notNeeded": spared}}
+    return [t.format(campaign=campaign, message=json.dumps(w)) for t, w in words.items()]
+
+
+def measured_stages(campaign: str, total: int) -> list[str]:
+    """The Stages of a campaign whose pods say that a run took 2 s, and all of them 22 s."""
+    said = {"passed": "", "failed": "", "errored": "", "executed": 1, "seconds": 2.0}
+    run = FINISH_STAGE.replace("finish", "shard").replace("name: shard\n", "name: agent\n")
+    run = run.replace("shardedAt", "finishedAt").replace(
+        'finishedAt: "2026-01-01T00:00:00Z"', 'finishedAt: "2026-01-01T00:00:22Z"'
+    )
+    run = run.replace(
+        "phase: Succeeded\n", 'phase: Succeeded\n      startTime: "2026-01-01T00:00:00Z"\n'
+    )
+    return [
+        finish_stage(campaign, total),
+        run.format(campaign=campaign, message=json.dumps(said)),
+    ]
+
+
+def failing_stages(campaign: str, total: int) -> list[str]:
+    """The Stages of a campaign all of whose runs fail, and whose pods say why."""
+    bad = [{"run": "one-1/0", "verdict": "failed", "reason": "goal not reached"}]
+    said = {"passed": "", "failed": "", "errored": "", "counts": [0, 1, 0], "bad": bad}
+    counts = {"total": total, "passed": 0, "failed": total, "errored": 0}
+    run = FINISH_STAGE.replace("finish", "shard").replace("name: shard\n", "name: agent\n")
+    run = run.replace("shardedAt", "finishedAt").replace("phase: Succeeded", "phase: Failed")
+    run = run.replace("exitCode: 0", "exitCode: 10")
+    words = {FINISH_STAGE: counts, run: said}
+    return [t.format(campaign=campaign, message=json.dumps(w)) for t, w in words.items()]
+
+
 def proposal_stages(campaign: str, words: Sequence[Mapping[str, Any]]) -> list[str]:
     """The Stages of a search's propose Jobs, whose words are given, the first one's first."""
     stages = []
@@ -98,7 +138,7 @@ def prepare(cluster: Cluster, nodes: int, stages: list[str], *, tainted: bool = 
     )
 
 
-FINISHED = {"many": 200, "few": 6, "hunted": 300, "seek": 17}
+FINISHED = {"many": 200, "few": 6, "hunted": 300, "seek": 17, "more": 17}
 """Runs of the campaigns that come to their end on fake nodes, by name."""
 
 
@@ -110,8 +150,13 @@ SAID: list[dict[str, Any]] = [
     {"blocks": [], "digest": DIGEST, "batch": 2, "evaluated": 8, "best": "failure_rate 1",
      "criteria": "batches 2/2", "stop": "batches", "stopReason": "batches: batches 2/2"},
 ]  # fmt: skip
-PROPOSED = {"seek": SAID, "odd": [SAID[0], {**SAID[1], "blocks": [[0, 1, 0, 1]]}]}
-"""What the propose Jobs of searches say on fake nodes, by name; `odd` asks for runs twice."""
+PROPOSED = {
+    "seek": SAID,
+    "odd": [SAID[0], {**SAID[1], "blocks": [[0, 1, 0, 1]]}],
+    "more": [*SAID, {**SAID[2], "criteria": "batches 2/3", "stop": "exhausted"}],
+}
+"""What the propose Jobs of searches say on fake nodes, by name; `odd` asks for runs twice, `more`
+is asked again when it has ended."""
 
 
 @pytest.fixture(scope="session")
@@ -119,6 +164,9 @@ def fake_cluster(control_plane: Cluster) -> Cluster:
     """A control plane with fake nodes on which pods end at once."""
     stages = [finish_stage(*campaign) for campaign in FINISHED.items()]
     stages += [s for campaign in PROPOSED.items() for s in proposal_stages(*campaign)]
+    stages += needed_stages("needed", 3, 50, 18)
+    stages += measured_stages("measured", 300)
+    stages += failing_stages("sour", 60)
     prepare(control_plane, 4, stages)
     return control_plane
 
@@ -310,7 +358,9 @@ def created(cluster: Cluster, namespace: str, kind: str) -> Counter[str]:
     return found
 
 
-def campaign(name: str, namespace: str, variants: int, runs: int, **spec: Any) -> dict[str, Any]:
+def campaign(
+    name: str, namespace: str, variants: int, runs: int | dict[str, Any], **spec: Any
+) -> dict[str, Any]:
     """A Campaign for fake nodes."""
     vast = {
         "version": 1,

@@ -80,7 +80,8 @@ class Campaign:
         entries = tuple(
             Entry(name=name, variants=sum(v.entry == name for v in variants)) for name in names
         )
-        runs = self.given.pop("runs", document.vast.execution.runs)
+        image = self.given.pop("image", "registry/image:tag")
+        runs = self.given.pop("runs", document.vast.execution.most_runs)
         self.plan = CampaignPlan(
             campaign=self.name,
             bucket=self.bucket,
@@ -89,14 +90,15 @@ class Campaign:
             document=self.vast.name,
             **{"expansion": "pure", **self.given},
             runs=runs,
-            image="registry/image:tag",
+            image=image,
             entries=entries,
             plan=None
             if searches
             else PlanSpec(
                 blocks=first_blocks(entries, runs),
-                runs_per_job=document.vast.execution.runs_per_job,
+                runs_per_job=document.vast.execution.runs_per_start,
                 breaks=cuts,
+                by_variant=document.vast.execution.test() is not None,
             ),
         )
         self._mount()
@@ -236,8 +238,20 @@ class Pod:
         return (self.work / f"{name}.log").read_text()
 
     def message(self) -> Any:
-        """The termination message."""
-        return json.loads(self.message_file.read_text())
+        """The termination message, but for how long the runs took, and why some are bad."""
+        said = json.loads(self.message_file.read_text())
+        apart = ("executed", "seconds", "bad")
+        return {key: value for key, value in said.items() if key not in apart}
+
+    def bad(self) -> dict[str, str]:
+        """Why the first bad runs are, as the pod says, by folder."""
+        said = json.loads(self.message_file.read_text())
+        return {told["run"]: f"{told['verdict']}: {told['reason']}" for told in said.get("bad", ())}
+
+    def took(self) -> tuple[int, float]:
+        """How many runs the pod says that it has executed, and for how long [s]."""
+        said = json.loads(self.message_file.read_text())
+        return said.get("executed", 0), said.get("seconds", 0.0)
 
     def kill(self, container: subprocess.Popen[bytes] | None = None) -> None:
         """End a container at once, or all of them, as the loss of a node does."""

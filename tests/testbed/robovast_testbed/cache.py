@@ -79,13 +79,16 @@ def _discard(folder: Path) -> None:
 
 
 def digest(paths: Iterable[Path], *more: str) -> str:
-    """Return a short hash of files (whole folders too), by relative name and content."""
+    """Return a short hash of files (whole folders too), by relative name and content.
+
+    Bytecode is left out: it appears as soon as somebody imports the code.
+    """
     total = hashlib.sha256()
     for text in more:
         total.update(text.encode() + b"\0")
     for path in paths:
         files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
-        for file in files:
+        for file in (f for f in files if f.parent.name != "__pycache__"):
             name = file.relative_to(path).as_posix() if path.is_dir() else file.name
             total.update(f"{name}\0{file.stat().st_mode & 0o111:o}\0".encode())
             total.update(file.read_bytes() + b"\0")

@@ -64,6 +64,14 @@ class Containerd:
         """Give the kubelet the images of a `docker save` archive."""
         run([*self._ctr(), "images", "import", "--local", archive])
 
+    def named_by_digest(self, image: str) -> str:
+        """Give an image the name that it has by its digest, and return that name."""
+        listed = run([*self._ctr(), "images", "list", f"name=={image}"])
+        digest = next(word for word in listed.split() if word.startswith("sha256:"))
+        name = f"{image.rpartition(':')[0]}@{digest}"
+        run([*self._ctr(), "images", "tag", "--force", image, name])
+        return name
+
     def answers(self) -> bool:
         """Say whether it is ready."""
         probe = subprocess.run([*self._ctr(), "version"], capture_output=True, check=False)

@@ -8,6 +8,7 @@ from . import cache
 from .commands import run
 from .errors import Unavailable
 
+OSMESA = "/usr/lib/x86_64-linux-gnu/libOSMesa.so.8"
 PACKAGES = {
     "bridge": "iproute2",
     "bwrap": "bubblewrap",
@@ -25,6 +26,7 @@ PACKAGES = {
     "runc": "runc",
     "shellcheck": "shellcheck",
     "Xvfb": "xvfb",
+    OSMESA: "libosmesa6",
     "/usr/lib/cni/bridge": "containernetworking-plugins",
 }
 SUITE = "bookworm"
@@ -34,14 +36,14 @@ ROOTFS_VERSION = "2"
 
 
 def require(*programs: str) -> None:
-    """Install the Debian packages of those `programs` (keys of PACKAGES) that are missing.
+    """Install the Debian packages of what is missing of `programs` (keys of PACKAGES).
 
     :raises Unavailable: without root or apt-get.
     """
     if os.geteuid() != 0:
         raise Unavailable("the testbed needs root (network namespaces, mounts, cgroups)")
     with cache.locked("apt"):
-        packages = sorted({PACKAGES[p] for p in programs if shutil.which(p) is None})
+        packages = sorted({PACKAGES[p] for p in programs if not _is_there(p)})
         if not packages:
             return
         if shutil.which("apt-get") is None:
@@ -50,6 +52,10 @@ def require(*programs: str) -> None:
         apt = ["apt-get", "-qq", "-o", "DPkg::Lock::Timeout=300"]
         run([*apt, "update"], env=env)
         run([*apt, "install", "--yes", "--no-install-recommends", *packages], env=env)
+
+
+def _is_there(program: str) -> bool:
+    return Path(program).exists() if "/" in program else shutil.which(program) is not None
 
 
 def rootfs() -> Path:

@@ -50,9 +50,9 @@ class Cluster:
         return run([*self._kubectl, *arguments], stdin=stdin)
 
     @contextmanager
-    def watching(self, *arguments: str) -> Iterator[Iterator[str]]:
-        """Start `kubectl get --watch ARGUMENTS`, for the lines that it shows."""
-        command = [*self._kubectl, "get", "--watch", *arguments]
+    def watching(self, *arguments: str, seconds: float = 60) -> Iterator[Iterator[str]]:
+        """Start `kubectl get --watch ARGUMENTS`, for the lines that it shows within `seconds`."""
+        command = ["timeout", str(seconds), *self._kubectl, "get", "--watch", *arguments]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None
             try:

@@ -70,6 +70,8 @@ def _kubelet(cluster: Cluster, engine: containerd.Containerd) -> list[str]:
         "featureGates": {"KubeletInUserNamespace": True},
         # How long a changed Secret takes to reach a mounted volume; Kueue starts by waiting for it.
         "syncFrequency": "2s",
+        # How soon a volume that has outgrown its limit is noticed.
+        "volumeStatsAggPeriod": "5s",
         # The machine's own disk may be nearly full; images cannot be pulled again.
         "imageGCHighThresholdPercent": 100,
         "evictionHard": {"imagefs.available": "0%", "nodefs.available": "0%"},

@@ -14,7 +14,7 @@ from importlib import import_module
 
 for command in ("fetch", "agent"):
     import_module(f"robovast.agent.{command}")
-from robovast.model.document.model import Execution
+from robovast.model.document.execution import Execution
 
 unused = {"IPython", "numpy", "pandas", "scipy"}
 print(sorted(unused & set(sys.modules)), bool(Execution.model_fields["timeout"].description))
@@ -31,3 +31,11 @@ def test_containers_beside_runs_start_without_what_they_never_use(
         capture_output=True, text=True, timeout=120, check=True,
     )  # fmt: skip
     assert said.stdout == f"[] {described}\n"
+
+
+def test_the_agent_imports_nothing_of_minio_that_is_for_administrators() -> None:
+    command = [sys.executable, "-X", "importtime", "-m", "robovast.agent", "agent", "--help"]
+    told = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    imported = {line.rpartition("|")[2].strip() for line in told.stderr.splitlines()}
+    assert "minio.api" in imported
+    assert {name.partition(".")[0] for name in imported}.isdisjoint({"Crypto", "argon2", "cffi"})

@@ -91,6 +91,18 @@ def test_runs_of_equal_configurations_come_together(tmp_path: Path) -> None:
     assert after == before, "the campaigns were changed"
 
 
+def test_that_runs_were_added_to_one_of_them_stays_known(tmp_path: Path) -> None:
+    for number, added in enumerate(("", "runs_added: true\n", "more_runs: {hall: 3}\n")):
+        results = tmp_path / str(number)
+        first = make_campaign(results, FIRST, {"hall": "1"}, 2)
+        (first / "_execution/execution.yaml").write_text(f"runs: 2\n{added}")
+        merged = merge_campaigns(
+            [first, make_campaign(results, SECOND, {"hall": "1"}, 2)], results / "m"
+        )
+        record = yaml.safe_load((merged.target / "_execution/execution.yaml").read_text())
+        assert (record["runs"], record.get("runs_added")) == (4, True if added else None)
+
+
 def test_a_merged_run_is_a_run_of_the_new_campaign(tmp_path: Path) -> None:
     first = make_campaign(tmp_path, FIRST, {"one-1": "A"}, 1)
     second = make_campaign(tmp_path, SECOND, {"one-1": "A"}, 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -42,7 +43,11 @@ TRACEBACK = [
 
 
 def reason(
-    folder: Path, *log: str, said: str = COMMAND.format("failed with 1"), tree: str = TREE
+    folder: Path,
+    *log: str,
+    said: str = COMMAND.format("failed with 1"),
+    tree: str = TREE,
+    run: str = "",
 ) -> str:
     """The reason of a run that failed with this log."""
     text = tree + (f" -- {said}" if said else "")
@@ -52,7 +57,7 @@ def reason(
         f'name="start_time" value="{START}"/></properties><failure message="execution failed.">'
         f"{text}</failure></testcase></testsuite>"
     )
-    judged = judge(read_test_result(folder), Ending(1), 60, "\n".join(log).encode())
+    judged = judge(read_test_result(folder), Ending(1), 60, "\n".join(log).encode(), run)
     assert judged.verdict is Verdict.FAILED
     return judged.reason
 
@@ -150,6 +155,37 @@ def test_the_timeout_of_the_scenario_is_told_with_the_action_that_it_stopped(
     )
 
 
+def test_a_run_of_a_pack_is_not_told_with_the_error_of_the_next_one(tmp_path: Path) -> None:
+    """Both begin within a second; the log names them."""
+    own, other = error("the first one's"), error("the second one's")
+    later = executor("INFO", "Executing scenario 'navigate'", 0.3)
+    log = ["[robovast] run a/0", BEGIN, own, END, "[robovast] run a/1", later, other, END]
+    assert reason(tmp_path, *log, run="a/0") == "run_process: the first one's"
+    assert reason(tmp_path, *log, run="a/1") == "run_process: the second one's"
+
+
+def test_what_the_next_run_writes_is_not_its_own_where_its_beginning_is_missing(
+    tmp_path: Path,
+) -> None:
+    costmap = [error("costmap 2 timed out")] * 9
+    log = [error("grasp lost"), END, "[robovast] run a/1", BEGIN, *costmap]
+    assert reason(tmp_path, *log, run="a/0") == "run_process: grasp lost"
+    silent = reason(tmp_path, END, *log[2:], run="a/0", said="")
+    assert "costmap" not in silent
+
+
+def test_the_executors_own_beginning_is_no_output_of_a_run(tmp_path: Path) -> None:
+    log = ["[robovast] run a/0", BEGIN]
+    assert "Executing" not in reason(tmp_path, *log, run="a/0")
+
+
+def test_messages_that_two_threads_wrote_on_one_line_are_told_apart(tmp_path: Path) -> None:
+    line = executor("INFO", "final population 355.8") + error("share below 0.85")
+    assert reason(tmp_path, BEGIN, line, END) == "run_process: share below 0.85"
+    turned = error("share below 0.85") + executor("INFO", "final population 355.8")
+    assert reason(tmp_path, BEGIN, turned, END) == "run_process: share below 0.85"
+
+
 def test_a_crash_is_told_with_its_last_error(tmp_path: Path) -> None:
     log = "\n".join([BEGIN, *TRACEBACK, "/config/entrypoint.sh: line 200: 9 Killed"])
     crashed = judge(read_test_result(tmp_path), Ending(137), 60, log.encode())
@@ -216,3 +252,28 @@ def test_a_rule_of_another_package_knows_its_own_format(tmp_path: Path) -> None:
 def test_a_rule_that_fails_says_so_and_changes_no_verdict(tmp_path: Path) -> None:
     found = reason(tmp_path, BEGIN, "{no json", END)
     assert "the rule `json` of robovast.failure_reasons failed: JSONDecodeError" in found
+
+
+CRASH = """\
+import ctypes, threading, time
+threading.Thread(target=time.sleep, args=(9,), daemon=True).start()
+
+def steer():
+    ctypes.string_at(0)
+
+steer()
+"""
+
+
+def test_the_crash_of_a_program_in_python_has_its_place(tmp_path: Path) -> None:
+    (tmp_path / "pilot.py").write_text(CRASH)
+    command = [sys.executable, "-X", "faulthandler", "pilot.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "Segmentation fault" in done.stderr
+    modules = "Extension modules: yaml._yaml, numpy.linalg (total: 2)"
+    said = [*done.stderr.splitlines(), modules]
+    found = reason(
+        tmp_path, BEGIN, *map(error, said), END, said=COMMAND.format(f"failed with {-11}")
+    )
+    place = "Segmentation fault in steer (pilot.py, line 5)"
+    assert found == f"run_process: python3 navigate.py was ended by SIGSEGV; {place}"

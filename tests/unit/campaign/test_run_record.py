@@ -14,7 +14,7 @@ from robovast.analysis.provenance import write_graph, write_metadata
 from robovast.analysis.tables.runs import run_rows
 from robovast.campaign.layout import Layout
 from robovast.campaign.run_files import FileList, read_list, write_list
-from robovast.campaign.run_record import parse_run_record
+from robovast.campaign.run_record import parse_known, parse_run_record
 from robovast.evaluation.stored_runs import read_variant
 
 
@@ -73,6 +73,16 @@ def test_without_a_record_all_readers_tell_by_the_test_result(tmp_path: Path, co
     assert told(campaign) == {("passed", "run.json cannot be read, so test.xml decides")}
 
 
+def test_a_test_result_that_cannot_be_read_either_decides_nothing(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 3)
+    for name in ("run.json", "test.xml"):
+        (campaign / "c-1/0" / name).write_text("")
+    ((verdict, reason),) = told(campaign)
+    assert verdict == "errored"
+    assert reason.startswith("test.xml is not valid: ")
+    assert reason.endswith("; run.json cannot be read")
+
+
 def test_a_run_that_has_no_record_needs_no_note(tmp_path: Path) -> None:
     campaign = finished_campaign(tmp_path, 3)
     (campaign / "c-1/0/run.json").unlink()
@@ -94,3 +104,24 @@ def test_what_is_not_known_stays_in_a_list_of_files() -> None:
     listed = read_list(json.dumps({"files": [item]}).encode())
     assert [file.path for file in listed] == ["a"]
     assert json.loads(write_list(listed)) == {"files": [item]}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"weather": "fair"},
+        {"unknown": 1},
+        {"schema": 2},
+        {"verdict": "flaky"},
+        {"run": "x"},
+        {"reason": "cut \ud800"},
+        {"files": {"path": 1}},
+        {"duration": float("nan")},
+        {"duration": 10**400},
+    ],
+)
+def test_lists_read_a_record_as_everyone_does(tmp_path: Path, changes: dict[str, object]) -> None:
+    text = change(finished_campaign(tmp_path, 3), **changes)
+    for content in (text, text.encode(), text[:-9]):
+        assert repr(parse_known(content)) == repr(parse_run_record(content))

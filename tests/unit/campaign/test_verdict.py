@@ -207,3 +207,10 @@ def test_a_gigabyte_of_nothing_is_told_and_not_read(tmp_path: Path) -> None:
     result = read_test_result(tmp_path)
     assert (result.verdict, "is larger than" in result.reason) == (Verdict.ERRORED, True)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 32 << 10, "KiB"
+
+
+def test_a_scenario_that_cannot_be_parsed_was_not_tried(tmp_path: Path) -> None:
+    case = '<testcase><failure message="parsing failed">gain integer expected</failure></testcase>'
+    result = result_of(tmp_path, SUITE.format(e=0, f=1, case=case))
+    assert result.verdict is Verdict.ERRORED
+    assert result.reason == "the scenario cannot be parsed: gain integer expected"

@@ -126,7 +126,9 @@ error: 3 problems in bad.vast
 """,
     ),
     "names": (
-        HEAD + "configuration:\n- name: a\n- name: a\n- name: a/b\n- name: ..\n" + TAIL,
+        HEAD
+        + "configuration:\n- name: a\n- name: a\n- name: a/b\n- name: ..\n- name: campaign.db\n"
+        + TAIL,
         """\
 bad.vast:4:9: configuration[1].name: the name `a` stands twice; the first is configuration[0]
     Results are kept by name: give each configuration its own.
@@ -136,7 +138,10 @@ and `.`, beginning with a letter or digit, at most 100
 bad.vast:6:9: configuration[3].name: `..` cannot name a folder: use letters, digits, `-`, `_` \
 and `.`, beginning with a letter or digit, at most 100
     Unique name; the results folders begin with it.
-error: 3 problems in bad.vast
+bad.vast:7:9: configuration[4].name: `campaign.db` is a file of the campaign itself: choose \
+another name
+    Unique name; the results folders begin with it.
+error: 4 problems in bad.vast
 """,
     ),
     "an alias of what it is part of": (
@@ -174,9 +179,10 @@ def test_run_files_that_are_not_there_are_a_warning(vast, folder: Path) -> None:
     assert outcome.err == (
         f"warning: bad.vast:5:5: execution.run_files[0]: `files/*.py` matches no file in {folder}\n"
         "    Patterns are relative to the .vast file and stay in its folder.\n"
-        "differs: bad.vast:1:1: one configuration, `config1`, runs; there nothing did\n"
-        "differs: bad.vast:5:5: execution.run_files[0]: `files/*.py` gives a warning; "
-        "there it gives none\n"
+        "differs from the existing tool: bad.vast:1:1: one configuration, `config1`, runs; "
+        "there nothing did\n"
+        "differs from the existing tool: bad.vast:5:5: execution.run_files[0]: `files/*.py` gives "
+        "a warning; there it gives none\n"
     )
 
 
@@ -337,6 +343,9 @@ def test_files_that_cannot_be_read(vast, folder: Path) -> None:
     ("arguments", "message"),
     [
         (["confg"], "No such command 'confg'. Did you mean 'config'?"),
+        (["summary"], "No such command 'summary'. Did you mean `vast results summary`?"),
+        (["run"], "Did you mean `vast exec cluster run`, `vast exec local run`?"),
+        (["results", "summary", "a", "b"], "If a `*` on the command line stands for several files"),
         (["config", "lst"], "No such command 'lst'. Did you mean 'list'?"),
         (["config", "list", "-o", "xml"], ": must be one of table, name, json, yaml, not 'xml'."),
         (["-l", "wrning", "config", "list"], "not 'wrning'. Did you mean 'warning'?"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -73,6 +74,20 @@ def test_the_summary_has_one_line_for_each_cause() -> None:
     ]
 
 
+def test_a_module_that_plain_processes_lack_is_told_with_the_remedy() -> None:
+    records = failed("run_process: ModuleNotFoundError: No module named 'rclpy'", "collision")
+    lines = list(summary_lines(Summary(Path("out/c"), 2, records, False)))
+    (remedy,) = [line for line in lines if "ROBOVAST_PROCESS_ENV" in line]
+    assert "export ROBOVAST_PROCESS_ENV=$(scripts/ros-environment)" in remedy
+    lines = list(summary_lines(Summary(Path("out/c"), 1, failed("collision"), False)))
+    assert not any("ROBOVAST_PROCESS_ENV" in line for line in lines)
+
+
+def test_a_campaign_whose_runs_only_follow_does_not_begin_with_none(capsys) -> None:
+    LocalView().campaign_started(Path("out/c"), 0, 0, "process, 2 side by side")
+    assert capsys.readouterr().out == "process, 2 side by side, into out/c\n"
+
+
 def test_crashes_and_timeouts_are_never_among_the_causes_that_are_left_out() -> None:
     words = [f"{a}{b}" for a in "abcdefghij" for b in "abcde"]
     records = failed(*words) + failed("stopped after 6 s", verdict=E)
@@ -107,6 +122,10 @@ def test_an_unfinished_campaign_says_how_to_go_on() -> None:
         "Results: out/c",
         "Continue: vast exec local run --resume out/c",
     ]
+    spaced = replace(summary(P, total=4), campaign=Path("my results/c"))
+    assert list(summary_lines(spaced))[-1] == (
+        "Continue: vast exec local run --resume 'my results/c'"
+    )
 
 
 def play(view: LocalView, runs: list[Run], verdicts: list[Verdict], done: int = 0) -> None:

@@ -41,10 +41,28 @@ def test_what_got_worse_is_named_and_is_an_exit_code(vast, results) -> None:
     assert head.split()[:2] == ["CHANGE", "CONFIGURATION"]
     assert row.startswith("worse   hall-2         1 of 20  15 of 20  +70 (+41 to +84)")
     assert verdict == f"{WORSE} beside {BASE}: worse"
-    assert "rose, from 2.5% (1 of 40) to 37.5% (15 of 40)" in statement
+    assert "rose, from 2.5 % (1 of 40) to 38 % (15 of 40)" in statement
     assert counts == "2 configurations in both: 1 worse, 0 unclear, 0 better, 1 same."
     better = vast("results", "compare", WORSE, BASE)
     assert (better.code, f"{BASE} beside {WORSE}: better" in better.out) == (0, True)
+
+
+def test_several_campaigns_are_a_table(vast, results, tmp_path) -> None:
+    reports = ("--markdown", "c.md", "--junit", "c.xml")
+    outcome = vast("results", "compare", BASE, UNCLEAR, WORSE, *reports)
+    assert outcome.code == 1  # that of the worst
+    head, row, *rest = outcome.out.splitlines()
+    assert head.split() == ["CONFIGURATION", BASE, UNCLEAR, WORSE]
+    assert " ".join(row.split()) == "hall-2 1 of 20 4 of 20 ? 15 of 20 ▲"  # hall-1 did not change
+    assert f"{WORSE} beside {BASE}: worse" in rest
+    assert "at least one of 2 worse in up to 9.8 % of all cases" in rest[-1]
+    assert "| hall-2 | 1 of 20 | 4 of 20 ? | 15 of 20 ▲ |" in (tmp_path / "c.md").read_text()
+    root = ET.parse(tmp_path / "c.xml").getroot()  # noqa: S314
+    assert [suite.get("name") for suite in root] == [UNCLEAR, WORSE]
+    asked = vast("results", "compare", BASE, UNCLEAR, BASE, "--fail-on", "unclear", "-o", "json")
+    assert asked.code == 6
+    data = json.loads(asked.out)["comparisons"]
+    assert [(one["base"], one["new"]) for one in data] == [(BASE, UNCLEAR), (BASE, BASE)]
 
 
 def test_what_is_unclear_fails_only_if_asked_and_says_how_many_more_runs_it_takes(

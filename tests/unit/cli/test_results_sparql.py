@@ -89,17 +89,26 @@ def test_a_query_comes_from_a_file_or_standard_input(
     assert vast("results", "sparql", "-", "-o", "json").out == '[\n{"runs": 4}\n]\n'
 
 
-def test_a_table_of_several_campaigns_names_them(vast, described: Path) -> None:
+def test_a_table_of_several_campaigns_names_them(
+    vast, described: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     make_old_campaign(described, 1, 1, name="more-2026-01-01-000000")
     vast("results", "metadata")
     out = vast("results", "sparql", "failed-runs").out
     assert f"\n{NAME}/hall-1-2/0  failed" in out
+    (described / NAME / "metadata.prov.json").unlink()
+    vast("results", "sparql", "failed-runs")
+    said = f"{NAME}: no metadata.prov.json, left out; `vast results metadata` writes it"
+    assert said in caplog.text
 
 
-def test_nothing_to_ask_says_what_to_do(vast, results: Path) -> None:
+def test_nothing_to_ask_says_what_to_do_once(
+    vast, results: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     outcome = vast("results", "sparql", "failure-rate")
     assert outcome.code == 2
     assert "`vast results metadata` writes it." in outcome.err
+    assert f"{caplog.text}{outcome.err}".count("metadata.prov.json") == 1
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from support.campaigns.searches import write_search
 from support.campaigns.stored import NAME, write_campaign
 
 
@@ -37,6 +38,8 @@ def test_it_says_what_is_broken_sound_and_undecided(vast, results) -> None:
         "3 configurations: 1 broken, 1 undecided, 1 sound (limit 10 % of the runs)\n"
         "120 of 120 runs stored: 85 passed, 35 failed, 0 errored, 0 interrupted\n"
         "29 % of the runs did not pass (95 % interval 22 – 38 %)\n"
+        f"hall-2 is decided soonest, by {lines[2][11]} more runs: vast exec local run "
+        f"--resume=results/{NAME} --config=hall-2 --runs={40 + int(lines[2][11])}\n"
     )
 
 
@@ -86,7 +89,42 @@ def test_while_runs_are_missing_it_says_which_intervals_these_are(vast, results)
     path.write_text(path.read_text().replace("runs: 40", "runs: 50"))
     outcome = vast("results", "summary", NAME)
     assert "120 of 150 runs stored" in outcome.out
-    assert "however often one looks" in outcome.out
+    assert "\nRuns are missing, so all intervals are wider: they hold however" in outcome.out
+    assert outcome.out.endswith(f"\nContinue: vast exec local run --resume=results/{NAME}\n")
+
+
+def test_runs_that_were_added_are_not_called_missing(vast, results) -> None:
+    path = results / NAME / "_execution" / "execution.yaml"
+    path.write_text(path.read_text().replace("runs: 40", "runs: 30\nmore_runs: {hall-3: 40}"))
+    out = vast("results", "summary", NAME).out
+    assert "\nRuns were added after a look at the verdicts, so all" in out
+    assert "missing" not in out
+
+
+@pytest.mark.parametrize(
+    ("batches", "ended", "more"),
+    [(4, True, " --batches=6"), (1, True, " --batches=2"), (2, False, "")],
+)
+def test_a_search_is_given_batches_and_its_intervals_hold_however_often_one_looks(
+    vast, tmp_path: Path, batches: int, ended: bool, more: str
+) -> None:
+    budget = [{"batches": batches if ended else 9}]
+    root = write_search(tmp_path / "results", batches=batches, budget=budget, stopping=[])
+    outcome = vast("results", "summary", root)
+    command = f"vast exec local run --resume={root}{more}\n"
+    assert outcome.out.endswith(f"\nContinue: {command}")
+    assert "\nThe search chose by the verdicts what to run, and how often, so all" in outcome.out
+    data = json.loads(vast("results", "summary", root, "-o", "json").out)
+    assert (data["interval"], f"{data['next']}\n") == ("anytime", command)
+
+
+def test_a_search_in_a_folder_named_from_here_is_given_batches(
+    vast, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = write_search(tmp_path / "results", batches=1, budget=[{"batches": 1}], stopping=[])
+    monkeypatch.chdir(tmp_path)
+    outcome = vast("results", "summary", Path("results") / root.name)
+    assert " --batches=2\n" in outcome.out
 
 
 @pytest.mark.parametrize(
@@ -108,11 +146,27 @@ def test_bad_input_has_one_clear_message(vast, results, arguments, message) -> N
 
 def test_several_campaigns_must_be_named_and_one_without_runs_says_nothing(vast, results) -> None:
     write_campaign(results, "other-2026-03-05-132444", variants=[])
-    outcome = vast("results", "summary", results)
-    assert (outcome.code, "holds 2 campaigns (" in outcome.err) == (2, True)
+    for words in ([results], []):
+        outcome = vast("results", "summary", *words)
+        told = f"holds 2 campaigns ({NAME}, other-2026-03-05-132444); name one of them."
+        assert (outcome.code, told in outcome.err) == (2, True)
     empty = vast("results", "summary", "other-2026-03-05-132444")
     assert empty.code == 2
     assert "other-2026-03-05-132444 has no stored run yet" in empty.err
+
+
+def test_a_long_reason_is_cut_where_one_sees_it_and_one_configuration_is_no_plural(
+    vast, results
+) -> None:
+    campaign = write_campaign(results, "one", variants=[{"x": 1}], judge=lambda *_: "failed")
+    reasons = ("a collision after 5.7 s at 0.57, -0.85", "a collision " + "far away " * 20)
+    for number, reason in enumerate(reasons):
+        file = campaign / "hall-1" / str(number) / "run.json"
+        file.write_text(json.dumps(json.loads(file.read_text()) | {"reason": reason}))
+    out = vast("results", "summary", "one").out
+    assert f"{reasons[0]} " in out
+    assert f"1     {reasons[1][:59]}…  failed" in out
+    assert "\n1 configuration: " in out
 
 
 HOSTILE = "cut \ud800, cleared \x9b2J, turned \u202e round"
@@ -130,6 +184,6 @@ def test_a_hostile_reason_is_shown_and_not_obeyed(
     assert (text.code, data.code) == (0, 0)
     for out in (text.out, data.out):
         assert not {"\ud800", "\x9b", "\u202e"} & set(out)
-    assert json.loads(data.out)["configurations"][0]["reason"] == HOSTILE
+    assert json.loads(data.out)["configurations"][0]["reason"] == HOSTILE.replace("\ud800", "?")
     assert vast("results", "junit", NAME, "report.xml").code == 0
     assert vast("results", "compare", NAME, NAME, "--markdown", "report.md").code == 0

@@ -123,13 +123,15 @@ def test_differences_of_the_document_are_named(tmp_path: Path) -> None:
         "one configuration, `config1`, runs; there nothing did",
         "metadata.name: results go into `my-drive-…`, and `run.sh` keeps `_`",
         "execution.run_files[0]: `files/**` takes all that is below; there nothing",
-        "execution.timeout: counts here, too; there on a cluster alone",
+        "execution.timeout: ends a run on this machine, too; there only on a cluster",
     ]
 
 
 def test_what_has_no_effect_here_alone_is_named(tmp_path: Path) -> None:
     text = "  run_files: [../**]\n  env: [{SCENARIO_FILE: x}]\nresults_processing:\n"
-    found = met(tmp_path, "configuration: [{name: a}]\n", text + "  postprocessing: [foo]\n---\n")
+    own = tmp_path / "own"  # `../**` takes all that is beside it
+    own.mkdir()
+    found = met(own, "configuration: [{name: a}]\n", text + "  postprocessing: [foo]\n---\n")
     assert [item.partition(": ")[2] for item in found] == [
         "a second YAML document gives a warning; there it gives none",
         "execution.run_files[0]: `../**` gives a warning; there it gives none",

@@ -55,6 +55,32 @@ def result(**changes: object) -> SimpleNamespace:
     return SimpleNamespace(**{**fields, **changes})
 
 
+UNENDABLE = """
+import os, subprocess, sys
+sys.argv[1:] = [sys.executable]
+names = {"__name__": "run_scenarios"}
+exec(open(sys.argv[0]).read(), names)
+with subprocess.Popen(["sleep", "60"]) as other:
+    try:
+        assert names["has_children"]()
+        names["ENDING"] = tuple((number, 0.1) for number, _ in names["ENDING"])
+        os.seteuid(1000), os.setresuid(1000, 1000, 0)
+        print(names["end_leftovers"]() == [other.pid])
+    finally:
+        os.seteuid(0)
+        other.kill()
+"""
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root may start processes of another user")
+def test_what_cannot_be_ended_is_named() -> None:
+    code = UNENDABLE.replace("sys.argv[0]", repr(str(FILES[RUN_SCENARIOS])))
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=False
+    )
+    assert done.stdout == "True\n", done.stderr
+
+
 def test_every_file_of_the_contract_is_there() -> None:
     assert all(path.is_file() for path in FILES.values())
     for path in FILES.values():
@@ -191,3 +217,12 @@ def test_a_post_command_that_never_ends_is_killed_with_its_children(
     assert "killed" in errors[0]
     child = Path("/proc") / (tmp_path / "child").read_text().strip() / "stat"
     eventually(lambda: not child.exists() or child.read_text().rpartition(")")[2].split()[0] == "Z")
+
+
+def test_a_process_that_has_ended_has_no_more_lines(tmp_path: Path) -> None:
+    """An orphan stays in the table until its run is over, since the driver adopts it."""
+    with subprocess.Popen(["true"]) as ended, (tmp_path / "usage.csv").open("w+") as file:
+        os.waitid(os.P_PID, ended.pid, os.WEXITED | os.WNOWAIT)
+        sampled = monitor_resources.sample(file, os.getpid(), {})
+    assert os.getpid() in {pid for pid, _ in sampled}
+    assert ended.pid not in {pid for pid, _ in sampled}

@@ -17,8 +17,8 @@ BAD = {NAME: {1.0: 0, 2.0: 5, 3.0: 30}, LATER: {1.0: 0, 2.0: 24, 3.0: 32}}
 
 
 def commands(about: str) -> list[list[str]]:
-    """What the page types, without its comments."""
-    blocks = code_blocks("docs/confidence.md", "bash")
+    """What the page types after its example, without comments."""
+    _, *blocks = code_blocks("docs/confidence.md", "bash")
     lines = [line for block in blocks for line in block.splitlines() if about in line]
     return [shlex.split(line, comments=True) for line in lines]
 

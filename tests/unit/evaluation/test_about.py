@@ -44,7 +44,7 @@ def test_a_damaged_document_is_shown_as_it_is(results: Path, text: str) -> None:
 
 
 def test_equal_inputs_have_no_changes(results: Path) -> None:
-    assert changes(results, NAME, LATER) == []
+    assert changes((results, NAME), (results, LATER)) == []
 
 
 def test_changed_lines_files_and_images_are_told(results: Path) -> None:
@@ -55,7 +55,8 @@ def test_changed_lines_files_and_images_are_told(results: Path) -> None:
     (later / "_config" / "map.pgm").write_bytes(b"\xff\x00")
     record = later / "_execution" / "execution.yaml"
     record.write_text(record.read_text().replace("robots/hall:7", "robots/hall:8"))
-    found = {change.name: (change.kind, change.lines) for change in changes(results, NAME, LATER)}
+    listed = changes((results, NAME), (results, LATER))
+    found = {change.name: (change.kind, change.lines) for change in listed}
     assert found == {
         "image": ("changed", ["-robots/hall:7", "+robots/hall:8"]),
         "hall.vast": (
@@ -70,7 +71,7 @@ def test_changed_lines_files_and_images_are_told(results: Path) -> None:
 
 def test_a_long_difference_is_cut_and_says_so(results: Path) -> None:
     write(results / LATER / "_config" / "long.txt", "line\n" * 1000)
-    (found,) = changes(results, NAME, LATER)
+    (found,) = changes((results, NAME), (results, LATER))
     assert (len(found.lines), found.more) == (400, 601)
 
 
@@ -81,5 +82,5 @@ def test_when_comparing_lines_takes_too_long_it_is_told_which_files_differ(
     for number in range(3):
         write(results / NAME / "_config" / f"{number}.txt", "old\n")
         write(results / LATER / "_config" / f"{number}.txt", "new\n")
-    found = [(change.name, change.lines) for change in changes(results, NAME, LATER)]
+    found = [(change.name, change.lines) for change in changes((results, NAME), (results, LATER))]
     assert found == [("0.txt", []), ("1.txt", []), ("2.txt", [])]

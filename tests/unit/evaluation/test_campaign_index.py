@@ -44,6 +44,44 @@ def test_a_summary_counts_the_runs(index: CampaignIndex) -> None:
     assert summary.duration == pytest.approx(60 + 5 + 10 * (3 * 0.618 % 1))
 
 
+def test_it_says_how_many_configurations_are_read(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    library = Library(root.parent)
+    said = []
+    read = stored_runs.read_variant
+
+    def reading(*place):
+        said.append(library.reading())
+        return read(*place)
+
+    monkeypatch.setattr("robovast.evaluation.campaign_index.read_variant", reading)
+    library.campaign(NAME)
+    assert said == [{NAME: (0, 2)}, {NAME: (1, 2)}]
+    assert library.reading() == {}
+
+
+def test_what_is_read_so_far_is_there_before_the_rest(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    library = Library(root.parent)
+    begun = []
+    read = stored_runs.read_variant
+
+    def reading(*place):
+        index = library.begun(NAME)
+        assert index is not None
+        summary, variants = index.begun()
+        begun.append((summary.planned, [len(variant.runs) for variant in variants]))
+        return read(*place)
+
+    monkeypatch.setattr("robovast.evaluation.campaign_index.read_variant", reading)
+    assert library.begun(NAME) is None, "nothing is being read"
+    library.campaign(NAME)
+    assert begun == [(0, []), (2, [2])]
+    assert library.begun(NAME) is None, "all is read"
+
+
 def test_nothing_new_is_no_change(index: CampaignIndex) -> None:
     assert not index.refresh()
     assert index.version == 1

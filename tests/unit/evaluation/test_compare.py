@@ -40,7 +40,7 @@ def test_better_and_same() -> None:
 def test_the_statement_has_numbers_and_a_judgement() -> None:
     worse = compare([variant("a", 90, 10)], [variant("a", 70, 30)])
     assert worse.statement == (
-        "The share of runs that did not pass rose, from 10.0% (10 of 100) to 30.0% (30 of 100); "
+        "The share of runs that did not pass rose, from 10 % (10 of 100) to 30 % (30 of 100); "
         "chance alone hardly explains that (Fisher's exact test, p = 0.00065; 95 % interval "
         "+9.0 to +30.6 points)."
     )

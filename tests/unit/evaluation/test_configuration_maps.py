@@ -1,7 +1,8 @@
-"""Maps of configurations are told at once, with where their runs ended."""
+"""Maps of configurations are told at once, with the ways of their runs."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -23,7 +24,7 @@ def root(tmp_path: Path) -> Path:
     return root
 
 
-def test_every_configuration_has_its_map_and_the_ends_of_its_runs(root: Path) -> None:
+def test_every_configuration_has_its_map_and_the_ways_of_its_runs(root: Path) -> None:
     rows = "".join(f"base_link,{i},{i / 10},{-i / 10},0\n" for i in range(1000))
     write(root / "hall-1" / "0" / "poses.csv", HEAD + rows)
     write(root / "hall-1" / "2" / "poses.csv", HEAD + "base_link,0,1.5,2.5,0\n")
@@ -33,9 +34,40 @@ def test_every_configuration_has_its_map_and_the_ends_of_its_runs(root: Path) ->
         ("hall-1", 0),
         ("none", None),
     ]
-    assert found.configurations[1].ends == [(0, 99.9, -99.9), (2, 1.5, 2.5)]
+    (first, way), second = found.configurations[1].ways
+    assert (first, second) == (0, (2, [(1.5, 2.5)]))
+    assert (way[0], way[-1], len(way)) == ((0.0, 0.0), (99.9, -99.9), 60)
+    assert way == sorted(way) == [(x, -x) for x, _ in way]
     assert found.configurations[1].planned.goals
     assert (found.grounds[0].columns, found.grounds[0].rows) == (40, 30)
+
+
+def test_of_a_large_table_few_rows_are_read(root: Path) -> None:
+    rows = "".join(f"map,{i},{i},{i},0\nbase_link,{i},{i / 10},{-i / 10},0\n" for i in range(9999))
+    write(root / "hall-1" / "0" / "poses.csv", HEAD + rows + "map,9,9,9,0\nbase_link,9,nan,9,0\n")
+    with (root / "hall-1" / "0" / "poses.csv").open("a") as file:
+        file.write("base_link,9,999.9,-999.9,0\n")
+    ((_, way),) = configuration_maps(root.parent, NAME, ["hall-1"]).configurations[0].ways
+    assert 20 < len(way) <= 60  # every second row is another frame's
+    assert way == sorted(way) == [(x, -x) for x, _ in way]
+    assert max(b[0] - a[0] for a, b in pairwise(way)) < 400
+    assert way[-1] == (999.9, -999.9)
+
+
+def test_rows_that_tell_no_place_are_left_out_of_a_way(root: Path) -> None:
+    rows = "base_link,0,1,2,0\nbase_link,1,nan,2,0\nbase_link,2\nbase_link,3,x,2,0\n"
+    write(root / "hall-1" / "0" / "poses.csv", HEAD + rows + "base_link,4,5,6,0\n")
+    found = configuration_maps(root.parent, NAME, ["hall-1"])
+    assert found.configurations[0].ways == [(0, [(1.0, 2.0), (5.0, 6.0)])]
+
+
+def test_only_some_runs_of_a_configuration_have_ways_the_others_ends(root: Path) -> None:
+    for number in range(52):
+        content = HEAD + f"b,0,0,0,0\nb,1,{number},1,0\n"
+        write(root / "hall-1" / str(number) / "poses.csv", content)
+    ways = configuration_maps(root.parent, NAME, ["hall-1"]).configurations[0].ways
+    assert ways[49] == (49, [(0, 0), (49, 1)])
+    assert ways[50:] == [(50, [(50, 1)]), (51, [(51, 1)])]
 
 
 @pytest.mark.parametrize(
@@ -53,14 +85,14 @@ def test_every_configuration_has_its_map_and_the_ends_of_its_runs(root: Path) ->
 )
 def test_a_table_that_tells_no_end_is_left_out(root: Path, content: str) -> None:
     write(root / "hall-1" / "0" / "poses.csv", content)
-    assert configuration_maps(root.parent, NAME, ["hall-1"]).configurations[0].ends == []
+    assert configuration_maps(root.parent, NAME, ["hall-1"]).configurations[0].ways == []
 
 
 def test_nothing_outside_of_the_results_is_read(root: Path) -> None:
     write(root.parent.parent / "poses.csv", HEAD + "base_link,0,1.5,2.5,0\n")
     (root / "hall-1" / "0" / "poses.csv").symlink_to(root.parent.parent / "poses.csv")
     found = configuration_maps(root.parent, NAME, ["hall-1", "../.."])
-    assert [one.ends for one in found.configurations] == [[], []]
+    assert [one.ways for one in found.configurations] == [[], []]
 
 
 def test_only_runs_that_did_not_pass_are_places_of_failure(root: Path) -> None:

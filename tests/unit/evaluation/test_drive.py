@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import os
 import sqlite3
@@ -11,16 +12,23 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 from threading import Event
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from support.campaigns.bags import START, Bag
-from support.campaigns.drives import DriveBag, around, record_drive
+from support.campaigns.drives import PICTURE, DriveBag, around, photo, record_drive
 
 from robovast.base.errors import InputError
+from robovast.evaluation.drive import pictures
+from robovast.evaluation.drive.clock import Clock
 from robovast.evaluation.drive.drives import Drive, Drives
 from robovast.evaluation.drive.part import Part
-from robovast.evaluation.drive.recording import Recording
+from robovast.evaluation.drive.picture_size import size_of
+from robovast.evaluation.drive.recording import Message, Recording
 
 SECOND = 1_000_000_000
 
@@ -37,7 +45,7 @@ def remarks_of(drive: Drive) -> str:
     return " ".join([*drive.overview().remarks, *(r for p in parts_of(drive) for r in p.remarks)])
 
 
-@pytest.mark.parametrize(
+KINDS = pytest.mark.parametrize(
     "options",
     [
         {},
@@ -46,6 +54,9 @@ def remarks_of(drive: Drive) -> str:
     ],
     ids=["mcap", "compressed", "sqlite"],
 )
+
+
+@KINDS
 def test_a_drive_is_where_it_was_recorded(tmp_path: Path, options) -> None:
     drive = opened(record_drive(tmp_path / "rosbag2", **options))
     overview = drive.overview()
@@ -78,6 +89,89 @@ def test_a_drive_is_where_it_was_recorded(tmp_path: Path, options) -> None:
     assert drive.part(1, scans=False).scans == []
     with pytest.raises(InputError, match="no part 2"):
         drive.part(2, scans=True)
+
+
+@KINDS
+def test_what_the_camera_saw_is_shown_at_its_time(tmp_path: Path, options) -> None:
+    drive = opened(record_drive(tmp_path / "rosbag2", pictures=True, **options))
+    assert drive.overview().topics["camera"] == "/camera/image/compressed"
+    first, second = drive.pictures(0), drive.pictures(1)
+    frames = first.frames + second.frames
+    assert [at for at, _, _ in frames] == pytest.approx([i / 5 for i in range(100)], abs=0.002)
+    assert first.content + second.content == [photo(i) for i in range(0, 200, 2)]
+    assert [size for _, _, size in frames] == [len(photo(i)) for i in range(0, 200, 2)]
+    assert (first.remarks, {kind for _, kind, _ in frames}) == ([], {"image/jpeg"})
+    assert opened(record_drive(tmp_path / "blind")).pictures(0).frames == []
+    with pytest.raises(InputError, match="no part 2"):
+        drive.pictures(2)
+
+
+def test_few_bytes_that_stand_for_gigabytes_of_pixels_are_left_out(tmp_path: Path) -> None:
+    bomb = bytearray(photo(2, "PNG"))
+    bomb[16:24] = struct.pack(">II", 60_000, 60_000)
+    with DriveBag(tmp_path / "bag") as bag:
+        bag.picture(0.0, photo(1), "/sight")
+        bag.picture(1.0, bytes(bomb), "/sight")
+    found = opened(tmp_path / "bag").pictures(0)
+    assert [at for at, *_ in found.frames] == [0.0]
+    assert found.remarks == [
+        "/sight has pictures of more than 34 million pixels, which are left out."
+    ]
+
+
+def test_pictures_whose_stamps_jump_back_are_shown_in_their_order() -> None:
+    clock = Clock((0, 9 * SECOND), (0.0, 9.0), first_stamp=0)
+    sent = [
+        Message(i, "/sight", struct.pack("<4sII", b"\0\1\0\0", second, 0))
+        for i, second in enumerate((1, 3, 2, 4))
+    ]
+    seen = SimpleNamespace(data=np.frombuffer(photo(1), np.uint8))
+    found = pictures.read_pictures("/sight", sent, lambda _: seen, clock)
+    assert [at for at, *_ in found.frames] == [1.0, 2.0, 3.0, 4.0]
+
+
+@pytest.mark.parametrize("format_", ["JPEG", "PNG", "WEBP"])
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"lossless": True}, {"progressive": True, "optimize": True}, {"exif": Image.Exif()}],
+    ids=["plain", "lossless", "progressive", "described"],
+)
+def test_the_size_of_a_picture_is_that_in_its_file(format_: str, options: dict[str, Any]) -> None:
+    file = io.BytesIO()
+    mode = "RGBA" if format_ == "WEBP" and "lossless" not in options else "RGB"
+    Image.new(mode, (300, 7), (9, 8, 7)).save(file, format_, **options)
+    data = file.getvalue()
+    assert size_of(data) == (f"image/{format_.lower()}", 300, 7)
+    for end in range(20):
+        assert size_of(data[:end]) is None
+    if format_ == "JPEG":
+        assert size_of(data[:2] + b"\xff\xff" + data[2:]) == ("image/jpeg", 300, 7)
+
+
+def test_what_is_no_picture_is_left_out_and_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with DriveBag(tmp_path / "bag") as bag:
+        bag.picture(0.0, photo(1, "PNG"), "/sight")
+        bag.picture(0.02, photo(2), "/sight")  # sooner than any screen shows it
+        bag.picture(0.5, b"<svg onload=alert(1)>", "/sight")
+        bag.write_raw("/sight", PICTURE, b"\0\1\0\0", 0.7)
+        bag.picture(1.0, photo(3, "WEBP"), "/sight")
+        bag.picture(2.0, photo(4), "/sight")
+    found = opened(tmp_path / "bag").pictures(0)
+    kinds = [(at, kind) for at, kind, _ in found.frames]
+    assert kinds == [(0.0, "image/png"), (1.0, "image/webp"), (2.0, "image/jpeg")]
+    assert found.remarks == ["/sight has messages that are no picture in JPEG, PNG or WebP."]
+    monkeypatch.setattr(pictures, "_MOST_BYTES", sum(map(len, found.content)) - 1)
+    less = opened(tmp_path / "bag").pictures(0)
+    assert len(less.frames) == 2
+    assert "some are left out from 2 s on" in less.remarks[0]
+
+
+def test_a_camera_that_is_named_wrong_is_said(tmp_path: Path) -> None:
+    drive = opened(record_drive(tmp_path / "bag", pictures=True), camera="/scan")
+    assert "Without the camera: /scan has messages of type sensor_msgs" in remarks_of(drive)
+    assert drive.pictures(0).frames == []
 
 
 def test_a_simulation_that_is_faster_than_its_recording_has_its_own_time(tmp_path: Path) -> None:
@@ -218,6 +312,18 @@ def test_stamps_that_jump_back_do_not_tell_the_time(tmp_path: Path) -> None:
     drive = opened(tmp_path / "bag")
     assert "jump back" in remarks_of(drive)
     assert parts_of(drive)[0].times == pytest.approx([i / 10 for i in range(100)])
+
+
+@pytest.mark.parametrize("jumped", [range(100, 200), range(99, 101), range(199, 200), range(1)])
+def test_stamps_that_jump_ahead_do_not_tell_the_time(tmp_path: Path, jumped: range) -> None:
+    with DriveBag(tmp_path / "bag") as bag:
+        for i in range(200):
+            bag.odometry(i / 10, i / 10, 0.0, 0.0, stamp=i / 10 + (1e6 if i in jumped else 0))
+    drive = opened(tmp_path / "bag")
+    assert drive.overview().duration == pytest.approx(19.9)
+    times = [time for part in parts_of(drive) for time in part.times]
+    assert times == pytest.approx([i / 10 for i in range(200)])
+    assert sum(len(part.times) for part in parts_of(drive)) == 200
 
 
 def test_a_laser_without_a_mount_is_shown_in_the_middle(tmp_path: Path) -> None:

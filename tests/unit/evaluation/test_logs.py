@@ -139,6 +139,22 @@ def test_a_log_of_any_size_costs_no_more_than_a_part(tmp_path: Path) -> None:
         (["[ERROR] [1.0] [scenario_execution]: Traceback (most recent call last):"], 1),
         (["fine", "Traceback (most recent call last):", "ValueError: no"], 2),
         (["fine", "[ERROR] [1.0] [scenario_execution]: execution failed."], 2),
+        (
+            [
+                "[INFO] [1.0] [scenario_execution]: Cancel requested, sending SIGTERM",
+                "[ERROR] [1.1] [scenario_execution]: drive: execution failed. -^- drive [✕]",
+                "[ERROR] [2.0] [scenario_execution]: [FATAL] [1.9] [simulator]: it was stopped",
+            ],
+            2,
+        ),
+        (
+            [
+                "[ERROR] [1.0] [scenario_execution]: [INFO] [0.9] [follower]: a way of 5.3 m",
+                "[ERROR] [1.1] [scenario_execution]: Fatal Python error: Segmentation fault",
+                "[ERROR] [1.2] [scenario_execution]: drive: execution failed. -^- drive [✕]",
+            ],
+            2,
+        ),
         (["[INFO] [1.0] [n]: no error here"], None),
     ],
 )

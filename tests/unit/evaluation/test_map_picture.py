@@ -44,6 +44,22 @@ def test_the_picture_shows_start_goals_path_and_obstacles(draw: Draw, root: Path
     assert not has_map(root.parent, NAME, "hall-10")
 
 
+def test_an_obstacle_has_its_true_shape_where_the_parameters_tell_it(root: Path) -> None:
+    add_map(root, "hall-1")
+    place = {"position": {"x": 1.0, "y": 0.5}, "orientation": {"yaw": 0.0}}
+    box = {"spawn_pose": place, "xacro_arguments": "length:=0.5, width:=0.25, height:=1.0"}
+    pole = {"spawn_pose": {"position": {"x": 1.5, "y": 0.5}, "orientation": {"yaw": 0.0}}}
+    there = [{"x": x, "y": 0.5, "radius": 0.3} for x in (1.0, 1.5)]
+    record_moves(root, "hall-1", {**MOVES, "obstacles": there}, obstacles=[box, pole, "junk"])
+    picture = ElementTree.fromstring(draw_map(root.parent, NAME, "hall-1"))  # noqa: S314
+    (polygon,) = (one for one in picture if one.tag.endswith("polygon"))
+    points = [tuple(map(float, point.split(","))) for point in polygon.get("points", "").split()]
+    wide, high = (max(values) - min(values) for values in zip(*points, strict=True))
+    assert wide == pytest.approx(2 * high, rel=0.05)
+    discs = [one for one in picture if one.tag.endswith("circle")]
+    assert len(discs) == 3  # the pole, the start and the goal
+
+
 def test_a_map_that_all_configurations_share_is_found(draw: Draw, root: Path) -> None:
     (root / "hall-1" / "_config" / "maps").rename(root / "_config" / "maps")
     assert draw(MOVES).startswith("<svg")

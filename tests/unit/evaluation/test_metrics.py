@@ -12,7 +12,7 @@ from robovast.analysis.tables.sqlite_tables import update_sqlite
 from robovast.base.errors import InputError
 from robovast.campaign.layout import Layout
 from robovast.evaluation import database
-from robovast.evaluation.metrics import metric, metric_columns
+from robovast.evaluation.metrics import constant_columns, metric, metric_columns
 
 
 @pytest.fixture
@@ -38,6 +38,18 @@ def altered(results: Path, *statements: str) -> None:
 
 def test_columns_with_numbers(results: Path) -> None:
     assert metric_columns(results, "hall") == {"poses": ["t", "x"]}
+
+
+def test_columns_with_one_value_everywhere(results: Path) -> None:
+    """Also where a second value is far below the first rows."""
+    assert constant_columns(results, "hall") == {}
+    for run in ("a-1/0", "a-2/0"):
+        late = 2 if run == "a-2/0" else 1
+        rows = "".join(f"7,1,{i},\n" for i in range(1500)) + f"7,{late},0,\n,1,0,\n"
+        (results / "hall" / run / "wheel.csv").write_text(f"radius,gear,t,none\n{rows}")
+    update_sqlite(Layout(results / "hall"), {"a-1/0": "2", "a-2/0": "2"})
+    assert metric_columns(results, "hall")["wheel"] == ["radius", "gear", "t"]
+    assert constant_columns(results, "hall") == {"wheel": ["radius"]}
 
 
 @pytest.mark.parametrize(

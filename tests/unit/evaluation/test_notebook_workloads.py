@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from support.campaigns.notebooks import add_notebooks, notebook_of
+from support.campaigns.searches import write_search
 from support.campaigns.stored import NAME, write, write_campaign
 
 from robovast.base.errors import InputError
@@ -29,7 +30,7 @@ from robovast.evaluation.notebooks.workloads import (
 )
 def test_the_whole_line_is_replaced(line: str) -> None:
     source = f"import os\n{line}\nprint(DATA_DIR)\n"
-    assert replace_line(source, Path("/a 'b'\\c")) == (
+    assert replace_line(source, "DATA_DIR", "/a 'b'\\c") == (
         "import os\nDATA_DIR = \"/a 'b'\\\\c\"\nprint(DATA_DIR)\n",
         1,
     )
@@ -39,12 +40,12 @@ def test_the_whole_line_is_replaced(line: str) -> None:
     "line", ["DATA_DIR == ''", "# DATA_DIR = ''", "MY_DATA_DIR = ''", "print(DATA_DIR)"]
 )
 def test_what_only_looks_like_it_stays(line: str) -> None:
-    assert replace_line(line, Path("/x")) == (line, 0)
+    assert replace_line(line, "DATA_DIR", "/x") == (line, 0)
 
 
 def test_it_keeps_its_place_in_a_block() -> None:
     source = "if True:\n    DATA_DIR = ''\n    x = 1"
-    assert replace_line(source, Path("/x"))[0] == "if True:\n    DATA_DIR = '/x'\n    x = 1"
+    assert replace_line(source, "DATA_DIR", "/x")[0] == "if True:\n    DATA_DIR = '/x'\n    x = 1"
 
 
 def test_what_cannot_be_executed_says_why() -> None:
@@ -115,3 +116,29 @@ def test_which_workload_is_asked_for_when_there_are_several(tmp_path: Path) -> N
         find_notebook(target_of(root), None, None)
     with pytest.raises(InputError, match="is the folder of no campaign"):
         target_of(tmp_path)
+
+
+def test_a_notebook_for_a_batch_gets_its_number(tmp_path: Path) -> None:
+    root = write_search(tmp_path / "results", batches=2, runs=False, strategy="random")
+    (document,) = (root / "_config").glob("*.vast")
+    text = "evaluation: {visualization: [Round: {batch: a.ipynb, campaign: b.ipynb}]}\n"
+    document.write_text(text)
+    write(root / "_config" / "a.ipynb", notebook_of("DATA_DIR = ''\nBATCH = None", "BATCH == 7"))
+    target = target_of(root, 1)
+    found = find_notebook(target, None, None)
+    assert (found.scope, found.path, target.folder) == ("batch", "a.ipynb", root)
+    made = read_notebook(found.file().read_bytes(), target.folder, 1)
+    assert made.cells[0].source == f"DATA_DIR = {str(root)!r}\nBATCH = 1"
+    assert made.cells[1].source == "BATCH == 7"
+    assert find_notebook(target_of(root), None, None).path == "b.ipynb"
+
+
+def test_what_is_no_batch_or_needs_none_is_refused(tmp_path: Path) -> None:
+    root = write_search(tmp_path / "results", batches=2, runs=False, strategy="random")
+    with pytest.raises(InputError, match="no batch 2 with scores; its batches are 0 to 1"):
+        _ = target_of(root, 2).folder
+    other = write_campaign(tmp_path / "other", runs=1, outputs=False)
+    with pytest.raises(InputError, match="no batch 0 with scores; it has none yet"):
+        _ = target_of(other, 0).folder
+    with pytest.raises(InputError, match="belongs to a campaign"):
+        _ = target_of(other / "hall-1", 0).folder

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import json
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from support.campaigns.searches import write_search
 from support.campaigns.stored import NAME, write, write_campaign
 
 from robovast.base.errors import InputError
+from robovast.evaluation.campaign_index import CampaignIndex
 from robovast.evaluation.files import list_files
-from robovast.evaluation.launch.commands import as_shell, repeat_words
+from robovast.evaluation.launch.commands import (
+    as_shell,
+    more_batches,
+    more_runs_words,
+    repeat_words,
+)
 from robovast.evaluation.run import read_run
 
 
@@ -123,3 +132,23 @@ def test_what_postprocessing_made_says_how(root: Path) -> None:
 def test_no_such_run(root: Path) -> None:
     with pytest.raises(InputError, match="There is no"):
         read_run(root.parent, NAME, "hall-1", 9)
+
+
+def test_configurations_of_a_search_get_no_runs_of_their_own(tmp_path: Path) -> None:
+    root = write_search(tmp_path / "results", batches=1)
+    index = CampaignIndex(root.parent, root.name)
+    index.refresh()
+    assert more_runs_words(root.parent, index.summary(), ["c1"], 9) == []
+    plain = replace(index.summary(), is_search=False)
+    assert more_runs_words(root.parent, plain, ["c1"], 9)[-1] == "--runs=9"
+
+
+def test_a_search_in_a_cluster_gets_more_batches_by_a_patch(tmp_path: Path) -> None:
+    record = write_campaign(tmp_path, outputs=False) / "_execution" / "execution.yaml"
+    record.write_text(record.read_text().replace("type: local", "type: cluster"))
+    index = CampaignIndex(tmp_path, NAME)
+    index.refresh()
+    *words, patch = shlex.split("8".join(more_batches(tmp_path, index.summary()) or ()))
+    assert words == ["kubectl", "patch", "campaign", "NAME", "--type", "merge", "-p"]
+    search = {"budget": [{"batches": 8}], "stopping": None}
+    assert json.loads(patch) == {"spec": {"vast": {"search": search}}}

@@ -65,4 +65,4 @@ def test_runs_that_a_job_never_came_to_have_not_begun_for_the_next(
     keep_the_rest(out, own)
     following = PackOutput(out, out / "_jobs" / "job-0-2", out)
     assert not any(following.has_begun(run) for run in runs)
-    assert not following.is_over(runs, 0)
+    assert not following.is_over(runs[0])

@@ -89,8 +89,9 @@ def test_deaths_and_orders_change_nothing(
         pass
     records = cast("dict[int, RunRecord]", stored)
     known = {one.variant: one.decision for one in decisions_of(TEST, planned(), records)}
-    assert known == truth(seed)
-    counted = {run.id for run in planned() if run.number < truth(seed)[run.variant.name].runs}
+    right = truth(seed)
+    assert known == right
+    counted = {run.id for run in planned() if run.number < right[run.variant.name].runs}
     assert counted <= stored.keys()
 
 

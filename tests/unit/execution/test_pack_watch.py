@@ -9,6 +9,7 @@ import pytest
 
 from robovast.base.stopwatch import Stopwatch
 from robovast.campaign.judge import Ending
+from robovast.campaign.layout import SYSTEM_LOG
 from robovast.campaign.records import EndedRun
 from robovast.campaign.verdict import Verdict
 from robovast.execution.progress import FINISHED_RUNS, PackOutput
@@ -61,13 +62,13 @@ class Place:
             process, PackStart(0, RUNS), output, self.stored, timeout, self.over.append
         )
 
-    def writes(self, number: int, failed: bool = False) -> None:
+    def writes(self, number: int, failed: bool = False, said: bool = True) -> None:
         folder = self.out / RUNS[number].path
         folder.mkdir(parents=True)
         case = "<testcase><failure/></testcase>" if failed else "<testcase/>"
         (folder / "test.xml").write_text(f"<testsuite>{case}</testsuite>")
         with (self.own / FINISHED_RUNS).open("a") as file:
-            file.write(f"{RUNS[number].path}\n")
+            file.write(f"{RUNS[number].path}\n" if said else "")
 
     def verdicts(self) -> list[tuple[int, Verdict]]:
         return [(ended.run.id, ended.result.verdict) for ended in self.over]
@@ -94,6 +95,52 @@ def test_runs_are_handed_over_while_the_job_goes_on(place: Place) -> None:
     assert last.result.verdict is Verdict.FAILED
     assert last.folder.is_relative_to(place.stored)
     assert (last.exit_code, watch.left) == (0, ())
+
+
+def test_the_reason_of_a_run_is_not_what_the_next_one_floods_the_log_with(place: Place) -> None:
+    """Its own beginning was written before the run ahead of it was noticed to be finished."""
+    log = place.own / SYSTEM_LOG
+    log.parent.mkdir(parents=True)
+    costmap = "[ERROR] costmap timed out\n" * 12_000
+
+    def begin(number: int, said: str) -> None:
+        with log.open("a") as file:
+            file.write(f"[robovast] run {RUNS[number].path}\n{said}")
+
+    def first() -> None:
+        begin(0, costmap)
+        place.writes(0)
+        begin(1, "[ERROR] grasp lost\n")
+
+    def second() -> None:
+        place.writes(1, failed=True)
+        begin(2, costmap)
+
+    place.watch(Scripted(first, second)).follow()
+    assert place.over[1].result.reason == "the scenario failed; grasp lost"
+
+
+def test_a_folder_of_a_later_run_ends_none(place: Place) -> None:
+    """Any run can make one, by mistake."""
+
+    def make_folders() -> None:
+        for run in RUNS[1:]:
+            (place.out / run.path).mkdir(parents=True)
+
+    watch = place.watch(Scripted(make_folders, lambda: None))
+    watch.follow()
+    assert place.verdicts() == []
+
+
+def test_without_a_word_runs_are_over_at_the_end_of_their_job(place: Place) -> None:
+    """Where the driver cannot be used, results are written at the end."""
+    process = Scripted(
+        lambda: place.writes(0, said=False), lambda: place.writes(1, failed=True, said=False)
+    )
+    watch = place.watch(process)
+    last = watch.finish(watch.follow())
+    assert place.verdicts() == [(0, Verdict.PASSED), (1, Verdict.FAILED)]
+    assert (last, watch.left) == (None, RUNS[2:])
 
 
 def test_what_an_interruption_made_of_a_run_does_not_count(place: Place) -> None:

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from robovast.execution.job_config import SEED_VARIABLE
-from robovast.execution.local.run_key import common_key, run_keys
 from robovast.execution.local.runtime import Limits
+from robovast.execution.run_key import common_key, run_keys
 from robovast.model.expansion.variant import ConfigFile, Variant
 from robovast.model.plan import PackStart, Run
 from robovast.model.scenario import Scenario
@@ -42,20 +42,25 @@ INPUTS: dict[str, Any] = {
 def keys(inputs: dict[str, Any], folder: Path) -> list[str]:
     """The keys of two runs of one pack, of the last one alone, and of one after another job."""
     for path, content in inputs["files"].items():
-        (folder / "common" / path).parent.mkdir(parents=True, exist_ok=True)
-        (folder / "common" / path).write_text(content)
+        _write(folder / "common" / path, content)
     settings = {**inputs["settings"], "limits": [Limits(**inputs["settings"]["limits"])]}
     common = common_key(settings, folder / "common")
     job = PackStart(0, tuple(_run(i, data, folder) for i, data in enumerate(inputs["runs"])))
     return list(run_keys(common, job, Scenario("test", ())).values())
 
 
+def _write(path: Path, content: str) -> None:
+    """Write a file that has other content: to write takes far longer than to look."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.is_file() or path.read_text() != content:
+        path.write_text(content)
+
+
 def _run(id_: int, data: dict[str, Any], folder: Path) -> Run:
     files = []
     for name, content in data["files"].items():
         path = folder / f"own-{id_}" / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(content)
+        _write(path, content)
         files.append(ConfigFile(name, path))
     variant = Variant(data["name"], "hall", data["parameters"], tuple(files))
     return Run(id_, variant, data["number"], data["seed"])

@@ -39,7 +39,20 @@ def plans(draw: st.DrawFn) -> PlanSpec:
         blocks=tuple(blocks),
         runs_per_job=draw(st.integers(1, 7)),
         breaks=format_breaks(sorted(cuts)),
+        by_variant=draw(st.booleans()),
     )
+
+
+@given(plans())
+def test_runs_that_decide_together_are_one_pack_of_each_block(plan: PlanSpec) -> None:
+    plan = plan.model_copy(update={"by_variant": True})
+    packs = [[plan.run(id_) for id_ in plan.pack(pack)] for pack in range(plan.packs)]
+    assert all(len({variant for variant, _ in pack}) == 1 for pack in packs)
+    assert len(packs) == sum(block.variants for block in plan.blocks)
+    for variant in {variant for pack in packs for variant, _ in pack}:
+        ids = plan.numbers_of(variant)
+        assert [plan.run(id_) for id_ in ids.values()] == [(variant, number) for number in ids]
+        assert len(ids) == sum(len(pack) for pack in packs if pack[0][0] == variant)
 
 
 @given(plans())
@@ -130,13 +143,35 @@ def test_bad_runs_are_repeated_exactly_in_groups_that_few_sizes_tell(
     chosen = data.draw(st.sets(st.integers(0, plan.total - 1)))
     groups = retry_groups(plan, spans(chosen))
     assert sorted(id_ for group in groups for id_ in group) == sorted(chosen)
-    assert all(len({plan.stretch_of(id_) for id_ in group}) == 1 for group in groups)
-    assert all(len(group) <= plan.runs_per_job for group in groups)
+    kin = (lambda id_: plan.run(id_)[0]) if plan.by_variant else plan.stretch_of
+    assert all(len({kin(id_) for id_ in group}) == 1 for group in groups)
+    assert all(len(group) <= plan.runs_per_pack for group in groups)
     sizes = GroupSizes.parse(str(GroupSizes.of(groups)))
     assert (sizes.groups, sizes.runs) == (len(groups), len(chosen))
-    assert len(sizes.parts) <= 2 + plan.runs_per_job.bit_length()
+    few = 64 if plan.by_variant else 2 + min(plan.runs_per_pack, 9).bit_length()
+    assert len(sizes.parts) <= few
     some = data.draw(st.sets(st.integers(0, max(0, len(groups) - 1)))) if groups else set()
     assert sizes.runs_of(spans(some)) == sum(len(groups[number]) for number in some)
+
+
+def test_bad_runs_of_a_variant_that_decide_together_are_one_group() -> None:
+    """Two pods would not see each other's verdicts, and one execute what is not needed."""
+    blocks = (
+        Block(first_variant=0, variants=2, runs=40),
+        Block(first_variant=0, variants=2, first_run=40, runs=30),
+    )
+    plan = PlanSpec(blocks=blocks, by_variant=True)
+    groups = retry_groups(plan, [(5, 27), (80, 104), (110, 139)])
+    variants = [[plan.run(id_)[0] for id_ in group] for group in groups]
+    assert [(v[0], len(v)) for v in variants] == [(0, 48), (1, 30)]
+
+
+def test_few_sizes_tell_the_groups_of_variants_that_have_thousands_of_runs() -> None:
+    plan = PlanSpec(blocks=(Block(first_variant=0, variants=900, runs=2000),), by_variant=True)
+    bad = [(2000 * n, 2000 * n + n) for n in range(900)]
+    groups = retry_groups(plan, bad)
+    assert len(str(GroupSizes.of(groups))) < 2000
+    assert len(groups[0]) > 870
 
 
 def test_variants_that_bring_copies_of_one_file_share_a_job(tmp_path: Path) -> None:

@@ -102,6 +102,7 @@ def test_everything_that_a_run_or_a_variation_reads_goes_along(document: Documen
 def test_only_what_a_user_says_stands_beside_the_document(document: Document) -> None:
     assert set(spec_of(document)) == {"vast", "document", "source"}
     options = SubmitOptions("sweep-*", 3, "img:1", log_tree=True, queue="q", parallelism=7)
+    options = replace(options, queue_priority="urgent")
     spec = spec_of(document, options)
     del spec["vast"], spec["source"]
     assert spec == {
@@ -111,6 +112,7 @@ def test_only_what_a_user_says_stands_beside_the_document(document: Document) ->
         "image": "img:1",
         "options": "-t",
         "queueName": "q",
+        "queuePriorityClassName": "urgent",
         "parallelism": 7,
     }
 

@@ -42,10 +42,10 @@ def tools(tmp_path: Path) -> SearchTools:
 def test_a_batch_says_who_proposed_it_from_how_much(tools: SearchTools) -> None:
     first, second = tools.get_search(NAME)["batches"]
     assert first == {
-        "batch": 0, "strategy": "boundary", "version": "1.2", "seed": 7, "told": 0, "sets": 2,
-        "metrics": {"failing": 0.25}, "elapsed": 9.5,
+        "batch": 0, "strategy": "boundary", "version": "1.2", "seed": 7, "told": 0, "known": 0,
+        "sets": 2, "metrics": {"failing": 0.25}, "elapsed": 9.5,
     }  # fmt: skip
-    assert (second["told"], second["metrics"]) == (2, None)
+    assert (second["told"], second["known"], second["metrics"]) == (2, 1, None)
 
 
 def test_a_set_has_its_configuration_and_its_score(tools: SearchTools) -> None:

@@ -25,7 +25,7 @@ scenario drive:
     goal_poses: list of pose_3d
     obstacles: list of obstacle
     trigger_point: position_3d
-    trigger_threshold: length = 0m
+    trigger_threshold: length = 0.0m
     do serial:
         wait elapsed(1s)
 """

@@ -130,7 +130,8 @@ def test_given_poses_stay_as_they_are(expanded) -> None:
     assert corners(fixed)[0] == [1.0, 3.0]
     assert "start_pose" not in fixed.parameters
 
-    earlier = {"ParameterVariationList": {"name": "start_pose", "values": [start]}}
+    pose = {"position": {"x": 1.0, "y": 3.0}, "orientation": {"yaw": 1.5}}
+    earlier = {"ParameterVariationList": {"name": "start_pose", "values": [pose]}}
     variant = expanded(earlier, random_paths()).variants[0]
     assert read_pose(variant.parameters["start_pose"]).yaw == 1.5
 

@@ -97,3 +97,25 @@ def test_what_a_compose_pod_says_is_held_against_the_document(said: tuple[list[i
     assert isinstance(made, Rejected)
     fine = Composed(counts=(3,), breaks="1-2")
     assert isinstance(with_composition(accepted(), fine, 100_000, "x"), Accepted)
+
+
+@pytest.mark.parametrize(
+    ("image", "seed", "told"),
+    [
+        ("runs@sha256:" + "0" * 64, 7, ""),
+        ("runs:1", 7, "runs:1 contains; name it with its digest"),
+        ("runs@sha256:" + "0" * 64, None, "set `execution.seed`"),
+    ],
+)
+def test_runs_are_taken_over_only_where_it_is_known_what_they_are(
+    image: str, seed: int | None, told: str
+) -> None:
+    obj = campaign(reuse=True, image=image)
+    obj["spec"]["vast"]["execution"]["seed"] = seed
+    found = accept(obj, {"scenario.osc": SCENARIO.encode()}, SETTINGS)
+    if told:
+        assert isinstance(found, Rejected)
+        assert told in found.message
+    else:
+        assert isinstance(found, Accepted)
+        assert found.spec.reuse

@@ -13,6 +13,8 @@ from support.kube.fake_cluster import SCENARIO, SETTINGS, accepted, campaign
 
 from robovast.base.errors import InputError
 from robovast.campaign.configurations import variants_digest
+from robovast.evaluation.launch.cluster_commands import more_in_cluster
+from robovast.evaluation.summaries import VariantRuns
 from robovast.kubeapi.status import (
     CampaignStatus,
     Condition,
@@ -158,6 +160,41 @@ def test_what_was_expanded_once_is_not_expanded_again() -> None:
     assert [one.expanded.variants for one in again.found] == [3, 3, 3, 3]
     assert again.problems == {"late": "the ConfigMap is not there"}
     assert len(known) == 4, "what is gone is not remembered"
+
+
+def test_the_command_of_the_page_adds_runs_of_chosen_configurations(tmp_path: Path) -> None:
+    variants = [
+        VariantRuns(f"c-{speed}", "c-2-more" if speed == 1 else "c", {"speed": speed}, ())
+        for speed in (1, 2, 3)
+    ]
+    command = more_in_cluster(tmp_path, "drive-2026", variants, {"c-2", "c-3"})
+    begin, *documents, end = "7".join(command.parts).split("\n")
+    assert (begin, end, command.of_all) == ("kubectl create -f - <<'END'", "END", False)
+    objects = list(yaml.safe_load_all("\n".join(documents).replace("NAME", "drive")))
+    assert [item["metadata"] for item in objects] == [{"generateName": "more-"}] * 2
+    made = [
+        {
+            "metadata": {"name": f"more-{n}", "uid": f"uid-{n}", "generation": 1},
+            "spec": item["spec"],
+        }
+        for n, item in enumerate(objects)
+    ]
+    found = added(*made)
+    assert not found.problems
+    assert [(one.name, one.runs) for one in found.found] == [("c-2-more-2", 7), ("c-3-more", 7)]
+    assert [one.content["parameters"] for one in found.found] == [[{"speed": 2}], [{"speed": 3}]]
+
+
+def test_where_a_configuration_has_files_the_page_gives_all_more_runs(tmp_path: Path) -> None:
+    folder = tmp_path / "drive-2026" / "c-1" / "_config"
+    folder.mkdir(parents=True)
+    variants = [VariantRuns("c-1", "c", {"map_file": "hall.yaml"}, ())]
+    for name, of_all in (("scenario.config", False), ("hall.yaml", True)):
+        (folder / name).touch()
+        command = more_in_cluster(tmp_path, "drive-2026", variants, {"c-1"})
+        assert command.of_all is of_all
+    text = """kubectl patch campaign NAME --type merge -p '{"spec": {"runs": 20}}'"""
+    assert "20".join(command.parts) == text
 
 
 def test_a_selection_does_not_leave_out_what_was_added() -> None:

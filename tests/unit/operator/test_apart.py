@@ -44,6 +44,7 @@ def test_a_document_of_large_values_is_refused_and_the_operator_stays_small() ->
     """Each variant has a copy of a value that can be changed."""
     obj = campaign()
     value = [[number] for number in range(2000)]
+    files = {"scenario.osc": SCENARIO.replace("float", "their_own_type").encode()}
     obj["spec"]["vast"]["configuration"] = [
         {
             "name": "hall",
@@ -61,4 +62,4 @@ def test_a_document_of_large_values_is_refused_and_the_operator_stays_small() ->
         }
     ]
     with pytest.raises(InputError, match="more than 64 MiB"):
-        asyncio.run(Apart(memory=64 * 2**20)(accept, obj, FILES, SETTINGS))
+        asyncio.run(Apart(memory=64 * 2**20)(accept, obj, files, SETTINGS))

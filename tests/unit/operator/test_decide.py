@@ -8,9 +8,9 @@ from datetime import timedelta
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.kube.fake_cluster import World, accepted, bad
+from support.kube.fake_cluster import AS_NEEDED, World, accepted, bad
 
-from robovast.kubeapi.resources import Acceptance, FailFast
+from robovast.kubeapi.resources import Acceptance, FailFast, ShareTarget
 from robovast_operator import snapshot as picture_module
 from robovast_operator.decide import CreateShard, CreateTask, DeleteJob, decide
 from robovast_operator.planning import shards as shards_module
@@ -56,17 +56,10 @@ def test_no_order_of_events_loses_a_run_or_repeats_one(
 ) -> None:
     world = World(accepted(runs=runs, parallelism=parallelism))
     for kind, which, verdict in events:
-        match kind:
-            case "look":
-                world.look()
-            case "dies before" | "dies amid":
-                world.look(dies=kind.split()[1])
-            case "work":
-                world.work(verdict, which)
-            case "vanish":  # somebody deletes a Job
-                names = [n for n, job in world.jobs.items() if job.role == "shard" and not job.over]
-                if names:
-                    del world.jobs[names[which % len(names)]]
+        world.meet(kind, which, verdict)
+        names = [n for n, job in world.jobs.items() if job.role == "shard" and not job.over]
+        if kind == "vanish" and names:  # somebody deletes a Job
+            del world.jobs[names[which % len(names)]]
         assert world.pods <= parallelism
     world.settle()
     assert sorted(world.executed) == list(range(3 * runs))
@@ -76,6 +69,61 @@ def test_no_order_of_events_loses_a_run_or_repeats_one(
     assert world.truth("Passed") == ("False" if bad(world) else "True")
 
 
+@settings(max_examples=25, deadline=None)
+@given(moments, st.integers(1, 9))
+def test_no_order_of_events_changes_how_many_runs_are_needed(
+    events: list[tuple[str, int, str]], parallelism: int
+) -> None:
+    """The first variant passes, the second fails, and the third does what happens."""
+    world = World(accepted(as_needed=AS_NEEDED, parallelism=parallelism))
+    fates = {0: "passed", 6: "failed"}
+    for kind, which, verdict in [*events, *[("work", 0, "errored")] * 3]:
+        match kind:
+            case "look":
+                world.look()
+            case "dies before" | "dies amid":
+                world.look(dies=kind.split()[1])
+            case "work" if world.jobs:
+                world.work_as(lambda id_, v=verdict: fates.get(id_ // 6 * 6, v), which)
+        assert world.status.runs.needed >= world.status.runs.decided
+    for _ in range(20):
+        world.look()
+        world.work_as(lambda id_: fates.get(id_ // 6 * 6, "errored"))
+    runs = world.status.runs
+    assert [i for i in world.stored if i < 6] == [0, 1, 2]
+    assert [i for i in world.stored if 6 <= i < 12] == [6, 7]
+    assert (runs.total, runs.not_needed) == (18, 18 - len(world.stored))
+    assert world.status.progress == f"{len(world.stored)}/{len(world.stored)}"
+    assert len(world.executed) == len(set(world.executed)) == runs.decided
+    assert world.status.state == "Finished"
+    assert not runs.undecided
+
+
+def test_more_runs_of_undecided_configurations_begin_when_all_before_have_ended() -> None:
+    """Three variants that always err stay undecided, so that another block begins after them."""
+    world = World(accepted(as_needed=AS_NEEDED, parallelism=9))
+    world.look()
+    world.ask(runs=8)
+    world.look()
+    assert len(world.jobs) == 1
+    world.settle("errored")
+    assert world.executed == [*range(18), *range(18, 24)]
+    assert world.status.runs.errored == 24
+
+
+def test_without_the_words_of_their_pods_nobody_knows_how_many_runs_were_needed() -> None:
+    world = World(accepted(as_needed=AS_NEEDED, parallelism=9))
+    world.look()
+    world.unseen[next(iter(world.jobs))] = {0, 1, 2}
+    while world.work("passed"):
+        pass
+    world.look()
+    assert (world.status.runs.passed, world.status.runs.undecided) == (0, 18)
+    world.settle()
+    assert (world.status.runs.passed, world.status.runs.not_needed) == (9, 9)
+    assert world.truth("Passed") == "True"
+
+
 @settings(max_examples=15, deadline=None)
 @given(moments, st.integers(2, 6))
 def test_bad_runs_alone_are_repeated_when_that_is_asked_for(
@@ -83,10 +131,7 @@ def test_bad_runs_alone_are_repeated_when_that_is_asked_for(
 ) -> None:
     world = World(accepted(runs=runs, parallelism=3))
     for kind, which, verdict in events:
-        if kind == "work":
-            world.work(verdict, which)
-        else:
-            world.look(dies=kind.removeprefix("dies ") if "dies" in kind else "")
+        world.meet("look" if kind == "vanish" else kind, which, verdict)
     world.settle()
     first, before = list(world.executed), bad(world)
     world.ask(attempt=2)
@@ -457,6 +502,28 @@ def test_results_are_worked_up_after_the_index_when_that_is_asked_for() -> None:
     world.jobs.clear()
     world.look()
     assert len(world.created) == 3
+
+
+def test_results_are_uploaded_once_whenever_they_are_complete() -> None:
+    world = World(accepted(runs=1, share={"secretName": "robovast-share"}))
+    world.settle(verdict="failed")
+    assert world.uploads == ["drive-0123-share-1-1"]
+    world.jobs.clear()  # they have expired
+    world.look()
+    assert len(world.uploads) == 1
+    world.ask(attempt=2)
+    world.settle()
+    assert world.uploads[1:] == ["drive-0123-share-2-2"]
+    world.status = world.status.model_copy(update={"shared": ""})
+    world.look(dies="before")
+    world.look()
+    assert world.uploads[2:] == ["drive-0123-share-2-2"] * 2
+    without = World(accepted(runs=1))
+    without.settle()
+    assert (without.uploads, without.status.shared) == ([], "")
+    without.ask(share=ShareTarget(secret_name="robovast-share"))
+    without.look()
+    assert without.uploads == ["drive-0123-share-1-1"]
 
 
 def test_a_job_that_holds_pods_which_are_to_go_is_made_anew() -> None:

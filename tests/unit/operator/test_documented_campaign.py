@@ -17,9 +17,11 @@ PAGE = Path(__file__).parents[3] / "docs" / "kubernetes.md"
 def test_the_documented_campaign_is_accepted_and_has_four_runs() -> None:
     blocks = PAGE.read_text(encoding="utf-8").split("```yaml\n")[1:]
     shown = [yaml.safe_load(block.partition("```")[0]) for block in blocks]
-    obj, _source, needing, placed, notifying = shown
-    obj["spec"] |= {**placed["spec"], **notifying["spec"]}
-    obj["spec"]["vast"]["execution"] |= needing["execution"]
+    obj, _source, needing, placed, reading, notifying, sharing = shown
+    obj["spec"] |= {**placed["spec"], **notifying["spec"], **sharing["spec"]}
+    kubernetes = {**needing["execution"]["kubernetes"], **reading["execution"]["kubernetes"]}
+    given = {**needing["execution"], **reading["execution"], "kubernetes": kubernetes}
+    obj["spec"]["vast"]["execution"] |= given
     obj["metadata"] |= {
         "namespace": "default",
         "uid": "0123-4567",

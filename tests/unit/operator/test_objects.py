@@ -14,6 +14,7 @@ from robovast.base.docstrings import WITHOUT
 from robovast.kubeapi.pod_contract.pack_request import PackRequest
 from robovast.kubeapi.source_files import inline_files
 from robovast.model.packs import CampaignPlan, Owner
+from robovast_operator.kube.store import JobState
 from robovast_operator.planning.accept import accept, same_document, source_changed
 from robovast_operator.planning.campaign import Accepted, Rejected
 from robovast_operator.planning.configurations import own_configurations
@@ -51,11 +52,25 @@ def rejected(change: Any, files: dict[str, bytes] | None = None) -> Rejected:
     return found
 
 
-def test_runs_until_a_decision_are_refused() -> None:
-    def change(obj: Any) -> None:
-        obj["spec"]["vast"]["execution"]["runs"] = {"decide": {"good": 0.05, "bad": 0.2}}
+def test_what_decides_about_runs_stays_while_their_most_may_be_raised() -> None:
+    def needed(most: int, good: float = 0.05) -> dict[str, Any]:
+        rule = {"min": 3, "max": most, "decide": {"good": good, "bad": 0.2}}
+        vast: dict[str, Any] = campaign()["spec"]["vast"]
+        return {**vast, "execution": {**vast["execution"], "runs": rule}}
 
-    assert "cannot be executed on a cluster yet: give a number" in rejected(change).message
+    text = json.dumps(needed(50))
+    assert same_document(text, needed(80))
+    assert not same_document(text, needed(50, good=0.1))
+    assert not same_document(text, campaign()["spec"]["vast"])
+    job = job_of(accepted(as_needed=needed(50)["execution"]["runs"]))
+    assert job["spec"]["completions"] == 3
+
+
+def test_what_can_never_decide_about_runs_is_refused() -> None:
+    def change(obj: Any) -> None:
+        obj["spec"]["vast"]["execution"]["runs"] = {"decide": {"good": 0.3, "bad": 0.2}}
+
+    assert "`good` must be less than `bad`" in rejected(change).message
 
 
 def test_only_our_own_containers_see_credentials_and_nobody_a_token() -> None:
@@ -118,10 +133,12 @@ def test_exit_codes_decide_what_is_tried_again() -> None:
     }
 
 
-def test_a_queue_gets_suspended_jobs_with_its_label() -> None:
-    job = job_of(accepted(queueName="robovast"))
+def test_a_queue_gets_suspended_jobs_with_its_labels() -> None:
+    job = job_of(accepted(queueName="robovast", queuePriorityClassName="urgent"))
     assert job["spec"]["suspend"] is True
     assert job["metadata"]["labels"]["kueue.x-k8s.io/queue-name"] == "robovast"
+    assert job["metadata"]["labels"]["kueue.x-k8s.io/priority-class"] == "urgent"
+    assert JobState.of({**job, "metadata": {**job["metadata"], "uid": "1"}}).priority == "urgent"
     assert job_of(accepted())["spec"]["suspend"] is False
 
 

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import timedelta
 from typing import Any
 
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
-from support.kube.fake_cluster import SCENARIO, SEARCH, SETTINGS, World, accepted, campaign
+from support.kube.fake_cluster import SCENARIO, SEARCH, SETTINGS, FakeJob, World, accepted, campaign
 
+from robovast.base.serialization import dump_yaml
 from robovast.kubeapi.pod_contract.messages import BLOCKS_LIMIT, Proposed
 from robovast.model.packs import Block, PlanSpec
-from robovast_operator.planning.accept import accept
+from robovast_operator.planning.accept import accept, same_document
 from robovast_operator.planning.campaign import Rejected
 from robovast_operator.planning.configurations import own_configurations
 from robovast_operator.planning.proposals import first_plan, grown
 
 DIGEST = "ab" * 32
+BATCHES = 500
+"""Of a long search."""
 
 
 def batch(*blocks: tuple[int, int, int, int], variants: int = 0, **more: Any) -> Proposed:
@@ -35,9 +40,20 @@ def three_batches() -> list[Proposed]:
     ]
 
 
-def searching(**spec: Any) -> World:
+def asked_ahead() -> list[Proposed]:
+    """One batch; two, of which the next words need the first; one more; its wait; the end."""
+    return [
+        batch((0, 2, 0, 3), variants=2),
+        batch((2, 2, 0, 3), (4, 2, 0, 3), variants=4, batch=1, evaluated=2, awaited=2),
+        batch((6, 1, 0, 3), variants=1, batch=2, evaluated=4, awaited=3),
+        batch(batch=3, evaluated=6, awaited=4),
+        batch(batch=4, evaluated=7, stop="batches", stop_reason="batches 4/4"),
+    ]
+
+
+def searching(said: Sequence[Proposed] = (), **spec: Any) -> World:
     world = World(accepted(SEARCH, **spec))
-    world.begin(*three_batches())
+    world.begin(*(said or three_batches()))
     return world
 
 
@@ -62,6 +78,148 @@ def test_a_search_runs_what_is_proposed_batch_by_batch_and_ends() -> None:
     assert own_configurations(world.accepted) == []
 
 
+def two_batches_at_work() -> tuple[World, FakeJob, FakeJob]:
+    """A search of which batch 1 and 2 are executed, and their Jobs."""
+    world = searching(asked_ahead(), parallelism=30)
+    world.look()
+    world.work_all(lambda _: "passed")
+    world.look()
+    world.work()  # of the propose Job
+    for _ in range(3):
+        world.look()
+    one, two = (world.jobs[world.accepted.identity.child(number)] for number in (1, 2))
+    return world, one, two
+
+
+def end(job: FakeJob) -> None:
+    job.done = dict.fromkeys(range(job.size), "passed")
+
+
+def test_the_next_batch_is_asked_for_while_another_one_is_executed() -> None:
+    world, one, two = two_batches_at_work()
+    end(one)
+    world.look()
+    assert world.created[-1].endswith("propose-2")
+    assert (world.status.state, world.truth("Reconciling")) == ("Running", "True")
+    end(world.jobs[world.created[-1]])
+    world.look()
+    world.look()
+    assert world.created[-1].endswith("0123-3"), "its runs begin beside those of batch 2"
+    assert not two.over
+    world.settle()
+    assert world.status.state == "Finished"
+    assert world.status.search is not None
+    assert (world.status.search.batch, world.status.search.stop) == (4, "batches")
+
+
+def test_after_many_batches_plans_and_status_are_small() -> None:
+    """Of the plans, the first one and the last few are left; what the others said is in them."""
+    said = [batch((n, 1, 0, 1), variants=1, batch=n, evaluated=n) for n in range(BATCHES)]
+    end_ = batch(batch=BATCHES, evaluated=BATCHES, stop="batches", stop_reason="end")
+    world = searching([*said, end_])
+    world.settle(looks=20 * BATCHES)
+    assert sorted(world.executed) == list(range(BATCHES))
+    last = range(BATCHES - 4, BATCHES)
+    assert [revision.number for revision in world.revisions] == [0, *last]
+    assert len(world.jobs) < 12
+    assert world.revisions[-1].plan.total == BATCHES
+    assert len(world.status.model_dump_json(by_alias=True, exclude_none=True)) < 250 * BATCHES
+
+
+def test_a_plan_stays_while_pods_of_it_may_begin() -> None:
+    """Batch 2 takes as long as many that follow it: the world refuses that its plan goes."""
+    begun = [batch((0, 1, 0, 2), variants=1), batch((1, 1, 0, 2), variants=1, batch=1, awaited=1)]
+    rest = [batch((n, 1, 0, 2), variants=1, batch=n, awaited=1) for n in range(2, 12)]
+    world = searching([*begun, *rest], parallelism=30)
+    for _ in range(60):
+        if world.revisions[-1].number == 9:
+            break
+        world.look()
+        for job in world.jobs.values():
+            if job.role == "propose" or job.name == world.accepted.identity.child(0):
+                end(job)
+    world.look()
+    assert [revision.number for revision in world.revisions] == list(range(10))
+    for job in world.jobs.values():
+        if job.name != world.accepted.identity.child(3):
+            end(job)
+    world.look()
+    world.look()
+    assert [r.number for r in world.revisions] == [0, 3, 7, 8, 9, 10]
+
+
+def test_what_is_asked_for_does_not_depend_on_which_batch_is_faster() -> None:
+    world, one, two = two_batches_at_work()
+    end(two)
+    world.look()
+    assert not any("propose-2" in name for name in world.created), "it is made from batch 1"
+    end(one)
+    world.look()
+    assert world.created[-1].endswith("propose-2")
+
+
+def ends_after(world: World, batches: int) -> None:
+    """Somebody patches the budget."""
+    world.accepted = accepted({**SEARCH, "budget": [{"batches": batches}]})
+    world.plan_more()
+
+
+def test_a_search_that_has_ended_goes_on_with_more_budget() -> None:
+    world = searching()
+    world.settle()
+    assert world.truth("ResultsAvailable") == "True"
+    ends_after(world, 4)
+    assert yaml.safe_load(world.revisions[-1].document)["search"]["budget"] == [{"batches": 4}]
+    assert world.revisions[-1].plan == world.revisions[-2].plan
+    again = batch((4, 1, 0, 3), variants=1, batch=2, evaluated=4)
+    world.batches += [again, batch(batch=3, evaluated=5, stop="batches", stop_reason="3/3")]
+    world.look(dies="before")
+    world.jobs.clear()  # whatever remembers how it ended but for the status
+    world.look()
+    assert world.created[-1].endswith("propose-3")
+    assert world.status.state == "Proposing"
+    assert world.truth("ResultsAvailable") == "False"
+    assert world.status.search is not None
+    assert (world.status.search.batch, world.status.search.stop) == (2, "")
+    world.settle()
+    assert sorted(world.executed) == list(range(17))
+    assert world.status.state == "Finished"
+    assert (world.status.search.batch, world.status.search.stop) == (3, "batches")
+
+
+def test_a_budget_that_is_raised_while_runs_or_words_are_awaited_counts_for_what_follows() -> None:
+    world, one, two = two_batches_at_work()
+    ends_after(world, 9)
+    world.batches.insert(2, batch(stop="batches", stop_reason="of the old budget"))
+    end(one)
+    world.look()
+    assert world.created[-1].endswith("propose-3"), "it reads the plan with the new budget"
+    assert not two.over
+    ends_after(world, 10)
+    world.batches.insert(3, batch(stop="batches", stop_reason="of the old budget"))
+    end(world.jobs[world.created[-1]])
+    world.look()
+    assert world.created[-1].endswith("propose-4")
+    world.settle()
+    assert world.revisions[-1].plan.total == 21
+    assert world.status.state == "Finished"
+
+
+def test_nothing_but_the_end_of_a_search_may_change() -> None:
+    text = dump_yaml(accepted(SEARCH).spec.vast)
+    for change, same in (
+        ({"budget": [{"batches": 9}]}, True),
+        ({"stopping": [{"target_objective": 1.0}]}, True),
+        ({"per_batch": 9}, False),
+        ({"strategy": "boundary"}, False),
+    ):
+        assert same_document(text, accepted({**SEARCH, **change}).spec.vast) is same
+    world = searching()
+    world.accepted = accepted({**SEARCH, "per_batch": 9})
+    world.plan_more()
+    assert len(world.revisions) == 1, "it is refused, not planned"
+
+
 moments = st.lists(
     st.tuples(
         st.sampled_from(["look", "dies before", "dies amid", "work", "vanish", "mute"]),
@@ -73,20 +231,16 @@ moments = st.lists(
 
 
 @settings(max_examples=60, deadline=None)
-@given(moments)
+@given(moments, st.booleans())
 def test_no_order_of_events_changes_what_a_search_runs(
-    events: list[tuple[str, int, str]],
+    events: list[tuple[str, int, str]], ahead: bool
 ) -> None:
-    world = searching(parallelism=3)
+    said = asked_ahead() if ahead else three_batches()
+    world = searching(said, parallelism=3)
     for kind, which, verdict in events:
         jobs = [n for n, job in world.jobs.items() if job.role == "propose" or not job.over]
+        world.meet(kind, which, verdict)
         match kind:
-            case "look":
-                world.look()
-            case "dies before" | "dies amid":
-                world.look(dies=kind.split()[1])
-            case "work":
-                world.work(verdict, which)
             case "vanish" if jobs:  # somebody deletes a Job
                 del world.jobs[jobs[which % len(jobs)]]
             case "mute" if jobs:  # somebody deletes its pods
@@ -94,11 +248,12 @@ def test_no_order_of_events_changes_what_a_search_runs(
     for _ in range(12):  # words that are lost are asked for again, after pauses
         world.settle()
         world.now += timedelta(minutes=11)
-    assert sorted(world.executed) == list(range(14))
-    assert [revision.plan.total for revision in world.revisions] == [6, 14]
+    totals = [6, 18, 21, 21] if ahead else [6, 14]
+    assert sorted(world.executed) == list(range(totals[-1]))
+    assert world.totals == totals
     assert world.status.state == "Finished"
     assert world.status.search is not None
-    assert (world.status.search.batch, world.status.search.stop) == (2, "batches")
+    assert (world.status.search.batch, world.status.search.stop) == (said[-1].batch, "batches")
     assert sum(job.role == "propose" for job in world.jobs.values()) <= 1
 
 
@@ -132,6 +287,12 @@ def test_raised_runs_are_left_to_the_next_batches() -> None:
         (batch((2, 0, 0, 1), variants=1), "greater than 0"),
         (batch((2, 1, 0, 1), variants=999), "more than 1,000"),
         (batch(variants=1), "asks for no runs"),
+        (batch(awaited=1), "asks for no runs"),
+        (
+            batch((2, 1, 0, 3), variants=1, awaited=3),
+            "waits for 3 blocks of runs, after 1 and of 2",
+        ),
+        (batch((2, 1, 0, 3), variants=1, awaited=0), "waits for 0 blocks of runs"),
         (batch((2, 1, 0, 1), variants=1, breaks="7-x"), "7-x"),
         (Proposed(blocks=((2, 1, 0, 1),), variants=1), "names no list"),
     ],

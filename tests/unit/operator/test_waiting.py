@@ -253,10 +253,13 @@ def test_a_job_asks_for_no_more_than_its_queue_can_ever_give() -> None:
     assert world.decided() == (), "what is admitted stays as Kueue counted it"
 
 
-def test_another_queue_takes_a_job_that_waits() -> None:
+@pytest.mark.parametrize(
+    "change", [{"queue_name": "other"}, {"queue_priority_class_name": "urgent"}]
+)
+def test_another_queue_or_priority_takes_a_job_that_waits(change: dict[str, str]) -> None:
     world = Queued(runs=2)
     waits = world.arrive()
-    world.ask(queue_name="other")
+    world.ask(**change)
     assert world.decided() == (DeleteJob(waits.name),)
     waits.suspended = False
     assert world.decided() == ()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from random import Random
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from robovast.model.document.model import Search
+from robovast.model.document.search.section import Search
 from robovast.search.strategies.boundary import BoundaryParameters, BoundaryStrategy
 from robovast.search.strategies.failure_process import Array
 from robovast.search.strategy import SearchStrategy
@@ -73,7 +74,8 @@ def test_the_map_is_better_than_one_of_random_sets_and_knows_the_critical_values
     assert numbers["failing_low"] <= 0.41 <= numbers["failing_high"]
     assert numbers["misjudged"] < 0.1
     for surface, limit in (("wet", 2.75), ("dry", 3.75)):
-        speed = made.map().critical({"surface": surface, "load": 5})[0]
+        base = made.place(ParamSet({"speed": 3.0, "load": 5, "surface": surface}))
+        speed = made.map().critical(base)[0]
         assert speed.name == "speed"
         assert speed.low is not None
         assert speed.high is not None
@@ -85,7 +87,8 @@ def test_it_is_a_function_of_seed_and_history() -> None:
     whole, rebuilt = strategy(), strategy()
     asked = execute(whole, 3)
     for sets in asked:
-        rebuilt.replay(6, sets, [evaluate(params) for params in sets])
+        rebuilt.repeat(6, sets)
+        rebuilt.tell([evaluate(params) for params in sets])
     assert rebuilt.ask(6) == whole.ask(6)
     assert execute(strategy(seed=1), 1) != asked[:1]
 
@@ -108,7 +111,7 @@ def test_noise_is_answered_with_more_runs_of_known_sets() -> None:
 
 
 def test_runs_that_errored_are_no_reason_to_ask_for_nothing_new() -> None:
-    """All sets of a small space are known; half of their eight runs came to no verdict."""
+    """All sets of a small space are known; of each 16 runs, two came to a verdict."""
     cfg = Search.model_validate(
         {
             "strategy": "boundary",
@@ -118,12 +121,14 @@ def test_runs_that_errored_are_no_reason_to_ask_for_nothing_new() -> None:
         }
     )
     made = BoundaryStrategy(cfg, BoundaryParameters())
-    wanted = []
-    for _ in range(4):
+    planned: dict[str, int] = {}
+    for batch in range(4):
         sets = made.ask(2)
-        made.tell([Evaluation(p, {"failure_rate": 0.5}, {}, 4) for p in sets])
-        wanted.append(max(params.n_reps or 8 for params in sets))
-    assert max(wanted[1:]) > 8, "what is run already is asked for again and again"
+        before = dict(planned)
+        for params in sets:
+            planned[params.id] = max(params.n_reps or 16, planned.get(params.id, 0))
+        assert planned != before, f"batch {batch} asks for nothing new"
+        made.tell([Evaluation(p, {"failure_rate": 0.5}, {}, 2, n_runs=planned[p.id]) for p in sets])
 
 
 def test_an_objective_that_is_no_rate_is_refused() -> None:
@@ -131,3 +136,30 @@ def test_an_objective_that_is_no_rate_is_refused() -> None:
     (params, *_) = made.ask(1)
     with pytest.raises(ValueError, match="needs a rate between 0 and 1"):
         made.tell([Evaluation(params, {"failure_rate": 7.0}, {}, 1)])
+
+
+def test_a_batch_asked_ahead_keeps_away_from_the_one_under_way_and_is_repeated_alike() -> None:
+    """Two batches are open at a time, as a search on workers that vary in speed asks them."""
+    asked = []
+
+    def ahead(made: BoundaryStrategy, batches: int) -> None:
+        open_ = [made.ask(6)]
+        for batch in range(1, batches):
+            if batch > 1:
+                made.tell([evaluate(params) for params in open_.pop(0)])
+            open_.append(made.ask(6))
+            asked.append([*open_[-1]])
+
+    whole = strategy()
+    ahead(whole, 6)
+    ids = [params.id for sets in asked for params in sets if params.n_reps is None]
+    assert len(ids) == len(set(ids)), "a set under way is proposed once more"
+    gaps = [
+        min(np.linalg.norm(np.subtract(whole.place(a), whole.place(b))) for a in one for b in other)
+        for one, other in pairwise(asked[2:])
+    ]
+    assert min(gaps) > 0.01
+    again = asked[:]
+    asked.clear()
+    ahead(strategy(), 6)
+    assert asked == again

@@ -12,11 +12,11 @@ needs("optuna")
 needs("cmaes")
 
 from robovast.base.errors import CannotRunError  # noqa: E402
-from robovast.model.document.model import Search  # noqa: E402
 from robovast.model.document.search.plugins import (  # noqa: E402
     STRATEGIES,
     load_search_plugin,
 )
+from robovast.model.document.search.section import Search  # noqa: E402
 from robovast.search.strategies.optuna_samplers import (  # noqa: E402
     OptunaParameters,
     OptunaStrategy,
@@ -82,7 +82,8 @@ def test_it_is_a_function_of_seed_and_history(sampler: str) -> None:
     whole, rebuilt = strategy(LINE, sampler=sampler), strategy(LINE, sampler=sampler)
     asked = execute(whole, 4)
     for sets in asked:
-        rebuilt.replay(6, sets, [distance(params) for params in sets])
+        rebuilt.repeat(6, sets)
+        rebuilt.tell([distance(params) for params in sets])
     assert rebuilt.ask(6) == whole.ask(6)
     assert execute(strategy(LINE, sampler=sampler, seed=1), 1) != asked[:1]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from robovast.model.document.model import Search
+from robovast.model.document.search.section import Search
 from robovast.search.strategies.archives import ArchiveParameters, cells_of
 from robovast.search.strategies.quality_diversity import (
     QualityDiversityParameters,
@@ -77,7 +77,8 @@ def test_it_is_a_function_of_seed_and_history(archive: dict[str, Any]) -> None:
     asked = execute(whole, 4)
     assert [len(sets) for sets in asked] == [10] * 4, "as many as are asked, whatever the emitters"
     for sets in asked:
-        rebuilt.replay(10, sets, [evaluate(params) for params in sets])
+        rebuilt.repeat(10, sets)
+        rebuilt.tell([evaluate(params) for params in sets])
     assert rebuilt.ask(10) == whole.ask(10)
     assert rebuilt.report() == whole.report()
     assert execute(strategy(archive, seed=1), 1) != asked[:1]

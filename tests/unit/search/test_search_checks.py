@@ -62,6 +62,15 @@ def test_defaults_and_warning_without_budget(tmp_path: Path) -> None:
         ("high: 9", "high: .inf", "must be finite"),
         ("low: 1", "low: 1, step: 0", "must be at least 1"),
         ("type: int, low: 1, high: 9", "type: choice, values: [a, b, a]", 'value "a" stands twice'),
+        *(
+            ("type: int, low: 1, high: 9", f"type: choice, values: [{odd}, b]", "cannot be stored")
+            for odd in (".nan", ".inf", "{1: a}", "!!binary aGVsbG8=")
+        ),
+        (
+            "type: int, low: 1, high: 9",
+            "type: float, low: -1.7e308, high: 1.7e308",
+            "too far apart for a floating point number",
+        ),
         ("type: int, low: 1, high: 9", "type: bool, low: 1", "`low` has no meaning here"),
         ("    x:", "    z:", "has no parameter `z`"),
         ("strategy: random", "strategy: randm", "Did you mean `random`?"),

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robovast.model.document.model import Search, SearchDimension
 from robovast.model.document.search.criteria import Progress, criteria
+from robovast.model.document.search.section import Search, SearchDimension
 from robovast.model.document.search.space import at, holds, place, set_id, size
 from robovast.model.document.search.template import doubtful, entry_of, markers
 

@@ -10,14 +10,14 @@ from typing import Any
 import pytest
 
 from robovast.base.errors import InputError
-from robovast.campaign.layout import Layout
+from robovast.campaign.layout import SEARCH, Layout
 from robovast.execution.generate import write_configurations
 from robovast.model.document import load_document
 from robovast.model.expansion import Composition
 from robovast.model.packs import Block
-from robovast.search.history import FOLDER, History, Outcome, Proposal, Scored
+from robovast.search.history import History, Outcome, Proposal, Scored
 from robovast.search.pictures import draw_map, encoded
-from robovast.search.results import StoredSearch
+from robovast.search.results import stored_search
 from robovast.search.types import ParamSet
 
 DOCUMENT = """\
@@ -59,14 +59,14 @@ def campaign(tmp_path: Path) -> Path:
 
 
 def test_values_that_look_like_formulas_are_drawn_as_they_are(campaign: Path) -> None:
-    figure = draw_map(StoredSearch(campaign), [], {})
+    figure = draw_map(stored_search(campaign), [], {})
     assert encoded(figure, Path("map.svg"))
 
 
 @pytest.mark.parametrize("over", [["x"], ["x", "x"], ["x", "kind", "kind"]])
 def test_a_map_is_drawn_over_two_dimensions(campaign: Path, over: list[str]) -> None:
     with pytest.raises(InputError, match="two different dimensions"):
-        draw_map(StoredSearch(campaign), over, {})
+        draw_map(stored_search(campaign), over, {})
 
 
 @pytest.mark.parametrize(
@@ -80,16 +80,16 @@ def test_a_map_is_drawn_over_two_dimensions(campaign: Path, over: list[str]) -> 
 def test_what_is_not_of_the_search_is_named(
     campaign: Path, part: str, change: Callable[[Any], None], why: str
 ) -> None:
-    path = campaign / FOLDER / f"batch-0000{part}.json"
+    path = campaign / SEARCH / f"batch-0000{part}.json"
     data = json.loads(path.read_text())
     change(data)
     path.write_text(json.dumps(data))
     with pytest.raises(InputError, match=rf"batch-0000{part}\.json: .*{why}"):
-        StoredSearch(campaign)
+        stored_search(campaign)
 
 
 def test_what_the_strategy_cannot_be_told_is_its_error(campaign: Path) -> None:
-    path = campaign / FOLDER / "batch-0000.result.json"
+    path = campaign / SEARCH / "batch-0000.result.json"
     path.write_text(path.read_text().replace('"failure_rate": 1.0', '"failure_rate": 7.0'))
     with pytest.raises(InputError, match=r"`boundary`: `replay` raised ValueError: .*a rate"):
-        StoredSearch(campaign).map()
+        stored_search(campaign).map()

@@ -14,7 +14,7 @@ from robovast.analysis.bags import commands
 from robovast.analysis.bags.convert import convert_run
 from robovast.base.errors import InputError
 from robovast.model.document.commands import bag_command, expanded
-from robovast.model.document.model import PluginCall
+from robovast.model.document.section import PluginCall
 
 
 def convert(run: Path, command: str, **parameters: Any) -> set[str]:

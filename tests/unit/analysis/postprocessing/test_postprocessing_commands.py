@@ -6,7 +6,7 @@ import pytest
 
 from robovast.analysis.postprocessing.commands import read_calls, resolve, skipped
 from robovast.base.errors import DocumentError, InputError
-from robovast.model.document.model import PluginCall
+from robovast.model.document.section import PluginCall
 
 
 def keys(folder: Path, *calls: PluginCall) -> list[str]:

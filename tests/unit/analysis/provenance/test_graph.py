@@ -12,6 +12,7 @@ import rdflib
 from rdflib import PROV, RDF, Literal, URIRef
 from rdflib.compare import isomorphic
 from support.campaigns.described import DATASET, NAME, RECORD, make_old_campaign, nodes_of
+from support.campaigns.searches import write_search
 
 from robovast.analysis.provenance import PluginFaultsError, describe, write_graph, write_metadata
 from robovast.analysis.provenance.vocabulary import PREFIXES, ROBOVAST
@@ -68,6 +69,27 @@ def violations(graph: rdflib.Graph) -> str:
 
 def test_the_graph_keeps_the_prov_constraints(described: Path) -> None:
     assert violations(load(described)) == ""
+
+
+def test_the_graph_of_a_search_keeps_them_and_grows_with_its_sets(tmp_path: Path) -> None:
+    sizes = []
+    for batches in (2, 4):
+        root = write_search(tmp_path / str(batches), batches=batches, runs=False, strategy="random")
+        describe(root)
+        assert violations(load(root)) == ""
+        sizes.append(len(load(root)))
+    one, other = sizes
+    assert other < 2.2 * one
+
+
+def test_a_search_whose_batch_is_damaged_is_described_up_to_it(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    root = write_search(tmp_path, batches=3, runs=False, strategy="random")
+    (root / "_execution/search/batch-0001.result.json").write_text('{"scores": [7]}')
+    describe(root)
+    assert "batches of the search that cannot be read: batch-0001.json" in caplog.text
+    assert len(parse_yaml((root / "metadata.yaml").read_text())["search"]) == 1
 
 
 @pytest.mark.parametrize(

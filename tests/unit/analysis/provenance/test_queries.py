@@ -8,11 +8,14 @@ from pathlib import Path
 import pytest
 import rdflib
 from support.campaigns.described import make_old_campaign
+from support.campaigns.searches import write_search
 
 from robovast.analysis.provenance import describe
 from robovast.analysis.provenance.query import Graphs, query_names, read_query
 from robovast.base.errors import CannotRunError, InputError
 from robovast.campaign.finding import find_campaigns
+from robovast.campaign.layout import Layout
+from robovast.search.history import History
 
 
 @pytest.fixture(scope="module")
@@ -37,8 +40,61 @@ ROWS = {
 }
 
 
+OF_SEARCHES = {
+    "proposed-sets": 3 * 4,  # batches × sets
+    "proposed-from": (0 + 4 + 8) * 2,  # evaluations before each batch × their numbers
+}
+
+
+@pytest.fixture(scope="module")
+def searched(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A search of three batches of four sets."""
+    results = tmp_path_factory.mktemp("searched") / "results"
+    root = write_search(results, batches=3, runs=False, strategy="random", per_batch=4)
+    describe(root)
+    return root
+
+
 def test_every_query_of_the_package_is_tested() -> None:
-    assert ROWS.keys() == query_names().keys()
+    assert ROWS.keys() | OF_SEARCHES.keys() == query_names().keys()
+
+
+@pytest.mark.filterwarnings("ignore:ConjunctiveGraph is deprecated:DeprecationWarning")
+@pytest.mark.parametrize(("name", "rows"), OF_SEARCHES.items())
+def test_queries_about_searches_work_here_and_in_plain_rdflib(
+    searched: Path, name: str, rows: int
+) -> None:
+    answer = Graphs([searched]).ask(read_query(name))
+    found = list(answer)
+    assert len(found) == rows
+    assert None not in {cell for row in found for cell in row}
+    graph = rdflib.Graph().parse(searched / "metadata.prov.json")
+    assert len(list(graph.query(read_query(name)))) == rows
+
+
+def test_each_set_says_who_proposed_it_from_what(searched: Path) -> None:
+    graphs, history = Graphs([searched]), History(Layout(searched))
+    answer = graphs.ask(read_query("proposed-sets"))
+    rows = [dict(zip(answer.columns, row, strict=True)) for row in answer]
+    told = {
+        config: (batch.number, made.strategy, made.version, made.seed, made.told)
+        for batch in history.batches
+        for made in [batch.proposal]
+        for config in made.configs
+    }
+    assert {
+        row["config"].rstrip("/").rpartition("/")[2]: (
+            row["batch"], row["strategy"], row["version"], row["seed"], row["told"]
+        )
+        for row in rows
+    } == told  # fmt: skip
+    scored = history.finished[0].outcome
+    assert scored is not None
+    values = [score.objectives["failure_rate"] for score in scored.scores]
+    evidence = [row for row in graphs.ask(read_query("proposed-from")) if row[0] == 1]
+    assert sorted(value for _, _, name, value, _ in evidence if name == "failure_rate") == sorted(
+        values
+    )
 
 
 @pytest.mark.parametrize(("name", "rows"), ROWS.items())

@@ -11,7 +11,7 @@ from support.campaigns.bags import Bag
 
 from robovast.analysis.replay.outputs import ALL_TABLES, Compared, compare_outputs
 from robovast.base.safe_paths import MOST
-from robovast.model.document.model import Output
+from robovast.model.document.execution import Output
 
 TABLE = "step,x\n0,1.5\n1,2.5\n"
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import sqlite3
 from contextlib import closing
@@ -327,6 +328,15 @@ def test_damaged_tables_are_made_anew_and_those_in_use_are_left(tmp_path: Path) 
         update(campaign)
 
 
+def test_nobody_waits_for_a_pipe_in_the_place_of_tables(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 1)
+    os.mkfifo(campaign / "_execution" / "tables.duckdb")
+    with pytest.raises(InputError, match="vast results postprocess"):
+        ask([campaign], "SELECT 1")
+    update_columnar(Layout(campaign), {"c-1/0": "1"})
+    assert rows(campaign, "SELECT v FROM out") == [(0,)]
+
+
 def test_the_campaign_store_has_a_unit_for_each_configuration(tmp_path: Path) -> None:
     campaign = finished_campaign(tmp_path, 3)
     (campaign / "c-1/1/run.json").unlink()
@@ -345,6 +355,9 @@ def test_the_campaign_store_has_a_unit_for_each_configuration(tmp_path: Path) ->
             ("c-1", '{"x": 0, "text": "a, b"}', 2, "errored", "c-1"),
             ("c-2", '{"x": 2, "text": "a, b"}', 1, "passed", "c-2"),
         ]
+        assert connection.execute("PRAGMA user_version").fetchone() == (1,)
+        times = "SELECT created_at FROM campaign UNION ALL SELECT created_at FROM batch"
+        assert connection.execute(times).fetchall() == [(1767225600.0,)] * 2, "2026-01-01, UTC"
 
 
 def test_a_store_that_something_else_wrote_is_left_alone(tmp_path: Path) -> None:

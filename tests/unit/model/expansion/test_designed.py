@@ -72,7 +72,7 @@ def test_the_product_is_neither_made_nor_counted(tmp_path: Path) -> None:
 
 DRAWN = (
     "  - ParameterVariationDistributionUniform: "
-    "{name: a, num_variations: 3, min: 1, max: 2, seed: 1}"
+    "{name: a, type: int, num_variations: 3, min: 1, max: 2}"
 )
 ONE = "  - ParameterVariationList: {name: a, values: [1, 2]}\n"
 

@@ -58,3 +58,12 @@ def test_later_jobs_continue_the_numbers() -> None:
 def test_more_runs_than_any_cluster_could_execute_are_a_mistake() -> None:
     with pytest.raises(InputError, match=r"would have 20,000,000 runs, more than 10,000,000"):
         plan_variants(variants(2), 10_000_000)
+
+
+def test_more_runs_of_some_variants_come_after_all_others() -> None:
+    few = variants(3)
+    plan = plan_variants(few, 2, 2, {few[1].name: 5, few[2].name: 1})
+    before = plan_variants(few, 2, 2)
+    runs = plan_runs(plan, few, 7)
+    assert runs[: before.total] == plan_runs(before, few, 7)
+    assert [run.path for run in runs[before.total :]] == [f"{few[1].name}/{n}" for n in (2, 3, 4)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from robovast_cli.ui.listing import MOST_LINES, NARROWEST, fitting, format_table
+from robovast_cli.ui.table import MOST_LINES, NARROWEST, fitting, format_table
 
 ROW = ["hall-1", "no way to the goal after twelve attempts", "x" * 90]
 

@@ -1,0 +1,70 @@
+"""How long a campaign takes, by those before it and by its own pace."""
+
+from __future__ import annotations
+
+import random
+from math import isclose
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import t
+
+from robovast.model.estimate import Spent, _student, forecast, remaining
+
+times = st.floats(0.1, 1e5)
+spent = st.builds(Spent, st.integers(1, 10_000), st.integers(1, 500), times)
+
+
+@given(st.lists(spent, min_size=1, max_size=9), st.integers(1, 10_000), st.integers(1, 500))
+def test_the_interval_has_the_estimate_in_it(earlier: list[Spent], runs: int, workers: int) -> None:
+    found = forecast(earlier, runs, workers)
+    assert found is not None
+    assert 0 < found.least <= found.seconds <= found.most
+
+
+def test_nothing_is_known_without_campaigns() -> None:
+    assert forecast([], 100, 10) is None
+    assert remaining(0, 100, 10, 60) is None
+
+
+def test_twice_the_runs_take_twice_the_time_and_twice_the_pods_half_of_it() -> None:
+    earlier = [Spent(100, 10, 600)] * 3
+    times = [forecast(earlier, runs, pods) for runs, pods in ((100, 10), (200, 10), (100, 20))]
+    assert [round(found.seconds) for found in times if found] == [600, 1200, 300]
+
+
+def test_what_is_known_of_more_campaigns_is_known_better() -> None:
+    few, many = (forecast([Spent(10, 1, 60)] * number, 10, 1) for number in (1, 10))
+    assert few is not None
+    assert many is not None
+    assert many.most - many.least < (few.most - few.least) / 2
+
+
+@pytest.mark.parametrize("freedom", [2, 3, 5, 20, 100])
+def test_students_t_is_that_of_scipy(freedom: int) -> None:
+    assert isclose(_student(freedom), t.ppf(0.95, freedom), rel_tol=0.02)
+
+
+@given(st.integers(1, 10_000), st.integers(0, 10_000), st.integers(1, 500), times)
+def test_what_remains_has_an_interval_that_ends_at_nothing(
+    done: int, left: int, workers: int, seconds: float
+) -> None:
+    found = remaining(done, left, workers, seconds)
+    assert found is not None
+    assert 0 <= found.least <= found.seconds <= found.most
+    assert (found.seconds == 0) == (left == 0)
+
+
+def test_nine_of_ten_intervals_hold_for_campaigns_that_differ_by_load() -> None:
+    dice = random.Random(1)  # noqa: S311
+    held = []
+    for _ in range(40):
+        earlier: list[Spent] = []
+        for _ in range(6):
+            campaign = Spent(50, 5, 600 * dice.lognormvariate(0, 0.25))
+            found = forecast(earlier, 50, 5)
+            if found is not None:
+                held.append(found.least <= campaign.seconds <= found.most)
+            earlier.append(campaign)
+    assert sum(held) >= 0.88 * len(held)
