@@ -13,6 +13,8 @@
 #   terminated       somebody else told the main container to end
 # Answers are empty files, which a full disk still takes.
 #
+# With ROBOVAST_KEEP_PROCESSES, what is left when a job ends is not killed: somebody may have come in to look.
+#
 # Exit code: 0. How a job ended is the agent's to tell.
 
 name=$1
@@ -115,7 +117,7 @@ run_job() {
     child=''
     kill "$watcher" 2>/dev/null
     # In a container that is all that the job left behind; elsewhere it is not ours.
-    (($$ == 1)) && kill -KILL -- -1
+    (($$ == 1)) && [[ ! $ROBOVAST_KEEP_PROCESSES ]] && kill -KILL -- -1
     wait "$watcher" 2>/dev/null
     read_kills
     [[ $name ]] || ((kills == before)) || answer "$job.oom"

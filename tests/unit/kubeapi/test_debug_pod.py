@@ -27,7 +27,10 @@ def test_it_is_a_pod_of_the_campaign_for_one_run_that_stores_nothing() -> None:
     assert commands["agent"][-1] == "hold"
     before = job["spec"]["template"]["spec"]
     (run,) = (c for c in spec["containers"] if c["name"] == "robovast")
-    assert run in before["containers"], "image and limits are those of the campaign"
+    assert run.pop("env")[-1] == {"name": "ROBOVAST_KEEP_PROCESSES", "value": "1"}
+    (of_job,) = (c for c in before["containers"] if c["name"] == "robovast")
+    of_job.pop("env", None)
+    assert run == of_job, "image and limits are those of the campaign"
     assert before["containers"][1]["command"][-1] != "hold", "the Job is left as it is"
     assert PackRequest.of_pod(pod) is None, "it is not taken for a pod of a Job"
     assert PackRequest(0, run=7).chosen(revision.plan, lambda _: []) == (7, [7])

@@ -8,21 +8,24 @@
 # shellcheck source-path=SCRIPTDIR source=entrypoint.sh
 source "${BASH_SOURCE[0]%/*}/entrypoint.sh"
 
-# Ends when the main container has ended: its lock was seen held, and then could be shared.
-wait_for_main() {
-    python3 -I -S -c '
-import fcntl, sys, time
+# Tells this script to stop when the main container has ended: its lock was seen held, and then could
+# be shared. One process, whose number is known, so that none is left when this script ends first.
+end_with_main() {
+    exec python3 -I -S -c '
+import fcntl, os, signal, sys, time
 while True:
     try:
         with open(sys.argv[1]) as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
             except BlockingIOError:
-                raise SystemExit(fcntl.flock(lock, fcntl.LOCK_SH))
+                fcntl.flock(lock, fcntl.LOCK_SH)
+                break
     except FileNotFoundError:
         pass
     time.sleep(0.5)
-' "$out/.running"
+os.kill(int(sys.argv[2]), signal.SIGTERM)
+' "$out/.running" $$
 }
 
 end_secondary() {
@@ -37,7 +40,7 @@ main_secondary() {
     start_monitor "$CONTAINER_NAME"
     trap end_secondary EXIT
     trap 'exit 0' TERM INT
-    (wait_for_main && kill $$) &
+    end_with_main &
     (source_pre_command; wait) &
     wait $!
     local code=$?

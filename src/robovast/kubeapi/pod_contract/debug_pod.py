@@ -11,7 +11,7 @@ from typing import Any
 
 from robovast.kubeapi.names import child_name
 from robovast.kubeapi.pod_contract.mounts import Object
-from robovast.kubeapi.pod_contract.pack_request import FETCH, PackRequest
+from robovast.kubeapi.pod_contract.pack_request import FETCH, RUN, PackRequest
 from robovast.kubeapi.pod_contract.pods import AGENT
 from robovast.kubeapi.resources import API_VERSION, CAMPAIGN_LABEL, ROLE_LABEL, UID_LABEL
 
@@ -19,6 +19,8 @@ ROLE = "debug"
 """Role of such pods: the operator has nothing to do with them."""
 HOURS = 8
 """When one ends by itself, if nobody ends it."""
+KEEP_PROCESSES = {"name": "ROBOVAST_KEEP_PROCESSES", "value": "1"}
+"""Tells start.sh that who has come in shall not be killed when the run ends."""
 
 
 def debug_pod(campaign: Mapping[str, Any], job: Mapping[str, Any], run: int) -> Object:
@@ -37,6 +39,8 @@ def debug_pod(campaign: Mapping[str, Any], job: Mapping[str, Any], run: int) -> 
         elif container["name"] == "agent":
             container["command"] = [*AGENT, "hold"]
             container.pop("readinessProbe", None)
+        elif container["name"] == RUN:
+            container["env"] = [*container.get("env", ()), KEEP_PROCESSES]
     spec.pop("topologySpreadConstraints", None)  # it is about the pods of a campaign's runs
     spec["activeDeadlineSeconds"] = HOURS * 3600
     owner = {"apiVersion": API_VERSION, "kind": "Campaign", "name": name, "uid": uid}
