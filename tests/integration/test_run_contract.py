@@ -462,6 +462,20 @@ def test_two_jobs_do_not_share_a_folder(job: Job) -> None:
     assert "another job runs" in output
 
 
+def test_the_log_is_complete_although_the_machine_is_slow(job: Job) -> None:
+    """As on a machine that is so busy that who writes the log gets no CPU before the job ends."""
+    slow = job.root / "slow"
+    slow.mkdir()
+    (slow / "tee").write_text(f'#!/bin/bash\nsleep 4\nexec {shutil.which("tee")} "$@"\n')
+    (slow / "tee").chmod(0o755)
+    job.single(job.program("(setsid sleep 60 &); echo its last words"))
+    code, output = job.run(PATH=f"{slow}:{job.env['PATH']}")
+    assert code == 0
+    assert "its last words" in output
+    assert job.log() == output
+    assert job.log().endswith("ended with code 0\n")
+
+
 def test_the_lock_is_released_although_daemons_stay_behind(job: Job) -> None:
     job.write("pre.sh", "(trap '' TERM; while sleep 1; do :; done) &\n")
     job.single(job.program("setsid sleep 60 </dev/null >/dev/null 2>&1 &"))

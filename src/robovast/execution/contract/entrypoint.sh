@@ -33,11 +33,23 @@ log_to() { # FILE
     trap close_log EXIT
 }
 
-# The log is complete when tee ends, which a daemon that holds our end of the pipe must not delay.
+# The log is complete when tee ends. A daemon that holds our end of the pipe must not delay that: then it
+# is, when the pipe is empty and tee sleeps, however long a busy machine takes until then.
 close_log() {
     exec >&- 2>&-
     read -rt 1 -u "$log_ended"
-    (($? <= 128)) || kill -KILL "$log_pid"
+    (($? <= 128)) && return
+    python3 -I -S -c '
+import array, fcntl, os, sys, termios, time
+tee, until = "/proc/" + sys.argv[1], time.monotonic() + 60
+pipe, left = os.open(tee + "/fd/0", os.O_RDONLY | os.O_NONBLOCK), array.array("i", [1])
+def sleeps():
+    with open(tee + "/stat") as stat:
+        return stat.read().rpartition(")")[2].split()[0] == "S"
+while (left[0] or not sleeps()) and time.monotonic() < until:
+    time.sleep(0.05)
+    fcntl.ioctl(pipe, termios.FIONREAD, left)' "$log_pid"
+    kill -KILL "$log_pid"
 }
 
 check_tools() {
