@@ -87,7 +87,7 @@ def brought_here(run: Path, out: Path, context: str | None, namespace: str | Non
     """The folder of a run, fetched below `out` if only a cluster has it."""
     if not is_stored_elsewhere(run):
         return run
-    from robovast_cli.kube.api import cluster_extra
+    from robovast_cli.kube.extra import cluster_extra
 
     with cluster_extra():
         from robovast_cli.commands.results.downloading import download_run

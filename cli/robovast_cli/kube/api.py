@@ -18,6 +18,7 @@ from urllib.parse import quote
 from robovast.base.errors import CannotRunError, RobovastError
 from robovast.kubeapi.resources import API_VERSION
 from robovast_cli.kube.api_errors import NotFoundError, NotInstalledError, refusal, unreachable
+from robovast_cli.kube.extra import cluster_extra
 from robovast_cli.kube.kubeconfig import choose, files, login_program
 from robovast_cli.kube.port_forward import PortForward
 
@@ -328,17 +329,6 @@ def _login(server: Any, context: str | None) -> None:
         raise CannotRunError(f"`{program}`, which the kubeconfig names, gives no key")
     if server.proxy:
         server.client_session_kwargs = {"proxy": server.proxy}  # for port forwarding, too
-
-
-@contextmanager
-def cluster_extra() -> Iterator[None]:
-    """Imports that need the extra `cluster`."""
-    try:
-        yield
-    except ImportError as error:
-        raise CannotRunError(
-            f"the package {error.name} is missing: install `robovast[cluster]`."
-        ) from None
 
 
 def _lines(chunks: Iterable[bytes]) -> Iterator[str]:

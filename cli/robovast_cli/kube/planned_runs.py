@@ -20,7 +20,8 @@ from robovast.kubeapi.source_files import Files, check_paths, config_map_files, 
 from robovast.model.document import load_document
 from robovast.model.packs import CampaignPlan, PlanSpec
 from robovast.model.variations.loader import all_pure
-from robovast_cli.kube.api import Json, Kubernetes, cluster_extra
+from robovast_cli.kube.api import Json, Kubernetes
+from robovast_cli.kube.extra import cluster_extra
 from robovast_cli.kube.status import CampaignState
 
 if TYPE_CHECKING:

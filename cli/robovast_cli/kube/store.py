@@ -13,17 +13,13 @@ from urllib.parse import urlsplit
 from robovast.base.backoff import REPEATABLE
 from robovast.base.errors import CannotRunError, StorageError
 from robovast.kubeapi.names import CREDENTIALS_SECRET
-from robovast_cli.kube.api import Json, Kubernetes, cluster_extra
+from robovast_cli.kube.api import Json, Kubernetes
+from robovast_cli.kube.extra import cluster_extra
+from robovast_cli.kube.given_store import ACCESS_KEY, CONNECTIONS, ENDPOINT, SECRET_KEY
 from robovast_cli.kube.status import CampaignState
 
 if TYPE_CHECKING:
     from robovast.storage.s3 import ObjectStore
-
-ENDPOINT = "ROBOVAST_S3_ENDPOINT"
-ACCESS_KEY = "ROBOVAST_S3_ACCESS_KEY"
-SECRET_KEY = "ROBOVAST_S3_SECRET_KEY"  # noqa: S105 - the name of a variable
-
-CONNECTIONS = 16
 
 
 @dataclass(frozen=True)
@@ -77,16 +73,6 @@ def open_store(kube: Kubernetes, place: StorePlace) -> Iterator[ObjectStore]:
     with reachable(kube, os.environ.get(ENDPOINT) or place.endpoint) as address:
         endpoint = Endpoint.parse(address, place.region)
         yield ObjectStore(endpoint, credentials, patience=REPEATABLE, connections=CONNECTIONS)
-
-
-def given_store() -> ObjectStore:
-    """The store that the environment names: an address and the keys of an account."""
-    from robovast.storage.endpoint import Credentials, Endpoint
-    from robovast.storage.s3 import ObjectStore
-
-    endpoint = Endpoint.parse(os.environ[ENDPOINT])
-    keys = Credentials(os.environ[ACCESS_KEY], os.environ[SECRET_KEY])
-    return ObjectStore(endpoint, keys, patience=REPEATABLE, connections=CONNECTIONS)
 
 
 def cluster_service(endpoint: str) -> tuple[str, str, int] | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -96,25 +95,22 @@ def opened(
         CannotRunError: the extra `cluster` is not installed, or the cluster cannot be reached.
         StorageError: the S3 server cannot be read.
     """
-    from robovast_cli.kube.api import cluster_extra
+    from robovast_cli.kube.extra import cluster_extra
+    from robovast_cli.kube.given_store import given_store
 
     with cluster_extra():
-        from robovast_cli.kube.store import ACCESS_KEY, ENDPOINT, SECRET_KEY
-
-    given = all(os.environ.get(name) for name in (ENDPOINT, ACCESS_KEY, SECRET_KEY))
+        store = None if context or namespace else given_store()
     with ExitStack() as stack:
         scratch = Path(stack.enter_context(TemporaryDirectory(prefix="robovast-bucket-")))
-        if given and not context and not namespace:
-            yield _by_environment(names, scratch)
+        if store is not None:
+            yield _by_name(store, names, scratch)
         else:
             yield _by_cluster(names, context, namespace, scratch, stack)
 
 
-def _by_environment(names: Sequence[str], scratch: Path) -> list[InBucket]:
+def _by_name(store: ObjectStore, names: Sequence[str], scratch: Path) -> list[InBucket]:
     from robovast.storage.bucket_ownership import find_bucket
-    from robovast_cli.kube.store import given_store
 
-    store = given_store()
     found = []
     for name in names:
         place = find_bucket(store, name)
@@ -133,11 +129,14 @@ def _by_cluster(
     scratch: Path,
     stack: ExitStack,
 ) -> list[InBucket]:
-    from robovast.storage.bucket_ownership import is_owned
-    from robovast_cli.commands.results.downloading import named_results
-    from robovast_cli.kube.api import connect
-    from robovast_cli.kube.status import CampaignState
-    from robovast_cli.kube.store import open_store
+    from robovast_cli.kube.extra import cluster_extra
+
+    with cluster_extra():
+        from robovast.storage.bucket_ownership import is_owned
+        from robovast_cli.commands.results.downloading import named_results
+        from robovast_cli.kube.api import connect
+        from robovast_cli.kube.status import CampaignState
+        from robovast_cli.kube.store import open_store
 
     kube = stack.enter_context(connect(context, namespace))
     known = [CampaignState(item) for item in kube.campaigns()]

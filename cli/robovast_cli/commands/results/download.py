@@ -69,7 +69,7 @@ def download(
         download_shared(names, output, force=force, keep_archive=keep_archive)
         return
     from robovast.base.errors import CannotRunError
-    from robovast_cli.kube.api import cluster_extra
+    from robovast_cli.kube.extra import cluster_extra
 
     with cluster_extra():
         from robovast_cli.commands.results.downloading import download_campaigns

@@ -22,9 +22,18 @@ from robovast.analysis.tables.csv_files import (
     folded,
     read_header,
 )
+from robovast.analysis.tables.database import (
+    METRICS,
+    RECORDS,
+    VIEW,
+    confine,
+    first_line,
+    has_one_row_a_run,
+    import_duckdb,
+    runs_query,
+)
 from robovast.analysis.tables.runs import COLUMNS, Row, run_rows
 from robovast.analysis.tables.staging import (
-    Types,
     append,
     literal,
     quoted,
@@ -32,17 +41,13 @@ from robovast.analysis.tables.staging import (
     stage_small,
     tables_of,
 )
-from robovast.base.errors import CannotRunError, StorageError
+from robovast.base.errors import StorageError
 from robovast.campaign.layout import COLUMNAR_TABLES, Layout
 
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection
 
-RECORDS = "run_records"
-"""Table of run records; the view `runs` adds metrics."""
-VIEW = "runs"
 KEY_TYPES = {"config": "VARCHAR", "run": "INTEGER"}
-_METRICS = "one row for each run"
 _SERIES = "many rows for each run"
 _UNFINISHED = ""
 """Version of a run whose rows are being written; after a crash such rows are removed."""
@@ -50,39 +55,6 @@ _BATCH = 2000
 """Number of CSV files read at once."""
 _SMALL = 16 << 10
 """Size of CSV files from which DuckDB is faster than Python [bytes]."""
-
-
-def import_duckdb() -> ModuleType:
-    """Import the package `duckdb`.
-
-    Raises:
-        CannotRunError: it is not installed.
-    """
-    try:
-        import duckdb
-    except ModuleNotFoundError:
-        raise CannotRunError(
-            "tables by column and `vast results query` need the extra `query`: "
-            "pip install 'robovast[query]'."
-        ) from None
-    return duckdb
-
-
-def confine(
-    connection: DuckDBPyConnection,
-    files: Iterable[Path | str] = (),
-    folders: Iterable[Path] = (),
-) -> None:
-    """Restrict a connection to these databases and to files in these folders."""
-    names = [f"{path}{suffix}" for path in files for suffix in ("", ".wal")]
-    connection.execute(f"SET allowed_paths = {_listed(names)}")
-    connection.execute(f"SET allowed_directories = {_listed(map(str, folders))}")
-    connection.execute("SET enable_external_access = false")
-    connection.execute("SET lock_configuration = true")
-
-
-def _listed(texts: Iterable[str]) -> str:
-    return f"[{', '.join(map(literal, texts))}]"
 
 
 def update_columnar(layout: Layout, versions: Mapping[str, str]) -> None:
@@ -187,11 +159,6 @@ def _is_ours(connection: DuckDBPyConnection) -> bool:
     return all(name == VIEW for (name,) in found)
 
 
-def first_line(error: Exception) -> str:
-    """An error's message without the query."""
-    return str(error).strip().partition("\n")[0]
-
-
 def _remove(connection: DuckDBPyConnection, runs: Sequence[str]) -> None:
     if not runs:
         return
@@ -284,63 +251,7 @@ def _join_metrics(connection: DuckDBPyConnection) -> None:
     """Mark tables of metrics, and create the view `runs` for direct users of the file."""
     tables = tables_of(connection)
     for table in tables:
-        note = _METRICS if _has_one_row_a_run(connection, quoted(table)) else _SERIES
+        note = METRICS if has_one_row_a_run(connection, quoted(table)) else _SERIES
         connection.execute(f"COMMENT ON TABLE {quoted(table)} IS {literal(note)}")
     query = runs_query(connection, tables)
     connection.execute(f"CREATE OR REPLACE VIEW {VIEW} AS {query}")
-
-
-def runs_query(
-    connection: DuckDBPyConnection, tables: Mapping[str, Types], catalog: str | None = None
-) -> str:
-    """A query for run records and for CSV files with one row per run.
-
-    Args:
-        connection: connection to the tables.
-        tables: the tables with their columns.
-        catalog: name of an attached file; None means the connection's own.
-    """
-    place = f"{catalog}." if catalog else ""
-    columns = [f"{quoted(RECORDS)}.*"]
-    joins = [f"{place}{quoted(RECORDS)} AS {quoted(RECORDS)}"]
-    for table in _metrics(connection, tables, catalog):
-        columns += [
-            f"{quoted(table)}.{quoted(name)} AS {quoted(f'{table}_{name}')}"
-            for name in tables[table]
-            if name not in KEYS
-        ]
-        source = f"{place}{quoted(table)} AS {quoted(table)}"
-        joins.append(f"LEFT JOIN {source} USING (config, run)")
-    return f"SELECT {', '.join(columns)} FROM {' '.join(joins)}"  # noqa: S608
-
-
-def _metrics(
-    connection: DuckDBPyConnection, tables: Iterable[str], catalog: str | None
-) -> list[str]:
-    """Tables with one row per run; in older files, without marks, they are examined."""
-    noted = dict(
-        connection.execute(
-            "SELECT table_name, comment FROM duckdb_tables() "
-            "WHERE database_name = coalesce($catalog, current_database()) "
-            "AND schema_name = 'main'",
-            {"catalog": catalog},
-        ).fetchall()
-    )
-    place = f"{catalog}." if catalog else ""
-    return [
-        table
-        for table in tables
-        if table != RECORDS
-        and (
-            noted[table] == _METRICS
-            if noted[table]
-            else _has_one_row_a_run(connection, place + quoted(table))
-        )
-    ]
-
-
-def _has_one_row_a_run(connection: DuckDBPyConnection, table: str) -> bool:
-    found = connection.execute(
-        f"SELECT 1 FROM {table} GROUP BY config, run HAVING count(*) > 1 LIMIT 1"  # noqa: S608
-    )
-    return found.fetchone() is None

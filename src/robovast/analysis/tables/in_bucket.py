@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-from robovast.analysis.tables.columnar import write_runs
-from robovast.analysis.tables.runs import COLUMNS, Row, plain_time
 from robovast.analysis.tables.stored import StoredTables
-from robovast.base.errors import InputError, StorageError
+from robovast.base.errors import InputError
 from robovast.campaign.layout import COLUMNAR_TABLES, INDEX, RUNS_TABLE
-from robovast.storage.s3 import ObjectStore, StoredObject
-
-LARGEST_INDEX = 2**30
-"""Largest list of runs that is read [byte]."""
+from robovast.storage.s3 import ObjectStore
 
 
 def tables_in(store: ObjectStore, bucket: str, campaign: str, scratch: Path) -> StoredTables | Path:
@@ -45,34 +37,6 @@ def tables_in(store: ObjectStore, bucket: str, campaign: str, scratch: Path) -> 
             f"{campaign}: there is nothing to ask in the bucket {bucket} yet: its tables are made "
             "when all runs have ended. `vast results download` fetches the runs that are stored."
         )
-    return _from_index(store, bucket, campaign, index, scratch)
+    from robovast.analysis.tables.listed_runs import tables_from_index
 
-
-def _from_index(
-    store: ObjectStore, bucket: str, campaign: str, index: StoredObject, scratch: Path
-) -> Path:
-    """The folder of a campaign that has the tables of its list of runs, and nothing else."""
-    content = store.read(bucket, index.key, LARGEST_INDEX)
-    try:
-        rows = list(_rows(json.loads(content or b"")))
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise StorageError(f"{bucket}/{INDEX} is damaged: {error!r}.") from error
-    folder = scratch / campaign
-    path = folder / COLUMNAR_TABLES
-    path.parent.mkdir(parents=True)
-    write_runs(path, rows)
-    return folder
-
-
-def _rows(index: Any) -> Iterator[Row]:
-    """The rows of stored runs; others have none after a download either."""
-    for entry in index["runs"]:
-        if entry["attempt"]:
-            known = {name: entry.get(name) for name in COLUMNS}
-            yield {
-                **known,
-                "config": str(entry["variant"]),
-                "run": int(entry["run"]),
-                "started_at": plain_time(str(entry.get("started_at"))),
-                "finished_at": plain_time(str(entry.get("finished_at"))),
-            }
+    return tables_from_index(store, bucket, campaign, scratch)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robovast.analysis.tables.columnar import (
+from robovast.analysis.tables.database import (
     RECORDS,
     VIEW,
     confine,
