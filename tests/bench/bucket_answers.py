@@ -7,7 +7,8 @@
 `tests/testbed/up --control-plane --s3 minio` brings up a server. Everything passes a proxy that
 brings each byte of the server so much later. Prints the wall clock and CPU time of whole commands,
 the program's start included: a group-by and the summary, from the table of the runs, and from the
-index of a bucket without it. Then that of downloading so many runs of three small files each.
+index of a bucket without it; how long until the page has all runs of that campaign, and what was
+read for it. Then that of downloading so many runs of three small files each.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from uuid import uuid4
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from support.campaigns.finished import finished_campaign
+from support.servers.page import shown
 
 from robovast.agent.bucket import Bucket
 from robovast.agent.untrusted_files import store_own_tree
@@ -47,8 +49,13 @@ from robovast.storage.s3 import ObjectStore
 QUERY = "SELECT param_speed, verdict, count(*), avg(duration) FROM runs GROUP BY ALL ORDER BY ALL"
 
 
-def hand_on(source: socket.socket, target: socket.socket, delay: float) -> None:
-    """Bytes in their order, each so much later."""
+def hand_on(
+    source: socket.socket,
+    target: socket.socket,
+    delay: float,
+    seen: Callable[[int], object] = lambda _: None,
+) -> None:
+    """Bytes in their order, each so much later; says how many they are."""
     due: queue.Queue[tuple[float, bytes]] = queue.Queue()
 
     def bring() -> None:
@@ -64,15 +71,17 @@ def hand_on(source: socket.socket, target: socket.socket, delay: float) -> None:
     threading.Thread(target=bring, daemon=True).start()
     with suppress(OSError):
         while data := source.recv(1 << 18):
+            seen(len(data))
             due.put((time.monotonic() + delay, data))
     due.put((0.0, b""))
 
 
 @contextmanager
-def distant(server: str, delay: float) -> Iterator[str]:
-    """The address of a server that is so far away."""
+def distant(server: str, delay: float) -> Iterator[tuple[str, list[int]]]:
+    """The address of a server that is so far away, and sizes of what came from there."""
     host, _, port = server.rpartition(":")
     listener = socket.create_server(("127.0.0.1", 0))
+    sizes: list[int] = []
 
     def serve() -> None:
         with suppress(OSError):
@@ -81,12 +90,12 @@ def distant(server: str, delay: float) -> Iterator[str]:
                 other = socket.create_connection((host, int(port)))
                 for end in (client, other):
                     end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                for given in ((client, other, 0.0), (other, client, delay)):
+                for given in ((client, other, 0.0), (other, client, delay, sizes.append)):
                     threading.Thread(target=hand_on, args=given, daemon=True).start()
 
     threading.Thread(target=serve, daemon=True).start()
     try:
-        yield f"127.0.0.1:{listener.getsockname()[1]}"
+        yield f"127.0.0.1:{listener.getsockname()[1]}", sizes
     finally:
         listener.close()
 
@@ -127,9 +136,17 @@ def main() -> None:
     for bucket in (full, listed, small):
         near.make_bucket(bucket)
     try:
-        with TemporaryDirectory() as folder, distant(given.address, given.delay) as address:
+        with TemporaryDirectory() as folder, distant(given.address, given.delay) as far:
+            address, sizes = far
             fill(near, full, listed, given.runs, Path(folder))
-            ask_all(address, keys, full, listed, given.repeat)
+            os.environ["ROBOVAST_S3_ENDPOINT"] = f"http://{address}"
+            os.environ["ROBOVAST_S3_ACCESS_KEY"] = keys.access_key
+            os.environ["ROBOVAST_S3_SECRET_KEY"] = keys.secret_key
+            ask_all(full, listed, given.repeat)
+            for _ in range(given.repeat):
+                sizes.clear()
+                look(full)
+                print(f"  {sum(sizes) / 1e6:.2f} MB came from the server")
             download(near, address, keys, small, given.downloaded, Path(folder))
     finally:
         for bucket in (full, listed, small):
@@ -156,13 +173,24 @@ def fill(store: ObjectStore, full: str, listed: str, runs: int, folder: Path) ->
     )
 
 
-def ask_all(address: str, keys: Credentials, full: str, listed: str, repeat: int) -> None:
-    environment = {
-        **os.environ,
-        "ROBOVAST_S3_ENDPOINT": f"http://{address}",
-        "ROBOVAST_S3_ACCESS_KEY": keys.access_key,
-        "ROBOVAST_S3_SECRET_KEY": keys.secret_key,
-    }
+def look(bucket: str) -> None:
+    """Open the page, and say when what it asks for first has come, by the user's clock."""
+    begin = time.perf_counter()
+    with shown(None, "--bucket", bucket) as server:
+        ready = time.perf_counter() - begin
+        runs = len(server.get(f"api/campaigns/{bucket}").data["runs"]["number"])
+        listed = time.perf_counter() - begin
+        server.get(f"api/campaigns/{bucket}/factors")
+        explained = time.perf_counter() - begin
+        cpu = sum(map(int, Path(f"/proc/{server.process.pid}/stat").read_text().split()[13:15]))
+    print(
+        f"page: address after {ready:.2f} s, {runs:,} runs after {listed:.2f} s, factors after "
+        f"{explained:.2f} s; {cpu / os.sysconf('SC_CLK_TCK'):.1f} s of CPU; "
+        f"load {os.getloadavg()[0]:.0f}"
+    )
+
+
+def ask_all(full: str, listed: str, repeat: int) -> None:
     by_verdict = "SELECT verdict, count(*), avg(duration) FROM runs GROUP BY ALL"
     asked = {
         "group-by, table": ("results", "query", QUERY, "--bucket", full),
@@ -174,7 +202,7 @@ def ask_all(address: str, keys: Credentials, full: str, listed: str, repeat: int
         command = [sys.executable, "-m", "robovast_cli", *words]
         spent = resource.getrusage(resource.RUSAGE_CHILDREN)
         walls = [
-            timed(lambda: subprocess.run(command, env=environment, check=True, capture_output=True))  # noqa: B023
+            timed(lambda: subprocess.run(command, check=True, capture_output=True))  # noqa: B023
             for _ in range(repeat)
         ]
         now = resource.getrusage(resource.RUSAGE_CHILDREN)

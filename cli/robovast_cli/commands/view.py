@@ -50,6 +50,8 @@ def view(
     if rerun and foxglove:
         raise InputError("`--rerun` and `--foxglove` exclude each other: name one of them.")
     serve = serving()
+    from robovast.evaluation.library import Library
+
     ROS.require("Playing a drive")
     results, names = _place(run)
     if rerun:
@@ -61,7 +63,7 @@ def view(
     Thread(target=import_module, args=[PLAYER], daemon=True).start()  # while the browser starts
     address = "/".join(map(quote, names))
     serve(
-        results,
+        Library(results),
         port,
         lambda page: present(run, f"{page}#/campaign/{address}?tab=player", no_browser=no_browser),
         starting=make_starting(ctx.obj, None, False, False),

@@ -36,10 +36,24 @@ class _Shelf:
 class Library:
     """Campaigns by name; thread-safe."""
 
+    lasts = True
+    """Whether the folder is there when the page has ended."""
+
     def __init__(self, results: Path) -> None:
         self.results = results.resolve()
         """The results folder, without links."""
         self._shelves: dict[str, _Shelf] = {}
+
+    @property
+    def place(self) -> str:
+        """Where the campaigns are."""
+        return str(self.results)
+
+    def bring(self, path: str) -> None:
+        """Make the files of the run that a path below `results` is of available there."""
+
+    def require_all(self, what: str) -> None:
+        """Refuse what would need the files of all runs, where they are not here."""
 
     def names(self) -> list[str]:
         """Names of the current campaigns, the newest first.
@@ -101,8 +115,11 @@ class Library:
             path = resolved(self.results, name)
             if path.parent != self.results or path.name != name or not holds_campaign(path):
                 raise MissingError(f"There is no campaign {name}.")
-            known = self._shelves.setdefault(name, _Shelf(CampaignIndex(self.results, name)))
+            known = self._shelves.setdefault(name, _Shelf(self._index(name)))
         return known
+
+    def _index(self, name: str) -> CampaignIndex:
+        return CampaignIndex(self.results, name)
 
     def _read(self, shelf: _Shelf) -> CampaignSummary:
         with shelf.lock:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from datetime import UTC, datetime
+from collections.abc import Callable, Mapping, Sequence
 from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +19,10 @@ from robovast.evaluation.summaries import RunSummary, VariantRuns
 
 _OWN = "config|entry|run|verdict|reason|started_at|duration|seed|reused_from"
 _RUNS = (
-    f"SELECT COLUMNS('^({_OWN})$|^({PARAMETER}|{FACTOR})') FROM runs "  # noqa: S608
-    "ORDER BY config, run"
+    f"SELECT COLUMNS('^({_OWN})$|^({PARAMETER}|{FACTOR})') "  # noqa: S608
+    "FROM (SELECT * REPLACE (epoch(started_at) AS started_at) FROM runs) ORDER BY config, run"
 )
+_VERDICTS = {str(verdict): verdict for verdict in Verdict}
 
 
 def read_variants(tables: Path | StoredTables) -> list[VariantRuns]:
@@ -32,34 +33,33 @@ def read_variants(tables: Path | StoredTables) -> list[VariantRuns]:
         StorageError: the tables cannot be read.
     """
     answer = ask([tables], _RUNS)
-    rows = (dict(zip(answer.columns, row, strict=True)) for row in answer.rows)
-    grouped = groupby(rows, key=lambda row: str(row["config"]))
-    found = [_variant(name, list(group)) for name, group in grouped]
+    run_of = _reader(answer.columns)
+    grouped = groupby(answer.rows, key=itemgetter(answer.columns.index("config")))
+    found = []
+    for name, group in grouped:
+        rows = list(group)
+        first = dict(zip(answer.columns, rows[0], strict=True))
+        found.append(_variant(str(name), first, tuple(map(run_of, rows))))
     return sorted(found, key=lambda variant: by_number(variant.name))
 
 
-def _variant(name: str, rows: list[dict[str, Any]]) -> VariantRuns:
-    first = rows[0]
+def _variant(name: str, first: Mapping[str, Any], runs: tuple[RunSummary, ...]) -> VariantRuns:
     parameters, factors = (_values(first, prefix) for prefix in (PARAMETER, FACTOR))
-    return VariantRuns(
-        name, str(first["entry"] or name), parameters, tuple(map(_run, rows)), factors
-    )
+    return VariantRuns(name, str(first["entry"] or name), parameters, runs, factors)
 
 
-def _run(row: Mapping[str, Any]) -> RunSummary:
-    return RunSummary(
-        number=row["run"],
-        verdict=Verdict(row["verdict"]),
-        reason=(row["reason"] or "")[:LONGEST_REASON],
-        started_at=_seconds(row["started_at"]),
-        duration=row["duration"],
-        seed=row["seed"],
-        reused=bool(row["reused_from"]),
-    )
+def _reader(columns: Sequence[str]) -> Callable[[tuple[Any, ...]], RunSummary]:
+    """What makes the run of a row; there may be many."""
+    names = ("run", "verdict", "reason", "started_at", "duration", "seed", "reused_from")
+    values = itemgetter(*map(columns.index, names))
 
+    def read(row: tuple[Any, ...]) -> RunSummary:
+        number, verdict, reason, started, duration, seed, reused_from = values(row)
+        short = (reason or "")[:LONGEST_REASON]
+        reused = bool(reused_from)
+        return RunSummary(number, _VERDICTS[verdict], short, started, duration, seed, reused)
 
-def _seconds(moment: datetime | None) -> float | None:
-    return None if moment is None else moment.replace(tzinfo=UTC).timestamp()
+    return read
 
 
 def _values(row: Mapping[str, Any], prefix: str) -> dict[str, Any]:

@@ -16,8 +16,11 @@ class CuttingProxy:
         self._server = (host, int(port))
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.address = f"127.0.0.1:{self._listener.getsockname()[1]}"
+        self.received = 0
+        """Bytes that came from the server so far."""
         self.cuts = 0
         """How many connections were cut so far."""
+        self._lock = threading.Lock()
         self._limits: dict[str, int] = {}
 
     def cut_once(
@@ -58,6 +61,9 @@ class CuttingProxy:
         with source, target, suppress(OSError):
             while data := source.recv(65536):
                 carried += len(data)
+                if way == "received":
+                    with self._lock:
+                        self.received += len(data)
                 if carried > self._limits.get(way, carried):
                     del self._limits[way]
                     self.cuts += 1

@@ -67,14 +67,16 @@ class ShownPage:
 
 @contextmanager
 def shown(
-    results: Path,
+    results: Path | None,
     *options: str | Path,
     postprocess: bool = False,
     cwd: Path | None = None,
     end: signal.Signals = signal.SIGINT,
 ) -> Iterator[ShownPage]:
-    """Serve a results folder; ends it, with Ctrl-C or as told, and wants it to end well."""
-    command: list[str | Path] = [VAST, "evaluation", "gui", "-r", results, "--no-browser", *options]
+    """Serve a results folder, or what the options name; ends it, with Ctrl-C or as told, and wants
+    it to end well."""
+    command: list[str | Path] = [VAST, "evaluation", "gui", "--no-browser", *options]
+    command += ["-r", results] if results else []
     if not postprocess:
         command.append("--skip-postprocessing")
     process = subprocess.Popen(

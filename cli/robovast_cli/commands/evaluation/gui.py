@@ -11,6 +11,7 @@ from urllib.parse import quote
 import typer
 
 from robovast.base.errors import CannotRunError, ExitCode, InputError
+from robovast_cli.commands.results.buckets import Bucket, Context, Namespace
 from robovast_cli.commands.results.options import ResultsDir
 from robovast_cli.lazy import new_app
 from robovast_cli.ui.output import say
@@ -28,6 +29,7 @@ NO_START = (
     "This page only shows results (`--no-start`). On your machine, `vast exec local run` runs a "
     "campaign there and `vast exec cluster run` one in a cluster."
 )
+IN_BUCKET = "This page only shows a campaign in a bucket (`--bucket`)."
 
 Port = Annotated[
     int | None,
@@ -84,16 +86,29 @@ def gui(
     no_start: Annotated[
         bool, typer.Option("--no-start", help="Let no campaign be started from the page.")
     ] = False,
+    bucket: Bucket = None,
+    context: Context = None,
+    namespace: Namespace = None,
 ) -> int:
     """Look at results in the browser, those of a campaign that is still running too.
 
     The page is there at once; meanwhile the results are postprocessed, as `vast results
     postprocess` does: that executes what their .vast files name. The page answers on this machine
     only, at an address that holds a secret. Ctrl-C ends it.
+
+    With --bucket the page shows a campaign where it is stored, when all its runs have ended: its
+    runs are read from its tables, and the files of a run are fetched when it is opened, into a
+    folder that is removed at the end. Nothing is postprocessed or started.
     """
+    serve = serving()
+    if bucket is not None:
+        if results_dir is not None:
+            raise InputError("name one: `-r` is a folder here, `--bucket NAME` is in a bucket.")
+        _show_bucket(serve, bucket, context, namespace, port, no_browser)
+        return ExitCode.OK
+    from robovast.evaluation.library import Library
     from robovast.model.naming import holds_campaign
 
-    serve = serving()
     folder = results_dir or ctx.obj.results
     root = folder.resolve()
     campaign = root.name if holds_campaign(root) else ""
@@ -103,7 +118,7 @@ def gui(
         present(folder, page, no_browser=no_browser)
 
     serve(
-        root.parent if campaign else root,
+        Library(root.parent if campaign else root),
         port,
         show,
         starting=make_starting(ctx.obj, override, no_start, not skip_postprocessing),
@@ -112,6 +127,29 @@ def gui(
         preparation=None if skip_postprocessing else _preparation(folder, force, override),
     )
     return ExitCode.OK
+
+
+def _show_bucket(
+    serve: "Callable[..., None]",
+    name: str,
+    context: str | None,
+    namespace: str | None,
+    port: int | None,
+    no_browser: bool,
+) -> None:
+    from robovast.evaluation.bucket_library import BucketLibrary, StoredCampaign
+    from robovast.evaluation.server.launches import Starting
+    from robovast_cli.commands.results.buckets import opened
+
+    with opened([name], context, namespace) as (found,):
+        campaign = StoredCampaign(found.store, found.bucket, found.campaign, found.tables())
+        library = BucketLibrary(campaign, found.scratch / "page")
+
+        def show(address: str) -> None:
+            page = f"{address}#/campaign/{quote(found.campaign)}"
+            present(library.place, page, no_browser=no_browser)
+
+        serve(library, port, show, starting=Starting([], None, IN_BUCKET, False, say))
 
 
 def serving() -> "Callable[..., None]":
@@ -129,8 +167,9 @@ def serving() -> "Callable[..., None]":
     return serve
 
 
-def present(folder: Path, page: str, *, no_browser: bool) -> None:
-    """Print the address of a page, and open it where there is a screen."""
+def present(folder: Path | str, page: str, *, no_browser: bool) -> None:
+    """Print the address of a page that shows a folder or bucket, and open it where there is a
+    screen."""
     say(f"Showing {folder}: {page}")
     if not no_browser and (os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}):
         Thread(target=webbrowser.open, args=(page,), daemon=True).start()  # some block

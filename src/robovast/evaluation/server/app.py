@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.resources import files
 from pathlib import PurePosixPath
 
@@ -166,7 +166,7 @@ class Pages:
         known = {name: self._library.known(name) for name in self._library.names()}
         return Data(
             {
-                "results": str(self._library.results),
+                "results": self._library.place,
                 "campaigns": {name: summary for name, (summary, _) in known.items()},
                 "faults": {name: fault for name, (_, fault) in known.items() if fault},
             }
@@ -229,6 +229,7 @@ class Pages:
 
     def logs(self, request: Request) -> Response:
         """Runs among `run` with `text` in a log."""
+        self._library.require_all("Searching logs")
         runs = request.query_params.getlist("run")
         name = request.path_params["campaign"]
         return Data(search_logs(self._library.results, name, runs, _asked(request, "text")))
@@ -236,6 +237,7 @@ class Pages:
     def run(self, request: Request) -> Response:
         """One run; number, verdict and start of all runs of its variant."""
         names = request.path_params
+        self._library.bring(f"{names['campaign']}/{names['variant']}/{names['run']}")
         found = read_run(self._library.results, names["campaign"], names["variant"], names["run"])
         index = self._library.campaign(names["campaign"])
         runs = next((v.runs for v in index.variants if v.name == names["variant"]), ())
@@ -245,6 +247,8 @@ class Pages:
             "verdict": own.verdict,
             "reason": found.record.get("reason") or own.reason,  # lists have the beginning of it
         }
+        if not self._library.lasts:
+            found = replace(found, command="")  # it names files that go with the page
         return Data({"details": found, "siblings": siblings, "result": result})
 
     def more(self, request: Request) -> Response:
@@ -290,6 +294,7 @@ class Pages:
 
     def history(self, request: Request) -> Response:
         """A configuration in all campaigns; those that take too long are left to the next time."""
+        self._library.require_all("The history")
         names = request.path_params
         results = self._library.results
         return Data(
@@ -340,26 +345,33 @@ class Pages:
             before=int(_number(asked.get("before")) or 0) or None,
             end=int(_number(asked.get("end")) or 0) or None,
         )
-        return Data(read_log(self._library.results, _asked(request, "path"), question))
+        return Data(read_log(self._library.results, self._path(request), question))
 
     def table(self, request: Request) -> Response:
         """Columns of the CSV file `path`."""
         wanted = request.query_params.getlist("column")
-        return Data(read_table(self._library.results, _asked(request, "path"), wanted))
+        return Data(read_table(self._library.results, self._path(request), wanted))
 
     def usage(self, request: Request) -> Response:
         """Resource usage over time from the file `path`."""
-        return Data(read_usage(self._library.results, _asked(request, "path")))
+        return Data(read_usage(self._library.results, self._path(request)))
 
     def timeline(self, request: Request) -> Response:
         """Messages over time of the bag `path`."""
-        return Data(read_timeline(self._library.results, _asked(request, "path")))
+        return Data(read_timeline(self._library.results, self._path(request)))
 
     def file(self, request: Request) -> Response:
         """An unchanged file."""
         path = request.path_params["path"]
+        self._library.bring(path)
         file = open_inside(self._library.results, path)
         return send_file(file, PurePosixPath(path).name, request.headers.get("range"))
+
+    def _path(self, request: Request) -> str:
+        """The `path` of a request, whose files are made available."""
+        path = _asked(request, "path")
+        self._library.bring(path)
+        return path
 
 
 def _assets() -> dict[str, Callable[[Request], Response]]:

@@ -39,6 +39,7 @@ class DrivePages:
         ROS.require("Playing a drive")
         campaign, variant, run = _names(request)
         place = f"{campaign}/{variant}/{run}"
+        self._library.bring(place)
         named = self._named(campaign)
         remarks = [named.fault] if named.fault else []
         drive: Drive | None = None
@@ -74,6 +75,7 @@ class DrivePages:
         with nav_extra("The map of a configuration"):
             from robovast.evaluation.drive.maps import configuration_maps
 
+        self._library.require_all("The map of a configuration")
         variants = request.query_params.getlist("variant")
         return Data(configuration_maps(self._results, request.path_params["campaign"], variants))
 
@@ -84,6 +86,7 @@ class DrivePages:
         with nav_extra("A map of failures"):
             from robovast.evaluation.drive.maps import failure_places
 
+        self._library.require_all("A map of failures")
         name = request.path_params["campaign"]
         variants = self._library.campaign(name).variants
         return Data(failure_places(self._results, name, variants))
@@ -108,6 +111,7 @@ class DrivePages:
         return read_named(Target(self._results, (campaign,)))
 
     def _drive(self, place: str, named: Named) -> Drive:
+        self._library.bring(place)
         bag = bag_of(self._results, place, named)
         return self._drives().drive(bag, named.topics)
 

@@ -12,6 +12,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from robovast.base.errors import InputError
+from robovast.evaluation.library import Library
 from robovast.evaluation.notebooks.runner import Result, Runner, data_key, make_task
 from robovast.evaluation.notebooks.workloads import (
     Notebook,
@@ -40,8 +41,8 @@ POLICY = "; ".join(
 class NotebookPages:
     """Responses about the notebooks of a results folder."""
 
-    def __init__(self, results: Path, runner: Runner, override: Path | None) -> None:
-        self._results = results
+    def __init__(self, library: Library, runner: Runner, override: Path | None) -> None:
+        self._library = library
         self._runner = runner
         self._override = override
 
@@ -68,7 +69,11 @@ class NotebookPages:
         names = tuple(name for name in asked if name)
         if not names:
             raise InputError("The request names no `campaign`.")
-        target = Target(self._results, names, _batch(request.query_params.get("batch")))
+        if len(names) == 3:
+            self._library.bring("/".join(names))
+        else:
+            self._library.require_all("A notebook")
+        target = Target(self._library.results, names, _batch(request.query_params.get("batch")))
         _ = target.folder  # raises unless it is a results folder
         return target
 

@@ -28,7 +28,7 @@ HOST = "127.0.0.1"
 
 
 def serve(
-    results: Path,
+    library: Library,
     port: int | None,
     ready: Callable[[str], None],
     *,
@@ -37,10 +37,10 @@ def serve(
     notebook_timeout: float = TIMEOUT,
     preparation: Preparation | None = None,
 ) -> None:
-    """Show a results folder until Ctrl-C.
+    """Show campaigns until Ctrl-C.
 
     Args:
-        results: the results folder.
+        library: the campaigns.
         port: port on the loopback interface; None means any free port.
         ready: called with the page's address once the server accepts requests.
         starting: settings for starting campaigns from the page.
@@ -51,11 +51,10 @@ def serve(
     Raises:
         InputError: the folder cannot be read, or the port is taken.
     """
-    library = Library(results)
     library.names()
     closing = asyncio.Event()
     runner = Runner(notebook_timeout)
-    notebooks = NotebookPages(library.results, runner, override)
+    notebooks = NotebookPages(library, runner, override)
     launches = LaunchPages(library.results, starting, override)
 
     def make(token: str) -> ASGIApp:
