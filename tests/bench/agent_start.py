@@ -5,7 +5,8 @@
 
 Starts `fetch` in new processes, which end as they find no plan: as in the pods, with all of minio
 and with garbage collected meanwhile, with the docstrings of models, and with a standard library
-that has no bytecode. They alternate; prints the least CPU seconds and the memory of each.
+that has no bytecode; and `agent`, which ends as `fetch` left nothing to it. They alternate; prints
+the least CPU seconds and the memory of each.
 """
 
 from __future__ import annotations
@@ -22,19 +23,22 @@ from tempfile import TemporaryDirectory
 from robovast.base.docstrings import WITHOUT
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
 
-ARGUMENTS = ["fetch", "--plan=/nowhere", "--message=/nowhere"]
+ARGUMENTS = ["--plan=/nowhere", "--message=/nowhere"]
+ENDS = {"fetch": AgentExit.BAD_PLAN, "agent": AgentExit.STORAGE}
 START = ("-m", "robovast.agent")
 UNAWARE = ("-c", "from robovast.agent.__main__ import main; raise SystemExit(main())")
 """Not as the program that is made to start sooner."""
 
 
-def cost(start: Sequence[str], environment: dict[str, str]) -> tuple[float, float]:
+def cost(
+    start: Sequence[str], environment: dict[str, str], name: str = "fetch"
+) -> tuple[float, float]:
     """CPU seconds, and the most memory [MiB]."""
     with TemporaryDirectory() as work:
-        command = [sys.executable, *start, *ARGUMENTS, f"--work={work}"]
+        command = [sys.executable, *start, name, *ARGUMENTS, f"--work={work}"]
         process = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
         _, status, used = os.wait4(process.pid, 0)
-    assert os.waitstatus_to_exitcode(status) == AgentExit.BAD_PLAN
+    assert os.waitstatus_to_exitcode(status) == ENDS[name]
     return used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
 
 
@@ -56,6 +60,7 @@ def main() -> None:
         bare = {**usual, "PYTHONPYCACHEPREFIX": partial, "PYTHONDONTWRITEBYTECODE": "1"}
         cases = {
             "as in pods": (START, usual),
+            "agent, as in pods": (START, usual, "agent"),
             "with all of minio, and garbage collected": (UNAWARE, usual),
             "with docstrings": (START, described),
             "without bytecode of the standard library": (START, bare),

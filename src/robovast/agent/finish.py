@@ -25,7 +25,7 @@ from robovast.base.printable import printable
 from robovast.base.ranges import spans
 from robovast.base.sequential import Decision
 from robovast.base.serialization import dump_yaml
-from robovast.campaign.decisions import decide, runs_needed
+from robovast.campaign.decisions import DECISIONS_LIMIT, decide, runs_needed
 from robovast.campaign.layout import INDEX, JOB_LINKS, RUNS_TABLE, Layout
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
@@ -37,7 +37,7 @@ from robovast.kubeapi.pod_contract.messages import (
     Summary,
     id_ranges,
 )
-from robovast.kubeapi.status import DECISIONS_LIMIT, FAILING_LIMIT
+from robovast.kubeapi.status import FAILING_LIMIT
 from robovast.model.document import Document
 from robovast.model.expansion import Variant
 from robovast.model.naming import EXECUTION, TRANSIENT, campaign_time

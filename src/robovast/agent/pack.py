@@ -12,10 +12,10 @@ from robovast.base.sequential import SequentialTest
 from robovast.campaign.decisions import decide, runs_to_start
 from robovast.campaign.verdict import Verdict
 from robovast.execution.run_key import chained_keys
-from robovast.model.expansion.variant import Variant
 from robovast.model.packs import Owner
 from robovast.model.plan import PackStart, Run
 from robovast.model.scenario import Scenario, ScenarioParameter
+from robovast.model.variant import Variant
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from robovast.base.file_errors import obstacle
 from robovast.base.serialization import fingerprint
 from robovast.base.yaml_files import read_mapping
 from robovast.campaign.layout import Layout
-from robovast.model.expansion.variant import ConfigFile, Variant, VariationRecord
+from robovast.model.variant import ConfigFile, Variant, VariationRecord
 from robovast.model.variations.factors import FACTORS
 
 _OWN_KEYS = frozenset({"name", "config", "_config_name", "_config_files", "_variations", FACTORS})

@@ -16,6 +16,9 @@ from robovast.campaign.verdict import Verdict
 DECIDE = "decide"
 """Key of the test in `_execution/execution.yaml`; `runs` there are each configuration's most."""
 
+DECISIONS_LIMIT = 250
+"""Longest text about decisions, for people [characters]."""
+
 _EVIDENCE = {Verdict.PASSED: False, Verdict.FAILED: True}
 """Whether a run failed; an errored one says nothing of the robot."""
 

@@ -17,8 +17,7 @@ from robovast.base.serialization import dump_yaml
 from robovast.campaign.layout import CONFIGURATIONS
 from robovast.evaluation.inside import MissingError, open_inside, read_small
 from robovast.evaluation.untrusted import LONGEST, MOST_VALUES, mapping, parse_yaml
-from robovast.model.document.files import CONFIG_MOUNT
-from robovast.model.naming import CONFIG
+from robovast.model.naming import CONFIG, CONFIG_MOUNT
 
 if TYPE_CHECKING:
     from robovast.navigation.occupancy import OccupancyMap

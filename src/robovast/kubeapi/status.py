@@ -11,6 +11,7 @@ from pydantic.alias_generators import to_camel
 
 from robovast.base import docstrings
 from robovast.base.ranges import parse_ranges
+from robovast.campaign.decisions import DECISIONS_LIMIT
 from robovast.model.repetition import GroupSizes
 
 RANGES_LIMIT = 16_384
@@ -22,8 +23,6 @@ SHARDS_LIMIT = 512
 NOTIFIED_LIMIT = 50
 
 FAILING_LIMIT = 10
-
-DECISIONS_LIMIT = 250
 
 YEARS = range(1970, 3000)
 """Of times that can be reckoned with."""

@@ -8,6 +8,8 @@ from pathlib import Path
 
 CONFIG = "_config"
 """Folder of inputs, in a campaign's folder and in each variant's."""
+CONFIG_MOUNT = "/config/"
+"""Path of the .vast file's folder within a container."""
 EXECUTION = "_execution"
 """Folder of records of the execution."""
 TRANSIENT = "_transient"

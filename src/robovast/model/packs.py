@@ -38,6 +38,9 @@ from robovast.base.ranges import (
 RUNS_LIMIT = 10_000_000
 """Most runs of a campaign; a cluster could not execute more."""
 
+SETS_LIMIT = 10_000
+"""Most parameter sets of a search's batch, each a variant."""
+
 
 class _Data(BaseModel):
     model_config = ConfigDict(

@@ -12,9 +12,9 @@ from pathlib import Path
 from types import MappingProxyType
 
 from robovast.base.errors import InputError
-from robovast.model.expansion.variant import Variant
 from robovast.model.packs import RUNS_LIMIT, Block, PlanSpec, format_breaks
 from robovast.model.seeds import run_seed
+from robovast.model.variant import Variant
 
 
 @dataclass(frozen=True, slots=True)

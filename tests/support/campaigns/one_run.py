@@ -19,9 +19,9 @@ from robovast.agent.pack import Pack
 from robovast.agent.results import Results
 from robovast.campaign.records import EndedRun
 from robovast.campaign.verdict import TestResult, Verdict
-from robovast.model.expansion.variant import Variant
 from robovast.model.plan import Run
 from robovast.model.scenario import Scenario
+from robovast.model.variant import Variant
 from robovast.storage.download import Silent, download_campaign
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore

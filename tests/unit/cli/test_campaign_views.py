@@ -14,8 +14,8 @@ from robovast.base.errors import ExitCode
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.execution.local.events import Summary
-from robovast.model.expansion.variant import Variant
 from robovast.model.plan import Run
+from robovast.model.variant import Variant
 from robovast_cli.ui.campaign import MOST_LISTED, exit_code, summary_lines
 from robovast_cli.ui.live_view import LiveView, clock_time
 from robovast_cli.ui.local_view import LocalView

@@ -12,9 +12,9 @@ import pytest
 from robovast.execution.job_config import SEED_VARIABLE
 from robovast.execution.local.runtime import Limits
 from robovast.execution.run_key import common_key, run_keys
-from robovast.model.expansion.variant import ConfigFile, Variant
 from robovast.model.plan import PackStart, Run
 from robovast.model.scenario import Scenario
+from robovast.model.variant import ConfigFile, Variant
 
 INPUTS: dict[str, Any] = {
     "settings": {

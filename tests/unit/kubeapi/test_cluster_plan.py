@@ -16,10 +16,10 @@ from robovast.base.ranges import (
     subtract,
     truncate,
 )
-from robovast.model.expansion.variant import ConfigFile, Variant
 from robovast.model.packs import Block, PlanSpec, format_breaks
 from robovast.model.plan import breaks, pack_runs, plan_runs, plan_variants
 from robovast.model.repetition import GroupSizes, retry_groups
+from robovast.model.variant import ConfigFile, Variant
 
 
 @st.composite

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from robovast.execution.job_config import own_environment, parameter_documents
-from robovast.model.expansion.variant import Variant
 from robovast.model.plan import PackStart, Run, plan_runs, plan_variants
 from robovast.model.scenario import Scenario, read_scenario
 from robovast.model.seeds import LARGEST_SEED, draw_seed, run_seed
+from robovast.model.variant import Variant
 
 HALL = Variant("hall-1", "hall", {"speed": 1.0})
 ROOM = Variant("room-1", "room", {})

@@ -11,8 +11,7 @@ import pytest
 
 from robovast.base.errors import ExitCode, InputError
 from robovast.campaign.layout import SEARCH, Layout
-from robovast.model.document.search.section import SETS_LIMIT
-from robovast.model.packs import Block
+from robovast.model.packs import SETS_LIMIT, Block
 from robovast.search.history import Batch, History, Outcome, Proposal, Scored
 from robovast.search.local import SearchSummary
 from robovast.search.types import ParamSet

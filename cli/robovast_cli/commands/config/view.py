@@ -10,8 +10,8 @@ import typer
 from robovast.base.errors import InputError
 from robovast.base.file_errors import refuse_obstacle, writing
 from robovast.model.document import Document
-from robovast.model.document.files import CONFIG_MOUNT
 from robovast.model.expansion import Selection, Variant, select_any
+from robovast.model.naming import CONFIG_MOUNT
 from robovast.navigation.base import RECORD
 from robovast.navigation.extra import nav_extra
 from robovast_cli.ui.expanding import expanded

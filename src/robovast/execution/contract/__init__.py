@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from robovast.model.document.files import CONFIG_MOUNT
+from robovast.model.naming import CONFIG_MOUNT
 
 CONFIG, OUT = CONFIG_MOUNT.rstrip("/"), "/out"
 """Where a run finds its inputs, these files among them, and leaves its results."""

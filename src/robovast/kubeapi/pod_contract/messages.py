@@ -15,10 +15,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.alias_generators import to_camel
 
 from robovast.base.ranges import format_ranges, spans, truncate
+from robovast.campaign.decisions import DECISIONS_LIMIT
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
-from robovast.kubeapi.status import DECISIONS_LIMIT
-from robovast.model.document.search.section import SETS_LIMIT
+from robovast.model.packs import SETS_LIMIT
 
 LIMIT = 4096
 """Longest message that Kubernetes keeps [byte]."""

@@ -9,11 +9,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from robovast.model.naming import holds_campaign, is_campaign_dir
-
-CONFIG_MOUNT = "/config/"
-"""Path of the .vast file's folder within a container."""
-
+from robovast.model.naming import CONFIG_MOUNT, holds_campaign, is_campaign_dir
 
 _NO_INPUTS = frozenset({"__pycache__"})
 """Folders that other tools generate; run files are never searched there."""

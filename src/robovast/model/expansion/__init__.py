@@ -2,7 +2,7 @@
 
 from robovast.model.expansion.expand import Composition, compose, expand
 from robovast.model.expansion.select import Selection, patterns_of, select_any, select_variants
-from robovast.model.expansion.variant import ConfigFile, Variant, VariationRecord
+from robovast.model.variant import ConfigFile, Variant, VariationRecord
 
 __all__ = [
     "Composition",

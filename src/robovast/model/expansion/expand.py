@@ -21,9 +21,9 @@ from robovast.model.document.section import PluginCall, merge_pairs
 from robovast.model.expansion.containers import ContainerRunner, Containers
 from robovast.model.expansion.designed import Chooser, Configs, design_sizes
 from robovast.model.expansion.limit import refuse_too_many, too_many, variant_limit
-from robovast.model.expansion.variant import ConfigFile, Variant, VariationRecord
 from robovast.model.scenario import Scenario, read_scenario
 from robovast.model.scenario_values import declaration, refusal
+from robovast.model.variant import ConfigFile, Variant, VariationRecord
 from robovast.model.variations import Variation
 from robovast.model.variations.factors import FACTORS, all_factors
 from robovast.model.variations.loader import load_variation

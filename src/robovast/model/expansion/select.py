@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 from typing import TypeAlias
 
 from robovast.base.errors import InputError
-from robovast.model.expansion.variant import Variant
+from robovast.model.variant import Variant
 
 Selection: TypeAlias = str | Sequence[str] | None
 """A name or glob, or several of them; None selects all."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from robovast.analysis.minimise.milder import reductions_of
 from robovast.analysis.minimise.shrinking import Items, Ladder
-from robovast.model.expansion.variant import ConfigFile, Variant
+from robovast.model.variant import ConfigFile, Variant
 
 
 def variant(name: str, *files: str, **parameters: Any) -> Variant:

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robovast.base.errors import InputError
-from robovast.model.expansion.variant import ConfigFile, Variant
 from robovast.model.plan import PackStart, pack_runs, plan_runs, plan_variants
+from robovast.model.variant import ConfigFile, Variant
 
 
 def variants(count: int) -> list[Variant]:

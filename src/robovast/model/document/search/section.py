@@ -17,6 +17,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from robovast.model.document.section import Pair, Plugin, Section
+from robovast.model.packs import SETS_LIMIT
 
 
 class SearchDimension(Section):
@@ -260,10 +261,6 @@ class StoppingItem(_Criterion):
     """Batches without a better set: `{patience, min_delta}`, or the patience."""
     metric: MetricReached | None = None
     """A number in the strategy's report: `{name, op, value}`."""
-
-
-SETS_LIMIT = 10_000
-"""Most parameter sets of a batch."""
 
 
 class Search(Section):
