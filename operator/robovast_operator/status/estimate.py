@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import timedelta
 
 from robovast.kubeapi.status import Estimate, Runs
-from robovast.model.estimate import cores_of, remaining
+from robovast.model.estimate import Progress, cores_of, remaining
 from robovast_operator.kube.times import format_time, parse_time
 from robovast_operator.snapshot import Snapshot
 
@@ -30,17 +30,32 @@ def estimate_of(snapshot: Snapshot, runs: Runs) -> Estimate | None:
     if old.estimate is not None and done == old.runs.decided + old.runs.undecided:
         return old.estimate
     spent = (snapshot.now - parse_time(str(old.start_time))).total_seconds()
-    found = remaining(done, max(0, runs.needed - done), spec.parallelism, spent)
+    found = remaining(_progress(snapshot, done, max(0, runs.needed - done), spent))
     if found is None or found.most > FOR_EVER:
         return None
     cores = cores_of(snapshot.accepted.vast.execution, spec.cluster or "")
-    hours = cores * min(spec.parallelism, runs.needed) * (spent + found.seconds) / 3600
+    hours = cores * min(spec.parallelism, max(1, snapshot.plan.packs)) * (spent + found.seconds) / 3600
     return Estimate(
         end=_after(snapshot, found.seconds),
         earliest=_after(snapshot, found.least),
         latest=_after(snapshot, found.most),
         cpu_hours=round(hours, 3) if cores else None,
     )
+
+
+def _progress(snapshot: Snapshot, done: int, left: int, seconds: float) -> Progress:
+    """How far a campaign is, by the pods that it has now."""
+    plan, parallelism = snapshot.plan, snapshot.accepted.spec.parallelism
+    rounds, pace = plan.rounds, snapshot.pods.pace
+    size = rounds[-1].size if rounds else (done + left) / max(1, plan.packs)
+    active = sum(min(job.active, job.left) for job in snapshot.open)
+    begun = min(float(left), active * size)
+    few = begun < left  # else pods are few because packs are
+    workers = max(1, min(active, parallelism)) if few else parallelism
+    if not rounds or pace is None:
+        return Progress(done, left, begun, workers, seconds, max(1.0, size))
+    starts = min(pace.start * plan.packs / workers, seconds - pace.run * done / workers)
+    return Progress(done, left, begun, workers, seconds, starts=max(0.0, starts))
 
 
 def _after(snapshot: Snapshot, seconds: float) -> str:

@@ -25,7 +25,7 @@ def tell(snapshot: Snapshot, created: Sequence[ShardPlan]) -> CampaignStatus:
     records, settled = _folded(snapshot, _records(snapshot, created))
     numbers = _numbers(snapshot)
     runs, indexed = numbers.runs, snapshot.indexed
-    started = old.start_time or (format_time(snapshot.now) if records else None)
+    started = old.start_time or (format_time(snapshot.now) if _begins(snapshot, created) else None)
     ended = format_time(snapshot.now) if snapshot.over else None
     status = CampaignStatus(
         observed_generation=snapshot.generation,
@@ -57,6 +57,14 @@ def tell(snapshot: Snapshot, created: Sequence[ShardPlan]) -> CampaignStatus:
     active = bool(snapshot.open or created)
     state = campaign_state(snapshot, runs, conditions, active=active)
     return status.model_copy(update={"conditions": conditions, "state": state})
+
+
+def _begins(snapshot: Snapshot, created: Sequence[ShardPlan]) -> bool:
+    """Whether a shard is executed; what a queue holds back is not yet."""
+    known = [snapshot.job(shard) for shard in snapshot.shards]
+    if any(job is not None and not job.suspended for job in known):
+        return True
+    return bool(created) and snapshot.accepted.spec.queue_name is None
 
 
 def _records(snapshot: Snapshot, created: Sequence[ShardPlan]) -> list[Shard]:

@@ -276,7 +276,7 @@ class CampaignStatus(Lenient):
     estimate: Estimate | None = None
     """When it ends, while its runs are executed and one has ended."""
     start_time: Time | None = None
-    """When the first Job was made."""
+    """When the first Job was made, or had left its queue."""
     completion_time: Time | None = None
     """When the last run ended."""
     shared: str = ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import exp, log, sqrt
+from math import ceil, exp, log, sqrt
 
 from robovast.model.document.execution import Execution
 from robovast.model.quantities import cpus
@@ -64,24 +64,48 @@ def _turns(runs: int, workers: int) -> int:
     return max(1, -(-runs // max(1, workers)))
 
 
-def remaining(done: int, left: int, workers: int, seconds: float) -> Forecast | None:
+@dataclass(frozen=True)
+class Progress:
+    """How far a campaign is."""
+
+    done: int
+    """Runs that have ended."""
+    left: int
+    """The others."""
+    begun: float
+    """How many of these are in packs that are being executed."""
+    workers: int
+    """How many packs are executed side by side at most."""
+    seconds: float
+    """Since the first one began."""
+    pack: float = 1.0
+    """Runs of a pack."""
+    starts: float = 0.0
+    """What starts took each worker that further runs will not cost [s]: early packs are small where
+    they are measured."""
+
+
+def remaining(so_far: Progress) -> Forecast | None:
     """How long a campaign goes on; None before a run has ended.
 
-    Args:
-        done: runs that have ended.
-        left: the others.
-        workers: how many are executed side by side at most.
-        seconds: since the first one began.
+    Nobody knows how much of the packs that are being executed is done: nothing of them, as where
+    all packs take as long, and have just begun; or all, as where they are about to end. What it
+    takes if either is so are the bounds, and half of it is the estimate.
     """
+    done, left, seconds = so_far.done, so_far.left, so_far.seconds
     if not done or seconds <= 0:
         return None
     if not left:
         return Forecast(0.0, 0.0, 0.0)
-    last = min(left, workers)  # these have begun, and the longest of them ends the campaign
-    one = seconds / done * min(workers, done + last)
-    longest = one * (1 + sum(1 / number for number in range(1, last + 1)))
-    bulk, half = (left - last) * seconds / done, _Z * RUN_SPREAD * sqrt(1 / done + 1 / left)
-    return Forecast(bulk + longest / 3, bulk * exp(-half) + one / 20, bulk * exp(half) + longest)
+    begun, effective = min(so_far.begun, left), seconds - so_far.starts
+    half, whole = (effective * (left - part) / (done + part) for part in (begun / 2, begun))
+    workers = min(so_far.workers, (done + begun) / so_far.pack)
+    one = workers * effective * so_far.pack / (done + begun / 2)  # what a pack takes
+    last = max(1, min(ceil(workers), ceil(left / so_far.pack)))  # the longest of these ends it
+    harmonic = sum(1 / number for number in range(1, last + 1))
+    longest = one * (1 + RUN_SPREAD * (harmonic - 1) / sqrt(so_far.pack))
+    spread = exp(_Z * RUN_SPREAD * sqrt(1 / done + 1 / left))
+    return Forecast(half + one / 2, whole / spread, seconds * left / done * spread + longest)
 
 
 def cores_of(execution: Execution, context: str) -> float:

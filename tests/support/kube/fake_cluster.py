@@ -125,6 +125,8 @@ class FakeJob:
     """When its last pod ended."""
     ready: int | None = None
     """Pods that are at work; all that are there when None."""
+    queue: str = ""
+    """Kueue's LocalQueue."""
 
     @property
     def over(self) -> bool:
@@ -156,6 +158,7 @@ class FakeJob:
             message="",
             deleting=self.deleting,
             size=self.size,
+            queue=self.queue,
             configuration=self.shard.owner["uid"] if self.shard and self.shard.owner else "",
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 from math import isclose
 
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import t
 
-from robovast.model.estimate import Spent, _student, forecast, remaining
+from robovast.model.estimate import Progress, Spent, _student, forecast, remaining
 
 times = st.floats(0.1, 1e5)
 spent = st.builds(Spent, st.integers(1, 10_000), st.integers(1, 500), times)
@@ -25,7 +26,7 @@ def test_the_interval_has_the_estimate_in_it(earlier: list[Spent], runs: int, wo
 
 def test_nothing_is_known_without_campaigns() -> None:
     assert forecast([], 100, 10) is None
-    assert remaining(0, 100, 10, 60) is None
+    assert remaining(Progress(0, 100, 10, 10, 60)) is None
 
 
 def test_twice_the_runs_take_twice_the_time_and_twice_the_pods_half_of_it() -> None:
@@ -46,14 +47,40 @@ def test_students_t_is_that_of_scipy(freedom: int) -> None:
     assert isclose(_student(freedom), t.ppf(0.95, freedom), rel_tol=0.02)
 
 
-@given(st.integers(1, 10_000), st.integers(0, 10_000), st.integers(1, 500), times)
-def test_what_remains_has_an_interval_that_ends_at_nothing(
-    done: int, left: int, workers: int, seconds: float
-) -> None:
-    found = remaining(done, left, workers, seconds)
+@given(
+    st.builds(
+        Progress,
+        done=st.integers(1, 10_000),
+        left=st.integers(0, 10_000),
+        begun=st.floats(0, 10_000),
+        workers=st.integers(1, 500),
+        seconds=times,
+        pack=st.floats(1, 500),
+    ),
+    st.floats(0, 0.99),
+)
+def test_what_remains_has_an_interval_that_ends_at_nothing(so_far: Progress, part: float) -> None:
+    found = remaining(replace(so_far, starts=part * so_far.seconds))
     assert found is not None
     assert 0 <= found.least <= found.seconds <= found.most
-    assert (found.seconds == 0) == (left == 0)
+    assert (found.seconds == 0) == (so_far.left == 0)
+
+
+@given(st.integers(1, 50), st.integers(1, 40), st.integers(2, 20), st.floats(1, 1e4))
+def test_whenever_it_is_asked_packs_that_take_equally_long_end_within_the_interval(
+    pack: int, workers: int, rounds: int, seconds: float
+) -> None:
+    """A pack has ended in each of `turn` rounds; the others of that round are about to."""
+    for turn in range(1, rounds):
+        for ended in {1, workers}:
+            packs = (turn - 1) * workers + ended
+            left = rounds * workers - packs
+            so_far = Progress(
+                packs * pack, left * pack, min(left, workers) * pack, workers, turn * seconds, pack
+            )
+            found = remaining(so_far)
+            assert found is not None
+            assert found.least <= (rounds - turn) * seconds <= found.most
 
 
 def test_nine_of_ten_intervals_hold_for_campaigns_that_differ_by_load() -> None:
