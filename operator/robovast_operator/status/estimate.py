@@ -34,7 +34,8 @@ def estimate_of(snapshot: Snapshot, runs: Runs) -> Estimate | None:
     if found is None or found.most > FOR_EVER:
         return None
     cores = cores_of(snapshot.accepted.vast.execution, spec.cluster or "")
-    hours = cores * min(spec.parallelism, max(1, snapshot.plan.packs)) * (spent + found.seconds) / 3600
+    pods = min(spec.parallelism, max(1, snapshot.plan.packs))
+    hours = cores * pods * (spent + found.seconds) / 3600
     return Estimate(
         end=_after(snapshot, found.seconds),
         earliest=_after(snapshot, found.least),
