@@ -143,13 +143,18 @@ def _is_wrong(snapshot: Snapshot, job: JobState) -> bool:
 
 
 def _is_to_be_made_anew(snapshot: Snapshot, job: JobState) -> bool:
-    """Whether a Job must be replaced: it holds deleted pods, or waits where it is not to wait."""
+    """Whether a Job must be replaced: it holds deleted pods, or waits where it is not to wait.
+
+    So must one that begins anew in another cluster: what its status has counted may not decrease,
+    and it need not wait for a cluster that is lost.
+    """
     if job.deleting:
         return False
     spec = snapshot.accepted.spec
     right = {"", DEFAULT_QUEUE} if spec.queue_name is None else {spec.queue_name}
     wrong = job.queue not in right or job.priority != (spec.queue_priority_class_name or "")
-    return job.name in snapshot.pods.stuck or (job.suspended and wrong)
+    lost = job.elsewhere and job.begun and not spec.suspend
+    return job.name in snapshot.pods.stuck or (job.suspended and (wrong or lost))
 
 
 def _resize(snapshot: Snapshot) -> list[Action]:

@@ -70,11 +70,11 @@ class Reconciler:
         self._settings = settings
         self._memories: dict[Key, Memory] = {}
         self._inputs = Inputs(api, store, settings)
-        self._diagnosis = Diagnosis(api, settings)
+        self._queues = Queues(api, store, settings)
+        self._diagnosis = Diagnosis(api, settings, self._queues)
         self._witness = Witness(api, self._diagnosis)
         self._deliveries = Deliveries(api, self._diagnosis)
         self._statuses = Statuses(api, store, queue, settings, Notifier(queue, settings))
-        self._queues = Queues(api, store, settings)
         self._job_maker = JobMaker(api, store)
         self._purge = Purge(api, settings, self._diagnosis)
 

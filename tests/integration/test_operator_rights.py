@@ -29,6 +29,7 @@ CAMPAIGNS = {
     "workloads.kueue.x-k8s.io": "list patch",
     "localqueues.kueue.x-k8s.io": "get",
     "workloadpriorityclasses.kueue.x-k8s.io": "get",
+    "multikueueclusters.kueue.x-k8s.io": "get",
     "localqueues.visibility.kueue.x-k8s.io/pendingworkloads": "get",
 }
 """Verbs where campaigns are executed."""

@@ -9,6 +9,7 @@ from itertools import chain
 from robovast.kubeapi.pod_contract.messages import Proposed
 from robovast.kubeapi.resources import ROLE_LABEL
 from robovast.model.packing import pace_of
+from robovast_operator.effects.queues import Queues
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api
 from robovast_operator.kube.lenient import mapping, metadata, text
@@ -21,7 +22,7 @@ from robovast_operator.pods.findings import MISHAPS, PodFindings, Trouble
 from robovast_operator.pods.mishaps import mishaps_of
 from robovast_operator.pods.pod_status import is_stuck, trouble_of, trouble_of_events
 from robovast_operator.pods.reports import final_of, proposed_of, reports_of, sample_of
-from robovast_operator.pods.stalls import cause_of, may_store
+from robovast_operator.pods.stalls import cause_of, may_store, unseen_cause
 from robovast_operator.settings import Settings
 
 REPORT_SECONDS = 10.0
@@ -50,9 +51,10 @@ GIVEN_UP = frozenset({"PodFailurePolicy", "BackoffLimitExceeded", "DeadlineExcee
 class Diagnosis:
     """Reads the pods of campaigns, as rarely as possible."""
 
-    def __init__(self, api: Api, settings: Settings) -> None:
+    def __init__(self, api: Api, settings: Settings, queues: Queues) -> None:
         self._api = api
         self._settings = settings
+        self._queues = queues
 
     async def findings(
         self, accepted: Accepted, known: PodsCache, jobs: Mapping[str, JobState]
@@ -183,7 +185,7 @@ class Diagnosis:
         waiting = [job for job in jobs.values() if job.open and not job.suspended]
         if not waiting or accepted.spec.suspend or (known.trouble and known.trouble.final):
             return None
-        at_work = any(job.ready for job in waiting)
+        at_work = any(job.ready for job in waiting if not job.elsewhere)
         limit = self._settings.stall_seconds
         # Running pods may have long runs, or die one after the other.
         quiet, least = known.motion.still_for(), limit
@@ -206,6 +208,8 @@ class Diagnosis:
         self, known: PodsCache, job: JobState, *, at_work: bool
     ) -> Trouble | None:
         """Why the pods of a Job make no progress, from their status and from Events."""
+        if job.elsewhere:
+            return unseen_cause(job, *await self._queues.worker(job))
         phase = _FAILED if at_work else "status.phase!=Succeeded"
         seen = [pod async for pod in _first(self.pods_of(job, fieldSelector=phase))]
         if any(is_stuck(pod, now()) for pod in seen):

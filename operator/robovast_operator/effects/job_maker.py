@@ -5,7 +5,8 @@ from __future__ import annotations
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api
 from robovast_operator.kube.objects import Identity, Object
-from robovast_operator.kube.store import JobState, Store
+from robovast_operator.kube.store import QUEUE_LABEL, JobState, Store
+from robovast_operator.pods.carried import carrying, config_maps_of
 from robovast_operator.pods.findings import Trouble
 
 
@@ -18,11 +19,25 @@ class JobMaker:
 
     async def create(self, identity: Identity, job: Object, taken: set[str]) -> None:
         """Make a Job, or add its name to those that others have taken."""
+        if QUEUE_LABEL in job["metadata"]["labels"]:
+            job = await self._for_its_cluster(identity.namespace, job)
         made = await self._api.create(paths.jobs(identity.namespace), job)
         if made is not None:
             self._store.put_job(JobState.of(made))
         else:
             await self._look(identity, job["metadata"]["name"], taken)
+
+    async def _for_its_cluster(self, namespace: str, job: Object) -> Object:
+        """The Job as it must be: one that is executed in another cluster brings its ConfigMaps.
+
+        Which that is nobody but Kueue knows: it fills `spec.managedBy` when the Job is made.
+        """
+        asked = await self._api.create(paths.jobs(namespace), job, dry_run=True)
+        if asked is None or not JobState.of(asked).elsewhere:
+            return job
+        where = paths.config_maps(namespace)
+        found = {name: await self._api.get(f"{where}/{name}") for name in config_maps_of(job)}
+        return carrying(job, found)
 
     async def look_again(self, identity: Identity, taken: set[str]) -> Trouble | None:
         """Forget the names that are free again; say what the others are in the way of."""

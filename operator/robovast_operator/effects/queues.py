@@ -22,6 +22,7 @@ from robovast_operator.pods.waiting import (
     no_class,
     place_of,
     waiting_of,
+    worker_of,
 )
 from robovast_operator.settings import Settings
 
@@ -175,6 +176,18 @@ class Queues:
         (known.parked.add if parked else known.parked.discard)(job.name)
         known.job = ()
         return True
+
+    async def worker(self, job: JobState) -> tuple[str, Object | None]:
+        """The name of the cluster that executes a Job of MultiKueue, and what Kueue says of it.
+
+        An operator of single namespaces may not read that, which is the cluster's.
+        """
+        workload = await self._workload(job)
+        name = "" if workload is None else worker_of(workload)
+        if not name:
+            return "", None
+        path = paths.worker_cluster(await self._version(paths.KUEUE), name)
+        return name, await self._answer(path, ANSWER_SECONDS)
 
     async def _workload(self, job: JobState) -> Object | None:
         """Kueue's Workload of a Job."""

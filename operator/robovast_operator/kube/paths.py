@@ -72,6 +72,11 @@ def priority_class(version: str, name: str) -> str:
     return f"/apis/{KUEUE}/{version}/workloadpriorityclasses/{name}"
 
 
+def worker_cluster(version: str, name: str) -> str:
+    """A worker cluster as MultiKueue knows it."""
+    return f"/apis/{KUEUE}/{version}/multikueueclusters/{name}"
+
+
 def pending_workloads(version: str, namespace: str, queue: str) -> str:
     """The pending workloads of a LocalQueue, in order, from Kueue's visibility server."""
     queues = f"/apis/{KUEUE_VISIBILITY}/{version}{_in(namespace)}/localqueues"

@@ -20,6 +20,9 @@ _DELIVERIES = {NOTIFY_ROLE, SHARE_ROLE}
 QUEUE_LABEL = "kueue.x-k8s.io/queue-name"
 """Label of a Job: its LocalQueue."""
 
+_JOB_CONTROLLER = "kubernetes.io/job-controller"
+"""What `spec.managedBy` says of a Job whose pods are made where the Job is."""
+
 PRIORITY_LABEL = "kueue.x-k8s.io/priority-class"
 """Label of a Job: its WorkloadPriorityClass of Kueue."""
 
@@ -66,6 +69,8 @@ class JobState:
     """Uid of the Configuration applied by hand that asked for its runs, if one did."""
     ended: str = BEGINNING
     """When it finished."""
+    elsewhere: bool = False
+    """Whether its pods are in another cluster, from where Kueue brings its status."""
 
     @property
     def key(self) -> Key:
@@ -76,6 +81,11 @@ class JobState:
     def open(self) -> bool:
         """Whether the Job has not finished."""
         return not self.finished
+
+    @property
+    def begun(self) -> bool:
+        """Whether any of its pods is known to have been started."""
+        return bool(self.active or self.completed or self.failed)
 
     @property
     def at_work(self) -> int:
@@ -118,6 +128,7 @@ class JobState:
             started=time(status.get("startTime")) if "startTime" in status else "",
             configuration=labels.get(CONFIGURATION_LABEL, ""),
             ended=time(end.get("lastTransitionTime")),
+            elsewhere=text(spec.get("managedBy"), _JOB_CONTROLLER) != _JOB_CONTROLLER,
         )
 
 

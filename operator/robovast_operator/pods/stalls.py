@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
 
-from robovast_operator.kube.lenient import mapping, ranges
+from robovast_operator.kube.lenient import mapping, mappings, ranges, text
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import parse_time
@@ -60,6 +60,32 @@ def cause_of(
         return found
     told = f"{number} pods have died without a result, the last of this: {found.message}"
     return replace(found, message=told, repeated=True)
+
+
+def unseen_cause(job: JobState, worker: str, cluster: Object | None) -> Trouble | None:
+    """Why a Job makes no progress whose pods are in a worker cluster of MultiKueue.
+
+    Args:
+        job: the Job.
+        worker: name of the cluster; empty if Kueue has chosen none.
+        cluster: what Kueue says of it, if that is known.
+    """
+    conditions = mappings(mapping(mapping(cluster).get("status")).get("conditions"))
+    state = next((c for c in conditions if c.get("type") == "Active"), {})
+    if state.get("status") == "False":
+        return Trouble(
+            "WorkerLost",
+            f"the worker cluster {worker} does not answer: {text(state.get('message'))}. What its "
+            "pods store counts; when Kueue gives it up, or it is back, what is left goes on.",
+        )
+    if job.ready or not worker:
+        return None
+    selector = f"batch.kubernetes.io/job-name={job.name}"
+    return Trouble(
+        "OutOfSight",
+        f"no pod of the Job {job.name} is at work in the worker cluster {worker}. Why is to be "
+        f"seen there: `kubectl describe pods -n {job.namespace} -l {selector}`.",
+    )
 
 
 def _goes_on(deaths: Sequence[datetime], moment: datetime) -> bool:

@@ -10,7 +10,7 @@ from datetime import datetime, timedelta
 
 from robovast.base.ranges import count
 from robovast.kubeapi.status import QueuePlace
-from robovast_operator.kube.lenient import mappings, number, ranges, shaped
+from robovast_operator.kube.lenient import mappings, number, ranges, shaped, text
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time, parse_time
@@ -68,7 +68,7 @@ def waiting_of(workload: Object, job: JobState) -> Waiting | None:
         message = "Kueue holds back what stands in no queue: set spec.queueName"
         return Waiting(job.name, "NoQueue", message, helpless=True)
     if reserved.get("status") == "True":
-        return None
+        return _unchecked(workload, job)
     if reserved.get("reason") == "Inadmissible":
         message = (
             f"Kueue cannot admit it: {told}. Make or repair that queue, or set spec.queueName "
@@ -85,6 +85,21 @@ def waiting_of(workload: Object, job: JobState) -> Waiting | None:
         return Waiting(job.name, "TooLarge", message, helpless=True)
     message = f"waits in the queue {job.queue}" + (f": {told}" if told else "")
     return Waiting(job.name, "Waiting", message, fits=fits)
+
+
+def _unchecked(workload: Object, job: JobState) -> Waiting | None:
+    """What a Job with quota waits for: a worker cluster of MultiKueue, or another such check."""
+    for check in mappings(workload["status"].get("admissionChecks")):
+        if check.get("state") != "Ready":
+            name, told = text(check.get("name")), text(check.get("message"))
+            message = f"has quota of the queue {job.queue}, and waits for the check {name}"
+            return Waiting(job.name, "Waiting", f"{message}: {told}" if told else message)
+    return None
+
+
+def worker_of(workload: Object) -> str:
+    """The worker cluster that executes a Workload; empty when none does."""
+    return text(workload["status"].get("clusterName"))
 
 
 def no_class(job: JobState) -> Waiting:
@@ -133,8 +148,8 @@ def pods_that_fit(message: str, pods: int) -> int | None:
     return max((min(found) for found in flavors.values()), default=None)
 
 
-def _quantity(text: str) -> float | None:
-    match = re.fullmatch(r"(\d+(?:\.\d+)?)([A-Za-z]*)", text)
+def _quantity(told: str) -> float | None:
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)([A-Za-z]*)", told)
     if match is None or match[2] not in _UNITS:
         return None
     return float(match[1]) * _UNITS[match[2]]

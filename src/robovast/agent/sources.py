@@ -17,6 +17,7 @@ from urllib.parse import urlsplit
 
 from robovast.agent.mounts import Folders
 from robovast.base.errors import InputError, StorageError
+from robovast.kubeapi.pod_contract.packed import PACKED, unpack
 from robovast.model.packs import Bundle, CampaignPlan, GitSource
 from robovast.storage.s3 import EXECUTABLE, ObjectStore
 
@@ -38,17 +39,20 @@ def copy_inputs(plan: CampaignPlan, folders: Folders, store: ObjectStore, target
 
 
 def _copy_mounted(source: Path, target: Path) -> None:
-    """Copy a mounted ConfigMap without the links that it is made of.
+    """Copy mounted files without the links that such a volume is made of.
 
-    A ConfigMap has no file modes: files that begin with `#!` become executable.
+    They have no file modes: files that begin with `#!` become executable.
     """
+    packed = source / PACKED
     for folder, subfolders, names in os.walk(source, followlinks=True):
         subfolders[:] = [name for name in subfolders if not name.startswith("..")]
-        there = target / Path(folder).relative_to(source)
+        is_packed = Path(folder).is_relative_to(packed)
+        there = target / Path(folder).relative_to(packed if is_packed else source)
         there.mkdir(parents=True, exist_ok=True)
         for name in names:
             if not name.startswith(".."):
-                shutil.copyfile(Path(folder) / name, there / name)
+                content = (Path(folder) / name).read_bytes()
+                (there / name).write_bytes(unpack(content) if is_packed else content)
                 _make_executable(there / name)
 
 

@@ -14,13 +14,14 @@ import pytest
 from support.kube.fake_cluster import SETTINGS, FakeJob, accepted
 
 from robovast_operator.effects.diagnose import STORING, Diagnosis
+from robovast_operator.effects.queues import Queues
 from robovast_operator.kube.lenient import shaped
-from robovast_operator.kube.store import JobState
+from robovast_operator.kube.store import JobState, Store
 from robovast_operator.kube.times import format_time, now
 from robovast_operator.memory import PodsCache
 from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.pod_status import trouble_of_events
-from robovast_operator.pods.stalls import cause_of
+from robovast_operator.pods.stalls import cause_of, unseen_cause
 from robovast_operator.pods.tries import NO_WORD
 
 DOCS = Path(__file__).parents[3] / "docs/kubernetes.md"
@@ -178,7 +179,32 @@ def test_the_table_of_causes_names_all_of_them() -> None:
         for reason in ("exceeded quota", "violates PodSecurity")
         if (found := trouble_of_events([{"reason": "FailedCreate", "message": reason}]))
     }
-    assert {reason for reason, _ in CAUSES.values()} | by_events | {NO_WORD, STORING} == documented
+    elsewhere = {"WorkerLost", "OutOfSight"}
+    by_words = by_events | elsewhere | {NO_WORD, STORING}
+    assert {reason for reason, _ in CAUSES.values()} | by_words == documented
+
+
+@pytest.mark.parametrize(
+    ("ready", "worker", "active", "told"),
+    [
+        (1, "south", "True", ""),
+        (1, "south", "False", "WorkerLost"),
+        (0, "south", "False", "WorkerLost"),
+        (0, "south", "True", "OutOfSight"),
+        (1, "south", "", ""),
+        (0, "south", "", "OutOfSight"),
+        (0, "", "", ""),
+    ],
+)
+def test_no_run_is_lost_because_its_pod_is_in_another_cluster(
+    ready: int, worker: str, active: str, told: str
+) -> None:
+    """Only what Kueue says of that cluster, and of the Job, is told; silence is no trouble."""
+    state = {"type": "Active", "status": active, "message": "no route to host"}
+    cluster = {"status": {"conditions": [state]}} if active else None
+    found = unseen_cause(job(active=1, ready=ready, elsewhere=True), worker, cluster)
+    assert (found.reason if found else "") == told
+    assert found is None or worker in found.message
 
 
 def test_what_was_in_the_way_of_pods_before_is_over() -> None:
@@ -231,13 +257,17 @@ class Server:
                 yield found
 
 
+def diagnosis_of(server: Any) -> Diagnosis:
+    return Diagnosis(server, SETTINGS, Queues(server, Store(), SETTINGS))
+
+
 class Campaign:
     """One Job, and what is remembered of it as time goes by."""
 
     def __init__(self, *pods: Any) -> None:
         self.server: Any = Server(*pods)
         self._known = PodsCache()
-        self._diagnosis = Diagnosis(self.server, SETTINGS)
+        self._diagnosis = diagnosis_of(self.server)
 
     def pass_by(self, seconds: float, **status: Any) -> str:
         """The time goes by, and then it is looked; returns what is told."""
@@ -264,7 +294,7 @@ def test_the_index_waits_for_agents_whose_jobs_are_gone(
 ) -> None:
     server: Any = Server(*left)
     identity = accepted().identity
-    diagnosis, known = Diagnosis(server, SETTINGS), PodsCache()
+    diagnosis, known = diagnosis_of(server), PodsCache()
     assert bool(asyncio.run(diagnosis.storing(identity))) == storing
     for seconds, told in ((0, False), (1000, storing)):
         known.motion.moved -= seconds

@@ -53,6 +53,40 @@ def workload(reason: str = "Pending", message: str = "", **changes: Any) -> dict
     }
 
 
+def test_a_job_with_quota_waits_for_a_worker_cluster() -> None:
+    admitted = workload("QuotaReserved")
+    check = {"name": "workers", "state": "Pending", "message": "no reservation yet"}
+    admitted["status"]["admissionChecks"] = [check]
+    found = waiting_of(admitted, job())
+    assert found is not None
+    assert found.message.endswith("waits for the check workers: no reservation yet")
+    assert not found.helpless
+    check["state"] = "Ready"
+    assert waiting_of(admitted, job()) is None
+
+
+@pytest.mark.parametrize(
+    ("elsewhere", "suspend", "state", "anew"),
+    [
+        (True, False, {"completed": "0"}, True),
+        (True, False, {"active": 1}, True),
+        (True, False, {}, False),
+        (True, False, {"completed": "0", "suspended": False}, False),
+        (True, True, {"completed": "0"}, False),
+        (False, False, {"completed": "0"}, False),
+    ],
+)
+def test_what_a_worker_cluster_did_not_finish_is_a_new_job_for_the_next_one(
+    elsewhere: bool, suspend: bool, state: dict[str, Any], anew: bool
+) -> None:
+    world = World(accepted(queueName="lab", suspend=suspend))
+    snapshot = world.snapshot()
+    (shard,) = snapshot.shards
+    held = job(name=shard.job, elsewhere=elsewhere, **state)
+    found = decide(replace(snapshot, jobs={shard.job: held}))
+    assert (DeleteJob(shard.job) in found.actions) == anew
+
+
 def pending(*uids: str) -> list[dict[str, Any]]:
     """Kueue's answer; of other namespaces in the same ClusterQueue it says nothing."""
     return [
