@@ -19,22 +19,24 @@ class JobMaker:
 
     async def create(self, identity: Identity, job: Object, taken: set[str]) -> None:
         """Make a Job, or add its name to those that others have taken."""
+        fitting: Object | None = job
         if QUEUE_LABEL in job["metadata"]["labels"]:
-            job = await self._for_its_cluster(identity.namespace, job)
-        made = await self._api.create(paths.jobs(identity.namespace), job)
+            fitting = await self._for_its_cluster(identity.namespace, job)
+        made = fitting and await self._api.create(paths.jobs(identity.namespace), fitting)
         if made is not None:
             self._store.put_job(JobState.of(made))
         else:
             await self._look(identity, job["metadata"]["name"], taken)
 
-    async def _for_its_cluster(self, namespace: str, job: Object) -> Object:
+    async def _for_its_cluster(self, namespace: str, job: Object) -> Object | None:
         """The Job as it must be: one that is executed in another cluster brings its ConfigMaps.
 
-        Which that is nobody but Kueue knows: it fills `spec.managedBy` when the Job is made.
+        Which that is nobody but Kueue knows: it fills `spec.managedBy` when the Job is made. None
+        when there is a Job of this name, of which the server says nothing.
         """
         asked = await self._api.create(paths.jobs(namespace), job, dry_run=True)
         if asked is None or not JobState.of(asked).elsewhere:
-            return job
+            return asked and job
         where = paths.config_maps(namespace)
         found = {name: await self._api.get(f"{where}/{name}") for name in config_maps_of(job)}
         return carrying(job, found)
