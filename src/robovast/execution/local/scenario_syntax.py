@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import logging
 import subprocess
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from robovast.base.errors import DocumentError, Place, Problem
+from robovast.base.errors import DocumentError, Place, Problem, StorageError
+from robovast.base.file_cache import ContentCache
 from robovast.execution.local.process_environment import existing_environment
 
 _SCRIPT = Path(__file__).with_name("parse_scenario.py")
@@ -21,19 +23,39 @@ _log = logging.getLogger(__name__)
 def check_syntax(scenario: Path) -> None:
     """Parse a scenario, if scenario-execution is installed on this machine.
 
-    Only the syntax is checked, since imports may exist only in a container's image.
+    Only the syntax is checked, since imports may exist only in a container's image. Parsing takes
+    longer than all else that a command does before it answers: what was parsed once is remembered
+    by its content.
 
     Raises:
         DocumentError: the scenario cannot be parsed.
     """
     environment = existing_environment()
-    mistake = _first_mistake(environment, scenario) if environment else None
-    if mistake:
-        raise DocumentError([_problem(scenario, **mistake)])
+    if environment is None:
+        return
+    python = environment / "bin" / "python"
+    cache = ContentCache(name="parsed-scenarios")
+    key = cache.key([_SCRIPT, scenario], str(python), _installed(environment))
+    with suppress(OSError):  # a cache that cannot be read is as good as none
+        if cache.get(key) is not None:
+            return
+    if _parses(python, scenario):
+        with suppress(OSError, StorageError):
+            cache.put(key, scenario)
 
 
-def _first_mistake(environment: Path, scenario: Path) -> dict[str, Any] | None:
-    command = [str(environment / "bin" / "python"), str(_SCRIPT), str(scenario)]
+def _installed(environment: Path) -> int:
+    """When scenario-execution was installed."""
+    return (environment / "bin" / "scenario_execution").stat().st_mtime_ns
+
+
+def _parses(python: Path, scenario: Path) -> bool:
+    """Whether a scenario was parsed; False if that cannot be tried.
+
+    Raises:
+        DocumentError: it cannot be parsed.
+    """
+    command = [str(python), str(_SCRIPT), str(scenario)]
     try:
         result = subprocess.run(
             command, capture_output=True, text=True, timeout=_LONGEST, check=True
@@ -41,8 +63,10 @@ def _first_mistake(environment: Path, scenario: Path) -> dict[str, Any] | None:
         mistake: dict[str, Any] | None = json.loads(result.stdout)
     except (OSError, ValueError, subprocess.SubprocessError) as error:
         _log.debug("the scenario cannot be checked: %s", error)
-        return None
-    return mistake
+        return False
+    if mistake:
+        raise DocumentError([_problem(scenario, **mistake)])
+    return True
 
 
 def _problem(scenario: Path, line: int, column: int, found: str | None) -> Problem:
