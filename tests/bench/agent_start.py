@@ -30,9 +30,7 @@ UNAWARE = ("-c", "from robovast.agent.__main__ import main; raise SystemExit(mai
 """Not as the program that is made to start sooner."""
 
 
-def cost(
-    start: Sequence[str], environment: dict[str, str], name: str = "fetch"
-) -> tuple[float, float]:
+def cost(name: str, start: Sequence[str], environment: dict[str, str]) -> tuple[float, float]:
     """CPU seconds, and the most memory [MiB]."""
     with TemporaryDirectory() as work:
         command = [sys.executable, *start, name, *ARGUMENTS, f"--work={work}"]
@@ -50,7 +48,7 @@ def main() -> None:
     known = {name: value for name, value in os.environ.items() if name not in unset}
     with TemporaryDirectory() as complete, TemporaryDirectory() as partial:
         for cache in (complete, partial):
-            cost(START, {**known, "PYTHONPYCACHEPREFIX": cache})
+            cost("fetch", START, {**known, "PYTHONPYCACHEPREFIX": cache})
         library = Path(os.path.realpath(sysconfig.get_path("stdlib")))
         for compiled in Path(partial, *library.parts[1:]).rglob("*.pyc"):
             if "site-packages" not in compiled.parts:
@@ -59,11 +57,11 @@ def main() -> None:
         usual = {**described, WITHOUT: "true"}
         bare = {**usual, "PYTHONPYCACHEPREFIX": partial, "PYTHONDONTWRITEBYTECODE": "1"}
         cases = {
-            "as in pods": (START, usual),
-            "agent, as in pods": (START, usual, "agent"),
-            "with all of minio, and garbage collected": (UNAWARE, usual),
-            "with docstrings": (START, described),
-            "without bytecode of the standard library": (START, bare),
+            "as in pods": ("fetch", START, usual),
+            "agent, as in pods": ("agent", START, usual),
+            "with all of minio, and garbage collected": ("fetch", UNAWARE, usual),
+            "with docstrings": ("fetch", START, described),
+            "without bytecode of the standard library": ("fetch", START, bare),
         }
         found: dict[str, list[tuple[float, float]]] = {name: [] for name in cases}
         for _ in range(options.repeat):
