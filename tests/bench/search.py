@@ -241,9 +241,10 @@ def coverage(names: list[str], seeds: int) -> None:
         within, found = 0, 0
         for seed in range(seeds):
             made = search(problem, seed, "boundary").map()
-            for fails, critical in zip(
-                truth, made.critical([0.5] * problem.dimensions), strict=True
-            ):
+            found_values = made.critical([0.5] * problem.dimensions)
+            first = {critical.name: critical for critical in reversed(found_values)}
+            for fails, name_ in zip(truth, made.space, strict=True):
+                critical = first[name_]
                 ends = line[np.flatnonzero(fails[1:] != fails[:-1])] + 0.005
                 if critical.low is not None and critical.high is not None and len(ends):
                     found += 1

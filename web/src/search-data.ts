@@ -64,6 +64,8 @@ export interface Critical {
   value: number | null;
   low: number | null;
   high: number | null;
+  /** What to expect above the value: it "fails", or it "passes". */
+  above: string | null;
   crossing: number;
 }
 

@@ -210,7 +210,7 @@ function Shares({ search }: { search: SearchAnswer }) {
       <h2>How much fails</h2>
       <p class="share">
         <strong>{percent(share)}</strong> of the space, {percent(low)} to {percent(high)}
-        {wrong !== null && <span class="quiet">; {percent(wrong)} of it may be judged wrongly</span>}
+        {wrong !== null && <span class="quiet">; {percent(wrong)} of the space may be judged wrongly</span>}
       </p>
     </>
   );
@@ -307,15 +307,17 @@ function CriticalValues({ found, name }: { found: Critical[]; name: string }) {
               <th scope="col">Parameter</th>
               <th scope="col" class="number">Critical</th>
               <th scope="col" class="number">95 % interval</th>
+              <th scope="col">Above it</th>
               <th scope="col" class="number">Has one</th>
             </tr>
           </thead>
           <tbody>
             {found.map((one) => (
-              <tr key={one.name}>
+              <tr key={`${one.name} ${one.value}`}>
                 <th scope="row">{one.name}</th>
                 <td class="number">{number(one.value)}</td>
                 <td class="number">{one.low === null ? "–" : `${number(one.low)} to ${number(one.high)}`}</td>
+                <td>{one.above ?? "–"}</td>
                 <td class="number">{percent(one.crossing)}</td>
               </tr>
             ))}
@@ -325,8 +327,8 @@ function CriticalValues({ found, name }: { found: Critical[]; name: string }) {
       <Export
         name={`${name}-critical`}
         rows={() => [
-          ["parameter", "critical", "low", "high", "crossing"],
-          ...found.map((one) => [one.name, one.value, one.low, one.high, one.crossing]),
+          ["parameter", "critical", "low", "high", "above", "crossing"],
+          ...found.map((one) => [one.name, one.value, one.low, one.high, one.above, one.crossing]),
         ]}
       />
     </>

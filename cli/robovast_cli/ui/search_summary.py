@@ -5,13 +5,27 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from robovast.campaign.layout import Layout
+from robovast.execution.local import recorded_seed
 from robovast.search.local import SearchSummary
+from robovast.search.scoring import NO_VERDICT
 
 
 def search_lines(summary: SearchSummary) -> Iterator[str]:
     """Why a search ended, and its best set; failed runs are what it looks for."""
     if summary.stop is not None:
         yield f"The search ended: {summary.stop.reason}."
+    if summary.errors:
+        yield (
+            f"{len(summary.errors)} of {summary.sets} sets were left out, because their runs could "
+            f"not be scored; the last: {summary.errors[-1]}"
+        )
+    if any(error != NO_VERDICT for error in summary.errors):
+        seed = recorded_seed(Layout(summary.campaign))
+        yield (
+            "A corrected extractor scores the stored runs in a new search: "
+            f"`seed: {seed}` in `execution`, and `--reuse`."
+        )
     best = summary.report.best if summary.report else None
     if best is not None:
         yield f"Best: {listed(best.objectives)} with {listed(best.params.values)}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -55,8 +55,15 @@ class SearchSummary(Summary):
     stop: Stop | None = None
     """Why it ended; None if it was interrupted."""
     report: SearchReport | None = None
-    scored: bool = True
-    """False if every set was left out."""
+    sets: int = 0
+    """How many were evaluated."""
+    errors: Sequence[str] = ()
+    """Why sets were left out, one of each."""
+
+    @property
+    def scored(self) -> bool:
+        """False if every set was left out."""
+        return not self.sets or len(self.errors) < self.sets
 
 
 def execute_document(
@@ -221,5 +228,6 @@ def _search(session: Session, observer: Observer) -> SearchSummary:
         campaign.interrupted,
         stop=stop,
         report=report,
-        scored=not scores or any(not score.error for score in scores),
+        sets=len(scores),
+        errors=[score.error for score in scores if score.error],
     )

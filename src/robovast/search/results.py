@@ -100,13 +100,13 @@ class StoredSearch:
         return Answer(["batch", *best, *names, "elapsed"], rows)
 
     def critical(self, fixed: Mapping[str, Any]) -> Answer:
-        """The critical value of each number, the other parameters being fixed.
+        """The critical values of each number, the other parameters being fixed.
 
         Raises:
             InputError: the strategy makes no failure map, or a fixed value is not in the space.
         """
         base = self.middle(fixed)
-        columns = ["parameter", "critical", "low", "high", "crossing"]
+        columns = ["parameter", "critical", "low", "high", "above", "crossing"]
         return Answer(columns, [astuple(item) for item in self.failure_map.critical(base)])
 
     def middle(self, fixed: Mapping[str, Any]) -> list[float]:

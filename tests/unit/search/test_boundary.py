@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 from random import Random
 from typing import Any
@@ -23,8 +24,8 @@ SPACE = {
 }
 
 
-def strategy(seed: int = 0, **keys: Any) -> BoundaryStrategy:
-    given = {"search_space": SPACE, "objectives": [{"name": "failure_rate"}], "seed": seed}
+def strategy(seed: int = 0, space: Mapping[str, Any] = SPACE, **keys: Any) -> BoundaryStrategy:
+    given = {"search_space": space, "objectives": [{"name": "failure_rate"}], "seed": seed}
     cfg = Search.model_validate({"strategy": "boundary", "budget": [{"batches": 9}], **given})
     return BoundaryStrategy(cfg, BoundaryParameters(**keys))
 
@@ -76,11 +77,32 @@ def test_the_map_is_better_than_one_of_random_sets_and_knows_the_critical_values
     for surface, limit in (("wet", 2.75), ("dry", 3.75)):
         base = made.place(ParamSet({"speed": 3.0, "load": 5, "surface": surface}))
         speed = made.map().critical(base)[0]
-        assert speed.name == "speed"
+        assert (speed.name, speed.above) == ("speed", "fails")
         assert speed.low is not None
         assert speed.high is not None
         assert speed.low - 0.1 <= limit <= speed.high + 0.1
         assert speed.high - speed.low < 1.0
+
+
+def test_each_place_where_it_begins_or_ceases_to_fail_has_a_critical_value() -> None:
+    space = {"gain": {"type": "float", "low": 0.0, "high": 12.0}}
+    made = strategy(space=space)
+    for _ in range(6):
+        sets = made.ask(6)
+        fails = [not 3.0 < params.values["gain"] < 9.0 for params in sets]
+        made.tell(
+            [
+                Evaluation(params, {"failure_rate": float(one)}, {}, 5)
+                for params, one in zip(sets, fails, strict=True)
+            ]
+        )
+    first, second = made.map().critical([0.5])
+    assert (first.above, second.above) == ("passes", "fails")
+    assert first.value == pytest.approx(3.0, abs=0.7)
+    assert second.value == pytest.approx(9.0, abs=0.7)
+    assert first.low is not None
+    assert first.high is not None
+    assert first.low < 3.0 < first.high
 
 
 def test_it_is_a_function_of_seed_and_history() -> None:

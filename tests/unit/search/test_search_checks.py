@@ -53,6 +53,13 @@ def test_defaults_and_warning_without_budget(tmp_path: Path) -> None:
     assert "the search may never end" in str(document.warnings[0])
 
 
+def test_a_parameter_that_is_given_twice_in_the_template_is_refused(tmp_path: Path) -> None:
+    text = GOOD.replace("  search_space:\n", "  parameters: [{y: 0.1}, {y: $x}]\n  search_space:\n")
+    found = problems(tmp_path, text)
+    assert "test.vast:5" in found
+    assert "the parameter `y` is given twice" in found
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

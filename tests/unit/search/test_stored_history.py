@@ -145,7 +145,7 @@ def test_a_batch_of_as_many_sets_as_may_be_asked_for_is_read_again(tmp_path: Pat
 
 def test_a_search_that_scored_nothing_has_no_verdict(tmp_path: Path) -> None:
     assert exit_code(SearchSummary(tmp_path, 1, [])) is ExitCode.OK
-    assert exit_code(SearchSummary(tmp_path, 1, [], scored=False)) is ExitCode.RUN_ERRORED
+    assert exit_code(SearchSummary(tmp_path, 1, [], sets=1, errors=["no"])) is ExitCode.RUN_ERRORED
 
 
 def test_the_plan_grows_in_the_order_in_which_its_runs_were_added(tmp_path: Path) -> None:

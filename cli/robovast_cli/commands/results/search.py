@@ -34,7 +34,8 @@ def search(
         typer.Option(
             "--at",
             metavar="NAME=VALUE",
-            help="With `critical`: a parameter's value where the middle of the space is not meant. "
+            help="With `critical` and `map --picture`: a parameter's value where the middle of the "
+            "space is not meant. "
             "May be repeated.",
             show_default=False,
         ),
@@ -61,8 +62,8 @@ def search(
     """Say what a search found, finished or under way.
 
     `critical` and `map` need the strategy `boundary`, `archive` needs `qd`. A critical value is
-    where the failure rate crosses the level as one parameter grows and the others stay; `crossing`
-    is the probability that it does at all.
+    where the failure rate crosses the level as one parameter grows and the others stay; `above`
+    says what is to be expected beyond it, `crossing` how probable it is that it crosses at all.
     """
     from robovast.base.errors import InputError
     from robovast_cli.commands.results.options import named_campaign

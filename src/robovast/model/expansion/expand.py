@@ -78,8 +78,8 @@ def compose(
     """
     if document.vast.search is not None:
         raise InputError(
-            f"{document.path}: a `search` proposes its configurations while it runs, which works "
-            "on this machine only: `vast exec local run`. Elsewhere use a `configuration` list."
+            f"{document.path}: a `search` proposes its configurations while it runs, so there is "
+            "no list of them. `vast config list` shows its first batch."
         )
     limit = variant_limit()
     refuse_too_many(document, limit)

@@ -69,7 +69,7 @@ class BoundaryStrategy(HistoryStrategy):
             if not 0.0 <= evaluation.objectives[name] <= 1.0:
                 raise ValueError(
                     f"`{name}` is {evaluation.objectives[name]}, and `boundary` needs a rate "
-                    "between 0 and 1"
+                    "between 0 and 1: name `failure_rate` in `objectives`, or a metric that is one"
                 )
         super().tell(evaluations)
         self.__dict__.pop("process", None)

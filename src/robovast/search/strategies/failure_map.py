@@ -28,16 +28,18 @@ _SIDE = 61
 
 @dataclass(frozen=True)
 class Critical:
-    """Where one parameter begins, or ceases, to make it fail."""
+    """Where the failure rate crosses the level as one parameter grows."""
 
     name: str
     value: float | None
-    """The first value where the rate crosses the level; None where it never does."""
+    """Where it crosses; None if the map nowhere does, though it may with the probability below."""
     low: float | None
     """The ends of the 95 % interval."""
     high: float | None
+    above: str | None
+    """What is to be expected above that value: it "fails", or it "passes"."""
     crossing: float
-    """Probability that it crosses the level at all, the other parameters being fixed."""
+    """Probability that it crosses the level anywhere, the other parameters being fixed."""
 
 
 @dataclass(frozen=True)
@@ -104,18 +106,19 @@ class FailureMap:
         }
 
     def critical(self, base: Sequence[float]) -> list[Critical]:
-        """The critical value of each number, the others being fixed.
+        """The critical values of each number, the others being fixed; one without any, if none.
 
         Args:
             base: a point of the unit cube, which says where they are.
         """
         return [
-            self._along(column, name, base)
+            found
             for column, (name, dim) in enumerate(self.space.items())
             if choices(dim) is None and dim.low != dim.high
+            for found in self._along(column, name, base)
         ]
 
-    def _along(self, column: int, name: str, base: Sequence[float]) -> Critical:
+    def _along(self, column: int, name: str, base: Sequence[float]) -> list[Critical]:
         line = np.linspace(0.0, 1.0, _LINE)
         units = np.tile(base, (_LINE, 1))
         units[:, column] = line
@@ -123,16 +126,25 @@ class FailureMap:
         samples = self.process.sample(units, _SAMPLES, generator) - self._border
         crossings = [spots for row in samples if len(spots := _crossings(line, row))]
         mean, _ = self.process.predict(units)
-        first = _crossings(line, mean - self._border)
         share = len(crossings) / _SAMPLES
-        if not len(first) or not crossings:
-            return Critical(name, None, None, None, share)
-        middle = float(first[0])
-        found = [ends[np.argmin(np.abs(ends - middle))] for ends in crossings]
+        spots = _crossings(line, mean - self._border)
+        if not len(spots) or not crossings:
+            return [Critical(name, None, None, None, None, share)]
+        ways = ("fails", "passes") if mean[0] < self._border else ("passes", "fails")
+        return [
+            self._critical(name, float(spot), crossings, ways[number % 2], share)
+            for number, spot in enumerate(spots)
+        ]
+
+    def _critical(
+        self, name: str, middle: float, crossings: Sequence[Array], above: str, share: float
+    ) -> Critical:
+        """One crossing; its interval is that of the nearest crossing of each sample."""
+        found = [spots[np.argmin(np.abs(spots - middle))] for spots in crossings]
         low, high = np.quantile(found, _INTERVAL)
         ends = (middle, min(low, middle), max(high, middle))
         value, least, most = (float(at(self.space[name], spot)) for spot in ends)
-        return Critical(name, value, least, most, share)
+        return Critical(name, value, least, most, above, share)
 
     @property
     def _border(self) -> float:

@@ -34,6 +34,7 @@ def check_search(parts: Parts) -> list[Problem]:
     return [
         *_check_runs(parts),
         *_check_markers(parts, search),
+        *_check_repeated(parts, search),
         *_check_parameters(parts, search),
         *_check_template(parts, search),
         *_check_strategy(parts, search),
@@ -79,6 +80,20 @@ def _check_markers(parts: Parts, search: Search) -> Iterator[Problem]:
                     f"`${name}` names no dimension of the search space",
                     suggest(name, search.search_space),
                 )
+
+
+def _check_repeated(parts: Parts, search: Search) -> Iterator[Problem]:
+    """A parameter that is given again would make the first one's dimension a dummy."""
+    seen: set[str] = set()
+    for index, pair in enumerate(search.parameters or []):
+        for name in pair:
+            if name in seen:
+                yield parts.source.problem(
+                    (*_BASE, "parameters", index, name),
+                    f"the parameter `{name}` is given twice",
+                    "Remove one of them; only the last would have an effect.",
+                )
+            seen.add(name)
 
 
 def _check_parameters(parts: Parts, search: Search) -> Iterator[Problem]:
