@@ -43,7 +43,9 @@ def test_a_key_is_looked_at_once_however_often_it_changes() -> None:
             seen.append(key)
 
         task = asyncio.create_task(work(queue, look))
-        await asyncio.sleep(0.1)
+        async with asyncio.timeout(60):
+            while ("ns", "b") not in seen:
+                await asyncio.sleep(0.01)
         task.cancel()
         return seen
 
