@@ -21,6 +21,10 @@ GROWTH = 16
 """By how much packs grow from one round to the next at most: the first runs that end are the
 short ones, and say little of the others."""
 
+WAIT = 4
+"""How many starts as long as the last packs may take: smaller ones would cost a start more of each
+worker, which is longer than any would wait for the others."""
+
 MOST = 10_000
 """Most runs of a pack."""
 
@@ -72,9 +76,9 @@ def next_packs(left: int, workers: int, last: int, pace: Pace | None) -> tuple[i
         size = max(1, last)
         return min(left, workers * size), size
     enough = min(MOST, _packs_of(pace.start / SHARE - pace.start, pace.run))
-    worthwhile = min(_packs_of(pace.start, pace.run), ceil(left / workers))
-    fair = max(ceil(left / (2 * workers)), worthwhile)
-    grown = last * GROWTH
+    even, grown = ceil(left / workers), last * GROWTH
+    fair = even if even * pace.run <= WAIT * pace.start else ceil(left / (2 * workers))
+    fair = max(fair, min(even, _packs_of(pace.start, pace.run)))
     size = max(1, min(enough, fair, grown))
     if size == enough == 1 or size * workers >= left:
         return left, size

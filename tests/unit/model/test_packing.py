@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from robovast.model.packing import MOST, Pace, Sample, next_packs, pace_of
+from robovast.model.packing import MOST, WAIT, Pace, Sample, next_packs, pace_of
 from robovast.model.packs import Block, PlanSpec, Round
 
 seconds = st.floats(0, 1e6)
@@ -45,11 +45,17 @@ def test_a_campaign_needs_few_rounds(total: int, workers: int, start: float, run
 def test_no_pack_keeps_the_others_waiting(
     left: int, workers: int, start: float, run: float
 ) -> None:
-    """Unless that is shorter than it takes to start another one."""
+    """Unless that is no longer than a few starts."""
     runs, size = next_packs(left, workers, 100, Pace(start, run))
     fair = -(-left // workers)
     assert size <= max(1, fair)
-    assert size <= -(-left // (2 * workers)) or (size - 1) * run <= start or runs == left
+    assert size <= -(-left // (2 * workers)) or (size - 1) * run <= WAIT * start or runs == left
+
+
+def test_few_short_runs_are_not_cut_so_small_that_starts_take_most_of_the_time() -> None:
+    found = simulated(200, 4, 11, lambda: 1.25)
+    assert found.sizes == [1, 16, 33]
+    assert found.took < 4 * 11 + found.ideal
 
 
 @given(st.integers(1, 1000), st.integers(1, 1000))
@@ -61,7 +67,8 @@ def test_the_first_packs_are_small_and_the_next_ones_grow() -> None:
     assert next_packs(10_000, 10, 0, None) == (10, 1)
     assert next_packs(9_990, 10, 1, Pace(10, 1)) == (160, 16)
     assert next_packs(9_830, 10, 16, Pace(10, 1))[1] == 256
-    assert next_packs(200, 10, 256, Pace(10, 1))[1] == 10
+    assert next_packs(900, 10, 256, Pace(10, 1))[1] == 45
+    assert next_packs(400, 10, 45, Pace(10, 1)) == (400, 40)
 
 
 def test_a_pace_needs_runs_and_is_not_spoilt_by_one_pod_that_waited() -> None:

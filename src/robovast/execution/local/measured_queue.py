@@ -22,6 +22,8 @@ class MeasuredQueue(PackQueue):
         self._next_job = first_job
         self._workers = workers
         self._last = 0
+        self._planned = 0
+        """How many of the next runs are in packs of the same size as the last one."""
         self._samples: list[Sample] = []
         self._lock = Lock()
 
@@ -30,15 +32,22 @@ class MeasuredQueue(PackQueue):
         with self._lock:
             if not self._left:
                 return None
-            measured = 2 * len(self._samples) >= self._workers
-            pace = pace_of(self._samples) if measured else None
-            _, self._last = next_packs(len(self._left), self._workers, self._last, pace)
+            if not self._planned:
+                self._plan_round()
             stretch = self._plan.stretch_of(self._left[0].id)
-            near = self._left[: self._last]
+            near = self._left[: min(self._last, self._planned)]
             runs = list(takewhile(lambda run: self._plan.stretch_of(run.id) == stretch, near))
             self._left = self._left[len(runs) :]
+            self._planned -= len(runs)
             self._next_job += 1
             return PackStart(self._next_job - 1, tuple(runs))
+
+    def _plan_round(self) -> None:
+        """Choose the size of the next packs."""
+        measured = 2 * len(self._samples) >= self._workers
+        pace = pace_of(self._samples) if measured else None
+        left = len(self._left)
+        self._planned, self._last = next_packs(left, self._workers, self._last, pace)
 
     def put_back(self, runs: Sequence[Run]) -> None:
         """Put runs after all others."""
