@@ -91,8 +91,7 @@ def resume(campaign: Path, options: LocalOptions, observer: Observer) -> Summary
         return resume_campaign(campaign, options, observer)
     options = _without_ignored(options, observer.message)
     document = with_runs(document, options.runs or recorded_runs(layout).each)
-    document = with_batches(document, options.batches or recorded_batches(layout))
-    _refuse_fewer(layout, options.batches)
+    _refuse_fewer(layout, options.batches)  # before anything is prepared
     session = continued_session(document, layout, options, observer)
     return _search(session, observer)
 
@@ -147,7 +146,6 @@ def run_search(
     options = _without_ignored(options, observer.message)
     if options.runs is not None:
         document = with_runs(document, options.runs)
-    document = with_batches(document, options.batches)
     make_extractor(document)
     with TemporaryDirectory(prefix="robovast-") as scratch:
         first = first_batch(document, Path(scratch), _each_once(observer.message))
@@ -184,13 +182,15 @@ def _without_ignored(options: LocalOptions, tell: Callable[[str], None]) -> Loca
 
 
 def _search(session: Session, observer: Observer) -> SearchSummary:
-    layout, document = session.layout, session.document
+    layout = session.layout
     with (
         executing(session, observer) as told,
         TemporaryDirectory(prefix="robovast-") as scratch,
     ):
+        _refuse_fewer(layout, session.options.batches)  # another program may have done more since
         if session.options.batches is not None:
             record_again(layout, {"batches": session.options.batches})
+        document = with_batches(session.document, recorded_batches(layout))
         history = History(layout)
         watch = Stopwatch(late=history.elapsed)
         campaign = GrowingCampaign(session, told, recorded_seed(layout))
