@@ -3,28 +3,32 @@
     python tests/bench/search.py map [--seeds 8] [--problem landing] [--runs 1]
     python tests/bench/search.py coverage [--seeds 8] [--problem landing]
     python tests/bench/search.py workers
+    python tests/bench/search.py computed
     python tests/bench/search.py propose
     python tests/bench/search.py worst [--seeds 8]
     python tests/bench/search.py qd [--seeds 5]      # also needs: pip install ribs
 
 `map` compares the sets of `boundary` with random ones and those of a Sobol sequence: 96 sets of 3
 runs, judged by the same Gaussian process; `alone` is `boundary` told of each batch before it is
-asked for the next one. `workers` executes a search whose runs vary fivefold in time, both ways,
-and prints which share of the workers' time is used. `propose` times a batch of 20 after 1,000 and
-10,000 sets in 10 dimensions. `worst` counts the runs until TPE, and until random sets, reach what
-one random set in a thousand does. `qd` fills an archive of what an arm of 8 joints reaches, beside
-pyribs.
+asked for the next one, `further` has three batches open. `workers` executes a search whose runs
+vary fivefold in time, with one to three batches open, and prints which share of the workers' time
+is used; `computed` computes that share without the cost of starts and proposals. `propose` times a
+batch of 20 after 1,000 and 10,000 sets in 10 dimensions. `worst` counts the runs until TPE, and
+until random sets, reach what one random set in a thousand does. `qd` fills an archive of what an
+arm of 8 joints reaches, beside pyribs.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import resource
 import sys
 import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from heapq import heapreplace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -54,6 +58,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from support.campaigns.local import Recorder
 
 SETS, RUNS, BATCH, POINTS = 96, 3, 8, 1024
+AHEAD = {"alone": 1, "further": 3}
+"""Open batches of the ways that differ from a search, which has two where each has 24 runs."""
 MOST = 4096
 """Most sets that a worst case is looked for with."""
 STEP, SECONDS = 0.02, 40.0
@@ -215,7 +221,7 @@ def search(problem: Problem, seed: int, how: str, runs: int = RUNS) -> BoundaryS
         proposed = given[first : first + left] if how == "random" else chosen.ask(left)
         evaluated = [execution.evaluate(params) for params in proposed]
         results.append(evaluated)
-        if len(results) >= (1 if how == "alone" or not chosen.known else OPEN):
+        if len(results) >= (AHEAD.get(how, 2) if chosen.known else 1):
             chosen.tell(results.popleft())
     for evaluated in results:
         chosen.tell(evaluated)
@@ -298,7 +304,7 @@ scenario workers:
 def workers(jobs: tuple[int, ...]) -> None:
     """Print which share of the workers' time runs take, of a search as plain processes."""
     for many in jobs:
-        for open_ in (1, OPEN):
+        for open_ in range(1, OPEN + 1):
             with (
                 TemporaryDirectory(prefix="robovast-") as folder,
                 patch.object(rounds, "OPEN", open_),
@@ -313,7 +319,35 @@ def workers(jobs: tuple[int, ...]) -> None:
                 took = time.perf_counter() - began
             used = sum(record.duration for record in made.records)
             share = f"{used / took / many:.0%} of the time of {many} workers"
-            print(f"{open_} open: {share}, {len(made.records)} runs in {took:.0f} s", flush=True)
+            load = f"load {os.getloadavg()[0]:.0f}"
+            runs = f"{len(made.records)} runs in {took:.0f} s"
+            print(f"{open_} open: {share}, {runs}; {load}", flush=True)
+
+
+def computed() -> None:
+    """Print the same for 12 batches, computed."""
+    for size in (4, 8, 16, 24):
+        many = 8
+        shares = []
+        for open_ in (1, 2, 3):
+            found = [_share(size, many, open_, seed) for seed in range(40)]
+            shares.append(f"{np.mean(found):.0%} with {open_} open")
+        print(f"{many} workers, batches of {size} runs: {', '.join(shares)}")
+
+
+def _share(size: int, many: int, open_: int, seed: int, batches: int = 12) -> float:
+    """The share of the workers' time that runs of 1 to 5 take which start and end at no cost."""
+    times = np.random.default_rng(seed).uniform(1.0, 5.0, (batches, size))
+    free, ends, now = [0.0] * many, list[float](), 0.0
+    for scored in range(batches):
+        while len(ends) < min(batches, scored + (open_ if scored else 1)):
+            ended: list[float] = []
+            for took in times[len(ends)]:
+                ended.append(max(free[0], now) + took)
+                heapreplace(free, ended[-1])
+            ends.append(max(ended))
+        now = max(now, ends[scored])
+    return float(times.sum() / many / max(free))
 
 
 JOINTS, BINS, PER_BATCH = 8, 32, 20
@@ -435,13 +469,17 @@ def propose() -> None:
         print(f"20 sets after {sets:,}: {took:.2f} s, {peak:.0f} MiB at most")
 
 
+WHAT = ("map", "coverage", "workers", "computed", "propose", "worst", "qd")
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=["map", "coverage", "workers", "propose", "worst", "qd"])
+    parser.add_argument("what", choices=WHAT)
     parser.add_argument("--seeds", type=int, default=8)
     parser.add_argument("--runs", type=int, default=RUNS, help="of a set; the total stays")
     parser.add_argument("--problem", choices=sorted(PROBLEMS), action="append")
-    parser.add_argument("--how", choices=["boundary", "alone", "random", "sobol"], action="append")
+    parser.add_argument(
+        "--how", choices=["boundary", "alone", "further", "random", "sobol"], action="append"
+    )
     given = parser.parse_args()
     if given.what == "propose":
         propose()
@@ -449,6 +487,8 @@ if __name__ == "__main__":
         worst(given.seeds)
     elif given.what == "workers":
         workers((8, 4))
+    elif given.what == "computed":
+        computed()
     elif given.what == "coverage":
         coverage(given.problem or sorted(PROBLEMS), given.seeds)
     elif given.what == "qd":

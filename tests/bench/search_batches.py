@@ -4,7 +4,7 @@
 
 Batches of two runs of 5 s. `one by one`: a strategy that is told of each batch before it is asked
 for the next one; nothing is executed from the end of a batch's last run to the start of the next
-batch's first one. `asked ahead`: `random`, of which two batches are under way.
+batch's first one. `asked ahead`: `random`, of which three batches are under way.
 """
 
 from __future__ import annotations

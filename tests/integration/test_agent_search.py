@@ -255,7 +255,7 @@ def stages(make: Make, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Stages]
 def test_pods_that_propose_may_be_killed_after_any_request(
     stages: Callable[..., Stages],
 ) -> None:
-    four = at_random(4).replace(*BY_STEPS)  # of which the second and third are proposed at once
+    four = at_random(4).replace(*BY_STEPS)  # after the first, the others are proposed at once
     calm, hunted = stages(four), stages(four)
     kills = ended = 0
     while True:

@@ -23,9 +23,12 @@ from robovast.base.errors import InputError, StorageError
 from robovast.base.locks import exclusive_folder
 from robovast.campaign.layout import Layout
 from robovast.execution.local import LocalOptions
+from robovast.execution.local.session import Session
 from robovast.model.document import load_document
 from robovast.model.packs import RUNS_LIMIT
 from robovast.model.plan import Run
+from robovast.search import local as search_local
+from robovast.search import rounds
 from robovast.search.history import History
 from robovast.search.local import SearchSummary, execute_document, resume
 from robovast.search.plugins import make_strategy
@@ -166,6 +169,40 @@ def test_an_ended_search_goes_on_with_more_batches(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match=r"has 4 batches; .* give more than 4"):
         resume(summary.campaign, LocalOptions(runtime="process", batches=4), Recorder())
+
+
+def extended_before_the_lock(campaign: Path, patch: pytest.MonkeyPatch) -> None:
+    """Has another program go on until batch 3 while the next one waits for the campaign."""
+    own = search_local.continued_session
+
+    def after_another(*args: Any) -> Session:
+        with patch.context() as before:
+            before.setattr(search_local, "continued_session", own)
+            resume(campaign, LocalOptions(runtime="process", batches=3), Recorder())
+        return own(*args)
+
+    patch.setattr(search_local, "continued_session", after_another)
+
+
+def test_a_search_ends_where_another_program_was_told_before_it_had_the_lock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    summary, _ = run_searched(tmp_path, at_random(1))
+    extended_before_the_lock(summary.campaign, monkeypatch)
+    later = resume(summary.campaign, LocalOptions(runtime="process"), Recorder())
+    assert isinstance(later, SearchSummary)
+    assert later.stop is not None
+    assert later.stop.reason == "batches: batches 3/3"
+
+
+def test_fewer_batches_than_another_program_has_done_before_the_lock_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    summary, _ = run_searched(tmp_path, at_random(1))
+    extended_before_the_lock(summary.campaign, monkeypatch)
+    with pytest.raises(InputError, match=r"has 3 batches; .* give more than 3"):
+        resume(summary.campaign, LocalOptions(runtime="process", batches=2), Recorder())
+    assert search_local.recorded_batches(_layout(summary.campaign)) == 3
 
 
 def test_what_is_refused_changes_nothing(tmp_path: Path) -> None:
@@ -444,6 +481,21 @@ class Releases(Recorder):
         if len(self.started) == self.begun:
             for folder in self.out.glob("*/.running/*/out/**/"):
                 (folder / "go").touch()
+
+
+@pytest.mark.parametrize(("enough", "ahead"), [(3, [0, 0, 1, 2, 2]), (2, [0, 0, 1, 1, 1])])
+def test_batches_are_asked_further_ahead_until_runs_are_enough_for_any_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, enough: int, ahead: list[int]
+) -> None:
+    """However many runs are executed side by side, the sets are the same."""
+    monkeypatch.setattr(rounds, "ENOUGH", enough)
+    found = {}
+    for jobs in (1, 3):
+        summary, _ = run_searched(tmp_path / str(jobs), at_random(5), jobs=jobs)
+        batches = History(_layout(summary.campaign)).batches
+        assert [batch.proposal.ahead for batch in batches] == ahead
+        found[jobs] = proposed_values(summary.campaign)
+    assert found[1] == found[3]
 
 
 def test_workers_begin_the_next_batch_before_the_last_run_of_this_one_ends(tmp_path: Path) -> None:

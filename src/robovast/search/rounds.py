@@ -31,8 +31,12 @@ from robovast.search.scoring import samples, score
 from robovast.search.strategy import SearchStrategy
 from robovast.search.types import Evaluation, ParamSet, SearchReport
 
-OPEN = 2
+OPEN = 3
 """Most batches that are executed side by side, so that nothing waits for the slowest run of one."""
+ENOUGH = 16
+"""Runs beyond those of the oldest open batch with which a third one need not be open: they keep
+eight workers busy while its slowest run, which takes five times as long as others, is awaited. The
+document decides, not the machine: a search has the same sets wherever it is executed."""
 
 
 class Observer(Protocol):
@@ -184,7 +188,7 @@ class Rounds:
             return True
         spent = any(c.fired for c in self.criteria(under_way))
         begun = bool(self.history.finished) and self.strategy.asks_ahead
-        return begun and under_way < OPEN and not spent
+        return begun and not spent and _has_room(self.history.open)
 
     def _make(self, batch: Batch) -> None:
         """Make the configurations of a batch, as far as there are none."""
@@ -349,6 +353,12 @@ class Rounds:
     def _error(self, message: str) -> InputError:
         name = search_of(self.document).strategy
         return InputError(f"{self.document.path}: the strategy `{name}`: {message}.")
+
+
+def _has_room(open_: Sequence[Batch]) -> bool:
+    """Whether another batch is to be executed beside those under way."""
+    waiting = sum(block.size for batch in open_[1:] for block in batch.proposal.blocks)
+    return len(open_) < OPEN and waiting < ENOUGH
 
 
 def _append(blocks: list[Block], added: Block) -> None:
