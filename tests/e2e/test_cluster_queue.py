@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import time
-from itertools import pairwise
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from itertools import accumulate, pairwise
 from typing import Any
 
 import pytest
@@ -157,6 +159,43 @@ def test_campaigns_take_turns_within_a_quota_for_one_run(queue: Lab) -> None:
     for (_, end), (begin, _) in pairwise(times):
         assert end <= begin, "never two at once"
     assert "queue" not in lab.campaign("two")["status"]
+
+
+def pack_sizes(records: Sequence[dict[str, Any]]) -> list[int]:
+    """How many runs each pack has executed, in the order of the packs."""
+    packs = Counter(int(record["job"].rpartition("-")[2]) for record in records)
+    return [size for _, size in sorted(packs.items())]
+
+
+def most_at_once(records: Iterable[dict[str, Any]]) -> int:
+    """How many runs were under way at the same time at most."""
+    moments = [(record["started_at"], 1) for record in records]
+    moments += [(record["finished_at"], -1) for record in records]
+    return max(accumulate(change for _, change in sorted(moments)))
+
+
+@pytest.mark.parametrize("quota", [None, 2])
+def test_measured_packs_grow_and_shrink_and_each_run_is_executed_once(
+    quota: int | None, request: pytest.FixtureRequest
+) -> None:
+    """With all pods that it may have, and with a quota for fewer."""
+    lab: Lab = request.getfixturevalue("queue" if quota else "lab")
+    if quota:
+        admit(lab, quota)
+    spec = {"queueName": "lab"} if quota else {}
+    script = 'echo run >> "$3/log"\n'
+    lab.quick("packed", script, "  runs: 20\n  runs_per_job: auto\n", parallelism=3, **spec)
+    lab.wait("packed", seconds=400)
+    assert lab.campaign("packed")["status"]["runs"]["passed"] == 60
+    records = stored(lab, "packed")
+    assert len({(record["variant"], record["run"]) for record in records}) == 60
+    sizes = pack_sizes(records)
+    assert sizes[:3] == [1, 1, 1], "what a start and a run take is measured first"
+    assert max(sizes) >= 5, sizes
+    assert sizes[-1] < max(sizes), "nobody waits for a large pack at the end"
+    assert most_at_once(records) <= (quota or 3)
+    home = lab.download("packed")
+    assert {path.read_text() for path in home.glob("*/*/log")} == {"run\n"}
 
 
 def urgent_job(namespace: str) -> Manifest:
