@@ -164,8 +164,8 @@ def _resize(snapshot: Snapshot) -> list[Action]:
         return _shrink(snapshot)
     if snapshot.not_begun:
         return []
-    free = spec.parallelism - snapshot.busy
-    if 0 < free < snapshot.idle_pods:
+    free = spec.parallelism - snapshot.rounds.busy
+    if 0 < free < snapshot.rounds.idle_pods:
         return []
     return _grow(snapshot.open, free) if free > 0 else _cut(snapshot.open, spec.parallelism)
 
@@ -218,7 +218,7 @@ def _further_shards(snapshot: Snapshot) -> list[Action]:
     Where packs are measured, those of a round take the pods that the former one no longer needs.
     """
     spec, rounds = snapshot.accepted.spec, snapshot.plan.rounds is not None
-    pods, waiting = snapshot.pods_of_open, snapshot.not_begun
+    pods, waiting = snapshot.rounds.pods_of_open, snapshot.not_begun
     chosen = next_shards(waiting, pods, spec.parallelism, alone=rounds)
     if spec.queue_name is not None or any(job.queue for job in snapshot.open):
         # at most one waits, so that other campaigns have their turn
@@ -231,9 +231,10 @@ def _next_proposal(snapshot: Snapshot) -> list[Action]:
     at_work = {job.name for job in _at_work(snapshot)}
     if not snapshot.due_to_propose or any(shard.job in at_work for shard in snapshot.awaited):
         return []
-    if isinstance(snapshot.growth, Revision):
-        return [AppendRuns(snapshot.growth)]
-    jobs, plan = snapshot.proposing, snapshot.revisions[-1].config_map
+    growth = snapshot.search.growth
+    if isinstance(growth, Revision):
+        return [AppendRuns(growth)]
+    jobs, plan = snapshot.search.proposing, snapshot.revisions[-1].config_map
     due = jobs.last is None or (snapshot.lost_proposal and not _pause(snapshot))
     return [CreateTask("propose", jobs.next_name, plan, frozenset(at_work))] if due else []
 
@@ -260,7 +261,7 @@ def _upload(snapshot: Snapshot) -> list[Action]:
 def _pause(snapshot: Snapshot) -> float | None:
     """Pause before a task is repeated whose termination message is lost [s]; else None."""
     if snapshot.lost_proposal:
-        return snapshot.proposing.wait(snapshot.now)
+        return snapshot.search.proposing.wait(snapshot.now)
     return snapshot.finish.wait(snapshot.now) if snapshot.lost_words else None
 
 
@@ -281,7 +282,7 @@ def _tidy(snapshot: Snapshot) -> list[Action]:
     """Delete Jobs whose verdicts are in the status, except for the last few, and past plans."""
     told = (snapshot.job(shard) for shard in snapshot.shards if snapshot.is_remembered(shard))
     known = [job for job in told if job is not None and not job.open]
-    old = [*known[:-WINDOW], *snapshot.finish.old, *snapshot.past_proposals]
+    old = [*known[:-WINDOW], *snapshot.finish.old, *snapshot.search.past_jobs]
     plans = [DeletePlan(name) for name in snapshot.past_plans]
     return [*plans, *(DeleteJob(job.name) for job in old if not job.deleting)]
 

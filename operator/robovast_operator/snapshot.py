@@ -8,12 +8,10 @@ from datetime import datetime
 from functools import cached_property
 
 from robovast.base.ranges import merge
-from robovast.kubeapi.pod_contract.messages import Proposed
 from robovast.kubeapi.status import (
     SHARDS_LIMIT,
     BadRuns,
     CampaignStatus,
-    SearchStatus,
     Settled,
     Shard,
 )
@@ -24,13 +22,13 @@ from robovast_operator.kube.conditions import is_true
 from robovast_operator.kube.lenient import ranges
 from robovast_operator.kube.store import JobState
 from robovast_operator.planning.campaign import Accepted, Revision
-from robovast_operator.planning.proposals import grown, no_plan, search_status
-from robovast_operator.planning.rounds import idle_pods, last_round, next_round
+from robovast_operator.planning.rounds import Rounds
 from robovast_operator.planning.shards import WINDOW, ShardPlan, first_attempts, repetitions
 from robovast_operator.pods.findings import Final, PodFindings, Trouble
 from robovast_operator.pods.tries import NO_WORD, Tries, number_of
 from robovast_operator.pods.verdicts import ShardRuns, Tally, tally_of, total
 from robovast_operator.pods.waiting import QueueFindings, Waiting
+from robovast_operator.search import Search
 
 
 @dataclass(frozen=True)
@@ -93,8 +91,8 @@ class Snapshot:
                 return Trouble(condition.reason, condition.message, final=True)
         if self.pods.trouble is not None and self.pods.trouble.final:
             return self.pods.trouble
-        if isinstance(self.growth, str):
-            return Trouble("InvalidPlan", self.growth, final=True)
+        if isinstance(self.search.growth, str):
+            return Trouble("InvalidPlan", self.search.growth, final=True)
         limits, known = self.accepted.spec.fail_fast, self.tally
         for name, limit, found in (
             ("failed", limits.max_failed, known.failed),
@@ -122,7 +120,7 @@ class Snapshot:
                 "version?",
             )
         told = self.finish.told if self.lost_words else ""
-        told = self.proposing.told if self.lost_proposal else told
+        told = self.search.proposing.told if self.lost_proposal else told
         return Trouble(NO_WORD, told) if told else None
 
     @cached_property
@@ -130,10 +128,23 @@ class Snapshot:
         """The newest plan."""
         return self.revisions[-1].plan
 
-    @property
-    def next_plan(self) -> int:
-        """Number of the plan that comes next."""
-        return self.revisions[-1].number + 1
+    @cached_property
+    def search(self) -> Search:
+        """The campaign's search, if it is one."""
+        return Search(
+            self.accepted,
+            self.revisions,
+            self.status.search,
+            self.jobs,
+            self.pods.proposals,
+            self.variant_limit,
+        )
+
+    @cached_property
+    def rounds(self) -> Rounds:
+        """The rounds in which runs are put into packs, where packs are measured."""
+        newest, parallelism = self.revisions[-1], self.accepted.spec.parallelism
+        return Rounds(self.accepted.identity, newest, self.open, parallelism, self.pods.pace)
 
     @cached_property
     def past_plans(self) -> list[str]:
@@ -215,85 +226,19 @@ class Snapshot:
     @cached_property
     def all_done(self) -> bool:
         """Whether every shard has ended, and there will be no more."""
-        return self.all_ended and not self.searching and not self.unpacked
-
-    @cached_property
-    def unpacked(self) -> int:
-        """How many runs are in no pack yet."""
-        return self.plan.total - self.plan.in_packs
-
-    @cached_property
-    def pods_of_open(self) -> list[int]:
-        """How many pods each open Job may have.
-
-        Where packs are measured, not more than it has packs left: the others are another Job's.
-        """
-        if self.plan.rounds is None:
-            return [job.parallelism for job in self.open]
-        return [min(job.parallelism, job.left) for job in self.open]
-
-    @cached_property
-    def busy(self) -> int:
-        """How many pods all of them may have."""
-        return sum(self.pods_of_open)
-
-    @cached_property
-    def idle_pods(self) -> int:
-        """From how many pods with nothing to do something is changed for them."""
-        if self.plan.rounds is None:
-            return 1
-        queued = any(job.queue for job in self.open)
-        return idle_pods(self.accepted.spec.parallelism, queued=queued)
+        return self.all_ended and not self.search.goes_on and not self.rounds.unpacked
 
     @cached_property
     def packing(self) -> Revision | None:
         """The plan with further packs, when pods would have nothing to do without; else None."""
-        if not self.unpacked:
-            return None
-        newest, parallelism = self.revisions[-1], self.accepted.spec.parallelism
-        name = self.accepted.identity.child(f"plan-{self.next_plan}")
         if self.aborted is not None:
-            return last_round(newest, name)
-        wanted = (min(job.parallelism, job.left) if job.queue else job.left for job in self.open)
-        idle = parallelism - sum(wanted)
-        waits = bool(self.plan.rounds and self.open) and not self._is_measured
-        if self.not_begun or idle < self.idle_pods or waits:
-            return None
-        return next_round(newest, parallelism, self.pods.pace, name)
-
-    @cached_property
-    def _is_measured(self) -> bool:
-        """Whether run times are known: half of the first round's, since short runs end first."""
-        half = all(2 * job.left <= job.size for job in self.open)
-        return self.pods.pace is not None and (half or len(self.plan.rounds or ()) > 1)
+            return self.rounds.last
+        return None if self.not_begun else self.rounds.next
 
     @cached_property
     def quiet(self) -> bool:
         """Whether nothing is left to execute, except bad runs that are repeated."""
         return self.aborted is not None or self.all_done
-
-    @cached_property
-    def search(self) -> SearchStatus | None:
-        """The progress of the search; None if the campaign is no search.
-
-        What has ended it counts for the plan that was read: with another end it goes on.
-        """
-        if not self.accepted.is_search:
-            return None
-        newest = self.revisions[-1].config_map
-        if said := self._said(self.proposing):
-            return search_status(said, newest)
-        known = self.status.search or SearchStatus()
-        if said := self._said(self._proposing(self.next_plan - 1)):
-            known = search_status(said, "")
-        if known.plan == newest:
-            return known
-        return known.model_copy(update={"plan": newest, "stop": "", "stop_reason": ""})
-
-    @cached_property
-    def searching(self) -> bool:
-        """Whether a search may propose further runs."""
-        return self.search is not None and not self.search.stop
 
     @cached_property
     def awaited(self) -> Sequence[ShardPlan]:
@@ -305,7 +250,7 @@ class Snapshot:
     @cached_property
     def due_to_propose(self) -> bool:
         """Whether a search goes on: what it waits for has ended, others may be executed."""
-        waits = self.searching and not self.quiet
+        waits = self.search.goes_on and not self.quiet
         return waits and all(self.ended(shard) for shard in self.awaited)
 
     @cached_property
@@ -314,40 +259,10 @@ class Snapshot:
         return self.due_to_propose and self.all_ended
 
     @cached_property
-    def proposing(self) -> Tries:
-        """The Jobs that propose the next runs of a search; each plan needs further ones."""
-        return self._proposing(self.next_plan)
-
-    def _proposing(self, plans: int) -> Tries:
-        return Tries.of(self.jobs.values(), self.accepted.identity.child(f"propose-{plans}"))
-
-    def _said(self, tries: Tries) -> Proposed | None:
-        found = self.pods.proposals
-        return next((found[job.name] for job in tries.jobs if job.name in found), None)
-
-    @cached_property
-    def growth(self) -> Revision | str | None:
-        """The plan with the proposed runs, or why there is none."""
-        said = self._said(self.proposing)
-        if said is None or said.stop:
-            return None
-        name = self.accepted.identity.child(f"plan-{self.next_plan}")
-        try:
-            return grown(self.accepted, self.revisions, said, name, self.variant_limit)
-        except ValueError as error:
-            return no_plan(error)
-
-    @cached_property
     def lost_proposal(self) -> bool:
         """Whether a propose Job succeeded, but its termination message is lost."""
-        ended = _ended_well(self.proposing) and self.due_to_propose
-        return ended and self._said(self.proposing) is None
-
-    @cached_property
-    def past_proposals(self) -> list[JobState]:
-        """Propose Jobs that nothing depends on any more."""
-        known = {job.name for job in self.proposing.jobs[-1:]}
-        return [j for j in self.jobs.values() if j.role == "propose" and j.name not in known]
+        search = self.search
+        return search.proposing.ended_well and self.due_to_propose and search.said is None
 
     @cached_property
     def attempt(self) -> int:
@@ -423,7 +338,7 @@ class Snapshot:
     @cached_property
     def lost_words(self) -> bool:
         """Whether the finish Job succeeded, but its termination message is lost."""
-        ended = _ended_well(self.finish)
+        ended = self.finish.ended_well
         return ended and self.over and not self.indexed and self.final is None
 
     @cached_property
@@ -496,9 +411,3 @@ class Snapshot:
         else:
             return 0
         return max(0, ended - self.tallies[shard.job].settled)
-
-
-def _ended_well(tries: Tries) -> bool:
-    """Whether the last Job of a task is complete."""
-    last = tries.last
-    return last is not None and last.finished == "Complete" and not last.deleting

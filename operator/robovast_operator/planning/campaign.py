@@ -133,3 +133,7 @@ class Revision:
     """Text of the document."""
     composed: str | None = None
     """`CampaignPlan.composed`."""
+
+    def next_name(self, identity: Identity) -> str:
+        """Name of the ConfigMap of the plan that comes after this one."""
+        return identity.child(f"plan-{self.number + 1}")

@@ -5,22 +5,95 @@ Each round is a plan of its own that appends to the former: whoever dies, what i
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import accumulate
 
 from robovast.model.packing import Pace, next_packs
 from robovast.model.packs import PlanSpec, Round
+from robovast_operator.kube.objects import Identity
+from robovast_operator.kube.store import JobState
 from robovast_operator.planning.campaign import Revision
 
 
-def idle_pods(parallelism: int, *, queued: bool) -> int:
-    """As many pods must have nothing to do until others are asked for: each time is a write.
+@dataclass(frozen=True)
+class Rounds:
+    """When the next round is planned; where packs are not measured, all runs are in packs."""
 
-    Args:
-        parallelism: most pods of the campaign.
-        queued: whether its Jobs are Kueue's: they keep the number of pods that they begin with.
-    """
-    return max(1, parallelism // (2 if queued else 8))
+    identity: Identity
+    newest: Revision
+    """The plan so far."""
+    open: Sequence[JobState]
+    """Running Jobs of shards."""
+    parallelism: int
+    """Most pods of the campaign."""
+    pace: Pace | None
+    """What was measured; None if nothing was."""
+
+    @property
+    def unpacked(self) -> int:
+        """How many runs are in no pack yet."""
+        return self.newest.plan.total - self.newest.plan.in_packs
+
+    @cached_property
+    def pods_of_open(self) -> list[int]:
+        """How many pods each open Job may have.
+
+        Where packs are measured, not more than it has packs left: the others are another Job's.
+        """
+        if self.newest.plan.rounds is None:
+            return [job.parallelism for job in self.open]
+        return [min(job.parallelism, job.left) for job in self.open]
+
+    @property
+    def busy(self) -> int:
+        """How many pods all of them may have."""
+        return sum(self.pods_of_open)
+
+    @property
+    def idle_pods(self) -> int:
+        """How many pods must be idle before others are asked for; each time that is a write.
+
+        Jobs in a queue of Kueue keep the number of pods that they begin with.
+        """
+        if self.newest.plan.rounds is None:
+            return 1
+        queued = any(job.queue for job in self.open)
+        return max(1, self.parallelism // (2 if queued else 8))
+
+    @cached_property
+    def next(self) -> Revision | None:
+        """The plan with a further round, when pods would be idle without it; else None."""
+        if not self.unpacked or self._idle < self.idle_pods or self._must_wait:
+            return None
+        name = self.newest.next_name(self.identity)
+        return next_round(self.newest, self.parallelism, self.pace, name)
+
+    @cached_property
+    def last(self) -> Revision | None:
+        """The plan with all other runs in packs, of a campaign that executes none of them."""
+        if not self.unpacked:
+            return None
+        room = Round(runs=_room(self.newest), size=self.newest.plan.runs_per_pack)
+        return _with(self.newest, room, self.newest.next_name(self.identity))
+
+    @property
+    def _idle(self) -> int:
+        """How many pods the packs that are left do not need."""
+        wanted = (min(job.parallelism, job.left) if job.queue else job.left for job in self.open)
+        return self.parallelism - sum(wanted)
+
+    @property
+    def _must_wait(self) -> bool:
+        """Whether run times are not known yet, but soon will be.
+
+        They are known from half of the first round, since short runs end first.
+        """
+        rounds = self.newest.plan.rounds
+        half = all(2 * job.left <= job.size for job in self.open)
+        measured = self.pace is not None and (half or len(rounds or ()) > 1)
+        return bool(rounds and self.open) and not measured
 
 
 def next_round(newest: Revision, parallelism: int, pace: Pace | None, name: str) -> Revision:
@@ -37,11 +110,6 @@ def next_round(newest: Revision, parallelism: int, pace: Pace | None, name: str)
     last = rounds[-1].size if rounds else 0
     runs, size = next_packs(plan.total - plan.in_packs, parallelism, last, pace)
     return _with(newest, Round(runs=min(runs, _room(newest)), size=size), name)
-
-
-def last_round(newest: Revision, name: str) -> Revision:
-    """The plan with all other runs in packs, of a campaign that executes none of them any more."""
-    return _with(newest, Round(runs=_room(newest), size=newest.plan.runs_per_pack), name)
 
 
 def _room(newest: Revision) -> int:

@@ -51,6 +51,12 @@ class Tries:
         return self.jobs[-1] if self.jobs else None
 
     @property
+    def ended_well(self) -> bool:
+        """Whether that one is complete."""
+        last = self.last
+        return last is not None and last.finished == "Complete" and not last.deleting
+
+    @property
     def old(self) -> tuple[JobState, ...]:
         """Those that another has taken the place of."""
         return self.jobs[:-1]

@@ -141,7 +141,8 @@ def _succeeded(snapshot: Snapshot, runs: Runs) -> Found:
     if snapshot.given_up is not None:
         return ("Succeeded", "False", snapshot.given_up.reason, snapshot.given_up.message)
     if snapshot.over:
-        why = f"; the search ended: {snapshot.search.stop_reason}" if snapshot.search else ""
+        search = snapshot.search.status
+        why = f"; the search ended: {search.stop_reason}" if search is not None else ""
         spared = f", {runs.not_needed} others are not needed" if runs.not_needed else ""
         message = f"all {runs.needed} runs have ended{spared}{why}"
         return ("Succeeded", "True", "Finished", message)
@@ -149,8 +150,8 @@ def _succeeded(snapshot: Snapshot, runs: Runs) -> Found:
 
 
 def _passed(snapshot: Snapshot, runs: Runs) -> Found:
-    if snapshot.search is not None:
-        return _found(snapshot, snapshot.search)
+    if snapshot.search.status is not None:
+        return _found(snapshot, snapshot.search.status)
     least = snapshot.accepted.spec.acceptance.min_pass_ratio
     bad = runs.failed + runs.errored
     needed = float(least) * runs.needed

@@ -44,7 +44,7 @@ def tell(snapshot: Snapshot, created: Sequence[ShardPlan]) -> CampaignStatus:
         finished_shards=snapshot.ended_shards if indexed else old.finished_shards,
         settled=settled,
         bad=snapshot.bad,
-        search=snapshot.search,
+        search=snapshot.search.status,
         decisions=snapshot.decisions,
         queue=snapshot.held and snapshot.held.place,
         estimate=estimate_of(snapshot, runs),
