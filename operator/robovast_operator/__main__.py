@@ -67,6 +67,17 @@ class Handlers:
             LOGGER.exception("an event could not be taken")
 
 
+class NoDifferences(kopf.StatusDiffBaseStorage):
+    """Keeps kopf from comparing objects, which no handler of ours asks for.
+
+    It would copy each object five times for that, which costs more than all that we do with it.
+    """
+
+    def build(self, **_: Any) -> kopf.BodyEssence:
+        """The parts of an object to compare: none."""
+        return kopf.BodyEssence({})
+
+
 class Patience:
     """Pauses between kopf's attempts at a request [s]: short ones, without end."""
 
@@ -81,6 +92,7 @@ def configure(settings: kopf.OperatorSettings, own: Settings) -> None:
     settings.peering.standalone = True
     settings.networking.request_timeout = 15
     settings.networking.error_backoffs = Patience()
+    settings.persistence.diffbase_storage = NoDifferences()
     settings.queueing.idle_timeout = 1  # it holds the last object of each key for so long
     settings.watching.server_timeout = 600
     settings.watching.inactivity_timeout = own.silence_seconds

@@ -28,7 +28,7 @@ APPLY_PATCH = "application/apply-patch+yaml"
 TRIES = 5
 PAUSE = 2.0
 """Pause between attempts that are repeated without end [s]."""
-PAGE = 200
+PAGE = 100
 """Objects in one page of a list: a page is held in memory whole."""
 
 
@@ -73,7 +73,7 @@ class Api:
         return await self._request("GET", path, tries=tries)
 
     async def list(self, path: str, **parameters: str) -> AsyncIterator[Object]:
-        """Read the objects of a collection, a page at a time.
+        """Read the objects of a collection, a page at a time; who drops one frees its memory.
 
         Args:
             path: of the collection.
@@ -82,9 +82,10 @@ class Api:
         query = {"limit": str(PAGE), **parameters}
         while True:
             page = await self._request("GET", path, query=query)
-            for item in page.get("items") or ():
-                yield shaped(item)
-            token = page.get("metadata", {}).get("continue")
+            token, items = page.get("metadata", {}).get("continue"), page.get("items") or []
+            items.reverse()
+            while items:
+                yield shaped(items.pop())
             if not token:
                 return
             query = {**query, "continue": token}
