@@ -16,7 +16,16 @@ from pathlib import Path
 
 import pytest
 import yaml
-from support.campaigns.local import EXAMPLES, ROOT, Recorder, make_campaign, resume, run, verdicts
+from support.campaigns.local import (
+    EXAMPLES,
+    ROOT,
+    Recorder,
+    make_campaign,
+    other_environment,
+    resume,
+    run,
+    verdicts,
+)
 from support.patience import eventually
 from support.processes import marked
 
@@ -261,10 +270,7 @@ def test_a_campaign_goes_on_in_the_environment_that_it_was_begun_in(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     usual = process_environment(lambda _: None)
-    other = tmp_path / "cache" / "robovast" / "other"
-    other.parent.mkdir(parents=True)
-    other.symlink_to(usual)
-    monkeypatch.setenv("ROBOVAST_PROCESS_ENV", str(other))
+    monkeypatch.setenv("ROBOVAST_PROCESS_ENV", str(other_environment(tmp_path / "cache")))
     campaign = run(make_campaign(tmp_path, PASS), tmp_path / "out", select="one-1").campaign
     monkeypatch.delenv("ROBOVAST_PROCESS_ENV")
     with pytest.raises(CannotRunError, match="in the environment other, which is not here"):

@@ -12,12 +12,11 @@ from pathlib import Path
 
 import pytest
 import yaml
-from support.campaigns.local import Recorder, make_campaign, resume, run
+from support.campaigns.local import Recorder, make_campaign, other_environment, resume, run
 
 from robovast.base.errors import InputError
 from robovast.campaign.merge import merge_campaigns
 from robovast.execution.local import LocalOptions, replay_run
-from robovast.execution.local.process_environment import process_environment
 from robovast.execution.local.replay import find_run
 
 VAST = Path(sys.executable).with_name("vast")
@@ -168,11 +167,7 @@ def test_another_version_is_told_of(tmp_path: Path) -> None:
 def test_a_run_is_replayed_in_the_environment_that_executed_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    usual = process_environment(lambda _: None)
-    other = tmp_path / "cache" / "robovast" / "other"
-    other.parent.mkdir(parents=True)
-    other.symlink_to(usual)
-    monkeypatch.setenv("ROBOVAST_PROCESS_ENV", str(other))
+    monkeypatch.setenv("ROBOVAST_PROCESS_ENV", str(other_environment(tmp_path / "cache")))
     folder = executed(tmp_path, NOISY)
     assert json.loads((folder / "run.json").read_text())["image"] == "process:other"
     monkeypatch.delenv("ROBOVAST_PROCESS_ENV")

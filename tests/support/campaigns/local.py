@@ -14,6 +14,7 @@ from robovast.campaign.decisions import told
 from robovast.campaign.run_record import RunRecord
 from robovast.execution.local import LocalOptions, Summary, resume_campaign, run_campaign
 from robovast.execution.local.pack_queue import Decided
+from robovast.execution.local.process_environment import process_environment
 from robovast.model.document import load_document
 from robovast.model.plan import Run
 
@@ -134,3 +135,11 @@ def verdicts(summary: Summary) -> dict[str, str]:
         )["verdict"]
         for record in summary.records
     }
+
+
+def other_environment(cache: Path) -> Path:
+    """Link the environment of this machine's processes as `other` in an empty user's cache."""
+    other = cache / "robovast" / "other"
+    other.parent.mkdir(parents=True)
+    other.symlink_to(process_environment(lambda _: None))
+    return other
