@@ -2,7 +2,7 @@
 
     python tests/bench/search.py map [--seeds 8] [--problem landing] [--runs 1]
     python tests/bench/search.py coverage [--seeds 8] [--problem landing]
-    python tests/bench/search.py workers
+    python tests/bench/search.py workers [--jobs 8]
     python tests/bench/search.py computed
     python tests/bench/search.py propose
     python tests/bench/search.py worst [--seeds 8]
@@ -12,7 +12,10 @@
 runs, judged by the same Gaussian process; `alone` is `boundary` told of each batch before it is
 asked for the next one, `further` has three batches open. `workers` executes a search whose runs
 vary fivefold in time, with one to three batches open, and prints which share of the workers' time
-is used; `computed` computes that share without the cost of starts and proposals. `propose` times a
+is used, and which the same runs use as a campaign without a search: what they lack is the
+machine's, the rest is the search's loss. `computed` computes the search's share without the cost
+of starts and proposals, `filled` where the second batch is part of the first, even filling of the
+space and waits for nothing. `propose` times a
 batch of 20 after 1,000 and 10,000 sets in 10 dimensions. `worst` counts the runs until TPE, and
 until random sets, reach what one random set in a thousand does. `qd` fills an archive of what an
 arm of 8 joints reaches, beside pyribs.
@@ -21,6 +24,7 @@ arm of 8 joints reaches, beside pyribs.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import resource
 import sys
@@ -38,10 +42,12 @@ import numpy as np
 from scipy.special import expit
 from scipy.stats import qmc
 
-from robovast.execution.local import LocalOptions
+from robovast.campaign.layout import Layout
+from robovast.execution.local import LocalOptions, Summary, run_campaign
 from robovast.model.document import load_document
 from robovast.model.document.search.section import Search
 from robovast.search import rounds
+from robovast.search.history import History
 from robovast.search.local import run_search
 from robovast.search.plugins import strategy_of
 from robovast.search.rounds import OPEN
@@ -244,7 +250,7 @@ def coverage(names: list[str], seeds: int) -> None:
         for column in range(problem.dimensions):
             units[column, :, column] = line
         truth = [problem.truth(points) for points in units]
-        within, found = 0, 0
+        within, found, open_ = 0, 0, 0
         for seed in range(seeds):
             made = search(problem, seed, "boundary").map()
             found_values = made.critical([0.5] * problem.dimensions)
@@ -254,9 +260,14 @@ def coverage(names: list[str], seeds: int) -> None:
                 ends = line[np.flatnonzero(fails[1:] != fails[:-1])] + 0.005
                 if critical.low is not None and critical.high is not None and len(ends):
                     found += 1
+                    open_ += critical.open is not None
                     low, high = critical.low - 0.005, critical.high + 0.005  # half a step
                     within += bool(np.any((ends > low) & (ends < high)))
-        print(f"{name}: {within} of {found} intervals have the true value within", flush=True)
+        print(
+            f"{name}: {within} of {found} intervals have the true value within; "
+            f"{open_} of them end where the space does",
+            flush=True,
+        )
 
 
 def compare(names: list[str], seeds: int, hows: list[str], runs: int) -> None:
@@ -273,10 +284,12 @@ def compare(names: list[str], seeds: int, hows: list[str], runs: int) -> None:
             print(f"  {how:<9} {np.mean(shares):.1%} misjudged, {ends}", flush=True)
 
 
-WORKERS = """\
+CAMPAIGN = """\
 version: 1
 metadata: {name: workers}
 execution: {scenario_file: scenario.osc, runs: 1, run_files: [step.sh]}
+"""
+WORKERS = """\
 search:
   strategy: boundary
   search_space: {x: {type: float, low: 0.0, high: 1.0}, y: {type: float, low: 0.0, high: 1.0}}
@@ -301,46 +314,63 @@ scenario workers:
 """
 
 
-def workers(jobs: tuple[int, ...]) -> None:
-    """Print which share of the workers' time runs take, of a search as plain processes."""
-    for many in jobs:
-        for open_ in range(1, OPEN + 1):
-            with (
-                TemporaryDirectory(prefix="robovast-") as folder,
-                patch.object(rounds, "OPEN", open_),
-            ):
-                Path(folder, "step.sh").write_text(STEP_SCRIPT)
-                Path(folder, "scenario.osc").write_text(SCENARIO)
-                path = Path(folder, "workers.vast")
-                path.write_text(WORKERS)
-                options = LocalOptions(runtime="process", jobs=many)
-                began = time.perf_counter()
-                made = run_search(load_document(path), Path(folder, "out"), options, Recorder())
-                took = time.perf_counter() - began
-            used = sum(record.duration for record in made.records)
-            share = f"{used / took / many:.0%} of the time of {many} workers"
-            load = f"load {os.getloadavg()[0]:.0f}"
-            runs = f"{len(made.records)} runs in {took:.0f} s"
-            print(f"{open_} open: {share}, {runs}; {load}", flush=True)
+def workers(many: int) -> None:
+    """Print which share of the workers' time runs take, of a search as plain processes and of a
+    campaign of the same runs without one."""
+    for open_ in range(1, OPEN + 1):
+        with (
+            TemporaryDirectory(prefix="robovast-") as folder,
+            patch.object(rounds, "OPEN", open_),
+        ):
+            share, made = _executed(Path(folder, "search"), WORKERS, many, run_search)
+            sets = [
+                params.values
+                for batch in History(Layout(made.campaign)).batches
+                for params in batch.proposal.sets
+            ]
+            given = [{"name": f"c{i}", "parameters": [v]} for i, v in enumerate(sets)]
+            plain = f"configuration: {json.dumps(given)}\n"
+            most, _ = _executed(Path(folder, "plain"), plain, many, run_campaign)
+        runs = f"{len(made.records)} runs, {many} workers, {open_} open"
+        load = f"load {os.getloadavg()[0]:.0f}"
+        print(f"{runs}: {share:.0%}; without a search {most:.0%}", end="; ")
+        print(f"the search has {share / most:.0%} of that; {load}", flush=True)
+
+
+def _executed(
+    folder: Path, extra: str, many: int, execute: Callable[..., Summary]
+) -> tuple[float, Summary]:
+    """The share of the workers' time that runs of a document take, and what was executed."""
+    folder.mkdir()
+    (folder / "step.sh").write_text(STEP_SCRIPT)
+    (folder / "scenario.osc").write_text(SCENARIO)
+    path = folder / "workers.vast"
+    path.write_text(CAMPAIGN + extra)
+    options = LocalOptions(runtime="process", jobs=many)
+    began = time.perf_counter()
+    made = execute(load_document(path), folder / "out", options, Recorder())
+    took = time.perf_counter() - began
+    return sum(record.duration for record in made.records) / took / many, made
 
 
 def computed() -> None:
     """Print the same for 12 batches, computed."""
+    many = 8
     for size in (4, 8, 16, 24):
-        many = 8
         shares = []
-        for open_ in (1, 2, 3):
-            found = [_share(size, many, open_, seed) for seed in range(40)]
-            shares.append(f"{np.mean(found):.0%} with {open_} open")
+        for name, open_, filling in (("1 open", 1, 1), ("2", 2, 1), ("3", 3, 1), ("filled", 3, 2)):
+            found = [_share(size, many, open_, filling, seed) for seed in range(40)]
+            shares.append(f"{name} {np.mean(found):.0%}")
         print(f"{many} workers, batches of {size} runs: {', '.join(shares)}")
 
 
-def _share(size: int, many: int, open_: int, seed: int, batches: int = 12) -> float:
-    """The share of the workers' time that runs of 1 to 5 take which start and end at no cost."""
+def _share(size: int, many: int, open_: int, filling: int, seed: int, batches: int = 12) -> float:
+    """The share of the workers' time that runs of 1 to 5 take which start and end at no cost, the
+    first batches being asked for at once."""
     times = np.random.default_rng(seed).uniform(1.0, 5.0, (batches, size))
     free, ends, now = [0.0] * many, list[float](), 0.0
     for scored in range(batches):
-        while len(ends) < min(batches, scored + (open_ if scored else 1)):
+        while len(ends) < min(batches, max(filling, scored + open_ if scored else 1)):
             ended: list[float] = []
             for took in times[len(ends)]:
                 ended.append(max(free[0], now) + took)
@@ -475,6 +505,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("what", choices=WHAT)
     parser.add_argument("--seeds", type=int, default=8)
+    parser.add_argument("--jobs", type=int, default=8, help="workers")
     parser.add_argument("--runs", type=int, default=RUNS, help="of a set; the total stays")
     parser.add_argument("--problem", choices=sorted(PROBLEMS), action="append")
     parser.add_argument(
@@ -486,7 +517,7 @@ if __name__ == "__main__":
     elif given.what == "worst":
         worst(given.seeds)
     elif given.what == "workers":
-        workers((8, 4))
+        workers(given.jobs)
     elif given.what == "computed":
         computed()
     elif given.what == "coverage":

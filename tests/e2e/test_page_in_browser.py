@@ -858,6 +858,8 @@ def test_a_search_is_mapped_looked_at_with_keys_and_followed_while_it_runs(
         table = page.get_by_role("region", name="Critical values")
         expect(table.get_by_role("row")).to_have_count(3)
         dry = table.inner_text()
+        legend = page.get_by_role("img", name=re.compile("^failing: ")).locator(".u-legend")
+        expect(legend).to_contain_text("failing_low")
         page.locator(".place-of").get_by_label("surface").select_option(label="wet")
         expect(table).not_to_have_text(dry)
         write_search(tmp_path / "results", LIMITS)

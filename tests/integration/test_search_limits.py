@@ -40,6 +40,10 @@ RANDOM = at_random(3)
 OPTUNA = RANDOM.replace("strategy: random", "strategy: optuna") + (
     "  strategy_parameters: {sampler: tpe, n_startup_trials: 2}\n"
 )
+FILLED = RANDOM.replace("strategy: random", "strategy: boundary") + (
+    "  strategy_parameters: {initial: 4}\n"
+)
+"""The first two batches fill the space, side by side."""
 SPACE = {"x": {"type": "float", "low": 0.0, "high": 1.0}}
 
 
@@ -88,7 +92,7 @@ def test_01_equal_sets_of_a_small_space_are_run_once_until_it_is_exhausted(tmp_p
     assert len(summary.records) == 3
 
 
-@pytest.mark.parametrize("extra", [RANDOM, OPTUNA], ids=["random", "optuna"])
+@pytest.mark.parametrize("extra", [RANDOM, OPTUNA, FILLED], ids=["random", "optuna", "boundary"])
 def test_02_a_killed_search_continues_the_same_sequence(tmp_path: Path, extra: str) -> None:
     """Kill -9 at arbitrary times; the sets are those of a search that nobody disturbed."""
     undisturbed, _ = run_searched(tmp_path / "calm", extra)

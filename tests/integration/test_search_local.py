@@ -498,6 +498,20 @@ def test_batches_are_asked_further_ahead_until_runs_are_enough_for_any_machine(
     assert found[1] == found[3]
 
 
+def test_batches_that_fill_the_space_do_not_wait_for_the_first_one(tmp_path: Path) -> None:
+    """However many runs are executed side by side, the sets are the same."""
+    extra = at_random(5).replace("strategy: random", "strategy: boundary")
+    extra += "  strategy_parameters: {initial: 5}\n"
+    found = {}
+    for jobs in (1, 3):
+        summary, _ = run_searched(tmp_path / str(jobs), extra, jobs=jobs)
+        batches = History(_layout(summary.campaign)).batches
+        assert [batch.proposal.ahead for batch in batches] == [0, 1, 1, 2, 2]
+        assert [batch.proposal.told for batch in batches] == [0, 0, 2, 2, 4]
+        found[jobs] = proposed_values(summary.campaign)
+    assert found[1] == found[3]
+
+
 def test_workers_begin_the_next_batch_before_the_last_run_of_this_one_ends(tmp_path: Path) -> None:
     """A run of the second batch passes if one of the third begins meanwhile."""
     path = make_campaign(tmp_path, "", RANDOM, document=DOCUMENT)

@@ -22,6 +22,8 @@ interface PlotProps {
   legend?: boolean;
 }
 
+/** Steps of an axis that counts: nothing lies between two numbers. */
+const WHOLE = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9].flatMap((power) => [1, 2, 5].map((step) => step * 10 ** power));
 const DASHES = [[], [8, 4], [2, 3], [10, 3, 2, 3]];
 
 export function Plot({ label, x, curves, format, fromZero = false, height = 260, legend = true }: PlotProps) {
@@ -34,7 +36,7 @@ export function Plot({ label, x, curves, format, fromZero = false, height = 260,
     const build = () => {
       plot?.destroy();
       plot = new uPlot(
-        { ...options(element, x.label, curves, fromZero, format), width: width(), height, ...(legend ? {} : { legend: { show: false } }) },
+        { ...options(element, x.label, curves, fromZero, x.values.every(Number.isInteger), format), width: width(), height, ...(legend ? {} : { legend: { show: false } }) },
         [x.values as number[], ...curves.map((curve) => curve.values)],
         element,
       );
@@ -62,6 +64,7 @@ function options(
   xLabel: string,
   curves: Curve[],
   fromZero: boolean,
+  counts: boolean,
   format?: (value: number) => string,
 ): Omit<uPlot.Options, "width" | "height"> {
   const style = getComputedStyle(element);
@@ -75,7 +78,7 @@ function options(
   return {
     scales: { x: { time: false }, y: fromZero ? { range: (_, __, most) => [0, 1.1 * most || 1] } : {} },
     axes: [
-      { ...axis, space: 80, label: xLabel, labelFont: `12px ${style.fontFamily}`, labelSize: 18 },
+      { ...axis, space: 80, ...(counts ? { incrs: WHOLE } : {}), label: xLabel, labelFont: `12px ${style.fontFamily}`, labelSize: 18 },
       { ...axis, size: widthOf, values: format && ((_, splits) => splits.map((value) => format(value))) },
     ],
     legend: { show: curves.length > 1 || Boolean(format) },

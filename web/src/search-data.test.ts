@@ -1,9 +1,16 @@
 import { expect, test } from "vitest";
-import { beside, curveGroups, nearest } from "./search-data";
+import { beside, curveGroups, intervalText, nearest } from "./search-data";
 
 test("a number and its interval are drawn together", () => {
   const report = { batch: [0], "best failure_rate": [1], failing: [0.2], failing_low: [0.1], failing_high: [0.3], misjudged: [0.1], elapsed: [1] };
   expect(curveGroups(report)).toEqual([["best failure_rate"], ["failing", "failing_low", "failing_high"], ["misjudged"]]);
+});
+
+test("an interval says at which ends the space ends", () => {
+  const text = (open: "low" | "high" | "both" | null) =>
+    intervalText({ name: "speed", value: 2, low: 1, high: 4, above: "fails", crossing: 1, open }, String);
+  expect([null, "low" as const, "high" as const, "both" as const].map(text)).toEqual(["1 to 4", "≤ 1 to 4", "1 to ≥ 4", "≤ 1 to ≥ 4"]);
+  expect(intervalText({ name: "speed", value: null, low: null, high: null, above: null, crossing: 0, open: null }, String)).toBe("–");
 });
 
 const DOTS = [{ x: 0, y: 0 }, { x: 10, y: 0 }, { x: 12, y: 30 }];

@@ -67,6 +67,14 @@ export interface Critical {
   /** What to expect above the value: it "fails", or it "passes". */
   above: string | null;
   crossing: number;
+  /** The ends of the interval that are ends of the space. */
+  open: "low" | "high" | "both" | null;
+}
+
+/** An interval; an end beyond which the value may lie, since the space ends there, says so. */
+export function intervalText({ low, high, open }: Critical, number: (value: number | null) => string): string {
+  if (low === null) return "–";
+  return `${open === "low" || open === "both" ? "≤ " : ""}${number(low)} to ${open === "high" || open === "both" ? "≥ " : ""}${number(high)}`;
 }
 
 /** Rates are in thousandths, row by row from the lowest. */

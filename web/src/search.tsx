@@ -8,7 +8,7 @@ import { useAnswer, type Answer } from "./live";
 import { Copy, Export, Select, Waiting, type Option } from "./parts";
 import { Plot } from "./plot";
 import { choose, link } from "./route";
-import { curveGroups, usualAxes, type Critical, type Dimension, type MapAnswer, type SearchAnswer, type SetsAnswer } from "./search-data";
+import { curveGroups, intervalText, usualAxes, type Critical, type Dimension, type MapAnswer, type SearchAnswer, type SetsAnswer } from "./search-data";
 
 /** Runs beyond what is stored that are offered, as a share of it. */
 const MORE = 0.5;
@@ -316,7 +316,7 @@ function CriticalValues({ found, name }: { found: Critical[]; name: string }) {
               <tr key={`${one.name} ${one.value}`}>
                 <th scope="row">{one.name}</th>
                 <td class="number">{number(one.value)}</td>
-                <td class="number">{one.low === null ? "–" : `${number(one.low)} to ${number(one.high)}`}</td>
+                <td class="number">{intervalText(one, number)}</td>
                 <td>{one.above ?? "–"}</td>
                 <td class="number">{percent(one.crossing)}</td>
               </tr>
@@ -327,8 +327,8 @@ function CriticalValues({ found, name }: { found: Critical[]; name: string }) {
       <Export
         name={`${name}-critical`}
         rows={() => [
-          ["parameter", "critical", "low", "high", "above", "crossing"],
-          ...found.map((one) => [one.name, one.value, one.low, one.high, one.above, one.crossing]),
+          ["parameter", "critical", "low", "high", "above", "crossing", "open"],
+          ...found.map((one) => [one.name, one.value, one.low, one.high, one.above, one.crossing, one.open]),
         ]}
       />
     </>
@@ -352,7 +352,7 @@ function Progress({ search }: { search: SearchAnswer }) {
       {curves.map((group) => (
         <div key={group[0]!.label}>
           <h3>{group[0]!.label}</h3>
-          <Plot label={group[0]!.label} x={x} curves={group} height={170} legend={false} />
+          <Plot label={group[0]!.label} x={x} curves={group} height={170} legend={group.length > 1} />
         </div>
       ))}
       </div>

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from robovast.campaign.layout import Layout
 from robovast.execution.local import recorded_seed
 from robovast.search.local import SearchSummary
 from robovast.search.scoring import NO_VERDICT
+from robovast.search.types import Evaluation
 
 
 def search_lines(summary: SearchSummary) -> Iterator[str]:
@@ -28,7 +29,14 @@ def search_lines(summary: SearchSummary) -> Iterator[str]:
         )
     best = summary.report.best if summary.report else None
     if best is not None:
-        yield f"Best: {listed(best.objectives)} with {listed(best.params.values)}"
+        equal = _equal(best, summary.report.evaluations if summary.report else ())
+        others = f" (one of {equal:,} equally good sets)" if equal > 1 else ""
+        yield f"Best: {listed(best.objectives)} with {listed(best.params.values)}{others}"
+
+
+def _equal(best: Evaluation, known: Iterable[Evaluation]) -> int:
+    """How many sets have the objectives of the best one, which is among them."""
+    return len({ev.params.id for ev in known if ev.objectives == best.objectives})
 
 
 def listed(values: Mapping[str, Any]) -> str:

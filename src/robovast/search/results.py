@@ -106,7 +106,7 @@ class StoredSearch:
             InputError: the strategy makes no failure map, or a fixed value is not in the space.
         """
         base = self.middle(fixed)
-        columns = ["parameter", "critical", "low", "high", "above", "crossing"]
+        columns = ["parameter", "critical", "low", "high", "above", "crossing", "open"]
         return Answer(columns, [astuple(item) for item in self.failure_map.critical(base)])
 
     def middle(self, fixed: Mapping[str, Any]) -> list[float]:

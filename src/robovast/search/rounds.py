@@ -179,7 +179,7 @@ class Rounds:
     def _is_due(self) -> bool:
         """Whether a batch is to be proposed now.
 
-        The second one waits for the first, since it would know nothing.
+        One that is made from results waits for those of the first batch.
         """
         if self.stop() is not None:
             return False
@@ -187,8 +187,8 @@ class Rounds:
         if not under_way:
             return True
         spent = any(c.fired for c in self.criteria(under_way))
-        begun = bool(self.history.finished) and self.strategy.asks_ahead
-        return begun and not spent and _has_room(self.history.open)
+        knows = bool(self.history.finished) or self.strategy.fills
+        return knows and self.strategy.asks_ahead and not spent and _has_room(self.history.open)
 
     def _make(self, batch: Batch) -> None:
         """Make the configurations of a batch, as far as there are none."""

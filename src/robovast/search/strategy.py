@@ -69,6 +69,14 @@ class SearchStrategy(ABC):
         """
         return False
 
+    @property
+    def fills(self) -> bool:
+        """Whether no result could change the next batch, since it only fills the space.
+
+        If so, and if it can be asked ahead, it is asked before any batch was evaluated.
+        """
+        return False
+
     def repeat(self, n: int, asked: Sequence[ParamSet]) -> None:
         """Answer a stored question again."""
         del asked

@@ -24,8 +24,11 @@ SPACE = {
 }
 
 
-def strategy(seed: int = 0, space: Mapping[str, Any] = SPACE, **keys: Any) -> BoundaryStrategy:
+def strategy(
+    seed: int = 0, space: Mapping[str, Any] = SPACE, per_batch: int = 1, **keys: Any
+) -> BoundaryStrategy:
     given = {"search_space": space, "objectives": [{"name": "failure_rate"}], "seed": seed}
+    given |= {"per_batch": per_batch}
     cfg = Search.model_validate({"strategy": "boundary", "budget": [{"batches": 9}], **given})
     return BoundaryStrategy(cfg, BoundaryParameters(**keys))
 
@@ -103,6 +106,37 @@ def test_each_place_where_it_begins_or_ceases_to_fail_has_a_critical_value() -> 
     assert first.low is not None
     assert first.high is not None
     assert first.low < 3.0 < first.high
+
+
+@pytest.mark.parametrize(("limit", "end"), [(0.2, "low"), (6.0, None), (11.5, "high")])
+def test_an_interval_that_reaches_the_end_of_the_space_says_so(
+    limit: float, end: str | None
+) -> None:
+    space = {"gain": {"type": "float", "low": 0.0, "high": 12.0}}
+    made = strategy(space=space)
+    for _ in range(3):
+        sets = made.ask(4)
+        fails = [float(params.values["gain"] > limit) for params in sets]
+        given = zip(sets, fails, strict=True)
+        made.tell([Evaluation(p, {"failure_rate": rate}, {}, 2) for p, rate in given])
+    (found,) = made.map().critical([0.5])
+    assert found.open == end
+    assert found.low is not None
+    assert found.high is not None
+    assert found.low <= limit <= found.high
+    assert (found.low == 0.0, found.high == 12.0) == (end == "low", end == "high")
+
+
+def test_sets_that_no_result_changes_are_asked_for_before_there_is_any() -> None:
+    """The batches of the even filling do not depend on what is known."""
+    ahead, told = strategy(per_batch=4, initial=10), strategy(per_batch=4, initial=10)
+    for filled in (4, 8):
+        assert ahead.fills
+        sets = told.ask(4)
+        assert ahead.ask(4) == sets
+        assert len(ahead.asked) == filled
+        told.tell([evaluate(params) for params in sets])
+    assert not ahead.fills, "the map decides on two of the next four"
 
 
 def test_it_is_a_function_of_seed_and_history() -> None:

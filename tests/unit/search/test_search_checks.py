@@ -104,6 +104,11 @@ def test_a_parameter_that_is_given_twice_in_the_template_is_refused(tmp_path: Pa
         ("  budget", "  parameters: [{y: $xx}]\n  budget", "`$xx` names no dimension"),
         (
             "  budget",
+            "  parameters: [{y: '${x'}]\n  budget",
+            "test.vast:8:20: search.parameters[0].y: the marker `${x` lacks its closing brace",
+        ),
+        (
+            "  budget",
             "  variations: [{ParameterVariationList: {nam: y, values: [$x]}}]\n  budget",
             "Did you mean `name`?",
         ),

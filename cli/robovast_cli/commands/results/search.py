@@ -63,7 +63,8 @@ def search(
 
     `critical` and `map` need the strategy `boundary`, `archive` needs `qd`. A critical value is
     where the failure rate crosses the level as one parameter grows and the others stay; `above`
-    says what is to be expected beyond it, `crossing` how probable it is that it crosses at all.
+    says what is to be expected beyond it, `crossing` how probable it is that it crosses at all,
+    `open` which ends of the interval are ends of the space: the value may lie beyond them.
     """
     from robovast.base.errors import InputError
     from robovast_cli.commands.results.options import named_campaign

@@ -84,6 +84,11 @@ class BoundaryStrategy(HistoryStrategy):
             found += self._new(self._sobol(len(self.asked) + len(found), n - len(found)))
         return found
 
+    @property
+    def fills(self) -> bool:
+        """As long as the map decides on no set of the next batch."""
+        return len(self.asked) + self.cfg.per_batch <= self.initial
+
     @cached_property
     def process(self) -> FailureProcess | None:
         """The map after all evaluations; None before there are any."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy.special import expit, logit, ndtr
@@ -21,7 +21,15 @@ _SAMPLES = 400
 """Samples of the process that intervals are made from."""
 _LINE = 101
 """Points of a line along one dimension."""
+_PLACES = np.linspace(0.0, 1.0, _LINE)
 _INTERVAL = (0.025, 0.975)
+_OPEN: dict[tuple[bool, bool], Literal["low", "high", "both"] | None] = {
+    (False, False): None,
+    (True, False): "low",
+    (False, True): "high",
+    (True, True): "both",
+}
+"""How an interval is open, by whether its ends are those of the space."""
 _SIDE = 61
 """Points of a side of a surface, of a dimension that is not counted."""
 
@@ -40,6 +48,8 @@ class Critical:
     """What is to be expected above that value: it "fails", or it "passes"."""
     crossing: float
     """Probability that it crosses the level anywhere, the other parameters being fixed."""
+    open: Literal["low", "high", "both"] | None = None
+    """The ends of the interval that are ends of the space: the value may lie beyond them."""
 
 
 @dataclass(frozen=True)
@@ -119,32 +129,33 @@ class FailureMap:
         ]
 
     def _along(self, column: int, name: str, base: Sequence[float]) -> list[Critical]:
-        line = np.linspace(0.0, 1.0, _LINE)
         units = np.tile(base, (_LINE, 1))
-        units[:, column] = line
+        units[:, column] = _PLACES
         generator = np.random.default_rng([self.seed, column])
         samples = self.process.sample(units, _SAMPLES, generator) - self._border
-        crossings = [spots for row in samples if len(spots := _crossings(line, row))]
+        share = float(np.mean([len(_crossings(_PLACES, row)) > 0 for row in samples]))
         mean, _ = self.process.predict(units)
-        share = len(crossings) / _SAMPLES
-        spots = _crossings(line, mean - self._border)
-        if not len(spots) or not crossings:
+        spots = _crossings(_PLACES, mean - self._border)
+        if not len(spots):
             return [Critical(name, None, None, None, None, share)]
-        ways = ("fails", "passes") if mean[0] < self._border else ("passes", "fails")
+        fails_first = bool(mean[0] > self._border)
         return [
-            self._critical(name, float(spot), crossings, ways[number % 2], share)
+            self._critical(name, float(spot), samples, share, (number % 2 == 1) == fails_first)
             for number, spot in enumerate(spots)
         ]
 
     def _critical(
-        self, name: str, middle: float, crossings: Sequence[Array], above: str, share: float
+        self, name: str, middle: float, samples: Array, share: float, fails: bool
     ) -> Critical:
-        """One crossing; its interval is that of the nearest crossing of each sample."""
-        found = [spots[np.argmin(np.abs(spots - middle))] for spots in crossings]
+        """One crossing, above which it fails or passes; its interval is that of the nearest such
+        crossing of each sample. Where a sample has none, it is beyond an end of the space."""
+        rising = samples if fails else -samples
+        found = [spots[np.argmin(np.abs(spots - middle))] for spots in map(_rises, rising)]
         low, high = np.quantile(found, _INTERVAL)
         ends = (middle, min(low, middle), max(high, middle))
         value, least, most = (float(at(self.space[name], spot)) for spot in ends)
-        return Critical(name, value, least, most, above, share)
+        open_ = _OPEN[bool(low <= 0.0), bool(high >= 1.0)]
+        return Critical(name, value, least, most, "fails" if fails else "passes", share, open_)
 
     @property
     def _border(self) -> float:
@@ -170,6 +181,13 @@ def _crossings(line: Array, values: Array) -> Array:
     index = np.flatnonzero(np.signbit(values[1:]) != np.signbit(values[:-1]))
     before, after = values[index], values[index + 1]
     return np.asarray(line[index] + (line[index + 1] - line[index]) * before / (before - after))
+
+
+def _rises(values: Array) -> Array:
+    """Where values along a line become positive; at its end if they are not within, at its begin
+    if they are before."""
+    padded = np.concatenate([[-1.0], values, [1.0]])
+    return _crossings(np.concatenate([[0.0], _PLACES, [1.0]]), padded)[::2]
 
 
 def _units(dimension: SearchDimension) -> Array:

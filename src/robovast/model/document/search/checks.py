@@ -17,7 +17,7 @@ from robovast.model.document.problems import problems_of, suggest
 from robovast.model.document.search.plugins import EXTRACTORS, STRATEGIES, load_search_plugin
 from robovast.model.document.search.section import Search
 from robovast.model.document.search.space import Values, at, choices, values_at
-from robovast.model.document.search.template import doubtful, markers, replaced
+from robovast.model.document.search.template import doubtful, markers, replaced, unclosed
 from robovast.model.document.section import PluginCall
 from robovast.model.document.source import KeyPath
 from robovast.model.variations.base_variation import Given
@@ -80,6 +80,12 @@ def _check_markers(parts: Parts, search: Search) -> Iterator[Problem]:
                     f"`${name}` names no dimension of the search space",
                     suggest(name, search.search_space),
                 )
+        for path, text in unclosed(parts.source.data["search"].get(key)):
+            yield parts.source.problem(
+                (*_BASE, key, *path),
+                f"the marker `{text}` lacks its closing brace",
+                f"Write `{text}}}`.",
+            )
 
 
 def _check_repeated(parts: Parts, search: Search) -> Iterator[Problem]:
@@ -134,8 +140,9 @@ def _samples(search: Search) -> Iterator[Values]:
 
 
 def _is_known(template: Any, values: Values) -> bool:
-    """Whether all of its markers name dimensions."""
-    return all(name in values for _, name in markers(template))
+    """Whether all of its markers are complete, and name dimensions."""
+    named = all(name in values for _, name in markers(template))
+    return named and not any(unclosed(template))
 
 
 def _check_template(parts: Parts, search: Search) -> Iterator[Problem]:

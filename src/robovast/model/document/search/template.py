@@ -14,6 +14,8 @@ from robovast.model.document.section import PluginCall, merge_pairs
 
 _MARKER = re.compile(r"\$(?:(?P<plain>[A-Za-z_]\w*)|\{(?P<braced>[A-Za-z_]\w*)\})")
 
+_UNCLOSED = re.compile(r"\$\{[A-Za-z_]\w*")
+
 Path = tuple[str | int, ...]
 
 
@@ -32,6 +34,14 @@ def doubtful(value: Any, path: Path = ()) -> Iterator[tuple[Path, str]]:
         yield path, value
     for key, inner in _items(value):
         yield from doubtful(inner, (*path, key))
+
+
+def unclosed(value: Any, path: Path = ()) -> Iterator[tuple[Path, str]]:
+    """Path and text of every marker that lacks its closing brace."""
+    if isinstance(value, str) and _UNCLOSED.fullmatch(value):
+        yield path, value
+    for key, inner in _items(value):
+        yield from unclosed(inner, (*path, key))
 
 
 def entry_of(search: Search, values: Mapping[str, Any]) -> ConfigurationEntry:
