@@ -93,6 +93,8 @@ def read_scenarios(path: str | Path) -> list[Scenario]:
         raise InputError(f"there is no scenario file {path}") from None
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is not a text file in UTF-8 (byte {error.start})") from None
+    except ValueError:  # a NUL, or half of a surrogate pair
+        raise InputError(f"no file can be called {str(path)!r}") from None
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
     blocks = list(_blocks(text.splitlines()))

@@ -11,6 +11,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from robovast.base.serialization import to_plain
 from robovast.model.scenario import Scenario, ScenarioParameter
 
 _PHYSICAL = frozenset(
@@ -115,5 +116,5 @@ def _structure(
 
 
 def _sentence(place: str, expected: str, value: Any) -> str:
-    text = json.dumps(value, default=str, ensure_ascii=False)
+    text = json.dumps(to_plain(value), default=str, ensure_ascii=False)
     return f"`{place}` must be {expected}, not {text if len(text) <= 60 else text[:57] + '…'}"

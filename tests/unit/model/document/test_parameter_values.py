@@ -68,6 +68,7 @@ def of_entry(folder: Path, key: str, item: str) -> str:
         ("count: null", "`count` must be a whole number, not null"),
         ("speed: '1'", '`speed` must be a number, not "1"'),
         ("length_of_way: 3m", '`length_of_way` must be a number, not "3m"'),
+        ("speed: {2026-01-01: 1}", '`speed` must be a number, not {"2026-01-01": 1}'),
         ("wait_time: 2.5", "`wait_time` must be a whole number, as its default `1s` is, not 2.5"),
         ("fast: 1", "`fast` must be true or false, not 1"),
         ("goal: {position: {x: a}}", '`goal.position.x` must be a number, not "a"'),
@@ -83,6 +84,13 @@ def test_a_wrong_value_is_told(tmp_path: Path, given: str, said: str) -> None:
     place = f"drive.vast:6:{len(name) + 7}: configuration[0].parameters[0].{name}"
     assert told.startswith(f"{place}: {said}\n")
     assert f"declares `{name}: " in told
+
+
+def test_what_no_file_can_be_called_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "odd.vast"
+    path.write_text('version: 1\nexecution: {scenario_file: "a\\0.osc", runs: 1}\n')
+    with pytest.raises(DocumentError, match=r"no file can be called '.*a\\x00.osc'"):
+        load_document(path)
 
 
 def test_line_and_remedy(tmp_path: Path) -> None:
