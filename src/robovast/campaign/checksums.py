@@ -88,14 +88,19 @@ def copy_files(source: Path, root: Path, target: Path) -> None:
 
 
 def _files(folder: Path, root: Path, *, strict: bool = True) -> Iterator[Path]:
-    """All files in a folder, and in those below it.
+    """All files in a folder, and in those below it, down to `DEEPEST`.
 
     Raises:
         OSError: there is anything else, and `strict`.
     """
     pending = [folder]
+    lowest = len(folder.parts) + safe_paths.DEEPEST
     while pending:
         folder = pending.pop()
+        if len(folder.parts) > lowest:
+            if strict:
+                raise OSError(f"{folder} is too deep")
+            continue
         for name in safe_paths.names(folder, root):
             found = safe_paths.status(folder / name, root)
             mode = found.st_mode if found else 0

@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 import stat
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from pathlib import Path
 from typing import BinaryIO
 
@@ -18,6 +18,10 @@ _CHUNK = 1 << 20
 _BYTECODE = "__pycache__"
 """Folder that Python itself makes, wherever a plugin's file imports another."""
 
+_LONGEST = os.pathconf("/", "PC_PATH_MAX") - len("/")
+"""Length of a path from which on the system refuses it, that of a folder being looked into
+[bytes]."""
+
 Stamp = tuple[int, int, int]
 """Size [bytes], times of modification and change [ns]."""
 Files = dict[str, Stamp]
@@ -25,30 +29,34 @@ Files = dict[str, Stamp]
 
 
 def scan(folder: str | Path, ignored: Iterable[str] = (POSTPROCESSING,)) -> Files:
-    """The files in a folder.
+    """The files in a folder, apart from those whose path is too long for any program to open.
 
     Args:
         folder: the folder; a missing one has no files.
         ignored: names directly in the folder that are ignored; Python's bytecode is, everywhere.
     """
     found: Files = {}
+    ignored, pending = frozenset(ignored), [""]
     try:
-        _scan(str(folder), "", found, frozenset(ignored))
+        while pending:
+            prefix = pending.pop()
+            with os.scandir(f"{folder}/{prefix}") as entries:
+                for entry in entries:
+                    if not _counts(entry, () if prefix else ignored):
+                        continue
+                    if entry.is_dir(follow_symlinks=False):
+                        pending.append(f"{prefix}{entry.name}/")
+                    else:
+                        at = entry.stat(follow_symlinks=False)
+                        found[prefix + entry.name] = (at.st_size, at.st_mtime_ns, at.st_ctime_ns)
     except FileNotFoundError:
         return {}
     return found
 
 
-def _scan(folder: str, prefix: str, found: Files, ignored: frozenset[str]) -> None:
-    with os.scandir(folder) as entries:
-        for entry in entries:
-            if entry.name in ignored or entry.name == _BYTECODE:
-                continue
-            if entry.is_dir(follow_symlinks=False):
-                _scan(entry.path, f"{prefix}{entry.name}/", found, frozenset())
-            else:
-                at = entry.stat(follow_symlinks=False)
-                found[prefix + entry.name] = (at.st_size, at.st_mtime_ns, at.st_ctime_ns)
+def _counts(entry: os.DirEntry[str], ignored: Container[str]) -> bool:
+    is_ours = entry.name in ignored or entry.name == _BYTECODE
+    return not is_ours and len(os.fsencode(entry.path)) < _LONGEST
 
 
 def stamp_of(path: str) -> int:
