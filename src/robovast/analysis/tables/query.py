@@ -59,7 +59,7 @@ def ask(campaigns: Sequence[Path | StoredTables], sql: str, most: int | None = N
         StorageError: tables cannot be read.
     """
     duckdb = import_duckdb()
-    if any("\udc80" <= sign <= "\udcff" for sign in sql):
+    if any("\ud800" <= sign <= "\udfff" for sign in sql):
         raise InputError("the query is not text in UTF-8.")
     with _attached(campaigns) as connection:
         try:

@@ -212,6 +212,10 @@ _RULES: Mapping[str, Callable[[_Fault], str]] = {
     r"not provided for the following": _say(
         "`?` and `$name` stand for values that nobody gives: write the values."
     ),
+    r"^Invalid Input Error: Required module 'pytz'": _say(
+        "a column of the answer is a time with a time zone, as now() is: `now()::TIMESTAMP` is one "
+        "without."
+    ),
     r"^Permission Error": _say(ONLY_READS),
     r"^Out of Memory Error": _say(
         "it needs more memory than is here: ask for fewer columns or rows."
