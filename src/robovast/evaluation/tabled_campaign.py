@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -12,10 +12,12 @@ from typing import Any
 from robovast.analysis.tables.query import ask
 from robovast.analysis.tables.runs import FACTOR, PARAMETER
 from robovast.analysis.tables.stored import StoredTables
+from robovast.base.errors import InputError, StorageError
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.campaign_index import by_number
 from robovast.evaluation.stored_runs import LONGEST_REASON
 from robovast.evaluation.summaries import RunSummary, VariantRuns
+from robovast.evaluation.untrusted import parse_json, plain
 
 _OWN = "config|entry|run|verdict|reason|started_at|duration|seed|reused_from"
 _RUNS = (
@@ -32,7 +34,10 @@ def read_variants(tables: Path | StoredTables) -> list[VariantRuns]:
         CannotRunError: the extra `query` is not installed.
         StorageError: the tables cannot be read.
     """
-    answer = ask([tables], _RUNS)
+    try:
+        answer = ask([tables], _RUNS)
+    except InputError as error:
+        raise StorageError(f"the tables are not those of a campaign: {error}") from None
     run_of = _reader(answer.columns)
     grouped = groupby(answer.rows, key=itemgetter(answer.columns.index("config")))
     found = []
@@ -49,15 +54,17 @@ def _variant(name: str, first: Mapping[str, Any], runs: tuple[RunSummary, ...]) 
 
 
 def _reader(columns: Sequence[str]) -> Callable[[tuple[Any, ...]], RunSummary]:
-    """What makes the run of a row; there may be many."""
+    """What makes the run of a row; there may be many. Tables of older versions lack some columns,
+    and what is no verdict, no record states either."""
     names = ("run", "verdict", "reason", "started_at", "duration", "seed", "reused_from")
-    values = itemgetter(*map(columns.index, names))
+    places = [columns.index(name) if name in columns else -1 for name in names]
+    values = itemgetter(*places)
 
     def read(row: tuple[Any, ...]) -> RunSummary:
-        number, verdict, reason, started, duration, seed, reused_from = values(row)
+        number, said, reason, started, duration, seed, reused_from = values((*row, None))
+        verdict = _VERDICTS.get(str(said), Verdict.ERRORED)
         short = (reason or "")[:LONGEST_REASON]
-        reused = bool(reused_from)
-        return RunSummary(number, _VERDICTS[verdict], short, started, duration, seed, reused)
+        return RunSummary(number, verdict, short, started, duration, seed, bool(reused_from))
 
     return read
 
@@ -73,8 +80,8 @@ def _values(row: Mapping[str, Any], prefix: str) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     if isinstance(value, str) and value[:1] in {"[", "{"}:
-        try:
-            return json.loads(value)
-        except ValueError:
-            return value
-    return value
+        parsed = parse_json(value.encode())
+        return value if parsed is None else parsed
+    with suppress(ValueError):  # it is too large for the page
+        return plain(value)
+    return None
