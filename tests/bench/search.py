@@ -50,7 +50,7 @@ from robovast.search import rounds
 from robovast.search.history import History
 from robovast.search.local import run_search
 from robovast.search.plugins import strategy_of
-from robovast.search.rounds import OPEN
+from robovast.search.rounds import ENOUGH, OPEN
 from robovast.search.strategies.boundary import BoundaryParameters, BoundaryStrategy
 from robovast.search.strategies.failure_process import Array
 from robovast.search.strategies.quality_diversity import (
@@ -358,7 +358,9 @@ def computed() -> None:
     many = 8
     for size in (4, 8, 16, 24):
         shares = []
-        for name, open_, filling in (("1 open", 1, 1), ("2", 2, 1), ("3", 3, 1), ("filled", 3, 2)):
+        usual = OPEN if size < ENOUGH else 2
+        ways = (("1 open", 1, 1), ("2", 2, 1), ("3", 3, 1), ("filled", usual, 2))
+        for name, open_, filling in ways:
             found = [_share(size, many, open_, filling, seed) for seed in range(40)]
             shares.append(f"{name} {np.mean(found):.0%}")
         print(f"{many} workers, batches of {size} runs: {', '.join(shares)}")

@@ -139,8 +139,9 @@ MEASURED = "  extract: {metrics: {y: {table: out, column: y, over_time: max, ove
         (at_random(4), 4),
         (by("optuna", "{n_startup_trials: 2}"), 3),
         (by("qd", "{archive: {measures: {y: {low: 0, high: 100, bins: 8}}}}", MEASURED), 3),
+        (by("boundary", "{initial: 4}"), 3),  # two batches fill the space, side by side
     ],
-    ids=["random", "optuna", "qd"],
+    ids=["random", "optuna", "qd", "boundary"],
 )
 def test_a_search_of_pods_proposes_and_finds_what_one_on_this_machine_does(
     make: Make, tmp_path: Path, extra: str, batches: int
