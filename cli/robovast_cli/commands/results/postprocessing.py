@@ -94,7 +94,9 @@ def _told_once(failures: Iterable[Failure]) -> list[str]:
 
 def _outcome(summary: CampaignSummary) -> str:
     runs = "1 run" if summary.runs == 1 else f"{summary.runs} runs"
-    if not summary.commands:
+    if not summary.commands and summary.failures:
+        text = runs
+    elif not summary.commands:
         text = (
             f"{runs}, tables and metadata are up to date; its .vast file has no command to execute"
         )

@@ -169,7 +169,11 @@ def explained(root: Path) -> Iterator[None]:
             cause, remedy = "the disk is full", "Free some space"
         else:
             cause, remedy = f"{error.strerror} ({error.filename})", "Mend that"
-        raise StorageError(
-            f"{root}: {cause}. The runs that were finished are stored. {remedy}, then continue "
-            f"with `vast exec local run --resume {shlex.quote(str(root))}`."
-        ) from error
+        resume = f"vast exec local run --resume {shlex.quote(str(root))}"
+        begun = Layout(root).execution_record.is_file()
+        rest = (
+            f"The runs that were finished are stored. {remedy}, then continue with `{resume}`."
+            if begun
+            else f"Nothing was executed. {remedy}, then repeat the command."
+        )
+        raise StorageError(f"{root}: {cause}. {rest}") from error

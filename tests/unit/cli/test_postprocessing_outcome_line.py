@@ -1,0 +1,25 @@
+"""The line about a campaign claims nothing that failed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from robovast_cli.commands.results.postprocessing import View
+
+from robovast.analysis.postprocessing.events import CampaignSummary, Failure
+
+
+def line(summary: CampaignSummary, capsys: pytest.CaptureFixture[str]) -> str:
+    View().campaign_finished(summary)
+    said = capsys.readouterr()
+    return (said.out + said.err).strip()
+
+
+def test_tables_that_could_not_be_written_are_not_up_to_date(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    failure = Failure("hall", "postprocess", "", "cannot write: the disk is full.")
+    failed = CampaignSummary(Path("hall"), runs=6, failures=[failure])
+    assert line(failed, capsys) == "hall: 6 runs, 1 failed"
+    assert "tables and metadata are up to date" in line(CampaignSummary(Path("hall"), 6), capsys)
