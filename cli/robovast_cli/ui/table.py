@@ -22,7 +22,7 @@ _GAP = "  "
 
 def format_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Text in columns as wide as their widest cell; on a terminal, as wide as it at most."""
-    lines = [columns, *([one_line(cell) for cell in row] for row in rows)]
+    lines = [[one_line(cell) for cell in row] for row in (columns, *rows)]
     widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
     if sys.stdout.isatty():
         widths = fitting(widths, shutil.get_terminal_size().columns)

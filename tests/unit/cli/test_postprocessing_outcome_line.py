@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from robovast_cli.commands.results.postprocessing import View
 
 from robovast.analysis.postprocessing.events import CampaignSummary, Failure
+from robovast_cli.commands.results.postprocessing import View
 
 
 def line(summary: CampaignSummary, capsys: pytest.CaptureFixture[str]) -> str:

@@ -36,6 +36,10 @@ def test_what_no_terminal_shows_is_whole() -> None:
     assert format_table(["NAME", "REASON", "BLOB"], [ROW]).splitlines()[1] == "  ".join(ROW)
 
 
+def test_names_and_values_of_several_lines_stay_in_their_row() -> None:
+    assert format_table(["NAME", "a\nb"], [["hall-1", "c\rd"]]).count("\n") == 2
+
+
 @pytest.mark.parametrize(
     ("widths", "width", "expected"),
     [
