@@ -20,15 +20,20 @@ GRAPH = "metadata.prov.json"
 OWN_FILES = frozenset({CAMPAIGN_STORE, METADATA, GRAPH})
 """Files beside the variants' folders."""
 
+_LONGEST = 200
+"""Most characters of a folder's name before the date; 255 is what file systems have room for, and
+some of it other words take while a folder is being made."""
 _CAMPAIGN = re.compile(r"^(?P<name>.+)-(?P<timestamp>\d{4}-\d{2}-\d{2}-\d{6}(?:\d{2})?)$")
 
 
 def campaign_prefix(name: str, keep: str = ".-") -> str:
-    """A campaign's name as folder prefix: letters, digits and `keep` stay, others become `-`.
+    """A campaign's name as folder prefix: letters, digits and `keep` stay, others become `-`, and
+    it ends where file systems would refuse a name with a date behind it.
 
     `run.sh` keeps `_`; elsewhere the name must also be valid in Kubernetes.
     """
-    return re.sub(f"[^A-Za-z0-9{re.escape(keep)}]+", "-", name).strip("-.") or "campaign"
+    plain = re.sub(f"[^A-Za-z0-9{re.escape(keep)}]+", "-", name).strip("-.")
+    return plain[:_LONGEST].rstrip("-.") or "campaign"
 
 
 def campaign_folder_name(name: str, started: datetime) -> str:

@@ -75,6 +75,7 @@ def test_campaign_folder_names() -> None:
     assert execution.campaign_prefix("../../etc") == "etc"
     assert execution.campaign_prefix("a_b c", "._-") == "a_b-c"
     assert execution.campaign_prefix("a b/c") == "a-b-c"
+    assert execution.campaign_prefix("x" * 199 + "-" + "y" * 100) == "x" * 199
 
 
 @pytest.mark.parametrize(
