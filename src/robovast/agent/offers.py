@@ -25,7 +25,7 @@ LARGEST = 1 << 14
 class Offer(BaseModel):
     """Where a run is stored."""
 
-    model_config = ConfigDict(extra="ignore", frozen=True)
+    model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
     bucket: str = Field(pattern="^[a-z0-9][a-z0-9-]{1,61}[a-z0-9]$")
     run: str

@@ -6,15 +6,22 @@ Each pod has two, whose starts take more CPU than all that they do then.
 from __future__ import annotations
 
 import gc
+import os
 import sys
 from types import ModuleType
 from typing import Any
 
 _UNUSED = (
-    *("lifecycleconfig", "minioadmin", "notificationconfig", "replicationconfig", "select"),
-    *("objectlockconfig", "versioningconfig"),
+    *("minio.lifecycleconfig", "minio.minioadmin", "minio.notificationconfig"),
+    *("minio.replicationconfig", "minio.select", "minio.objectlockconfig"),
+    *("minio.versioningconfig", "minio.sseconfig", "minio.legalhold", "minio.retention"),
+    *("configparser", "tarfile"),
 )
-"""Parts of `minio` about what no run needs, with their cryptography more than half of it."""
+"""What `minio` imports for what no run needs, with its cryptography more than half of it."""
+
+
+_WITHOUT_PLUGINS = "PYDANTIC_DISABLE_PLUGINS"
+"""Variable of pydantic, which otherwise looks for plugins in everything that is installed."""
 
 
 class _Unused(ModuleType):
@@ -27,8 +34,8 @@ class _Unused(ModuleType):
 
 
 def _import_minio() -> None:
-    """Import `minio` without these parts; whoever wants one nonetheless imports it by its name."""
-    names = [f"minio.{part}" for part in _UNUSED]
+    """Import `minio` without these; whoever wants one nonetheless imports it by its name."""
+    names = [name for name in _UNUSED if name not in sys.modules]
     if "minio" not in sys.modules:
         sys.modules |= {name: _Unused(name) for name in names}
         import minio  # noqa: F401
@@ -47,4 +54,5 @@ def done() -> None:
 _IS_BESIDE_RUN = "robovast.agent" in sys.orig_argv and sys.argv[1:2] in (["agent"], ["fetch"])
 if _IS_BESIDE_RUN:
     gc.disable()  # until everything is imported: hardly anything of that is garbage
+    os.environ[_WITHOUT_PLUGINS] = "__all__"
     _import_minio()

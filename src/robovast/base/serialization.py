@@ -9,14 +9,7 @@ from datetime import date, datetime
 from pathlib import PurePath
 from typing import Any
 
-import yaml
-
 from robovast.base.plain_yaml import NotSimpleError, dump_simple
-
-try:
-    from yaml import CSafeDumper as _SafeDumper
-except ImportError:  # PyYAML built without libyaml: slower, same result
-    from yaml import SafeDumper as _SafeDumper  # type: ignore[assignment]
 
 
 def to_plain(value: Any) -> Any:
@@ -55,27 +48,15 @@ def _key(key: Any) -> Any:
     return key if type(key) in (str, int, bool) else str(key)
 
 
-class _Dumper(_SafeDumper):
-    """Writes repeated values in full, without anchors."""
-
-    def ignore_aliases(self, data: Any) -> bool:
-        del data
-        return True
-
-
 def dump_yaml(data: Any) -> str:
     """YAML in the order of the data, block style, without line folding."""
     try:
         return dump_simple(data)
     except NotSimpleError:
-        return _dump_any(data)
+        # Each pod's agent starts with this module, and hardly any needs more than the above.
+        from robovast.base.any_yaml import dump_any
 
-
-def _dump_any(data: Any) -> str:
-    text: str = yaml.dump(
-        data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=2**31 - 1
-    )
-    return text
+        return dump_any(data)
 
 
 def dump_yaml_documents(documents: Iterable[Any]) -> str:

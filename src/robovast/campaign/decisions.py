@@ -72,7 +72,7 @@ def _known(verdicts: Mapping[int, Verdict]) -> Iterator[Verdict]:
 
 
 class _Recorded(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True)
+    model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
     min: int = Field(1, ge=1)
     good: float = Field(gt=0, lt=1)

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
-from robovast.base.yaml_files import parse_yaml
 
 _SCENARIO = re.compile(r"^scenario\s+([A-Za-z_][\w.]*)\b[^:]*:")
 _STRUCT = re.compile(r"^struct\s+([A-Za-z_]\w*)(?:\s+inherits\s+([A-Za-z_]\w*))?\s*(?::.*)?$")
@@ -157,6 +156,9 @@ def is_scenario_parameter(name: str, scenario_file: str | Path) -> bool:
 
 
 def _default(text: str | None) -> Any:
+    # Each pod's agent starts with this module, and reads no scenario.
+    from robovast.base.yaml_files import parse_yaml
+
     try:
         return None if text is None else parse_yaml(text)
     except ValueError:

@@ -21,7 +21,9 @@ ConfigT = TypeVar("ConfigT", bound=BaseModel)
 class VariationConfig(BaseModel):
     """Base class of parameter models of variation types; unknown parameters have no effect."""
 
-    model_config = ConfigDict(extra="ignore", use_attribute_docstrings=docstrings.READ)
+    model_config = ConfigDict(
+        extra="ignore", use_attribute_docstrings=docstrings.READ, defer_build=True
+    )
 
 
 def get_validated_config(parameters: Any, config_class: type[ConfigT]) -> ConfigT:

@@ -33,6 +33,34 @@ def test_containers_beside_runs_start_without_what_they_never_use(
     assert said.stdout == f"[] {described}\n"
 
 
+BUILT = """\
+from collections.abc import Iterator
+from importlib import import_module
+
+from pydantic import BaseModel
+
+for command in ("fetch", "agent"):
+    import_module(f"robovast.agent.{command}")
+
+
+def below(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    for child in model.__subclasses__():
+        yield child
+        yield from below(child)
+
+
+print(sorted(model.__name__ for model in below(BaseModel) if model.__pydantic_complete__))
+"""
+
+
+def test_no_model_is_built_before_it_is_needed() -> None:
+    """Building one takes a hundredth of a start, and a pod needs few."""
+    said = subprocess.run(
+        [sys.executable, "-c", BUILT], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert said.stdout == "[]\n"
+
+
 def test_the_agent_imports_neither_documents_nor_what_of_minio_is_for_administrators() -> None:
     """A document is read by `fetch`."""
     command = [sys.executable, "-X", "importtime", "-m", "robovast.agent", "agent", "--help"]
@@ -40,4 +68,6 @@ def test_the_agent_imports_neither_documents_nor_what_of_minio_is_for_administra
     imported = {line.rpartition("|")[2].strip() for line in told.stderr.splitlines()}
     assert "minio.api" in imported
     assert not {name for name in imported if name.startswith("robovast.model.document")}
-    assert {name.partition(".")[0] for name in imported}.isdisjoint({"Crypto", "argon2", "cffi"})
+    assert {name.partition(".")[0] for name in imported}.isdisjoint(
+        {"Crypto", "argon2", "cffi", "configparser", "tarfile", "yaml"}
+    )

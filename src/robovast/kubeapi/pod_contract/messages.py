@@ -51,6 +51,7 @@ class Message(BaseModel):
         extra="ignore",
         frozen=True,
         strict=True,
+        defer_build=True,
     )
 
     @classmethod
@@ -75,7 +76,7 @@ class Message(BaseModel):
 class BadRun(BaseModel):
     """A run that did not pass, and why."""
 
-    model_config = ConfigDict(extra="ignore", frozen=True)
+    model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
 
     run: Annotated[str, Field(max_length=BAD_LIMIT)]
     """`<variant>/<number>`."""
@@ -190,6 +191,8 @@ class Proposed(Message):
 
 class Repeat(BaseModel):
     """The list of all bad runs, for repeating them."""
+
+    model_config = ConfigDict(defer_build=True)
 
     list: str
     """Name of the list in the bucket."""

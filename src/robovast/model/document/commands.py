@@ -63,7 +63,7 @@ LevelName = Annotated[
 class BagCommand(BaseModel):
     """A command that reads ROS bags, with its parameters; unknown parameters have no effect."""
 
-    model_config = ConfigDict(frozen=True, extra="ignore")
+    model_config = ConfigDict(frozen=True, extra="ignore", defer_build=True)
     command: ClassVar[str]
     bag_dir: BagPath = "rosbag2"
     """Path suffix of the bag's folder."""
@@ -141,7 +141,7 @@ BAG_COMMANDS: dict[str, type[BagCommand]] = {
 class _Part(BaseModel):
     """One command in `rosbags_process`; its other keys are the command's parameters."""
 
-    model_config = ConfigDict(extra="allow")
+    model_config = ConfigDict(extra="allow", defer_build=True)
     type: str
 
     @field_validator("type")
@@ -158,7 +158,7 @@ class _Part(BaseModel):
 class Process(BaseModel):
     """Several bag commands in one call."""
 
-    model_config = ConfigDict(extra="ignore")
+    model_config = ConfigDict(extra="ignore", defer_build=True)
     plugins: list[_Part] = Field(default_factory=list)
     workers: int | None = None
     bag_dir: BagPath | None = None
@@ -167,7 +167,7 @@ class Process(BaseModel):
 class Command(BaseModel):
     """A program."""
 
-    model_config = ConfigDict(extra="ignore")
+    model_config = ConfigDict(extra="ignore", defer_build=True)
     script: str = Field(min_length=1)
     args: list[Any] = Field(default_factory=list)
 
@@ -175,7 +175,7 @@ class Command(BaseModel):
 class Compress(BaseModel):
     """An archive."""
 
-    model_config = ConfigDict(extra="ignore")
+    model_config = ConfigDict(extra="ignore", defer_build=True)
     output_dir: str | None = None
     exclude_dirs: list[str] = Field(default_factory=lambda: [".cache"])
     overwrite: bool = False

@@ -157,7 +157,7 @@ class Kubernetes(Section):
 class Output(BaseModel):
     """Outputs of a run that a replay compares: `pattern`, or `pattern: tolerance`."""
 
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, defer_build=True)
 
     pattern: Annotated[str, Field(min_length=1)]
     """Glob pattern of paths in the run's folder; `BAG:/topic` compares the messages of a topic."""

@@ -39,7 +39,7 @@ class Section(BaseModel):
 class PluginCall(BaseModel):
     """A plugin by name, with its parameters: `name` or `name: {parameter: value}`."""
 
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, defer_build=True)
 
     name: str
     parameters: dict[str, Any] = Field(default_factory=dict)

@@ -32,7 +32,7 @@ _log = logging.getLogger(__name__)
 
 Progress = Callable[[str], None]
 
-DEFAULT_ENTRY = ConfigurationEntry(name="config1")
+DEFAULT_ENTRY = ConfigurationEntry.model_construct(name="config1")
 """Entry of a document without configurations: the scenario with its own defaults."""
 
 _OWN_KEYS = frozenset({"name", "config", "_config_files", FACTORS})
