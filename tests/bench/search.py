@@ -1,6 +1,6 @@
 """Measures searches: the share of a space that a failure map misjudges, and what proposing costs.
 
-    python tests/bench/search.py map [--seeds 8] [--problem landing] [--runs 1]
+    python tests/bench/search.py map [--seeds 8] [--problem landing] [--runs 1] [--initial 16]
     python tests/bench/search.py coverage [--seeds 8] [--problem landing]
     python tests/bench/search.py workers [--jobs 8]
     python tests/bench/search.py computed
@@ -213,10 +213,12 @@ class Execution:
         return Evaluation(params, {"failure_rate": float(np.mean(done))}, {}, len(done))
 
 
-def search(problem: Problem, seed: int, how: str, runs: int = RUNS) -> BoundaryStrategy:
+def search(
+    problem: Problem, seed: int, how: str, runs: int = RUNS, initial: int | None = None
+) -> BoundaryStrategy:
     """The strategy after all sets."""
     sets, per_batch = SETS * RUNS // runs, BATCH * RUNS // runs
-    chosen = strategy(problem.dimensions, seed, initial=sets if how == "sobol" else None)
+    chosen = strategy(problem.dimensions, seed, initial=sets if how == "sobol" else initial)
     execution = Execution(problem, seed, runs)
     drawn = np.random.default_rng([seed, 5]).random((sets, problem.dimensions))
     given = [ParamSet(dict(zip(chosen.search_space, row, strict=True))) for row in drawn.tolist()]
@@ -270,7 +272,7 @@ def coverage(names: list[str], seeds: int) -> None:
         )
 
 
-def compare(names: list[str], seeds: int, hows: list[str], runs: int) -> None:
+def compare(names: list[str], seeds: int, hows: list[str], runs: int, initial: int | None) -> None:
     """Print the share that each way of choosing misjudges."""
     for name in names:
         problem = PROBLEMS[name]
@@ -278,7 +280,7 @@ def compare(names: list[str], seeds: int, hows: list[str], runs: int) -> None:
         truth = problem.truth(points)
         print(f"{name}: {truth.mean():.1%} fail")
         for how in hows:
-            made = (search(problem, seed, how, runs) for seed in range(seeds))
+            made = (search(problem, seed, how, runs, initial) for seed in range(seeds))
             shares = [misjudged(chosen, points, truth) for chosen in made]
             ends = f"{min(shares):.1%} to {max(shares):.1%}"
             print(f"  {how:<9} {np.mean(shares):.1%} misjudged, {ends}", flush=True)
@@ -507,6 +509,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("what", choices=WHAT)
     parser.add_argument("--seeds", type=int, default=8)
+    parser.add_argument("--initial", type=int, help="sets before the map of `boundary` decides")
     parser.add_argument("--jobs", type=int, default=8, help="workers")
     parser.add_argument("--runs", type=int, default=RUNS, help="of a set; the total stays")
     parser.add_argument("--problem", choices=sorted(PROBLEMS), action="append")
@@ -528,4 +531,4 @@ if __name__ == "__main__":
         qd(given.seeds)
     else:
         ways = given.how or ["boundary", "alone", "random", "sobol"]
-        compare(given.problem or sorted(PROBLEMS), given.seeds, ways, given.runs)
+        compare(given.problem or sorted(PROBLEMS), given.seeds, ways, given.runs, given.initial)
