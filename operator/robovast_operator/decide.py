@@ -108,7 +108,7 @@ class Decision:
     later: tuple[Action, ...] = ()
     """Actions to take after the status is written, since the status keeps what they remove."""
     events: tuple[Message, ...] = ()
-    """What people are told with the status."""
+    """Kubernetes Events to create with the status."""
     again: float | None = None
     """When to reconcile again even if nothing changes [s]."""
 

@@ -103,7 +103,7 @@ class Reconciler:
                 self._memories[key].failing = None
 
     async def _tell_failure(self, key: Key, trouble: Trouble) -> None:
-        """Report why a Campaign cannot be reconciled, once that lasts."""
+        """Report why a Campaign cannot be reconciled, if it keeps failing."""
         self._metrics.failed(trouble.reason)
         obj, memory = self._store.campaigns.get(key), self._memories.get(key)
         if obj is None or memory is None or "deletionTimestamp" in obj["metadata"]:

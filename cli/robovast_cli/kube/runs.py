@@ -37,7 +37,7 @@ class Executor:
 
     pod: Json
     ids: Sequence[int]
-    """Of the runs that it is for."""
+    """Ids of the runs that the pod executes."""
     attempt: int
 
     @property

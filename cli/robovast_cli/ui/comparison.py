@@ -100,7 +100,7 @@ def _text(base: str, new: str, found: Comparison) -> str:
 
 
 def headline(found: Comparison) -> str:
-    """What came of it, in a few words."""
+    """The result of a comparison in a few words."""
     match found.result:
         case "worse":
             return "worse"

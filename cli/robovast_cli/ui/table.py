@@ -71,7 +71,7 @@ def fitting(widths: Sequence[int], width: int) -> list[int]:
 
 
 def _narrower(widths: Sequence[int], room: int) -> list[int]:
-    """Widths of which the largest are cut to one limit, so that all of them take the room."""
+    """Widths that fill the room: the largest ones are cut to a common limit."""
     limit = next(
         (
             limit

@@ -44,7 +44,7 @@ from robovast_operator.settings import Settings
 LOGGER = logging.getLogger(__name__)
 
 UNWATCHED = MISSING | {"SourceNotFound", "SourceChanged"}
-"""Reasons of rejections whose end nothing tells of: they are looked at again and again."""
+"""Reasons of rejections that end without an event: they are checked periodically."""
 
 Begun = tuple[Accepted, CampaignPlan]
 """A campaign that may have results, and the plan that its pods use."""
@@ -84,7 +84,7 @@ class Inputs:
         return known.accepted
 
     async def _missing(self, accepted: Accepted, known: InputsCache) -> Rejected | None:
-        """What the document needs and is not there; what is planned needs no more of that."""
+        """The rejection if something that the document needs is missing; None once planned."""
         if await self._load_revisions(accepted.identity, known):
             return None
         return await self._needs.missing(accepted)

@@ -19,7 +19,7 @@ MISSING = frozenset(
         *("DevicesNotFound", "DevicesNotSupported"),
     }
 )
-"""Reasons of these rejections; no watch tells when they are over."""
+"""Reasons of these rejections; no watch reports when they end."""
 
 
 class Needs:

@@ -251,7 +251,7 @@ def next_revision(
 
 
 def _with_other_end(accepted: Accepted, newest: Revision, name: str) -> Revision | None:
-    """The plan of a search that is to end otherwise; None if it ends as planned.
+    """The plan of a search whose end was changed; None if it ends as planned.
 
     Its runs are those of the newest plan: Jobs that propose read it from then on.
     """

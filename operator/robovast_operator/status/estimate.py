@@ -10,7 +10,7 @@ from robovast_operator.kube.times import format_time, parse_time
 from robovast_operator.snapshot import Snapshot
 
 FOR_EVER = 1e9
-"""What nobody waits for [s]."""
+"""Longer estimates are not reported [s]."""
 
 
 def estimate_of(snapshot: Snapshot, runs: Runs) -> Estimate | None:

@@ -99,7 +99,7 @@ def _is_replaced(mark: str, transition: Transition) -> bool:
 
 
 def job_suffix(transition: Transition) -> str:
-    """What the name of the Job ends with: a Campaign's name leaves no room for a whole mark."""
+    """Suffix of the Job's name; a Campaign's name leaves no room for a whole mark."""
     return f"notify-{_hash(transition.mark)[:6]}"
 
 

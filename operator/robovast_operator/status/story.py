@@ -1,7 +1,7 @@
-"""What is told of a campaign's way beside its conditions: a few Events, however many runs it has.
+"""Events about a campaign's progress, beside its conditions: few, however many runs it has.
 
-Pure functions. Each follows from the change of the status that it is written with, so whoever
-dies in between, it is there once. `kubectl describe campaign` shows them in order.
+Pure functions. Each Event follows from the change of the status that it is written with, so it
+is there once, even after a crash in between. `kubectl describe campaign` shows them in order.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from robovast_operator.snapshot import Snapshot
 
 
 def story(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
-    """What people are told when the status of a campaign changes to a new one."""
+    """Events for the change of a campaign's status to a new one."""
     yield from _planned(snapshot, new)
     yield from _jobs(snapshot, new)
     yield from _repeated(snapshot, new)

@@ -137,7 +137,7 @@ def _read(campaign: Path, until: float) -> _Names | None:
 
 
 def _store(file: sqlite3.Connection, campaign: Path, changed: int, names: dict[str, str]) -> None:
-    """Keep a campaign in place of its older state, and forget those that are gone."""
+    """Replace the stored state of a campaign, and remove campaigns whose folders are gone."""
     known = file.execute("SELECT path FROM campaign").fetchall()
     gone = [(path,) for (path,) in known if path == str(campaign) or not os.path.isdir(path)]
     file.executemany("DELETE FROM campaign WHERE path = ?", gone)

@@ -71,7 +71,7 @@ class History:
 class _Found:
     entry: HistoryEntry
     inputs: Mapping[str, str]
-    """By what is marked if it changed."""
+    """Fingerprints by the label that marks a change."""
 
 
 def history(

@@ -38,7 +38,7 @@ class Way:
 
 
 def last_position(results: Path, run: str) -> Place | None:
-    """Where a run ended [m]; None if its table of poses does not tell it."""
+    """Where a run ended [m]; None if that is not in its table of poses."""
     return next(iter(rough_way(results, run, 1)), None)
 
 
@@ -74,7 +74,7 @@ def _some_rows(file: BinaryIO, count: int) -> list[str]:
 
 
 def _place(row: Mapping[str, str | None]) -> Place | None:
-    """What a row of a table of poses tells; None if that is no place, or it lacks a column."""
+    """The place in a row of a table of poses; None if it is invalid or a column is missing."""
     try:
         x, y = float(row["position.x"] or ""), float(row["position.y"] or "")
     except (KeyError, ValueError):
@@ -84,7 +84,7 @@ def _place(row: Mapping[str, str | None]) -> Place | None:
 
 
 def way(results: Path, run: str) -> Way | None:
-    """Where a run drove, as its table of poses tells it; None without one.
+    """The way of a run according to its table of poses; None without one.
 
     Args:
         results: the results folder, without links.

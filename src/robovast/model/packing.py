@@ -45,9 +45,9 @@ class Sample:
 
     runs: int
     run_seconds: float
-    """Of all of its runs together."""
+    """Time of all its runs together."""
     seconds: float
-    """Of all of it."""
+    """Time of the whole sample."""
 
 
 def pace_of(samples: Iterable[Sample]) -> Pace | None:

@@ -98,7 +98,7 @@ class DownloadPlan:
     present: int = 0
     """Number of runs that are here already."""
     unfinished: tuple[str, ...] = ()
-    """Number of runs that are not stored yet."""
+    """Runs that are not stored yet."""
     warnings: tuple[str, ...] = ()
     """Warnings about objects that are left out or stored under other paths."""
 
@@ -113,7 +113,7 @@ class DownloadResult:
     present: int
     """Number of runs that were here already."""
     unfinished: tuple[str, ...]
-    """Number of runs that the cluster has not stored yet."""
+    """Runs that the cluster has not stored yet."""
     size: int
     """Size of the downloaded files [byte]."""
     lacking: tuple[str, ...] = ()

@@ -22,16 +22,15 @@ class Endpoint:
     region: str = DEFAULT_REGION
 
     @classmethod
-    def parse(cls, text: str, region: str | None = None, *, secure: bool = True) -> Endpoint:
-        """Parse `https://host:port`, `http://host:port` or `host:port`.
+    def parse(cls, text: str, region: str | None = None) -> Endpoint:
+        """Parse `https://host:port`, `http://host:port` or `host:port`, which means HTTPS.
 
         Args:
             text: the address.
             region: by default `us-east-1`.
-            secure: used if the address has no scheme.
         """
-        scheme, separator, host = text.rstrip("/").rpartition("://")
-        return cls(host, scheme != "http" if separator else secure, region or DEFAULT_REGION)
+        scheme, _, host = text.rstrip("/").rpartition("://")
+        return cls(host, scheme != "http", region or DEFAULT_REGION)
 
     def __str__(self) -> str:
         return f"{'https' if self.secure else 'http'}://{self.host}"

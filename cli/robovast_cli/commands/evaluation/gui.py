@@ -200,7 +200,7 @@ def _program() -> list[str]:
 
 
 def _preparation(folder: Path, force: bool, override: Path | None) -> "Preparation":
-    """What brings tables up to date; it reports failures, and the page shows what there is."""
+    """Updates the tables; if that fails, it is reported and the page shows what exists."""
     from robovast.evaluation.campaigns import find_campaigns
     from robovast.evaluation.server.preparing import Preparation
     from robovast.model.naming import holds_campaign

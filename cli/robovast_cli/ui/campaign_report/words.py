@@ -1,4 +1,4 @@
-"""What HTML and Markdown say alike."""
+"""Texts that the HTML and the Markdown report share."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ WAY_KEY = (
 
 
 def facts(report: CampaignReport) -> str:
-    """When and of what a campaign was executed."""
+    """When a campaign was executed, and from which document and image."""
     summary = report.rates.summary
     started = summary.started_at
     image = summary.execution.get("image")

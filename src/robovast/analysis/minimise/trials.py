@@ -34,11 +34,11 @@ class Judged:
 
     outcome: Outcome
     runs: int
-    """Those that it is based on."""
+    """Runs that the judgement is based on."""
     failed: int
-    """Those of them that failed for the same cause."""
+    """How many of these runs failed for the same cause."""
     further: int
-    """Runs that are needed whatever becomes of them; 0 when it is decided."""
+    """How many more runs are needed, whatever their results; 0 when it is decided."""
     example: RunRecord | None
     """The first one that failed for the same cause, else the first that did not pass."""
 
@@ -87,6 +87,6 @@ def _shows(record: RunRecord, cause: str) -> bool | None:
 
 
 def _is_same(reason: str, cause: str) -> bool:
-    """Whether failures may have the same cause, as far as their reasons tell."""
+    """Whether two failures may have the same cause, judged by their reasons."""
     known = not any(map(says_only_that_it_failed, (reason, cause)))
     return cause_key(reason) == cause_key(cause) or not known

@@ -88,7 +88,7 @@ def update_columnar(layout: Layout, versions: Mapping[str, str]) -> None:
 
 
 def write_runs(path: Path, rows: Sequence[Row]) -> None:
-    """Write a file anew that has the rows of runs and no other table.
+    """Replace a file by one that has the rows of runs and no other table.
 
     Args:
         path: the file, in an existing folder.

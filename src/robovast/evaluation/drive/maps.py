@@ -28,7 +28,7 @@ _MOST = 60
 _MOST_RUNS = 1000
 _MOST_PLACES = 20_000
 _MOST_WAYS = 50
-"""Runs of a configuration whose ways are told; of others only the end is."""
+"""Most runs of a configuration whose ways are shown; of the others only the end is."""
 _PLACES = 60
 """Places that make a way, at most."""
 
@@ -42,7 +42,7 @@ class ConfigurationMap:
     """Index of its map; None if it has none."""
     planned: Planned
     ways: list[tuple[int, list[Place]]]
-    """Number of each run whose table of poses tells it, and its way, roughly."""
+    """Number and approximate way of each run that has a table of poses."""
 
 
 @dataclass
@@ -134,7 +134,7 @@ def configuration_maps(results: Path, campaign: str, variants: Sequence[str]) ->
 
 
 def _ways(results: Path, place: str) -> list[tuple[int, list[Place]]]:
-    """The ways of a configuration's runs, as far as tables of poses tell them."""
+    """The ways of those runs of a configuration that have tables of poses."""
     try:
         names = os.listdir(resolved(results, place))
     except (InputError, OSError):

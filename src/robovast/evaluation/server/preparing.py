@@ -27,7 +27,7 @@ class Prepared:
     total: int
     running: bool
     changed: bool = False
-    """Whether any table was made; told at the end."""
+    """Whether any table was made; known at the end."""
 
 
 class Preparation:

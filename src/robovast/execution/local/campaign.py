@@ -211,7 +211,7 @@ class CampaignExecution:
         return self._stop.is_set()
 
     def stop(self) -> None:
-        """Have workers end what they do and take nothing any more."""
+        """Make workers end their current runs and take no others."""
         self._stop.set()
 
     @property

@@ -98,7 +98,7 @@ class GrowingQueue(FixedQueue):
             self.put_back(runs)
 
     def reserve(self, jobs: int) -> int:
-        """Leave out numbers of jobs; returns the first of them."""
+        """Reserve numbers of jobs; returns the first of them."""
         with self._changed:
             self._next_job += jobs
             return self._next_job - jobs

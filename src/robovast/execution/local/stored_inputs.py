@@ -144,7 +144,7 @@ def _check_plain(path: Path, layout: Layout) -> None:
             else:
                 with safe_paths.open_file(path, layout.root) as file:
                     safe_paths.refuse_holes(file)
-        except FileNotFoundError:  # told by whoever needs it
+        except FileNotFoundError:  # reported where it is needed
             continue
         except OSError as error:
             behind = isinstance(error, NotADirectoryError)

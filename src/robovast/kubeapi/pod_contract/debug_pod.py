@@ -20,7 +20,7 @@ ROLE = "debug"
 HOURS = 8
 """When one ends by itself, if nobody ends it."""
 KEEP_PROCESSES = {"name": "ROBOVAST_KEEP_PROCESSES", "value": "1"}
-"""Tells start.sh that who has come in shall not be killed when the run ends."""
+"""Tells start.sh not to kill the shells of people in the pod when the run ends."""
 
 
 def debug_pod(campaign: Mapping[str, Any], job: Mapping[str, Any], run: int) -> Object:

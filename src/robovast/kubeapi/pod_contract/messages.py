@@ -85,7 +85,7 @@ class BadRun(BaseModel):
 
     @classmethod
     def of(cls, record: RunRecord) -> Self:
-        """What is told of a record."""
+        """The message about a failed or errored run."""
         run = shortened(f"{record.variant}/{record.run}", BAD_LIMIT)
         verdict: Literal["failed", "errored"] = (
             "failed" if record.verdict is Verdict.FAILED else "errored"

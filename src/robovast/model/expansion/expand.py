@@ -249,7 +249,7 @@ def _variant(
 
 
 def _refuse_wrong_values(document: Document, variant: Variant, scenario: Scenario) -> None:
-    """Refuse what a variation made and scenario-execution would not begin with."""
+    """Refuse values of variations with which scenario-execution would not start."""
     for name, value in variant.parameters.items():
         why = refusal(scenario, name, value)
         if why is not None:

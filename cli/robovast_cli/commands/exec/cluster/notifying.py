@@ -28,7 +28,7 @@ _NTFY_URL, _NTFY_TOKEN, _WEBHOOK_URL = "ntfy-url", "ntfy-token", "webhook-url"
 
 
 SUFFIX = "notify"
-"""What the name of their Secret ends with."""
+"""Suffix of the name of their Secret."""
 
 
 def receivers(environment: Mapping[str, str]) -> dict[str, str]:

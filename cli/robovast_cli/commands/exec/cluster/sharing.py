@@ -13,7 +13,7 @@ from robovast_cli.kube.api import Json, Kubernetes
 from robovast_cli.ui.output import say
 
 SUFFIX = "share"
-"""What the name of its Secret ends with."""
+"""Suffix of the name of its Secret."""
 
 
 def share_of(environment: Mapping[str, str]) -> dict[str, str]:
