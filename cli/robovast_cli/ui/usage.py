@@ -9,6 +9,7 @@ from typing import Any
 import typer
 
 _TOO_MANY = "Got unexpected extra argument"
+_VAST_FILE = ". The .vast file stands before the command: `vast -V FILE …`."
 _SEVERAL_FILES = ". If a `*` on the command line stands for several files or folders, name one."
 _KINDS = {"int": "N", "float": "NUMBER", "str": "TEXT"}
 """Names of types in the help."""
@@ -24,7 +25,7 @@ def usage_explained() -> Iterator[None]:
         raise
     except typer.TyperException as error:
         if error.message.startswith(_TOO_MANY):
-            error.message += _SEVERAL_FILES
+            error.message += _VAST_FILE if ".vast" in error.message else _SEVERAL_FILES
         raise
 
 

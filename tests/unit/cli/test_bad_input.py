@@ -346,6 +346,7 @@ def test_files_that_cannot_be_read(vast, folder: Path) -> None:
         (["summary"], "No such command 'summary'. Did you mean `vast results summary`?"),
         (["run"], "Did you mean `vast exec cluster run`, `vast exec local run`?"),
         (["results", "summary", "a", "b"], "If a `*` on the command line stands for several files"),
+        (["config", "check", "a.vast"], "stands before the command: `vast -V FILE …`"),
         (["config", "lst"], "No such command 'lst'. Did you mean 'list'?"),
         (["config", "list", "-o", "xml"], ": must be one of table, name, json, yaml, not 'xml'."),
         (["-l", "wrning", "config", "list"], "not 'wrning'. Did you mean 'warning'?"),

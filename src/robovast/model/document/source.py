@@ -29,7 +29,7 @@ def render_path(path: KeyPath) -> str:
 
 _CAUSES = {
     "mapping values are not allowed": "there is a second `:` in one value; put a text with `: ` "
-    "into quotes, and start a nested mapping on a new line",
+    "into quotes, start a nested mapping on a new line, and indent keys as those beside them",
     "found undefined alias": "`*name` has no matching anchor `&name` above it",
     "did not find expected key": "this does not continue the mapping that begins in line {0}; is "
     "it indented as the lines beside it?",

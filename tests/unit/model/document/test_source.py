@@ -50,6 +50,8 @@ def test_merge_keys_and_aliases_work() -> None:
         ("a: {b: 1\nc: 2\n", "the `{` of line 1 is not closed: here must be `,` or `}`"),
         ("a: 'b\nc: 1\n", "the quotes that open in line 1 are not closed"),
         ("a: b: c\n", "a.vast:1:5: not valid YAML: there is a second `:` in one value"),
+        ("a: b\n  c: d\n", "a.vast:2:4: not valid YAML: there is a second `:` in one value"),
+        ("a: b\n  c: d\n", "and indent keys as those beside them"),
         ("a:\n\tb: 1\n", "a.vast:2:1: not valid YAML: a tab; YAML is indented with spaces alone"),
         ("a: @b\n", "a.vast:1:4: not valid YAML: a value cannot begin with `@`"),
         ("a: *b\n", "`*name` has no matching anchor `&name` above it"),
