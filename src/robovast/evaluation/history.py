@@ -71,7 +71,7 @@ class History:
 class _Found:
     entry: HistoryEntry
     inputs: Mapping[str, str]
-    """Fingerprints by the label that marks a change."""
+    """Image, scenario and document, by the label that marks a change."""
 
 
 def history(

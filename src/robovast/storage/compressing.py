@@ -18,7 +18,8 @@ from robovast.base.atomic import appearing_file
 from robovast.base.errors import InputError
 from robovast.campaign.layout import RUN_RECORD
 from robovast.storage.bucket_runs import BucketFile, in_batches, open_run
-from robovast.storage.download import THREADS, DownloadPlan, job_link, plan_download, told_apart
+from robovast.storage.download import THREADS, job_link
+from robovast.storage.download_plan import DownloadPlan, plan_download, told_apart
 from robovast.storage.s3 import ObjectStore
 
 

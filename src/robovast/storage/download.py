@@ -14,8 +14,7 @@ import errno
 import json
 import os
 import re
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from functools import partial
@@ -36,13 +35,12 @@ from robovast.campaign.layout import (
     STAGE,
     job_link_target,
 )
-from robovast.campaign.places import run_of, set_apart, why_no_place
-from robovast.campaign.run_files import is_writers, shown
 from robovast.model.naming import CONFIG, TRANSIENT
 from robovast.storage.bucket_ownership import owner_of
 from robovast.storage.bucket_runs import BucketFile, OpenedRun, RunObjects, in_batches, open_run
+from robovast.storage.download_plan import DownloadPlan, is_here, plan_download, told_apart
 from robovast.storage.folder_ownership import occupy
-from robovast.storage.s3 import ObjectStore, StoredObject
+from robovast.storage.s3 import ObjectStore
 from robovast.storage.s3_errors import ObjectError
 
 T = TypeVar("T")
@@ -85,22 +83,6 @@ class Silent:
 
     def file_finished(self) -> None:
         """Say nothing."""
-
-
-@dataclass(frozen=True)
-class DownloadPlan:
-    """What is to be downloaded."""
-
-    runs: tuple[RunObjects, ...]
-    """Complete runs that are missing here, or were repeated since."""
-    files: tuple[BucketFile, ...]
-    """Other files that are missing here, or have changed since."""
-    present: int = 0
-    """Number of runs that are here already."""
-    unfinished: tuple[str, ...] = ()
-    """Runs that are not stored yet."""
-    warnings: tuple[str, ...] = ()
-    """Warnings about objects that are left out or stored under other paths."""
 
 
 @dataclass(frozen=True)
@@ -195,66 +177,6 @@ class _Done:
         self.runs += len(runs)
         self.lacking += [run.path for run in runs if run.lacks_files]
         self.warnings += [line for run in runs for line in told_apart(run.apart)]
-
-
-def plan_download(
-    objects: Iterable[StoredObject], campaign: Path, *, force: bool = False
-) -> DownloadPlan:
-    """Determine what to download from the objects of a bucket."""
-    runs: dict[str, list[StoredObject]] = {}
-    counts: Counter[str] = Counter()
-    sizes: Counter[str] = Counter()
-    files: list[StoredObject] = []
-    refused: dict[str, str] = {}
-    for item in objects:
-        run = run_of(item.key)
-        if reason := why_no_place(item.key):
-            refused[item.key] = reason
-        elif run:
-            counts[run] += 1
-            sizes[run] += item.size
-            known = runs.setdefault(run, [])
-            if not is_writers(item.key[len(run) + 1 :]):
-                known.append(item)
-        else:
-            files.append(item)
-    apart = set_apart([*(item.key for item in files), *(f"{run}/{RUN_RECORD}" for run in runs)])
-    placed = [BucketFile(apart.get(item.key, item.key), item) for item in files]
-    wanted, unfinished, present = [], [], 0
-    for path, parts in runs.items():
-        record = next((item for item in parts if item.key == f"{path}/{RUN_RECORD}"), None)
-        if record is None:
-            unfinished.append(path)
-        elif not force and _is_here(record, campaign / record.key):
-            present += 1
-        else:
-            wanted.append(RunObjects(path, tuple(parts), counts[path], sizes[path]))
-    return DownloadPlan(
-        runs=tuple(wanted),
-        files=tuple(
-            file for file in placed if force or not _is_here(file.item, campaign / file.path)
-        ),
-        present=present,
-        unfinished=tuple(unfinished),
-        warnings=(
-            *(f"{shown(key)!r} is left in the bucket: {why}." for key, why in refused.items()),
-            *told_apart(apart),
-        ),
-    )
-
-
-def told_apart(apart: Mapping[str, str]) -> Iterator[str]:
-    """Warnings about files that are stored under other paths; see `set_apart`."""
-    for path, place in apart.items():
-        yield f"{path!r} is a file in the bucket, and a folder: here the file is {place!r}."
-
-
-def _is_here(item: StoredObject, path: Path) -> bool:
-    try:
-        found = path.stat()
-    except OSError:
-        return False
-    return found.st_size == item.size and int(found.st_mtime) == int(item.modified)
 
 
 class _Stopped(Exception):  # noqa: N818 - no error: it ends a thread
@@ -359,7 +281,7 @@ class _Fetching:
     def _get_part(self, file: BucketFile, pending: _Pending) -> None:
         target = pending.stage / file.path[len(pending.run.path) + 1 :]
         with self._costing(pending), _keeping(file.path):
-            if _is_here(file.item, target):
+            if is_here(file.item, target):
                 self._received(file.item.size)
             elif not pending.broken:
                 file.bring(self._store, self._bucket, target, self._received)

@@ -26,7 +26,7 @@ from robovast.model.packs import CampaignPlan, Entry, Owner, PlanSpec, first_blo
 from robovast.model.plan import breaks
 from robovast.storage.bucket_names import bucket_name
 from robovast.storage.bucket_runs import open_run
-from robovast.storage.download import plan_download
+from robovast.storage.download_plan import plan_download
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
 from support.patience import eventually

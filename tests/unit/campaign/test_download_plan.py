@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from robovast.storage.bucket_runs import AT_ONCE, in_batches
-from robovast.storage.download import plan_download
+from robovast.storage.download_plan import plan_download
 from robovast.storage.s3 import StoredObject
 
 TIME = 1_700_000_000.5
