@@ -99,7 +99,7 @@ class PodsCache:
     finals: dict[str, Final] = field(default_factory=dict)
     proposals: dict[str, Proposed] = field(default_factory=dict)
     samples: dict[str, tuple[int, list[Sample]]] = field(default_factory=dict)
-    """By Job: how many of its indexes had ended when its pods were read, and what these took."""
+    """By Job: how many indexes had ended when its pods were read, and the times of these pods."""
     given_up: dict[str, Trouble] = field(default_factory=dict)
     """By uid of a Job that failed as a whole: the cause."""
     stuck: set[str] = field(default_factory=set)

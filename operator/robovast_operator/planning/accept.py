@@ -197,7 +197,7 @@ def _accepted(
 
 
 def _not_reusable(spec: CampaignSpec, vast: Vast, image: str) -> str:
-    """Why no run can be taken over; empty if some may be, or nobody asks for it."""
+    """Why no run can be taken over; empty if some may be, or if that is not requested."""
     if not spec.reuse:
         return ""
     if vast.execution.seed is None:

@@ -139,7 +139,7 @@ def _what(plugin: EntryPoint) -> str:
 
 
 class _WithoutBytecode(SourceFileLoader):
-    """Leaves nothing beside a file: its folder may be that of a campaign, which is a record."""
+    """Writes no bytecode beside a file: its folder may be a campaign's, which is a record."""
 
     def set_data(self, path: object, data: object, *, _mode: int = 0) -> None:
         """Write no bytecode."""

@@ -59,7 +59,7 @@ def planned_runs(execution: Mapping[str, Any]) -> PlannedRuns:
 
 
 def is_fixed(execution: Mapping[str, Any]) -> bool:
-    """Whether nobody has added runs, which one does after a look at the verdicts of others."""
+    """Whether no runs were added; whoever adds runs has usually seen the verdicts of others."""
     planned = planned_runs(execution)
     return not planned.more and not planned.added
 

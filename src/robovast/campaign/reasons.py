@@ -47,7 +47,7 @@ _ERROR = re.compile(
 )
 _HARMLESS = frozenset({"debug", "info", "warn"})
 _FATAL = re.compile(r"Fatal Python error: (?P<what>.*)")
-"""What Python says of its own crash; its frames follow, the innermost first."""
+"""Python's report of its own crash; its frames follow, the innermost first."""
 _FRAME = re.compile(r'File "(?P<path>[^"]*)", line (?P<line>\d+) in (?P<function>\S+)')
 _OF_PYTHON = re.compile(r"^<|/lib/python\d")
 _CURRENT = "Current thread "

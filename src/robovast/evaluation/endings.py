@@ -23,7 +23,7 @@ BEFORE = 2
 """Lines before an error."""
 NO_WAY = "the way is not drawn: the run has no poses.csv, which postprocessing writes"
 _COMMAND = "[robovast] job "
-"""Begin of the line with the command of a job, which is long and says nothing of the end."""
+"""Start of the line with a job's command, which is long and does not explain the end."""
 _MOST_LOGS = 5
 _MOST_RUNS = 100
 """Runs of a configuration whose ends are drawn."""

@@ -63,7 +63,7 @@ class ShownSearch:
 
     @cached_property
     def overview(self) -> dict[str, Any]:
-        """What does not depend on what is chosen to be looked at."""
+        """The part that is the same for every selection."""
         search, history = self._search, self.stored.history
         best = best_values(search.objectives[0], history)
         stop = ending(search, history, best)
@@ -226,7 +226,7 @@ def _rounded(spots: Iterable[float]) -> list[float]:
 @dataclass(frozen=True)
 class _Known:
     changed: tuple[int, ...]
-    """Modification times of what it was read from [ns]."""
+    """Modification times of the files that it was read from [ns]."""
     found: ShownSearch
     until: float
     """How long it is good enough while the search is executed [s, monotonic]."""

@@ -133,7 +133,7 @@ def copy_file(source: Path, target: Path) -> None:
 
 
 def _copy_whole(source: Path, target: Path) -> None:
-    """Copy a file; whoever continues after a kill finds all of it, or none."""
+    """Copy a file; after a kill, all of it is there, or nothing."""
     part = part_name(target)
     copy_file(source, part)
     put_in_place(part, target, lasting=False)

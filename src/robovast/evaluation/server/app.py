@@ -15,7 +15,7 @@ from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
-from starlette.routing import Mount, Route
+from starlette.routing import BaseRoute, Mount, Route
 from starlette.types import ASGIApp
 
 from robovast.base.errors import InputError, RobovastError
@@ -86,8 +86,33 @@ def make_app(
         preparation: makes tables meanwhile; None if nothing does.
     """
     pages = Pages(library, launches, closing, preparation)
-    drives = DrivePages(library)
-    api = [
+    api = _api(pages, DrivePages(library), SearchPages(library), notebooks, launches)
+    quickly, well = (Middleware(GZipMiddleware, compresslevel=level) for level in (3, 9))
+    app = Starlette(
+        routes=[
+            Mount("/api", routes=api, middleware=[quickly]),
+            Route("/files/{path:path}", pages.file),
+            Route("/notebooks/{key}", notebooks.shown),
+            *(Route(path, asset, middleware=[well]) for path, asset in _assets().items()),
+        ],
+        exception_handlers={
+            RobovastError: _refuse,
+            HTTPException: _refuse_http,
+            Exception: _own_fault,
+        },
+    )
+    return Guard(app, token)
+
+
+def _api(
+    pages: Pages,
+    drives: DrivePages,
+    searches: SearchPages,
+    notebooks: NotebookPages,
+    launches: LaunchPages,
+) -> list[BaseRoute]:
+    """The paths below `/api`."""
+    return [
         Route("/campaigns", pages.campaigns),
         Route("/reading", pages.reading),
         Route("/campaigns/{campaign}", pages.campaign),
@@ -100,7 +125,7 @@ def make_app(
         Route("/campaigns/{campaign}/metric", pages.metric),
         Route("/campaigns/{campaign}/{variant}/{run:int}", pages.run),
         Route("/history/{campaign}/{variant}", pages.history),
-        *SearchPages(library).routes,
+        *searches.routes,
         Route("/map/{campaign}/{variant}", pages.map),
         Route("/maps/{campaign}", drives.maps),
         Route("/failures/{campaign}", drives.failures),
@@ -124,21 +149,6 @@ def make_app(
         Route("/timeline", pages.timeline),
         Route("/usage", pages.usage),
     ]
-    quickly, well = (Middleware(GZipMiddleware, compresslevel=level) for level in (3, 9))
-    app = Starlette(
-        routes=[
-            Mount("/api", routes=api, middleware=[quickly]),
-            Route("/files/{path:path}", pages.file),
-            Route("/notebooks/{key}", notebooks.shown),
-            *(Route(path, asset, middleware=[well]) for path, asset in _assets().items()),
-        ],
-        exception_handlers={
-            RobovastError: _refuse,
-            HTTPException: _refuse_http,
-            Exception: _own_fault,
-        },
-    )
-    return Guard(app, token)
 
 
 class Pages:
@@ -278,7 +288,7 @@ class Pages:
         )
 
     def more_runs(self, request: Request) -> Response:
-        """Execute each `config` of a campaign so often, `runs`, in all; without any, all of them.
+        """Raise the runs of each `config` of a campaign to `runs`; without any, of all of them.
 
         Raises:
             InputError: the campaign has no such configuration, or cannot be continued from here.

@@ -74,7 +74,7 @@ class Preparation:
             _kill_group(process)
 
     def _follow(self, process: subprocess.Popen[str]) -> None:
-        """Wait for the process, not for its output: what outlives it may hold that for long."""
+        """Wait for the process, not for its output: a child that outlives it may keep that open."""
         reader = Thread(target=self._read, args=(process.stdout,), daemon=True, name="prepared")
         reader.start()
         os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)

@@ -124,7 +124,7 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
 
 
 def record_again(layout: Layout, changes: Mapping[str, Any]) -> None:
-    """Change what is recorded of how a campaign is executed.
+    """Change the record of how a campaign is executed.
 
     Raises:
         StorageError: it cannot be written.

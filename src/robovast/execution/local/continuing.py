@@ -31,7 +31,7 @@ def continued_session(
 
 
 def _as_before(before: str, layout: Layout, options: LocalOptions) -> LocalOptions:
-    """The options; where they leave the runtime open, plain processes go on as such."""
+    """The options; if the runtime is open, a campaign of plain processes continues with these."""
     if options.runtime != "auto" or options.image or not before.startswith(IMAGE):
         return options
     environment = environment_as_then(before, str(layout.root), "go on")

@@ -25,7 +25,7 @@ def record_inputs(document: Document, layout: Layout) -> None:
 
 
 def told_edited(layout: Layout) -> str:
-    """What to say of inputs that were edited since; empty if none was, or if nothing is recorded,
+    """A warning about inputs that were edited since; empty if none was, or if nothing is recorded,
     as in campaigns of older versions."""
     edited = [name for name, then in _recorded(layout).items() if _checksum(layout, name) != then]
     if not edited:
