@@ -240,6 +240,6 @@ def _course(chance: Random, salt: str) -> Course:
         trace=sending(*ADDRESS),
         variants=chance.randint(2, 6),
         runs=chance.randint(1, 2),
-        runs_per_job=chance.randint(1, 6),
+        runs_per_job=chance.choice([1, 2, 4, 6, "auto", "auto"]),
         pause=round(chance.uniform(0.1, 2), 1),
     )

@@ -134,7 +134,8 @@ class Course:
     """Of the document."""
     variants: int = 6
     runs: int = 2
-    runs_per_job: int = 4
+    runs_per_job: int | str = 4
+    """How many runs share a pod, or `auto`: as their times suggest."""
     timeout: int = 180
     """When a run that hangs is ended; none else may come near it, on a busy machine neither [s]."""
     pause: float = 1.0
