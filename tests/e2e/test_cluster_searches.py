@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pytest
 from support.campaigns.local import make_campaign
 from support.campaigns.searched import DOCUMENT, FAILS_ABOVE_50, at_random, proposed_values
 from support.kube.lab import Lab, own_operator
@@ -29,6 +30,14 @@ class Steps(HistoryStrategy):
         begin += sum(known.n_samples * known.params.values["x"] for known in self.known.values())
         return [ParamSet({"x": (begin + 7 * i) % 101}) for i in range(n)]
 """
+LIMITED = DOCUMENT.replace("search:", "  seed: 3\n  resources: {cpu: 0.1, memory: 256Mi}\nsearch:")
+MEASURED = {
+    "optuna": "",
+    "qd": (
+        "  extract: {metrics: {place: {table: out, column: y, over_time: last}}}\n"
+        "  strategy_parameters: {archive: {measures: {place: {low: 0, high: 100, bins: 8}}}}\n"
+    ),
+}
 KILLS = 5
 """Of the operator, and as many of propose pods."""
 
@@ -36,9 +45,7 @@ KILLS = 5
 def document(folder: Path, batches: int) -> Path:
     """A search whose sets follow from what was evaluated."""
     extra = at_random(batches).replace("strategy: random", "strategy: steps.py:Steps")
-    limits = "  seed: 3\n  resources: {cpu: 0.1, memory: 256Mi}\nsearch:"
-    text = DOCUMENT.replace("search:", limits)
-    path = make_campaign(folder, FAILS_ABOVE_50, extra, document=text)
+    path = make_campaign(folder, FAILS_ABOVE_50, extra, document=LIMITED)
     (folder / "steps.py").write_text(STEPS)
     return path
 
@@ -105,6 +112,19 @@ def test_a_search_is_followed_brought_home_stopped_and_resumed_in_the_middle(lab
     lab.vast("exec", "cluster", "resume", "-i", "middle", *inside)
     lab.wait("middle", seconds=120)
     assert proposed_values(lab.download("middle")) == wanted
+
+
+@pytest.mark.parametrize("kind", ["optuna", "qd"])
+def test_whatever_kind_of_search_asks_for_the_same_sets_as_on_this_machine(
+    lab: Lab, kind: str
+) -> None:
+    extra = at_random(2).replace("strategy: random\n", f"strategy: {kind}\n{MEASURED[kind]}")
+    path = make_campaign(lab.folder / kind, FAILS_ABOVE_50, extra, document=LIMITED)
+    wanted = undisturbed(lab, path)
+    lab.apply(path, kind)
+    lab.wait(kind, seconds=180)
+    assert proposed_values(lab.download(kind)) == wanted
+    assert len(wanted) == 2
 
 
 def batch(lab: Lab) -> int:
