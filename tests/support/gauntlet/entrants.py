@@ -224,7 +224,7 @@ def draw(
         Entrant(
             lab,
             f"g{number}",
-            _course(chance, f"g{number}-{lab.namespace}"),
+            _course(chance, f"g{number}-{lab.namespace}", measured=number % 2 == 1),
             chance.choice(["Retain", "Retain", "Delete"]),
             chance.randint(1, 3),
             chance.choice([1, 60]),
@@ -234,12 +234,13 @@ def draw(
     ]
 
 
-def _course(chance: Random, salt: str) -> Course:
+def _course(chance: Random, salt: str, measured: bool) -> Course:
+    """A campaign, of packs as measured times suggest or of so many runs."""
     return Course(
         salt=salt,
         trace=sending(*ADDRESS),
         variants=chance.randint(2, 6),
         runs=chance.randint(1, 2),
-        runs_per_job=chance.choice([1, 2, 4, 6, "auto", "auto"]),
+        runs_per_job="auto" if measured else chance.randint(1, 6),
         pause=round(chance.uniform(0.1, 2), 1),
     )
