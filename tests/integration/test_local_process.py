@@ -225,7 +225,8 @@ def test_a_failing_pre_command_says_so(tmp_path: Path) -> None:
     (path.parent / "files" / "pre.sh").write_text("echo no licence found\nfalse\n")
     summary = run(path, tmp_path / "out", select="one-1")
     assert summary.records[0].verdict == "errored"
-    assert "the pre command failed" in summary.records[0].reason
+    reason = summary.records[0].reason
+    assert "the pre command pre.sh failed with code 1; its log ends: no licence found" in reason
 
 
 def test_a_scenario_that_was_written_for_a_container_finds_its_files(tmp_path: Path) -> None:

@@ -10,7 +10,12 @@ import signal
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
-from robovast.campaign.reasons import explain_error, explain_failure, lines_of_run
+from robovast.campaign.reasons import (
+    error_of_contract,
+    explain_error,
+    explain_failure,
+    lines_of_run,
+)
 from robovast.campaign.verdict import TestResult, Verdict
 
 
@@ -58,8 +63,10 @@ def judge(
         return replace(result, reason=why)
     if result.verdict is not Verdict.ERRORED or ending.exit_code is None:
         return result
-    explained = CONTAINER_KILLED if ending.container_killed else _explain(ending.exit_code)
-    why = explain_error(f"{result.reason}; {explained}", lines_of_run(log, None, run))
+    lines = lines_of_run(log, None, run)
+    told = error_of_contract(lines)
+    explained = CONTAINER_KILLED if ending.container_killed else _explain(ending.exit_code, told)
+    why = explain_error(f"{result.reason}; {explained}", lines)
     return TestResult(Verdict.ERRORED, why)
 
 
@@ -85,10 +92,10 @@ _MEANINGS = {
 }
 
 
-def _explain(code: int) -> str:
+def _explain(code: int, told: str) -> str:
     number = -code if code < 0 else code - 128 if code > 128 else 0
     if number in {item.value for item in signal.Signals}:
         name = signal.Signals(number).name
         return f"it was ended by {name}" + (" (out of memory?)" if name == "SIGKILL" else "")
-    meaning = _MEANINGS.get(code)
+    meaning = (told if code in set(EntrypointExit) else "") or _MEANINGS.get(code)
     return f"exit code {code}" + (f": {meaning}" if meaning else "")

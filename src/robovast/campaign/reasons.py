@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from robovast.base.errors import RobovastError
 from robovast.base.plugins import load_plugin, plugins_of, raised
-from robovast.campaign.job_log import RUN, own_part
+from robovast.campaign.job_log import OWN, RUN, own_part
 from robovast.campaign.log_lines import BAD, Message, parse_line, without_escapes
 
 RULES = "robovast.failure_reasons"
@@ -29,6 +29,7 @@ _STARTED = "Executing scenario '"
 """What the executor logs at the start of each run of a pack."""
 _TREE_BEGINS = re.compile(r"(?:^| )(?:-\^-|\{-\}|\[-\]|/_/) ")
 """The root of a behaviour tree, in the line of the executor's log that ends a run that failed."""
+_GAVE_UP = f"{OWN}error: "
 _OURS = re.compile(r"\[robovast\] |/config/(?:secondary_)?entrypoint\.sh: line \d+:")
 _EXECUTORS = re.compile(
     r"(?<=[^\n])(?=\[(?:DEBUG|INFO|WARN|ERROR|FATAL)\] \[\d+\.\d+\] \[scenario_execution\]: )"
@@ -95,6 +96,12 @@ def explain_error(reason: str, lines: Sequence[str]) -> str:
     if found.error:
         return _joined(reason, found.error)
     return _joined(reason, f"its log ends: {found.last}" if found.last else "")
+
+
+def error_of_contract(lines: Sequence[str]) -> str:
+    """Why the run contract's own scripts gave up; empty where they did not say so."""
+    said = [line.removeprefix(_GAVE_UP) for line in lines if line.startswith(_GAVE_UP)]
+    return plain(said[-1]) if said else ""
 
 
 def _joined(*parts: str) -> str:

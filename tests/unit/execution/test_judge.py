@@ -39,6 +39,14 @@ def test_without_a_verdict_the_reason_names_code_meaning_and_last_words() -> Non
     assert reason.endswith("its log ends: no such robot")
 
 
+def test_what_the_contract_says_of_its_own_end_tells_more_than_its_code() -> None:
+    log = "no licence\n[robovast] error: the pre command /config/files/pre.sh failed with code 3\n"
+    reason = judged(NOTHING, Ending(70), log).reason
+    assert "; exit code 70: the pre command pre.sh failed with code 3; " in reason
+    assert reason.endswith("its log ends: no licence")
+    assert "pre.sh" not in judged(NOTHING, Ending(1), log).reason
+
+
 def test_a_signal_is_named_as_a_shell_or_python_reports_it() -> None:
     for code in (137, -signal.SIGKILL):
         assert "SIGKILL (out of memory?)" in judged(NOTHING, Ending(code)).reason
