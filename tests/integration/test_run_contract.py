@@ -6,6 +6,7 @@ import contextlib
 import csv
 import fcntl
 import os
+import shlex
 import shutil
 import signal
 import subprocess
@@ -373,6 +374,7 @@ LEAVES = """\
 exec </dev/null >/dev/null 2>&1
 setsid bash -c 'trap "" TERM; cd /; exec env -i sleep {0}1' &
 (trap '' TERM HUP; sleep {0}2 & sleep {0}3) &
+until [ -e {1} ]; do sleep 0.05; done
 """
 
 
@@ -398,10 +400,12 @@ def test_whatever_a_run_of_a_pack_leaves_behind_ends_before_it_is_over(
 ) -> None:
     """Daemons that ignore signals, know nothing of the job, and lost their parents."""
     job.write("pre.sh", f"sleep {seconds}0 &\n")
-    job.pack(job.program(LEAVES.format(seconds)), "sleep 60")
+    seen = job.root / "seen"
+    job.pack(job.program(LEAVES.format(seconds, shlex.quote(str(seen)))), "sleep 60")
     told = job.output / "finished_runs"
     with job.start(PRE_COMMAND="/config/pre.sh") as process:
         eventually(lambda: sleeping(seconds) == {"0", "1", "2", "3"})
+        seen.touch()
         eventually(lambda: told.exists())
         assert sleeping(seconds) == {"0"}, "the pre command is no run's"
         process.terminate()
