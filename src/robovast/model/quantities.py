@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 import re
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 from robovast.base.errors import InputError
+
+Number = TypeVar("Number", int, float)
 
 LOCAL_CONTEXT = "local"
 """Key for local runs in per-cluster lists."""
@@ -47,27 +50,45 @@ def resolve_per_context(value: Any, context: str, key: str) -> Any:
 
 def cpus(value: Any, key: str, context: str = LOCAL_CONTEXT) -> float | None:
     """CPU cores from `2`, `0.5` or `500m`; None without a value."""
-    resolved = resolve_per_context(value, context, key)
-    if resolved is None:
-        return None
-    match = re.fullmatch(r"(\d+(?:\.\d+)?)(m?)", str(resolved).strip())
-    if not match or float(match[1]) <= 0:
-        raise InputError(
-            f"{key}: `{resolved}` is not a number of CPUs; write `2`, `0.5` or `500m`."
-        )
-    return float(match[1]) / (1000 if match[2] else 1)
+    return _read(parse_cpus, value, key, context)
 
 
 def memory(value: Any, key: str, context: str = LOCAL_CONTEXT) -> int | None:
     """Memory [byte] from `8Gi`, `4096Mi` or a number of bytes; None without a value."""
+    return _read(parse_memory, value, key, context)
+
+
+def _read(parse: Callable[[Any], Number], value: Any, key: str, context: str) -> Number | None:
     resolved = resolve_per_context(value, context, key)
     if resolved is None:
         return None
-    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([A-Za-z]*)", str(resolved).strip())
+    try:
+        return parse(resolved)
+    except ValueError as error:
+        raise InputError(f"{key}: {error}") from None
+
+
+def parse_cpus(value: Any) -> float:
+    """CPU cores from `2`, `0.5` or `500m`.
+
+    Raises:
+        ValueError: it is none of these.
+    """
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)(m?)", str(value).strip())
+    if not match or float(match[1]) <= 0:
+        raise ValueError(f"`{value}` is not a number of CPUs; write `2`, `0.5` or `500m`.")
+    return float(match[1]) / (1000 if match[2] else 1)
+
+
+def parse_memory(value: Any) -> int:
+    """Memory [byte] from `8Gi`, `4096Mi` or a number of bytes.
+
+    Raises:
+        ValueError: it is none of these.
+    """
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([A-Za-z]*)", str(value).strip())
     if not match or match[2] not in _UNITS:
-        raise InputError(
-            f"{key}: `{resolved}` is not an amount of memory; write `8Gi` or `4096Mi`."
-        )
+        raise ValueError(f"`{value}` is not an amount of memory; write `8Gi` or `4096Mi`.")
     return int(float(match[1]) * _UNITS[match[2]])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -309,9 +310,11 @@ def test_amounts_are_checked_before_a_campaign_begins(vast, folder: Path) -> Non
     (folder / "bad.vast").write_text(HEAD + TAIL + resources)
     outcome = vast("-V", "bad.vast", "config", "check")
     assert outcome.code == 2
-    assert (
-        "resources.cpu: `many` is not a number of CPUs; write `2`, `0.5` or `500m`." in outcome.err
-    )
+    for said in (
+        "resources.cpu: `many` is not a number of CPUs; write `2`, `0.5` or `500m`.",
+        "resources.memory: `8Gx` is not an amount of memory; write `8Gi` or `4096Mi`.",
+    ):
+        assert re.search(rf"^bad\.vast:\d+:\d+: execution\.{re.escape(said)}$", outcome.err, re.M)
 
 
 @pytest.mark.parametrize(("other", "code"), [("x: 1", 2), ("speed: 1", 3)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import EntryPoint, entry_points
@@ -13,16 +13,18 @@ from typing import Any, NoReturn
 import typer
 from pydantic import BaseModel
 
-from robovast.base.errors import InputError, RobovastError
+from robovast.base.errors import DocumentError, InputError, RobovastError
 from robovast.base.statistics import percent
 from robovast.compat.differences import differences
 from robovast.execution.local.scenario_syntax import check_syntax
 from robovast.model.designs import coverages, rows_of
 from robovast.model.document import Document
+from robovast.model.document.execution import Resources
 from robovast.model.document.model import ConfigurationEntry
+from robovast.model.document.source import KeyPath
 from robovast.model.expansion import Variant
 from robovast.model.expansion.designed import design_sizes
-from robovast.model.quantities import LOCAL_CONTEXT, cpus, memory
+from robovast.model.quantities import LOCAL_CONTEXT, parse_cpus, parse_memory
 from robovast.model.scenario import read_scenario
 from robovast_cli.plugins import origin
 from robovast_cli.ui.expanding import expanded
@@ -102,14 +104,29 @@ def _alone(document: Document, entry: ConfigurationEntry) -> Document:
 
 
 def _check_resources(document: Document) -> None:
-    execution = document.vast.execution
-    containers = {c.name: c.resources for c in execution.secondary_containers}
-    for name, asked in {"resources": execution.resources, **containers}.items():
-        for kind, read in (("cpu", cpus), ("memory", memory)):
-            value = getattr(asked, kind)
-            for item in value if isinstance(value, list) else [{LOCAL_CONTEXT: value}]:
-                for context, amount in item.items():
-                    read(amount, f"{document.source.file}: execution, {name}.{kind}", context)
+    """Raise a DocumentError that names every amount that is none."""
+    execution, source = document.vast.execution, document.source
+    containers: dict[KeyPath, Resources] = {("resources",): execution.resources}
+    for number, container in enumerate(execution.secondary_containers):
+        containers["secondary_containers", number] = container.resources
+    problems = [
+        source.problem(("execution", *path, kind), said)
+        for path, asked in containers.items()
+        for kind, parse in (("cpu", parse_cpus), ("memory", parse_memory))
+        for said in _wrong_amounts(getattr(asked, kind), parse)
+    ]
+    if problems:
+        raise DocumentError(problems)
+
+
+def _wrong_amounts(value: Any, parse: Callable[[Any], float]) -> Iterator[str]:
+    """What is wrong with an amount, or with those for each context."""
+    items = value if isinstance(value, list) else [{LOCAL_CONTEXT: value}]
+    for amount in (amount for item in items for amount in item.values() if amount is not None):
+        try:
+            parse(amount)
+        except ValueError as error:
+            yield str(error)
 
 
 def print_variation_points(document: Document) -> None:
