@@ -14,7 +14,7 @@ from typing import IO
 
 GRACE = 20.0
 """How long the process may take to keep what it has finished [s]."""
-_LAST_WORDS = 2.0
+_LAST_WORDS = 10.0
 """How long its output may take to arrive once it has ended [s]."""
 
 

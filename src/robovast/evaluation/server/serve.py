@@ -25,6 +25,8 @@ from robovast.evaluation.server.notebooks import NotebookPages
 from robovast.evaluation.server.preparing import Preparation
 
 HOST = "127.0.0.1"
+GRACE = 10
+"""How long requests under way may take to be answered when the server ends [s]."""
 
 
 def serve(
@@ -106,7 +108,7 @@ def serve_app(
             server_header=False,
             lifespan="off",
             limit_concurrency=64,
-            timeout_graceful_shutdown=2,
+            timeout_graceful_shutdown=GRACE,
         )
 
         def started() -> None:
