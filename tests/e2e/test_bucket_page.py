@@ -17,6 +17,7 @@ from robovast_testbed import debian
 from robovast_testbed.s3 import Server
 from support.campaigns.one_run import open_store
 from support.campaigns.stored import NAME, write_campaign
+from support.patience import PATIENCE
 from support.servers.cutting_proxy import CuttingProxy, cutting_proxy
 from support.servers.page import VAST, shown
 
@@ -84,8 +85,8 @@ def test_the_page_fetches_what_is_looked_at(place: Place) -> None:
             executable_path="/usr/bin/chromium", args=["--no-sandbox"]
         )
         page = browser.new_page()
-        page.set_default_timeout(60_000)
-        expect.set_options(timeout=60_000)  # the machine may be busy
+        page.set_default_timeout(1000 * PATIENCE)
+        expect.set_options(timeout=1000 * PATIENCE)
         page.goto(f"{server.address}#/campaign/{NAME}?x=speed&y=width")
         expect(page.locator("[data-cell]")).to_have_count(20)
         failures = page.get_by_role("region", name="Why runs did not pass")

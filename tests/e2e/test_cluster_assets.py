@@ -51,7 +51,7 @@ def fill(lab: Lab) -> None:
     }
     lab.kubectl("create", "--filename=-", stdin=json.dumps(claim))
     lab.kubectl("create", "--filename=-", stdin=json.dumps(pod))
-    lab.kubectl("wait", "pod/fill", "--for=jsonpath={.status.phase}=Succeeded", "--timeout=120s")
+    lab.kubectl("wait", "pod/fill", "--for=jsonpath={.status.phase}=Succeeded", "--timeout=180s")
 
 
 def test_runs_read_a_shared_volume_and_an_image_and_cannot_write_to_them(lab: Lab) -> None:

@@ -47,7 +47,7 @@ def fail_in_turn(lab: Lab) -> None:
     (node,) = lab.cluster.kubectl("get", "nodes", "--output=name").split()
     lab.cluster.kubectl(
         *("drain", node, "--ignore-daemonsets", "--delete-emptydir-data", "--force"),
-        "--timeout=100s",
+        "--timeout=180s",
     )
     assert lab.campaign("unlucky")["status"]["state"] == "Running"
 

@@ -84,7 +84,7 @@ class Share:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            timeout=120,
+            timeout=400,
             check=False,
         )
         assert done.returncode == code, done.stdout
@@ -109,7 +109,7 @@ def share(lab: Lab) -> Iterator[Share]:
     command = [sys.executable, share_servers.__file__, folder, network.NODE_IP, *ports]
     server = lab.cluster.bed.spawn(f"share-{lab.namespace}", command)
     try:
-        eventually(lambda: "serving" in server.log.read_text(), 30, server.failure)
+        eventually(lambda: "serving" in server.log.read_text(), told=server.failure)
         keys = [line for line in server.log.read_text().splitlines() if "host key" in line]
         yield Share(lab, folder, keys[0].partition("host key ")[2])
     finally:
@@ -136,7 +136,7 @@ def test_a_campaign_goes_to_the_share_and_comes_home(lab: Lab, share: Share) -> 
     lab.wait("hall")
     direct = lab.download("hall")
     name = direct.name
-    eventually(lambda: "Uploaded" in lab.kubectl("get", "events"), 60, "it is on the share")
+    eventually(lambda: "Uploaded" in lab.kubectl("get", "events"), told="it is on the share")
     assert [path.name for path in share.folder.iterdir()] == [f"{name}.tar.gz"]
     share.vast("results", "download", "-o", lab.folder / "by-itself")
     assert files(lab.folder / "by-itself" / name) == files(direct)
@@ -145,7 +145,7 @@ def test_a_campaign_goes_to_the_share_and_comes_home(lab: Lab, share: Share) -> 
     wrong = {"spec": {"share": {"secretName": "robovast-none"}, "attempt": 2}}
     lab.kubectl("patch", "campaign", "hall", "--type=merge", f"--patch={json.dumps(wrong)}")
     missing = "not on the share: "
-    eventually(lambda: missing in lab.kubectl("get", "events"), 60, "it says what is missing")
+    eventually(lambda: missing in lab.kubectl("get", "events"), told="it says what is missing")
     lab.kubectl("delete", "jobs", "--selector=robovast.io/role=share")
 
     said = share.upload("--detach")
@@ -159,7 +159,7 @@ def test_a_campaign_goes_to_the_share_and_comes_home(lab: Lab, share: Share) -> 
     shown = lab.kubectl("get", "jobs,pods,configmaps,events", "-o", "yaml")
     assert PASSWORD not in shown + said
     lab.kubectl("delete", "job", job["metadata"]["name"], "--ignore-not-found")
-    eventually(lambda: "share" not in lab.kubectl("get", "secrets,pods", "-o", "name"), 60)
+    eventually(lambda: "share" not in lab.kubectl("get", "secrets,pods", "-o", "name"))
 
     assert name in share.vast("results", "list-share")
     share.vast("results", "download", "-o", lab.folder / "fresh")

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from robovast_testbed import images
 from robovast_testbed.kubernetes import Cluster
+from support.patience import PATIENCE
 
 from robovast.base.errors import CannotRunError
 from robovast_cli.kube.api import connect
@@ -49,7 +50,7 @@ def start(cluster: Cluster) -> None:
     cluster.apply(pod())
     cluster.kubectl(
         *("wait", "--for=condition=Ready", "pod/storage", "--namespace=port-forward"),
-        "--timeout=60s",
+        "--timeout=180s",
     )
 
 
@@ -70,7 +71,7 @@ def test_a_service_is_reached_by_several_connections_and_after_its_pod_was_repla
         with reachable(kube, ENDPOINT) as address:
 
             def fetch(_: int = 0) -> str:
-                with urllib.request.urlopen(f"{address}/big", timeout=60) as answer:  # noqa: S310
+                with urllib.request.urlopen(f"{address}/big", timeout=PATIENCE) as answer:  # noqa: S310
                     return hashlib.sha256(answer.read()).hexdigest()
 
             with ThreadPoolExecutor(4) as pool:

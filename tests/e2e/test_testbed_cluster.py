@@ -55,7 +55,7 @@ def job(
 
 def finish(cluster: Cluster, name: str) -> str:
     """Wait for a Job and return what its first pod wrote."""
-    cluster.kubectl("wait", f"job/{name}", "--for=condition=Complete", "--timeout=60s")
+    cluster.kubectl("wait", f"job/{name}", "--for=condition=Complete", "--timeout=180s")
     return cluster.kubectl("logs", f"job/{name}")
 
 
@@ -96,7 +96,7 @@ def test_memory_limits_hold(cluster: Cluster) -> None:
     greedy = job("greedy", 'python3 -c "bytearray(200 << 20)"', memory="64Mi")
     cluster.apply(greedy)
 
-    cluster.kubectl("wait", "job/greedy", "--for=condition=Failed", "--timeout=60s")
+    cluster.kubectl("wait", "job/greedy", "--for=condition=Failed", "--timeout=180s")
 
     assert '"reason": "OOMKilled"' in json.dumps(cluster.get("pods", "-l", "job-name=greedy"))
 
@@ -113,7 +113,7 @@ def test_volumes_are_provisioned(cluster: Cluster) -> None:
     }
     cluster.apply(claim)
 
-    cluster.kubectl("wait", "pvc/claim", "--for=jsonpath={.status.phase}=Bound", "--timeout=30s")
+    cluster.kubectl("wait", "pvc/claim", "--for=jsonpath={.status.phase}=Bound", "--timeout=180s")
 
 
 @pytest.fixture

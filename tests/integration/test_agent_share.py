@@ -16,6 +16,7 @@ import pytest
 from robovast_testbed.s3 import Server
 from support.campaigns.stored import NAME, write, write_campaign
 from support.faults.small_disk import small_disk
+from support.patience import PATIENCE
 from support.servers.share_places import Place, sftp, webdav
 
 from robovast.agent.bucket import Bucket
@@ -89,7 +90,7 @@ class Stored:
     def upload(self, *, bucket: str = "") -> tuple[int, str, str]:
         """Exit code, log and termination message of a new pod of the Job."""
         process = self.start(bucket=bucket)
-        log, _ = process.communicate(timeout=60)
+        log, _ = process.communicate(timeout=PATIENCE)
         return process.returncode, log, (self.mounts / "work/termination-log").read_text()
 
 
@@ -171,7 +172,7 @@ def test_a_pod_that_is_killed_in_the_middle_leaves_no_half_archive(
     """The next pod completes it."""
     process = stored.start()
     place.proxy.cut_once(sent=3 * MIB, first=process.kill)
-    log, _ = process.communicate(timeout=60)
+    log, _ = process.communicate(timeout=PATIENCE)
     assert (process.returncode, place.proxy.cuts) == (-9, 1), log
     assert ARCHIVE not in place.names()
     code, log, _ = stored.upload()

@@ -26,7 +26,7 @@ from support.kube.operator_process import (
     prepare,
     status,
 )
-from support.patience import eventually
+from support.patience import PATIENCE, eventually
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs/argocd.md"
@@ -113,7 +113,7 @@ class Team:
         who = ("-c", "user.name=Team", "-c", "user.email=team@example.org")
         subprocess.run(["git", *who, *arguments], cwd=self.folder, check=True)
 
-    def becomes(self, sync: str, health: str, seconds: float = 60) -> None:
+    def becomes(self, sync: str, health: str, seconds: float = PATIENCE) -> None:
         """Wait for the Application."""
 
         def application() -> dict[str, Any]:
@@ -133,7 +133,7 @@ class Team:
         found: dict[str, Any] = next(shown, {})
         return dict(found.get("health") or {})
 
-    def shows(self, campaign: str, wanted: str, seconds: float = 60) -> str:
+    def shows(self, campaign: str, wanted: str, seconds: float = PATIENCE) -> str:
         """Wait for a campaign's health; return its message."""
         eventually(
             lambda: self.health(campaign).get("status") == wanted,
@@ -151,7 +151,7 @@ class Team:
             "namespace": self.name,
             "resourceName": campaign,
         }
-        eventually(lambda: self.argo.actions(self.name, resource).get(action), 30)
+        eventually(lambda: self.argo.actions(self.name, resource).get(action))
         self.argo.run_action(self.name, resource, action)
 
     def jobs(self) -> set[str]:
@@ -276,7 +276,7 @@ def test_health_is_the_verdict_and_a_click_repeats_the_bad_runs(team: Team) -> N
 def test_what_a_click_changes_is_not_healed(team: Team) -> None:
     held = campaign("held", team.name, 2, 2, scheduling={"nodeSelector": {"no": "node"}})
     team.commit(held=held)
-    eventually(lambda: team.health("held").get("message", "").endswith("0/4 runs"), 30)
+    eventually(lambda: team.health("held").get("message", "").endswith("0/4 runs"))
     team.shows("held", "Progressing")
     team.click("held", "suspend")
     team.shows("held", "Suspended")
@@ -296,7 +296,7 @@ def test_git_wins_where_it_states_what_a_click_changes_unless_told_otherwise(tea
     clicked_and_healed = "3 false"
     query = "--output=jsonpath={.metadata.generation} {.spec.suspend}"
     get = ("get", "campaign", "held", f"--namespace={team.name}", query)
-    eventually(lambda: team.argo.cluster.kubectl(*get) == clicked_and_healed, 60)
+    eventually(lambda: team.argo.cluster.kubectl(*get) == clicked_and_healed)
     team.argo.cluster.kubectl(
         *("patch", "application", team.name, f"--namespace={argocd.NAMESPACE}", "--type=merge"),
         f"--patch={json.dumps(documented())}",
@@ -312,7 +312,7 @@ def test_growth_expiry_and_removal(team: Team) -> None:
     hello["spec"]["ttlSecondsAfterFinished"] = 1
     team.commit(hello=hello)
     team.shows("hello", "Healthy")
-    eventually(lambda: not team.jobs(), 60)
+    eventually(lambda: not team.jobs())
     before = status(team.argo.cluster, team.name, "hello")
     team.argo.application(team.name, refresh=True)
     team.becomes("Synced", "Healthy")
@@ -321,7 +321,7 @@ def test_growth_expiry_and_removal(team: Team) -> None:
 
     hello["spec"] |= {"runs": 3, "ttlSecondsAfterFinished": None}
     team.commit(hello=hello)
-    eventually(lambda: "6 of 6" in team.health("hello").get("message", ""), 60)
+    eventually(lambda: "6 of 6" in team.health("hello").get("message", ""))
     shards = status(team.argo.cluster, team.name, "hello")["shards"]
     assert [shard["packs"] for shard in shards] == ["0-3", "4-5"]
     assert len(team.jobs()) == 2  # of the new runs, and the index
@@ -330,8 +330,8 @@ def test_growth_expiry_and_removal(team: Team) -> None:
     other = campaign("other", team.name, 1, 1, suspend=True)
     team.commit(hello=None, other=other)
     team.shows("other", "Suspended")
-    eventually(lambda: not team.health("hello"), 60)
-    eventually(lambda: not team.jobs(), 30)
+    eventually(lambda: not team.health("hello"))
+    eventually(lambda: not team.jobs())
 
 
 def test_comparisons_follow_health_not_runs(team: Team) -> None:
@@ -372,7 +372,7 @@ def test_the_chart_is_an_application_whose_end_leaves_campaigns_alone(
     application = ("application", "platform", f"--namespace={argocd.NAMESPACE}")
     cascade = {"metadata": {"finalizers": ["resources-finalizer.argocd.argoproj.io"]}}
     argo.cluster.kubectl("patch", *application, "--type=merge", f"--patch={json.dumps(cascade)}")
-    argo.cluster.kubectl("delete", *application, "--timeout=60s")
+    argo.cluster.kubectl("delete", *application, "--timeout=180s")
     left = argo.cluster.kubectl("get", "crd,deployments", "--namespace=platform", "--output=name")
     assert "/campaigns.robovast.io" in left
     assert "deployment" not in left

@@ -96,7 +96,7 @@ def test_an_agent_stores_nothing_in_a_bucket_that_became_anothers(
     assert Pod(of_other(campaigns[1], campaigns[0])).run() == 10
     before = campaigns[0].objects()
     container, agent = pod.start_run(), pod.command("agent")
-    assert (agent.wait(60), container.wait(60)) == (73, 0)
+    assert (agent.wait(180), container.wait(180)) == (73, 0)
     assert "belongs to" in pod.message()["error"]
     assert campaigns[0].objects() == before
 

@@ -57,7 +57,7 @@ def told_until_open(command: str, clone: Path, last: str = "") -> list[str]:
             said.append(line)
             address = re.search(r"http://\S+", line)
         assert address, "".join(said)
-        with urllib.request.urlopen(address[0], timeout=30) as answer:  # noqa: S310 - of http
+        with urllib.request.urlopen(address[0], timeout=180) as answer:  # noqa: S310 - of http
             assert answer.status == 200
         while last not in said[-1] and (line := process.stdout.readline()):
             said.append(line)
@@ -78,7 +78,7 @@ def test_the_walk_through_works_as_it_stands_there(clone: Path) -> None:
         env=environment(),
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=900,
         check=False,
     )
     assert done.returncode == 0, done.stderr

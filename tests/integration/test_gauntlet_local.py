@@ -7,7 +7,7 @@ import sys
 
 from support.campaigns.local import ROOT
 
-PATIENCE = 420
+PATIENCE = 900
 """A campaign that has begun is brought to its end, on a busy machine too [s]."""
 
 

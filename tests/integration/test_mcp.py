@@ -17,6 +17,7 @@ import pytest
 from support.campaigns.finished import NAME as TABLED
 from support.campaigns.finished import finished_campaign
 from support.campaigns.stored import NAME, write, write_campaign
+from support.patience import PATIENCE
 from support.servers.mcp_client import VAST, Assistant, Refusal, over_http, over_stdio, session
 
 from robovast.base.errors import InputError
@@ -247,7 +248,7 @@ def test_ctrl_c_ends_a_server_that_waits_for_a_line(results: Path) -> None:
         server.stdin.flush()
         assert b"RoboVAST" in server.stdout.readline()
         server.send_signal(signal.SIGINT)
-        assert server.wait(5) == -signal.SIGINT
+        assert server.wait(PATIENCE) == -signal.SIGINT
         assert b"initialize" in server.stderr.read()  # --debug
 
 
@@ -268,7 +269,7 @@ def test_http_needs_the_token_and_this_machine(results: Path) -> None:
 
 def _post(place: Any, headers: dict[str, str]) -> int:
     accepted = {"Accept": "application/json, text/event-stream", "Content-Type": "application/json"}
-    connection = HTTPConnection(place.hostname, place.port, timeout=10)
+    connection = HTTPConnection(place.hostname, place.port, timeout=PATIENCE)
     connection.request("POST", place.path, json.dumps(INITIALIZE), {**accepted, **headers})
     status = connection.getresponse().status
     connection.close()

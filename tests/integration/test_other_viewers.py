@@ -20,6 +20,7 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import StoragePlugin
 from support.campaigns.drives import record_drive
 from support.campaigns.stored import NAME, write, write_campaign
+from support.patience import PATIENCE
 from support.servers.page import VAST, ShownPage
 
 INSTALLED = find_spec("rerun_cli") is not None
@@ -76,7 +77,7 @@ def viewed(run: Path, *options: str, path: str = "") -> Iterator[tuple[ShownPage
         yield ShownPage(said[-1].split()[-1], process), said
     finally:
         process.terminate()
-        process.communicate(timeout=30)
+        process.communicate(timeout=PATIENCE)
 
 
 def count(data: bytes) -> int:
@@ -176,7 +177,7 @@ def test_a_closed_terminal_leaves_no_files_and_no_viewer(
         with viewed(results / NAME / "hall-1" / "0", "--rerun", path=rerun[0]) as (page, _):
             assert list(scratch.iterdir())
             page.process.send_signal(number)
-            page.process.wait(timeout=30)
+            page.process.wait(PATIENCE)
     finally:
         signal.signal(number, before)
     assert not list(scratch.iterdir())

@@ -255,7 +255,7 @@ def test_a_notebook_draws_the_drives(
         "notebook": str(campaign / "_config" / "analysis" / f"{scope}.ipynb"),
         "data_dir": str(campaign / folder),
         "batch": None,
-        "timeout": 120,
+        "timeout": 600,
     }
     (tmp_path / "request.json").write_text(json.dumps(request))
     command = [sys.executable, "-m", "robovast.evaluation.notebooks.child", str(tmp_path)]

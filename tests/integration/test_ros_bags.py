@@ -66,7 +66,7 @@ def recording(ros_python: Path, tmp_path_factory: pytest.TempPathFactory) -> lis
     }
     command = [ros_python, folder / RECORDER.name]
     done = subprocess.run(
-        command, env=environment, capture_output=True, text=True, timeout=120, check=False
+        command, env=environment, capture_output=True, text=True, timeout=600, check=False
     )
     assert done.returncode == 0, done.stderr
     return [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]

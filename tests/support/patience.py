@@ -6,9 +6,12 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+PATIENCE = 180.0
+"""How long to wait for what takes a moment: other tests may have the CPUs meanwhile [s]."""
+
 
 def eventually(
-    condition: Callable[[], Any], seconds: float = 60, told: str | Callable[[], object] = ""
+    condition: Callable[[], Any], seconds: float = PATIENCE, told: str | Callable[[], object] = ""
 ) -> Any:
     """What a condition gives as soon as that is true; if it never is, show what is told then.
 

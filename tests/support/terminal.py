@@ -8,6 +8,8 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
+from support.patience import PATIENCE
+
 
 def shown_on_terminal(command: Sequence[str | Path], cwd: Path) -> tuple[int, str]:
     """Exit code of a command, and all that it writes to a terminal."""
@@ -16,7 +18,7 @@ def shown_on_terminal(command: Sequence[str | Path], cwd: Path) -> tuple[int, st
     process = subprocess.Popen(command, cwd=cwd, stdout=other, stderr=other, env=environment)
     os.close(other)
     shown = read_all(main)
-    return process.wait(timeout=60), shown
+    return process.wait(PATIENCE), shown
 
 
 def read_all(descriptor: int) -> str:

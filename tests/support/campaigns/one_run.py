@@ -25,6 +25,7 @@ from robovast.model.variant import Variant
 from robovast.storage.download import Silent, download_campaign
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
+from support.patience import PATIENCE
 
 Files = Mapping[str, bytes]
 
@@ -179,13 +180,13 @@ class Stepper:
         """Let a writer send its next request; False when it has ended."""
         with self._changed:
             assert self._changed.wait_for(
-                lambda: self._waiting.get(name, 0) or name in self._done, 30
+                lambda: self._waiting.get(name, 0) or name in self._done, PATIENCE
             )
             if name in self._done:
                 return False
             self._granted = name
             self._changed.notify_all()
-            assert self._changed.wait_for(lambda: self._granted is None, 30)
+            assert self._changed.wait_for(lambda: self._granted is None, PATIENCE)
             return True
 
     def finish(self, names: Iterable[str]) -> dict[str, object]:
@@ -194,7 +195,7 @@ class Stepper:
         while left:
             left = [name for name in left if self.step(name)]
         for thread in self._threads:
-            thread.join(30)
+            thread.join(PATIENCE)
         return self._done
 
     def _write(self, execution: Execution) -> None:
@@ -212,7 +213,7 @@ class Stepper:
         with self._changed:
             self._waiting[name] = self._waiting.get(name, 0) + 1
             self._changed.notify_all()
-            assert self._changed.wait_for(lambda: self._granted == name, 60)
+            assert self._changed.wait_for(lambda: self._granted == name, PATIENCE)
             self._waiting[name] -= 1
             self._granted = f"{name} sends"
         try:

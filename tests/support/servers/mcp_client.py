@@ -17,6 +17,8 @@ from anyio.from_thread import BlockingPortal, start_blocking_portal
 from fastmcp import Client
 from fastmcp.client.transports import StdioTransport
 
+from support.patience import PATIENCE
+
 VAST = str(Path(sys.executable).with_name("vast"))
 
 
@@ -57,7 +59,7 @@ class Assistant:
 def session(transport: Any, **options: Any) -> Iterator[Assistant]:
     """Talk to a server."""
     with start_blocking_portal() as portal:
-        client = Client(transport, timeout=60, **options)
+        client = Client(transport, timeout=PATIENCE, **options)
         with portal.wrap_async_context_manager(client):
             yield Assistant(portal, client)
 
@@ -84,7 +86,7 @@ def over_http(results: Path) -> Iterator[str]:
         assert "http://" in line, process.communicate()
         yield line
         process.send_signal(signal.SIGINT)
-        _, complaints = process.communicate(timeout=10)
+        _, complaints = process.communicate(timeout=PATIENCE)
         assert not complaints, complaints
         assert process.returncode == 0
     finally:

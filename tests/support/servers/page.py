@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from support.patience import PATIENCE
+
 VAST = Path(sys.executable).with_name("vast")
 
 
@@ -43,7 +45,7 @@ class ShownPage:
     ) -> Answer:
         """Request exactly this path; a header that is None is left out."""
         place = urlsplit(self.address)
-        connection = HTTPConnection(place.hostname or "", place.port, timeout=60)
+        connection = HTTPConnection(place.hostname or "", place.port, timeout=PATIENCE)
         given = {"Host": place.netloc, **(headers or {})}
         connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
         for name, value in given.items():
@@ -88,7 +90,7 @@ def shown(
         assert line, process.communicate()
         yield ShownPage(line.split()[-1].partition("#")[0], process)
         process.send_signal(end)
-        _, complaints = process.communicate(timeout=30)
+        _, complaints = process.communicate(timeout=PATIENCE)
         assert not complaints, complaints
         assert process.returncode == (0 if end == signal.SIGINT else -end)
     finally:

@@ -81,7 +81,7 @@ def start(cluster: Cluster, customizations: Path) -> ArgoCd:
 
     :param customizations: a manifest with additions to its ConfigMap `argocd-cm`.
     :raises Unavailable: when the machine cannot build it.
-    :raises StartFailed: when it does not answer within 60 s.
+    :raises StartFailed: when it does not answer in time.
     """
     debian.require("redis-server")
     program = gobuild.build(programs.ARGOCD)
@@ -115,7 +115,7 @@ def start(cluster: Cluster, customizations: Path) -> ArgoCd:
     controller = spawn("application-controller", *of_cluster, "--loglevel=debug")
     server = spawn("server", *of_cluster, "--insecure", "--disable-auth", f"--port={API_PORT}")
     argo = ArgoCd(cluster, f"127.0.0.1:{network.publish(bed, API_PORT)}", controller.log)
-    wait_for("argocd-server", lambda: _answers(argo), timeout=60, failed=server.failure)
+    wait_for("argocd-server", lambda: _answers(argo), failed=server.failure)
     return argo
 
 
@@ -145,7 +145,7 @@ def _install(cluster: Cluster, manifests: Path, customizations: Path) -> None:
     cluster.kubectl("create", "namespace", NAMESPACE)
     cluster.kubectl(*apply, *(f"--filename={file}" for file in (*crds, *settings)))
     cluster.kubectl(*apply, "--field-manager=robovast", f"--filename={customizations}")
-    wait_for("argocd", lambda: _knows(cluster, len(crds)), timeout=30, failed=lambda: None)
+    wait_for("argocd", lambda: _knows(cluster, len(crds)), failed=lambda: None)
     cluster.apply(PROJECT)
 
 

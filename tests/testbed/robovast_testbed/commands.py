@@ -7,6 +7,9 @@ from pathlib import Path
 
 from .errors import StartFailed
 
+PATIENCE = 180.0
+"""How long a part may take to be ready: others may have the CPUs meanwhile [s]."""
+
 
 def run(
     command: Sequence[str | Path],
@@ -35,20 +38,17 @@ def run(
     return result.stdout
 
 
-def wait_for(
-    what: str, probe: Callable[[], bool], *, timeout: float, failed: Callable[[], str | None]
-) -> None:
+def wait_for(what: str, probe: Callable[[], bool], *, failed: Callable[[], str | None]) -> None:
     """Poll until `probe` holds.
 
-    :param timeout: in seconds.
     :param failed: says why waiting is pointless, or None while it is not.
     :raises StartFailed: when the time is over or `failed` names a reason.
     """
-    deadline = time.monotonic() + timeout
+    deadline = time.monotonic() + PATIENCE
     while not probe():
         reason = failed()
         if reason is None and time.monotonic() > deadline:
-            reason = f"not ready after {timeout:.0f} s"
+            reason = f"not ready after {PATIENCE:.0f} s"
         if reason is not None:
             raise StartFailed(f"{what}: {reason}")
         time.sleep(0.1)

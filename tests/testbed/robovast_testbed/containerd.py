@@ -91,7 +91,7 @@ def start(bed: Bed) -> Containerd:
     """Start containerd in a testbed, with the image that the kubelet needs for every pod.
 
     :raises Unavailable: when the machine lacks root, Go or a Debian package.
-    :raises StartFailed: when it does not answer within 30 s.
+    :raises StartFailed: when it does not answer in time.
     """
     debian.require("runc", f"{CNI_PLUGINS}/bridge")
     engine = of(bed)
@@ -112,7 +112,7 @@ def start(bed: Bed) -> Containerd:
         [_program("containerd"), "--config", config],
         env={"PATH": f"{shims}:{os.environ['PATH']}"},
     )
-    wait_for("containerd", engine.answers, timeout=30, failed=daemon.failure)
+    wait_for("containerd", engine.answers, failed=daemon.failure)
     engine.load(scratch.archive(gobuild.build_own("pause")))
     return engine
 

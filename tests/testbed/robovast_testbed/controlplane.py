@@ -60,7 +60,7 @@ def start(bed: Bed, manager_requests: int = 20, version: str = programs.KUBERNET
         its own default.
     :param version: of Kubernetes: the newest or the oldest that is promised.
     :raises Unavailable: when the machine lacks root, Go or a Debian package.
-    :raises StartFailed: when it is not ready within 60 s.
+    :raises StartFailed: when it is not ready in time.
     """
     cluster = Cluster(bed)
     network.create_bridge(bed)
@@ -68,14 +68,13 @@ def start(bed: Bed, manager_requests: int = 20, version: str = programs.KUBERNET
     _write_kubeconfigs(cluster, authority)
     programs.spawn(bed, "etcd", _etcd(cluster.folder), version)
     api = programs.spawn(bed, "kube-apiserver", _api_server(cluster, authority), version)
-    wait_for("kube-apiserver", lambda: _ready(cluster), timeout=60, failed=api.failure)
+    wait_for("kube-apiserver", lambda: _ready(cluster), failed=api.failure)
     arguments = _controller_manager(cluster.folder, authority, manager_requests)
     manager = programs.spawn(bed, "kube-controller-manager", arguments, version)
     programs.spawn(bed, "kube-scheduler", _scheduler(cluster.folder), version)
     wait_for(
         "kube-controller-manager",
         lambda: "default" in cluster.kubectl("get", "serviceaccounts", "--output=name"),
-        timeout=60,
         failed=manager.failure,
     )
     cluster.apply(*_storage(cluster.folder / "volumes"))

@@ -57,7 +57,7 @@ def start(bed: Bed) -> Docker:
     """Start a daemon in the testbed and wait until it answers.
 
     :raises Unavailable: when the machine lacks root, Go or a Debian package.
-    :raises StartFailed: when it does not come up within 60 s.
+    :raises StartFailed: when it does not come up in time.
     """
     debian.require("docker", "dockerd", "iptables", "runc")
     docker = Docker(bed.folder / "docker")
@@ -67,7 +67,7 @@ def start(bed: Bed) -> Docker:
     config = docker.folder / "daemon.json"
     config.write_text(json.dumps(_config(bed, docker)))
     daemon = bed.spawn("dockerd", ["dockerd", "--config-file", config])
-    wait_for("dockerd", docker.answers, timeout=60, failed=daemon.failure)
+    wait_for("dockerd", docker.answers, failed=daemon.failure)
     return docker
 
 

@@ -38,7 +38,7 @@ def start(
         ],
     )
     cluster.apply(*(_node(f"kwok-{index}", tainted) for index in range(nodes)))
-    wait_for("kwok", lambda: _ready(cluster) == nodes, timeout=60, failed=daemon.failure)
+    wait_for("kwok", lambda: _ready(cluster) == nodes, failed=daemon.failure)
 
 
 def _stage_files() -> list[Path]:

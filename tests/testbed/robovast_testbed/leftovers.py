@@ -13,7 +13,7 @@ from .errors import StartFailed
 CGROUPS = Path("/sys/fs/cgroup")
 
 
-def kill(netns: Path, folder: Path, *, timeout: float = 20.0) -> None:
+def kill(netns: Path, folder: Path, *, timeout: float = 60.0) -> None:
     """Kill every process in the network namespace or with its root file system in the folder.
 
     This process and its ancestors are spared.

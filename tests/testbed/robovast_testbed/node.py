@@ -17,7 +17,7 @@ def start(cluster: Cluster, archives: Iterable[Path] = ()) -> None:
 
     :param archives: images in `docker save` format that pods shall find there.
     :raises Unavailable: when the machine lacks root, Go or a Debian package.
-    :raises StartFailed: when the node is not ready within 60 s.
+    :raises StartFailed: when the node is not ready in time.
     """
     debian.require("conntrack", "iptables")
     engine = containerd.start(cluster.bed)
@@ -26,9 +26,9 @@ def start(cluster: Cluster, archives: Iterable[Path] = ()) -> None:
     for archive in (scratch.archive(gobuild.build(programs.COREDNS)), *archives):
         engine.load(archive)
     cluster.kubectl("apply", "--server-side", "--filename", MANIFESTS / "coredns.yaml")
-    wait_for("node", lambda: _is_ready(cluster), timeout=60, failed=kubelet.failure)
+    wait_for("node", lambda: _is_ready(cluster), failed=kubelet.failure)
     cluster.kubectl(
-        *("--namespace=kube-system", "rollout", "status", "deployment/coredns", "--timeout=60s")
+        *("--namespace=kube-system", "rollout", "status", "deployment/coredns", "--timeout=180s")
     )
 
 

@@ -78,7 +78,7 @@ class Server:
             (folder / name).mkdir(parents=True, exist_ok=True)
         command = [gobuild.build(make.program), *make.arguments(make.port, folder)]
         self._daemon = self.bed.spawn(self.make, command, env=make.env)
-        wait_for(self.make, self._answers, timeout=30, failed=self._daemon.failure)
+        wait_for(self.make, self._answers, failed=self._daemon.failure)
 
     def _answers(self) -> bool:
         try:
@@ -95,7 +95,7 @@ def start(bed: Bed, make: str) -> Server:
     """Start an object store of this make (a key of MAKES) in a testbed that has its bridge.
 
     :raises Unavailable: when the machine cannot build it.
-    :raises StartFailed: when it does not answer within 30 s.
+    :raises StartFailed: when it does not answer in time.
     """
     port = network.publish(bed, MAKES[make].port)
     server = Server(make, bed, f"127.0.0.1:{port}")

@@ -21,6 +21,7 @@ from PIL import Image
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from support.campaigns.bags import START, Bag
 from support.campaigns.drives import PICTURE, DriveBag, around, photo, record_drive
+from support.patience import PATIENCE
 
 from robovast.base.errors import InputError
 from robovast.evaluation.drive import pictures
@@ -409,7 +410,7 @@ def test_a_bag_that_takes_long_holds_no_other_up(
     def read(root: Path, bag: str) -> Recording:
         if bag == slow.name:
             begun.set()
-            assert end.wait(20)
+            assert end.wait(PATIENCE)
         return Recording(root, bag)
 
     monkeypatch.setattr("robovast.evaluation.drive.drives.Recording", read)
@@ -418,10 +419,10 @@ def test_a_bag_that_takes_long_holds_no_other_up(
     with ThreadPoolExecutor() as pool:
         try:
             first = pool.submit(kept.drive, slow.name, {})
-            assert begun.wait(20)
-            assert pool.submit(kept.drive, quick.name, {}).result(20)
+            assert begun.wait(PATIENCE)
+            assert pool.submit(kept.drive, quick.name, {}).result(PATIENCE)
             with pytest.raises(InputError, match="still being searched"):
-                pool.submit(kept.drive, slow.name, {}).result(20)
+                pool.submit(kept.drive, slow.name, {}).result(PATIENCE)
         finally:
             end.set()
-        assert first.result(20)
+        assert first.result(PATIENCE)

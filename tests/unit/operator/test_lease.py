@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from support.kube.fake_cluster import SETTINGS
+from support.patience import PATIENCE
 
 from robovast_operator.kube import lease as lease_module
 from robovast_operator.kube.api import ApiError
@@ -61,7 +62,7 @@ def test_a_term_ends_when_another_replica_leads_and_not_when_a_renewal_is_late()
         keeping.cancel()
         return found
 
-    assert asyncio.run(asyncio.wait_for(terms(), 20)) == [1, 1, 2]
+    assert asyncio.run(asyncio.wait_for(terms(), PATIENCE)) == [1, 1, 2]
 
 
 @pytest.mark.parametrize(
@@ -89,6 +90,6 @@ def test_whatever_stands_in_the_lease_somebody_leads(
         keeping.cancel()
         await leadership.release()
 
-    asyncio.run(asyncio.wait_for(lead(), 20))
+    asyncio.run(asyncio.wait_for(lead(), PATIENCE))
     assert server.lease["spec"]["holderIdentity"] is None
     assert server.lease["spec"]["leaseTransitions"] < 2**31
