@@ -116,7 +116,7 @@ def test_a_full_disk_here_is_no_fault_of_the_share(
     started = time.monotonic()
     with small_disk(MIB // 2), pytest.raises(StorageError, match="cannot be written: File too la"):
         download_from_share(share, [NAME], tmp_path / "home")
-    assert time.monotonic() - started < 10, "trying again frees no space"
+    assert time.monotonic() - started < 100, "trying again frees no space"
     assert not (tmp_path / "home" / NAME).exists()
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from threading import Thread
 
 import pytest
-from support.patience import eventually
+from support.patience import PATIENCE, eventually
 
 from robovast.agent.container_control import RunContainer
 from robovast.agent.fetch import START
@@ -99,9 +99,9 @@ def test_a_job_has_taken_as_long_as_it_did_when_its_agent_looks_late(folders: Fo
     begin(folders, ago=100.0)
     stopwatch = container.started(1)
     assert stopwatch is not None
-    assert 99 <= stopwatch.seconds < 110
+    assert 99 <= stopwatch.seconds < 100 + PATIENCE
     began, ended = stopwatch.period
-    assert ended - began == pytest.approx(100, abs=10)
+    assert 99 <= ended - began < 100 + PATIENCE
 
 
 def test_a_container_is_gone_when_its_lock_is_free_and_it_left_no_code(folders: Folders) -> None:
@@ -186,10 +186,10 @@ def test_a_clock_that_is_set_makes_no_run_overdue(
         ahead[0] = 3600.0
         time.sleep(0.5)
         (folders.answers / "1.code.0").touch()
-        following.join(30)
+        following.join(PATIENCE)
     (ended,) = received.ended
     assert ended.result.verdict is Verdict.PASSED, ended.result.reason
-    assert ended.observed[1] - ended.observed[0] < 60
+    assert ended.observed[1] - ended.observed[0] < 600
     assert (folders.config / "order").read_text().split() == [], "it was not told to stop"
 
 
@@ -209,10 +209,10 @@ def test_a_clock_that_is_set_makes_no_agent_silent(folders: Folders, tmp_path: P
         start_new_session=True,
     )
     try:
-        eventually(lambda: container.exit_code(1) is not None, 30)
+        eventually(lambda: container.exit_code(1) is not None)
         assert container.exit_code(1) == 0
         container.end()
-        assert process.wait(30) == 0
+        assert process.wait(PATIENCE) == 0
     finally:
         process.kill()
         process.wait()

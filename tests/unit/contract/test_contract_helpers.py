@@ -16,7 +16,7 @@ from types import SimpleNamespace
 
 import pytest
 import yaml
-from support.patience import eventually
+from support.patience import PATIENCE, eventually
 
 from robovast.execution.contract import (
     COLLECT_SYSINFO,
@@ -60,7 +60,7 @@ import os, subprocess, sys
 sys.argv[1:] = [sys.executable]
 names = {"__name__": "run_scenarios"}
 exec(open(sys.argv[0]).read(), names)
-with subprocess.Popen(["sleep", "60"]) as other:
+with subprocess.Popen(["sleep", "600"]) as other:
     try:
         assert names["has_children"]()
         names["ENDING"] = tuple((number, 0.1) for number, _ in names["ENDING"])
@@ -76,7 +76,7 @@ with subprocess.Popen(["sleep", "60"]) as other:
 def test_what_cannot_be_ended_is_named() -> None:
     code = UNENDABLE.replace("sys.argv[0]", repr(str(FILES[RUN_SCENARIOS])))
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=False
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE, check=False
     )
     assert done.stdout == "True\n", done.stderr
 
@@ -130,7 +130,7 @@ def test_cpu_is_that_since_the_last_sample_or_since_the_process_began() -> None:
 
 
 def test_an_orphan_stays_in_the_family(tmp_path: Path) -> None:
-    middle = "sleep 60 >/dev/null & echo $!; read -r"
+    middle = "sleep 600 >/dev/null & echo $!; read -r"
     with subprocess.Popen(
         ["bash", "-c", middle], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as parent:
@@ -154,7 +154,7 @@ def test_the_monitor_samples_until_it_is_told_to_stop(tmp_path: Path) -> None:
     with subprocess.Popen([*command, str(os.getpid())]) as monitor:
         eventually(lambda: out.exists() and out.read_text().count("\n") > 1)
         monitor.send_signal(signal.SIGTERM)
-        assert monitor.wait(10) == 0
+        assert monitor.wait(PATIENCE) == 0
     rows = list(csv.DictReader(out.read_text().splitlines()))
     assert len({row["timestamp"] for row in rows}) >= 2
     assert {os.getpid(), monitor.pid} <= {int(row["pid"]) for row in rows}
@@ -208,11 +208,11 @@ def test_a_post_command_that_never_ends_is_killed_with_its_children(
     driver: SimpleNamespace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     program = tmp_path / "post"
-    program.write_text('#!/bin/bash\nsleep 60 &\necho $! >"$1/child"\nwait\n')
+    program.write_text('#!/bin/bash\nsleep 600 &\necho $! >"$1/child"\nwait\n')
     program.chmod(0o755)
     errors: list[str] = []
     logger = SimpleNamespace(info=lambda _: None, error=errors.append)
-    monkeypatch.setitem(driver.run_post_command.__globals__, "POST_COMMAND_TIMEOUT", 2)
+    monkeypatch.setitem(driver.run_post_command.__globals__, "POST_COMMAND_TIMEOUT", 10)
     driver.run_post_command(str(program), str(tmp_path), logger)
     assert "killed" in errors[0]
     child = Path("/proc") / (tmp_path / "child").read_text().strip() / "stat"

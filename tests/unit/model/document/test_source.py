@@ -81,12 +81,12 @@ def test_aliases_that_explode_are_refused_quickly_and_in_little_memory() -> None
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 12)]
     tracemalloc.start()
-    begin = time.monotonic()
+    begin = time.process_time()
     message = problem_of("\n".join(lines))
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert "aliases" in message
-    assert time.monotonic() - begin < 10
+    assert time.process_time() - begin < 10
     assert peak < 200 * 2**20
 
 
