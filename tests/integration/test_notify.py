@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.patience import PATIENCE
 from support.servers.notices import Receiver, receiving
 
 from robovast.agent import notify as command
@@ -70,7 +71,7 @@ class Pod:
             env=env | {"JOB_COMPLETION_INDEX": str(index)},
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=PATIENCE,
             check=False,
         )
         message = (self.folder / "message").read_text()
@@ -166,10 +167,10 @@ def test_what_a_server_refuses_is_not_sent_again_and_no_message_tells_a_secret(
 
 
 def test_a_server_that_is_gone_is_a_case_for_another_pod(pod: Pod) -> None:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    ended = pod.send(url=f"http://127.0.0.1:{port}/{TOPIC}")
+    with socket.socket() as silent:  # nobody else gets its port, and it does not listen
+        silent.bind(("127.0.0.1", 0))
+        port = silent.getsockname()[1]
+        ended = pod.send(url=f"http://127.0.0.1:{port}/{TOPIC}")
     assert ended.code == 74
     assert f"http://127.0.0.1:{port} does not answer" in ended.message
     assert TOPIC not in ended.said

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from robovast.base.atomic import write_atomically
 from robovast.base.serialization import dump_yaml
 
 START = datetime(2026, 3, 4, 13, 24, 44, tzinfo=UTC).timestamp()
@@ -136,9 +137,9 @@ def _write_outputs(root: Path, folder: Path, index: int, begin: float, seconds: 
 
 
 def write(path: Path, text: str) -> None:
-    """Write a file and the folders it needs."""
+    """Write a file and the folders it needs; who reads meanwhile finds all of it or nothing."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
+    write_atomically(path, text, lasting=False)
 
 
 def _iso(seconds: float) -> str:
