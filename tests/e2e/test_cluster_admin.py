@@ -16,6 +16,7 @@ import yaml
 from robovast_testbed import gobuild, programs
 from robovast_testbed.helm import helm
 from robovast_testbed.kubernetes import Cluster
+from support.kube.held_runs import HELD, release_until_finished
 from support.kube.lab import (
     ROOT,
     SYSTEM,
@@ -25,7 +26,7 @@ from support.kube.lab import (
     install,
     install_chart,
 )
-from support.patience import eventually
+from support.patience import PATIENCE, eventually
 
 CHART = ROOT / "helm/robovast"
 PROGRAMS = ("kubectl", "vast", "helm")
@@ -90,16 +91,16 @@ def answers(forward: str, log: str, shell: dict[str, str]) -> bool:
 
     def page() -> bool:
         try:
-            with urllib.request.urlopen(address.group(), timeout=5) as answer:  # noqa: S310
+            with urllib.request.urlopen(address.group(), timeout=30) as answer:  # noqa: S310
                 return bool(answer.status == 200)
         except OSError:
             return False
 
     try:
-        return bool(eventually(page, 30, f"a page at {address.group()}"))
+        return bool(eventually(page, told=f"a page at {address.group()}"))
     finally:
         process.terminate()
-        process.wait(timeout=10)
+        process.wait(PATIENCE)
 
 
 def older_chart(folder: Path) -> Path:
@@ -137,7 +138,7 @@ def columns(cluster: Cluster) -> int:
 def wait_until_working(cluster: Cluster) -> None:
     cluster.kubectl(
         *("--namespace", SYSTEM, "rollout", "status", "deployment/robovast-operator"),
-        "--timeout=120s",
+        "--timeout=180s",
     )
 
 
@@ -146,7 +147,7 @@ def older(installed: Cluster, tmp_path: Path) -> Iterator[Cluster]:
     """A cluster on which nothing is left of the installation but its volume, then an older one."""
     helm(installed, "uninstall", "robovast", *RELEASE)
     crds = ("crd/campaigns.robovast.io", "crd/configurations.robovast.io")
-    installed.kubectl("delete", *crds, "--timeout=60s")
+    installed.kubectl("delete", *crds, "--timeout=180s")
     install_chart(installed, older_chart(tmp_path))
     yield installed
     install(installed)
@@ -156,10 +157,9 @@ def test_campaigns_outlive_upgrade_rollback_and_removal(older: Cluster, lab: Lab
     cluster = older
     lab.quick("done", "true\n", "  runs_per_job: 3\n")
     lab.wait("done")
-    lab.quick("underway", "sleep 3\n", "  runs: 2\n  runs_per_job: 2\n", parallelism=1)
-    eventually(
-        lambda: lab.campaign("underway").get("status", {}).get("runs", {}).get("stored"), 120
-    )
+    script = f'[ "$1" != 3 ] || {HELD}'
+    lab.quick("underway", script, "  runs: 2\n  runs_per_job: 2\n", parallelism=1)
+    eventually(lambda: lab.campaign("underway").get("status", {}).get("runs", {}).get("stored"))
     kept = (
         ("secret", "robovast-storage"),
         ("persistentvolumeclaim", "robovast-s3"),
@@ -176,7 +176,7 @@ def test_campaigns_outlive_upgrade_rollback_and_removal(older: Cluster, lab: Lab
     assert lab.campaign("done")["metadata"]["uid"] == done["metadata"]["uid"]
     assert columns(cluster) == few + 1
     assert "minPassRatio" in cluster.kubectl("explain", "campaign.spec.acceptance")
-    lab.wait("underway")
+    release_until_finished(lab, "underway")
     home = lab.download("underway")
     assert set(lab.verdicts(home).values()) == {"passed"}
     assert len(lab.verdicts(home)) == 6

@@ -137,7 +137,7 @@ def test_failed_runs_are_told_from_broken_ones_and_repeated_alone(lab: Lab) -> N
     times = {path: path.stat().st_mtime for path in before.glob("*/*/run.json")}
     assert len(times) == 6
     lab.vast("exec", "cluster", "retry", "-i", "mixed", "-n", lab.namespace, code=None)
-    lab.kubectl(*("wait", "campaign/mixed", "--for=jsonpath={.status.attempt}=2", "--timeout=60s"))
+    lab.kubectl(*("wait", "campaign/mixed", "--for=jsonpath={.status.attempt}=2", "--timeout=180s"))
     lab.wait("mixed")
     after = lab.download("mixed")
     records = {
@@ -148,11 +148,11 @@ def test_failed_runs_are_told_from_broken_ones_and_repeated_alone(lab: Lab) -> N
     assert attempts == {f"one-{v}/{r}": 2 if v == 2 else 1 for v in (1, 2, 3) for r in (0, 1)}
     lab.kubectl("patch", "campaign", "mixed", "--type=merge", '--patch={"spec":{"runs":3}}')
     lab.kubectl(
-        *("wait", "campaign/mixed", "--for=jsonpath={.status.runs.total}=9", "--timeout=60s")
+        *("wait", "campaign/mixed", "--for=jsonpath={.status.runs.total}=9", "--timeout=180s")
     )
     lab.wait("mixed")
     assert len(lab.verdicts(lab.download("mixed"))) == 9
-    eventually(lambda: len(received(lab)) == 3, 60, "three ends are told")
+    eventually(lambda: len(received(lab)) == 3, told="three ends are told")
     assert {(item["path"], item["title"]) for item in received(lab)} == {
         ("/topic", "mixed has failed")
     }
@@ -179,7 +179,7 @@ def test_the_log_of_a_run_is_followed_from_its_start_to_the_end_of_its_part(lab:
         "has not come to it yet" in lab.vast("exec", "cluster", "logs", "one-3/0", *inside).stderr
     )
     executed = lab.vast("exec", "cluster", "runs", "talk", *inside).stdout.splitlines()[1]
-    assert executed.startswith("one-1/0 and 2 more  running  0:"), executed
+    assert re.match(r"one-1/0 and 2 more  running  \d+:", executed), executed
     shell = subprocess.run(
         [VAST, "exec", "cluster", "shell", "talk", "one-2/0", *inside],
         input="pwd; df --output=size -BM /dev/shm; touch one-2/0/go\n",
@@ -203,7 +203,7 @@ def test_the_log_of_a_run_is_followed_from_its_start_to_the_end_of_its_part(lab:
 def start_receiver(lab: Lab) -> None:
     """A pod that is told; its address goes into the Secret `robovast-phone`."""
     lab.kubectl("apply", "--filename=-", stdin=json.dumps(receiver_pod("receiver", images.AGENT)))
-    lab.kubectl("wait", "pod/receiver", "--for=condition=Ready", "--timeout=60s")
+    lab.kubectl("wait", "pod/receiver", "--for=condition=Ready", "--timeout=180s")
     address = f"http://{lab.get('pod', 'receiver')['status']['podIP']}:{POD_PORT}/topic"
     lab.kubectl("create", "secret", "generic", "robovast-phone", f"--from-literal=url={address}")
 
@@ -228,17 +228,17 @@ def test_a_run_is_looked_into_in_a_pod_of_its_own_and_the_results_stay_as_they_a
     told = lab.vast("exec", "cluster", "debug", "odd", "one-2/0", "-n", lab.namespace).stdout
     (pod,) = re.findall(r"delete pod (\S+)", told)
     inside = ("exec", pod, "--container=robovast", "--")
-    lab.kubectl("wait", f"pod/{pod}", "--for=condition=Ready", "--timeout=90s")
+    lab.kubectl("wait", f"pod/{pod}", "--for=condition=Ready", "--timeout=180s")
 
     def written() -> str:
         return lab.kubectl(*inside, "sh", "-c", "cat /out/one-2/0/said.txt || true")
 
-    assert eventually(written, 60, told) == said
+    assert eventually(written, told=told) == said
     (again,) = re.findall(r"again: +(.*?) +\(", told)
     lab.kubectl(*inside, "bash", "-c", f"rm /out/one-2/0/said.txt; {again} || true")
     assert written() == said
     assert lab.cluster.kubectl(*listing) == before
-    lab.kubectl("delete", "pod", pod, "--timeout=90s")
+    lab.kubectl("delete", "pod", pod, "--timeout=180s")
     assert lab.verdicts(lab.download("odd"))["one-2/0"] == "failed"
     wrong = lab.vast("exec", "cluster", "debug", "odd", "one-9/0", "-n", lab.namespace, code=None)
     assert wrong.returncode != 0
@@ -273,7 +273,7 @@ def test_a_campaign_with_a_users_plugin_is_composed_in_a_container_and_never_in_
     assert all("-compose-" in words[1] for words in said.values())
     lab.folder.joinpath("plugin/plugin.py").write_text(plugin.replace("update_config", "nothing"))
     lab.apply(path, "broken")
-    lab.kubectl(*("wait", "campaign/broken", "--for=condition=Accepted=false", "--timeout=90s"))
+    lab.kubectl(*("wait", "campaign/broken", "--for=condition=Accepted=false", "--timeout=180s"))
     assert "nothing" in lab.conditions("broken")["Accepted"]["message"]
 
 
@@ -295,7 +295,7 @@ def test_configurations_show_entries_and_add_runs(lab: Lab) -> None:
     }
     lab.kubectl("apply", "--filename=-", stdin=json.dumps(added))
     lab.kubectl(
-        *("wait", "campaign/more", "--for=jsonpath={.status.runs.total}=5", "--timeout=60s")
+        *("wait", "campaign/more", "--for=jsonpath={.status.runs.total}=5", "--timeout=180s")
     )
     lab.wait("more")
     assert set(lab.verdicts(lab.download("more"))) == {
@@ -303,11 +303,13 @@ def test_configurations_show_entries_and_add_runs(lab: Lab) -> None:
     }  # fmt: skip
     jobs = job_names(lab)
     lab.kubectl("delete", "configuration", "extra")
-    eventually(lambda: len(jobs - job_names(lab)) == 1, 30)
+    eventually(lambda: len(jobs - job_names(lab)) == 1)
     wrong = {**added, "metadata": {**added["metadata"], "name": "wrong"}}
     wrong["spec"] = {"campaign": "more", "parameters": [{"speed": 7}]}
     lab.kubectl("apply", "--filename=-", stdin=json.dumps(wrong))
-    lab.kubectl(*("wait", "configuration/wrong", "--for=condition=Accepted=false", "--timeout=60s"))
+    lab.kubectl(
+        *("wait", "configuration/wrong", "--for=condition=Accepted=false", "--timeout=180s")
+    )
 
 
 @pytest.mark.parametrize("retention", ["Retain", "Delete"])
@@ -324,8 +326,8 @@ def test_a_deleted_campaign_leaves_nothing_behind_but_what_it_was_told_to(
         bucket = lab.campaign(name).get("status", {}).get("bucket", "none")
         lab.kubectl("delete", "campaign", name, "--timeout=200s")
         for kind in ("jobs", "configurations", "pods"):
-            lab.kubectl("wait", kind, "--all", "--for=delete", "--timeout=150s")
-        eventually(lambda: "gone-" not in lab.kubectl("get", "configmaps", "-o", "name"), 60)
+            lab.kubectl("wait", kind, "--all", "--for=delete", "--timeout=180s")
+        eventually(lambda: "gone-" not in lab.kubectl("get", "configmaps", "-o", "name"))
         if phase == "finished":
             assert (bucket in buckets(lab)) == (retention == "Retain")
 
@@ -334,10 +336,10 @@ def reach(lab: Lab, name: str, phase: str) -> None:
     """Wait until a campaign is in a phase."""
     if phase == "suspended":
         state = "--for=jsonpath={.status.state}=Suspended"
-        lab.kubectl("wait", f"campaign/{name}", state, "--timeout=60s")
+        lab.kubectl("wait", f"campaign/{name}", state, "--timeout=180s")
     elif phase == "running":
         active = "--for=jsonpath={.status.runs.active}=3"
-        lab.kubectl("wait", f"campaign/{name}", active, "--timeout=60s")
+        lab.kubectl("wait", f"campaign/{name}", active, "--timeout=180s")
     elif phase == "finished":
         lab.wait(name)
 
@@ -383,13 +385,13 @@ def test_the_page_in_the_cluster_shows_what_is_in_the_storage(lab: Lab) -> None:
 
     def campaigns() -> str:
         try:
-            with urllib.request.urlopen(address, timeout=5) as page:  # noqa: S310 - see above
+            with urllib.request.urlopen(address, timeout=30) as page:  # noqa: S310 - see above
                 return str(page.read().decode())
         except OSError:
             return ""
 
     try:
-        eventually(lambda: name in campaigns(), 60, said)
+        eventually(lambda: name in campaigns(), told=said)
     finally:
         forward.terminate()
         forward.wait()
@@ -399,13 +401,13 @@ def test_a_suspended_campaign_stops_and_goes_on(lab: Lab) -> None:
     """`spec.suspend` frees the cluster; what was stored is not executed again."""
     lab.quick("paused", "sleep 1\n", "  runs: 4\n", parallelism=2)
     lab.kubectl(
-        *("wait", "campaign/paused", "--for=jsonpath={.status.state}=Running", "--timeout=60s")
+        *("wait", "campaign/paused", "--for=jsonpath={.status.state}=Running", "--timeout=180s")
     )
     lab.kubectl("patch", "campaign", "paused", "--type=merge", '--patch={"spec":{"suspend":true}}')
     lab.kubectl(
-        *("wait", "campaign/paused", "--for=jsonpath={.status.state}=Suspended", "--timeout=60s")
+        *("wait", "campaign/paused", "--for=jsonpath={.status.state}=Suspended", "--timeout=180s")
     )
-    lab.kubectl(*("wait", "job", "--all", "--for=jsonpath={.spec.suspend}=true", "--timeout=60s"))
+    lab.kubectl(*("wait", "job", "--all", "--for=jsonpath={.spec.suspend}=true", "--timeout=180s"))
     lab.kubectl(
         *("patch", "campaign", "paused", "--type=merge", '--patch={"spec":{"suspend":false}}')
     )

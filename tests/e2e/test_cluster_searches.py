@@ -25,7 +25,7 @@ class Steps(HistoryStrategy):
     \"\"\"Each batch follows from all evaluations; it takes so long that its pod can be met.\"\"\"
 
     def propose(self, n):
-        time.sleep(2 if "-propose-" in os.environ.get("HOSTNAME", "") else 0)
+        time.sleep(6 if "-propose-" in os.environ.get("HOSTNAME", "") else 0)
         begin = len(self.asked)
         begin += sum(known.n_samples * known.params.values["x"] for known in self.known.values())
         return [ParamSet({"x": (begin + 7 * i) % 101}) for i in range(n)]
@@ -68,7 +68,7 @@ def proposing(lab: Lab, plan: int) -> Iterator[str]:
 
 def kill(lab: Lab, plan: int) -> None:
     """Kill the pod that proposes after so many plans, at once."""
-    name = eventually(lambda: next(proposing(lab, plan), ""), 90, lambda: lab.describe("hunted"))
+    name = eventually(lambda: next(proposing(lab, plan), ""), told=lambda: lab.describe("hunted"))
     lab.kubectl("delete", "pod", name, "--grace-period=0", "--force")
 
 
@@ -83,7 +83,7 @@ def test_a_search_of_which_operator_and_propose_pod_are_killed_goes_the_same_way
         for plan in range(KILLS):
             kill(lab, plan)
             restart()
-        lab.wait("hunted", seconds=180)
+        lab.wait("hunted", seconds=400)
     status = lab.campaign("hunted")["status"]
     assert (status["search"]["batch"], status["search"]["stop"]) == (KILLS + 1, "batches")
     home = lab.download("hunted")
@@ -96,13 +96,13 @@ def test_a_search_is_followed_brought_home_stopped_and_resumed_in_the_middle(lab
     wanted = undisturbed(lab, path)
     lab.apply(path, "middle")
     inside = ("-n", lab.namespace)
-    eventually(lambda: batch(lab) >= 1, 90, lambda: lab.describe("middle"))
+    eventually(lambda: batch(lab) >= 1, told=lambda: lab.describe("middle"))
     seen = lab.vast("exec", "cluster", "monitor", "--once", *inside).stdout
     assert "failure_rate" in seen
     assert "batches" in seen
     lab.vast("exec", "cluster", "stop", "-i", "middle", *inside)
     stopped = "--for=jsonpath={.status.state}=Suspended"
-    lab.kubectl("wait", "campaign/middle", stopped, "--timeout=60s")
+    lab.kubectl("wait", "campaign/middle", stopped, "--timeout=180s")
     home = lab.download("middle")
     known = proposed_values(home)
     assert 1 <= len(known) <= 4
@@ -110,7 +110,7 @@ def test_a_search_is_followed_brought_home_stopped_and_resumed_in_the_middle(lab
     rows = json.loads(lab.vast("results", "search", home, "--output", "json").stdout)
     assert len(rows) >= 2
     lab.vast("exec", "cluster", "resume", "-i", "middle", *inside)
-    lab.wait("middle", seconds=120)
+    lab.wait("middle")
     assert proposed_values(lab.download("middle")) == wanted
 
 
@@ -122,7 +122,7 @@ def test_whatever_kind_of_search_asks_for_the_same_sets_as_on_this_machine(
     path = make_campaign(lab.folder / kind, FAILS_ABOVE_50, extra, document=LIMITED)
     wanted = undisturbed(lab, path)
     lab.apply(path, kind)
-    lab.wait(kind, seconds=180)
+    lab.wait(kind)
     assert proposed_values(lab.download(kind)) == wanted
     assert len(wanted) == 2
 

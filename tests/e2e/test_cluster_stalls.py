@@ -12,22 +12,12 @@ from pathlib import Path
 from robovast_testbed import containerd, gobuild, outages, scratch
 from robovast_testbed.kubernetes import Manifest
 from support.campaigns.local import make_campaign
+from support.kube.held_runs import HELD, release
 from support.kube.lab import QUICK, SYSTEM, Lab
-from support.patience import eventually
+from support.patience import PATIENCE, eventually
 
 FOREIGN_PROGRAM = b"\x7fELF\x02\x01\x01".ljust(16, b"\0") + (2).to_bytes(2, "little") + b"\xb7\0"
 """The beginning of an executable for aarch64; no machine of another kind executes it."""
-
-
-HELD = "until [ -e /tmp/go ]; do sleep 1; done\n"
-"""What a run executes that goes on, and writes nothing, until the test releases it."""
-
-
-def release(lab: Lab, name: str) -> None:
-    """Let the runs of a campaign end."""
-    shards = f"--selector=robovast.io/campaign={name},robovast.io/role=shard"
-    for pod in lab.kubectl("get", "pods", shards, "--output=name").split():
-        lab.kubectl("exec", pod, "--container=robovast", "--", "touch", "/tmp/go")
 
 
 def apply(lab: Lab, name: str, image: str) -> None:
@@ -36,7 +26,7 @@ def apply(lab: Lab, name: str, image: str) -> None:
     lab.kubectl("apply", "--filename=-", stdin=json.dumps(made))
 
 
-def wait_stalled(lab: Lab, name: str, reason: str, seconds: int = 120) -> str:
+def wait_stalled(lab: Lab, name: str, reason: str, seconds: float = PATIENCE) -> str:
     """Wait until a campaign says that it is stalled; returns its message."""
 
     def told() -> str:
@@ -48,7 +38,7 @@ def wait_stalled(lab: Lab, name: str, reason: str, seconds: int = 120) -> str:
     return message
 
 
-def wait_recovered(lab: Lab, name: str, seconds: int = 120) -> None:
+def wait_recovered(lab: Lab, name: str, seconds: float = PATIENCE) -> None:
     eventually(
         lambda: lab.conditions(name)["Stalled"]["status"] == "False",
         seconds,
@@ -114,7 +104,7 @@ def test_a_container_of_ours_that_lacks_memory_is_told(lab: Lab) -> None:
     """Whenever the policy begins to hold: no later pod comes to its run."""
     lab.cluster.apply(*shrink_fetch(lab))
     lab.quick("small", "true\n", "  runs: 20\n", parallelism=2)
-    told = wait_stalled(lab, "small", "OutOfMemory", 180)
+    told = wait_stalled(lab, "small", "OutOfMemory")
     assert "fetch" in told
 
 
@@ -126,7 +116,7 @@ def impatient_operator(lab: Lab) -> Iterator[None]:
     def set_minutes(value: str) -> None:
         variable = f"ROBOVAST_SILENCE_MINUTES={value}"
         lab.cluster.kubectl("set", "env", *deployment, variable)
-        lab.cluster.kubectl("rollout", "status", *deployment, "--timeout=60s")
+        lab.cluster.kubectl("rollout", "status", *deployment, "--timeout=180s")
 
     set_minutes("0.2")
     try:
@@ -142,7 +132,7 @@ def test_a_run_that_writes_nothing_is_told_and_not_ended(lab: Lab) -> None:
     (path.parent / "files" / "hold.sh").write_text(HELD)
     with impatient_operator(lab):
         lab.apply(path, "hangs", select=["one-1"])
-        assert "kubectl logs" in wait_stalled(lab, "hangs", "Silent", 240)
+        assert "kubectl logs" in wait_stalled(lab, "hangs", "Silent", 300)
         release(lab, "hangs")
     lab.wait("hangs")
     assert lab.campaign("hangs")["status"]["runs"]["passed"] == 1
@@ -151,10 +141,10 @@ def test_a_run_that_writes_nothing_is_told_and_not_ended(lab: Lab) -> None:
 def test_a_node_that_is_cut_off_is_told(lab: Lab) -> None:
     """Its pods go on, and the campaign with them, when it is back."""
     lab.quick("cut-off", HELD, "  runs: 1\n", parallelism=3)
-    eventually(lambda: at_work(lab), 120, lambda: lab.describe("cut-off"))
+    eventually(lambda: at_work(lab), told=lambda: lab.describe("cut-off"))
     (node,) = lab.cluster.kubectl("get", "nodes", "--output=name").split()
     with outages.paused(lab.cluster, "kubelet"):
-        told = wait_stalled(lab, "cut-off", "NodeLost", 180)
+        told = wait_stalled(lab, "cut-off", "NodeLost")
         assert node.removeprefix("node/") in told
         assert "kubectl delete node" in told
     wait_recovered(lab, "cut-off")
@@ -175,7 +165,7 @@ def test_an_agent_that_lacks_memory_is_told(lab: Lab) -> None:
     agent = policies.replace("/initContainers/1/", "/containers/1/").replace("small-fetch", "agent")
     lab.cluster.apply(*json.loads(agent))
     lab.quick("small", "sleep 30\n", "  runs: 5\n", parallelism=2)
-    assert "agent" in wait_stalled(lab, "small", "OutOfMemory", 180)
+    assert "agent" in wait_stalled(lab, "small", "OutOfMemory")
 
 
 EXIT = bytes.fromhex("31ff b83c000000 0f05")
@@ -198,7 +188,7 @@ def test_an_image_without_bash_is_told(lab: Lab, tmp_path: Path) -> None:
     shell.write_bytes(does_nothing())
     containerd.of(lab.cluster.bed).load(scratch.archive(shell, "bin/sh"))
     apply(lab, "no-bash", scratch.image(shell.name))
-    told = wait_stalled(lab, "no-bash", "Container", 180)
+    told = wait_stalled(lab, "no-bash", "Container")
     assert "the container robovast cannot start" in told
     assert '"bash"' in told
 
@@ -210,7 +200,7 @@ def operator_with(lab: Lab, variable: str, value: str) -> Iterator[None]:
 
     def change(*words: str) -> None:
         lab.cluster.kubectl("set", "env", *deployment, *words)
-        lab.cluster.kubectl("rollout", "status", *deployment, "--timeout=60s")
+        lab.cluster.kubectl("rollout", "status", *deployment, "--timeout=180s")
 
     (before,) = lab.cluster.kubectl(
         *("get", *deployment, "--output"),
@@ -225,7 +215,7 @@ def operator_with(lab: Lab, variable: str, value: str) -> Iterator[None]:
 
 def test_a_pod_that_outgrows_its_disk_is_evicted_and_that_is_told(lab: Lab) -> None:
     """By the kubelet, for the limit of its volume; what it wrote is lost with it."""
-    fill = 'head -c 200M /dev/zero >"$3/large"\nsleep 120\n'
+    fill = 'head -c 200M /dev/zero >"$3/large"\nsleep 600\n'
     with operator_with(lab, "ROBOVAST_WORK_LIMIT", "32Mi"):
         lab.quick("large", fill, "  runs: 1\n", parallelism=1)
         told = wait_stalled(lab, "large", "Evicted", 240)
