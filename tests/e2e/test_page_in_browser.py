@@ -31,7 +31,7 @@ from support.campaigns.stored import (
     write_campaign,
     write_run,
 )
-from support.patience import eventually
+from support.patience import PATIENCE, eventually
 from support.servers.page import VAST, ShownPage, shown
 
 WEB = Path(__file__).parents[2] / "web"
@@ -186,8 +186,8 @@ def page(browser: Browser) -> Iterator[Page]:
     """A tab of 1280 × 800; no complaint may appear in its console."""
     context = browser.new_context(viewport={"width": 1280, "height": 800})
     page = context.new_page()
-    page.set_default_timeout(20_000)
-    expect.set_options(timeout=20_000)  # the machine may be busy
+    page.set_default_timeout(1000 * PATIENCE)
+    expect.set_options(timeout=1000 * PATIENCE)
     complaints: list[str] = []
     page.on("console", lambda message: complaints.append(f"{message.type}: {message.text}"))
     page.on("pageerror", lambda error: complaints.append(str(error)))
@@ -206,9 +206,16 @@ def axe() -> str:
     return script.read_text(encoding="utf-8")
 
 
+DRAWN = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+"""Ends when what came before it is drawn."""
+
+
 def settled(page: Page) -> None:
-    expect(page.locator(".loading")).to_have_count(0)
-    page.wait_for_timeout(100)  # what answers brought is drawn
+    for _ in range(2):  # what an answer brought may ask for more
+        page.evaluate(DRAWN)
+        expect(page.locator(".loading")).to_have_count(0)
+    page.wait_for_timeout(100)
+    page.evaluate(DRAWN)
 
 
 @contextmanager
@@ -320,7 +327,7 @@ def test_more_runs_are_seen_and_stopped_where_they_were_started(
         page.goto(f"{address}#/start")
         expect(page.locator(".hint").first).to_contain_text("several .vast files")
         launched.get_by_role("button", name="Stop").click()
-        expect(launched).to_contain_text("It was stopped.", timeout=60_000)
+        expect(launched).to_contain_text("It was stopped.")
 
 
 def test_a_campaign_is_run_from_the_page_and_looked_at(
@@ -338,7 +345,7 @@ def test_a_campaign_is_run_from_the_page_and_looked_at(
         page.get_by_label("Runtime").select_option("process")
         page.get_by_role("button", name="Run", exact=True).click()
         launched = page.get_by_role("region", name="The campaign that was started here")
-        expect(launched).to_contain_text("A run failed.", timeout=60_000)
+        expect(launched).to_contain_text("A run failed.")
         expect(launched.get_by_role("region", name="Output")).to_contain_text("1 failed")
         page.reload()
         expect(launched).to_contain_text("A run failed.")
@@ -352,7 +359,7 @@ def test_a_campaign_is_run_from_the_page_and_looked_at(
         page.get_by_role("button", name="Run it again").click()
         expect(page.get_by_role("heading", level=1)).to_contain_text("one-2/0")
         expect(launched).to_contain_text("--config=one-2 --runs=1")
-        expect(launched).to_contain_text("A run failed.", timeout=60_000)
+        expect(launched).to_contain_text("A run failed.")
     assert len(list(results.glob("test-campaign-*/one-2/0/run.json"))) == 2
 
 
@@ -439,6 +446,7 @@ def test_a_cell_and_a_filter_choose_runs_and_the_address_says_so(
     page.get_by_label("Find").fill("map=hall")
     expect(page.get_by_role("main").get_by_role("status")).to_have_text("4 of 48 runs")
     page.get_by_role("button", name=re.compile("Duration")).click()
+    expect(page).to_have_url(re.compile("[?&]sort="))
     shared = browser.new_page()
     shared.goto(page.url)
     expect(shared.get_by_role("main").get_by_role("status")).to_have_text("4 of 48 runs")
@@ -764,7 +772,7 @@ def test_a_drive_is_played_with_keys_and_looked_at_from_any_moment(
     before = player.locator("canvas").first.screenshot()
     page.keyboard.press("Space")
     expect(player.get_by_role("button", name="Pause")).to_be_visible()
-    expect(where).to_contain_text("2.", timeout=5000)
+    expect(where).to_contain_text(re.compile(r"(?<!\d)([2-9]|1\d)\.\d\d of 19\.90 s"))
     page.keyboard.press("Space")
     assert player.locator("canvas").first.screenshot() != before
     player.get_by_role("button", name=re.compile("collision with the wall")).click()
@@ -794,7 +802,7 @@ def test_the_camera_shows_what_it_saw_at_the_moment_that_is_looked_at(
 
     for key, expected in (("Home", 0), ("ArrowRight", 10), ("End", 198)):
         page.keyboard.press(key)
-        eventually(partial(shows, expected), seconds=20)
+        eventually(partial(shows, expected))
     page.get_by_label("Compare with run").select_option("hall-9/1")
     expect(page.locator(".where")).to_have_count(2)
     expect(page.locator("canvas.sight")).to_have_count(1)
@@ -974,11 +982,13 @@ def test_one_returns_to_where_one_was(page: Page, tmp_path: Path) -> None:
     write_campaign(tmp_path, runs=100, outputs=False)
     with browsing(page, tmp_path) as address:
         page.goto(f"{address}#/campaign/{NAME}?sort=variant")
+        expect(page.get_by_role("main").get_by_role("status")).to_have_text("200 runs")
         page.locator(".grid").evaluate("grid => grid.scrollTop = 3000")
         row = page.get_by_role("link", name="hall-1/92")
         row.click()
         expect(page.get_by_role("heading", level=1)).to_contain_text("hall-1/92")
-        assert page.evaluate("[scrollY, document.activeElement.tagName]") == [0, "MAIN"]
+        seen = "[scrollY, document.activeElement.tagName]"
+        eventually(lambda: page.evaluate(seen) == [0, "MAIN"])
         page.go_back()
         expect(row).to_be_in_viewport()
 
