@@ -23,7 +23,7 @@ import yaml
 from robovast_testbed.kubernetes import Cluster
 from robovast_testbed.s3 import Server
 from support.kube.fake_cluster import SETTINGS
-from support.patience import eventually
+from support.patience import PATIENCE, eventually
 from support.servers.shares import PASSWORD, USER, webdav_server
 
 from robovast.base.errors import InputError
@@ -65,7 +65,7 @@ def known_cluster(control_plane: Cluster) -> Cluster:
         "apply", "--server-side", "--force-conflicts", f"--filename={ROOT / 'crds'}"
     )
     control_plane.kubectl(
-        "wait", "--for=condition=Established", "crd/campaigns.robovast.io", "--timeout=20s"
+        "wait", "--for=condition=Established", "crd/campaigns.robovast.io", "--timeout=180s"
     )
     return control_plane
 
@@ -364,7 +364,7 @@ def test_ctrl_c_ends_only_the_following(
     assert "is in the cluster" in process.stdout.readline()
     process.stdout.readline()  # it follows
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=20)
+    out, err = process.communicate(timeout=PATIENCE)
     assert (process.returncode, err) == (130, "")
     (name,) = operator.names()
     assert f"the campaign {name} goes on" in out
@@ -936,7 +936,8 @@ def test_a_failed_upload_says_what_its_pod_said(
 
     def fail() -> None:
         eventually(lambda: bool(known_cluster.get("pods", inside)["items"]))
-        time.sleep(3)  # the client sees it wait for a node
+        shown: Any = sys.stdout
+        eventually(lambda: "its pod waits: " in shown.getvalue(), told="the client is silent")
         (pod,) = known_cluster.get("pods", inside)["items"]
         known_cluster.kubectl(
             *("patch", f"pod/{pod['metadata']['name']}", inside, "--subresource=status"),

@@ -9,13 +9,12 @@ import resource
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import yaml
 from support.campaigns.local import make_campaign
+from support.patience import PATIENCE, eventually
 from support.terminal import read_all, shown_on_terminal
 
 VAST = Path(sys.executable).with_name("vast")
@@ -23,7 +22,7 @@ VAST = Path(sys.executable).with_name("vast")
 PASS = "exit 0\n"
 FAIL_SECOND = '[ "$1" != 2 ]\n'
 NO_RESULT_SECOND = '[ "$1" != 2 ] || kill -9 $PPID\n'
-SLOW = "sleep 60\n"
+SLOW = "sleep 600\n"
 
 
 def vast(*arguments: object, cwd: Path, **settings: object) -> subprocess.CompletedProcess[str]:
@@ -72,9 +71,9 @@ def test_an_interrupted_campaign_ends_soon_and_is_resumed(tmp_path: Path) -> Non
         [VAST, "-V", file, "exec", "local", "run", "out", "--runtime", "process", "-j", "1"],
         cwd=tmp_path, stdout=subprocess.PIPE, text=True,
     ) as process:  # fmt: skip
-        wait_for(lambda: any((tmp_path / "out").glob("*/.running/job-*/out/*")))
+        eventually(lambda: any((tmp_path / "out").glob("*/.running/job-*/out/*")))
         process.send_signal(signal.SIGINT)
-        out, _ = process.communicate(timeout=30)
+        out, _ = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130
     (campaign,) = (tmp_path / "out").iterdir()
     assert f"Continue: vast exec local run --resume out/{campaign.name}" in out
@@ -84,13 +83,6 @@ def test_an_interrupted_campaign_ends_soon_and_is_resumed(tmp_path: Path) -> Non
     )
     assert resumed.returncode == 0, resumed.stdout + resumed.stderr
     assert "3 runs: 3 passed." in resumed.stdout
-
-
-def wait_for(condition: Callable[[], bool], seconds: float = 60) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen in time"
-        time.sleep(0.05)
 
 
 def test_a_terminal_shows_a_live_view(tmp_path: Path) -> None:
@@ -114,7 +106,7 @@ def test_a_campaign_goes_on_when_nobody_reads_its_lines(tmp_path: Path) -> None:
     assert process.stderr is not None
     process.stdout.readline()
     process.stdout.close()
-    assert (process.wait(timeout=120), process.stderr.read()) == (0, "")
+    assert (process.wait(PATIENCE), process.stderr.read()) == (0, "")
     process.stderr.close()
     assert len(list((tmp_path / "out").glob("*/one-*/0/run.json"))) == 3
 
@@ -173,7 +165,7 @@ def test_a_configuration_in_the_place_of_the_folder_is_asked_about(tmp_path: Pat
         process = subprocess.Popen(command, cwd=tmp_path, stdin=other, stdout=subprocess.PIPE)
         os.close(other)
         os.write(main, answer)
-        out, _ = process.communicate(timeout=60)
+        out, _ = process.communicate(timeout=PATIENCE)
         os.close(main)
         assert total in out
     assert len(list((tmp_path / "results").iterdir())) == 1
@@ -186,12 +178,12 @@ def test_campaigns_that_start_in_one_second_both_work(tmp_path: Path) -> None:
     processes = [
         subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL) for _ in range(4)
     ]
-    assert [process.wait(timeout=120) for process in processes] == [0] * 4
+    assert [process.wait(PATIENCE) for process in processes] == [0] * 4
     assert len(list((tmp_path / "out").iterdir())) == 4
 
 
 SLEEPER = """\
-import time
+import pathlib, time
 from robovast.common.variation import Variation
 
 
@@ -199,22 +191,30 @@ class Sleep(Variation):
     def variation(self, in_configs):
         self.progress_update("measuring the floor")
         time.sleep(2.5)
-        return [self.update_config(config, {"x": 1}) for config in in_configs]
+        while pathlib.Path({held!r}).exists():
+            time.sleep(0.05)
+        return [self.update_config(config, {{"x": 1}}) for config in in_configs]
 """
 
 
 def test_what_takes_its_time_is_shown_on_a_terminal_alone(tmp_path: Path) -> None:
     file = make_campaign(tmp_path / "in", PASS)
-    (file.parent / "sleep.py").write_text(SLEEPER)
+    held = tmp_path / "held"
+    held.touch()
+    (file.parent / "sleep.py").write_text(SLEEPER.format(held=str(held)))
     file.write_text(file.read_text().replace("ParameterVariationList: {name: x, values: [1, 2, 3]}",
                                              "sleep.py:Sleep"))  # fmt: skip
     command = [VAST, "-V", file, "config", "list", "-o", "name"]
     main, other = pty.openpty()
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=other)
     os.close(other)
-    shown = read_all(main)
-    assert process.communicate(timeout=60)[0] == b"one-1\n"
-    assert re.search(r"Expanding test\.vast … \d s  Sleep: measuring the floor", shown)
+    begin = b""
+    while b"measuring the floor" not in begin:
+        begin += os.read(main, 65536)
+    held.unlink()
+    shown = begin.decode() + read_all(main)
+    assert process.communicate(timeout=PATIENCE)[0] == b"one-1\n"
+    assert re.search(r"Expanding test\.vast … \d+ s  Sleep: measuring the floor", shown)
     assert shown.endswith("\r\x1b[K")
     silent = subprocess.run(command, cwd=tmp_path, capture_output=True, check=True)
     assert (silent.stdout, silent.stderr) == (b"one-1\n", b"")

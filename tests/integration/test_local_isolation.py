@@ -18,7 +18,7 @@ from support.campaigns.local import ROOT, Recorder, make_campaign, run, verdicts
 from support.patience import eventually
 from support.processes import marked
 
-from robovast.execution.local import sandbox
+from robovast.execution.local import pack_execution, sandbox
 
 PACK = "  runs_per_job: 3\n"
 RUN = (
@@ -91,7 +91,8 @@ def test_a_run_writes_to_its_output_and_to_private_folders_only(tmp_path: Path) 
     host = ROOT / ".pytest_cache" / "isolation"  # out of /tmp, which a run does not see at all
     host.mkdir(parents=True, exist_ok=True)
     (host / "file").write_text("mine")
-    socket = next(Path("/run").glob("**/*.sock"), Path("/run/docker.sock"))
+    sockets = (Path(folder, name) for folder, _, names in os.walk("/run") for name in names)
+    socket = next((path for path in sockets if path.suffix == ".sock"), Path("/run/docker.sock"))
     word = f"robovast-{time.time_ns()}"
     script = HARM.format(host=host, pid=os.getpid(), socket=socket, hidden=tmp_path, word=word)
     summary = run(make_campaign(tmp_path / "in", script), tmp_path / "out", select="one-1")
@@ -116,7 +117,7 @@ while run.poll() is None and not (work / "began").exists():
     time.sleep(0.02)
 subprocess.run(["mount", "-t", "tmpfs", "later", str(place)], check=True)
 (work / "mounted").touch()
-print(run.wait(20), *(path.name for path in place.iterdir()))
+print(run.wait(180), *(path.name for path in place.iterdir()))
 """
 
 
@@ -140,7 +141,8 @@ fi
 """
     sampled = "until grep -q tail /out/_jobs/*/resource_usage_helper.csv; do sleep 0.1; done\n"
     step = sampled + 'cp /dev/shm/greeting "$3/out.csv"; [ ! -e /tmp/own ]\n'
-    extra = "  pre_command: files/pre.sh\n  secondary_containers: [helper: {}]\n  timeout: 60\n"
+    step = f'echo "$ROBOVAST_JOB" > "$3/token"\n{step}'
+    extra = "  pre_command: files/pre.sh\n  secondary_containers: [helper: {}]\n  timeout: 300\n"
     campaign = make_campaign(tmp_path / "in", step, extra)
     (campaign.parent / "files" / "pre.sh").write_text(pre)
     summary = run(campaign, tmp_path / "out", select="one-1")
@@ -148,7 +150,9 @@ fi
     assert (summary.campaign / "one-1" / "0" / "out.csv").read_text() == "hello\n"
     job = summary.campaign / "_jobs" / "job-0"
     assert "tail" not in (job / "resource_usage_main.csv").read_text()
-    assert not list(Path("/dev/shm").glob("robovast-*.job-*"))
+    token = (summary.campaign / "one-1" / "0" / "token").read_text()
+    assert token.startswith("robovast-")
+    assert not Path("/dev/shm", token.strip("/\n")).exists()
 
 
 def test_no_process_outlives_a_killed_vast(tmp_path: Path, launcher: str) -> None:
@@ -161,11 +165,14 @@ def test_no_process_outlives_a_killed_vast(tmp_path: Path, launcher: str) -> Non
     eventually(lambda: len(marked(word)) >= 2)
     vast.kill()
     vast.wait()
-    eventually(lambda: not marked(word), 10)
+    eventually(lambda: not marked(word))
 
 
 @pytest.mark.parametrize("after", [0.0, 0.02, 0.05, 0.1, 1.0])
-def test_a_request_to_stop_is_heard_at_any_moment(tmp_path: Path, after: float) -> None:
+def test_a_request_to_stop_is_heard_at_any_moment(
+    tmp_path: Path, after: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pack_execution, "GRACE", 600.0)  # what hears nothing is killed then
     path = make_campaign(tmp_path / "in", "sleep 600\n")
 
     class Impatient(Recorder):
@@ -175,7 +182,7 @@ def test_a_request_to_stop_is_heard_at_any_moment(tmp_path: Path, after: float) 
     began = time.monotonic()
     summary = run(path, tmp_path / "out", Impatient(), select="one-1")
     assert summary.interrupted
-    assert time.monotonic() - began < 8
+    assert time.monotonic() - began < 300
 
 
 def test_where_namespaces_are_forbidden_runs_go_on_without_and_are_told(

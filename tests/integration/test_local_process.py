@@ -103,7 +103,7 @@ def test_each_run_has_a_seed_which_appended_runs_do_not_change(
 
 def test_short_runs_share_ever_more_of_a_start_where_packs_are_measured(tmp_path: Path) -> None:
     path = make_campaign(tmp_path / "in", "true\n", "  runs_per_job: auto\n")
-    summary = run(path, tmp_path / "out", runs=10)
+    summary = run(path, tmp_path / "out", runs=10, jobs=2)
     assert len(summary.records) == 30
     jobs = {path.name for path in summary.campaign.glob("_jobs/job-*")}
     assert len(jobs) < 20
@@ -172,14 +172,14 @@ def test_a_scenario_that_never_ends_meets_its_timeout(tmp_path: Path) -> None:
     path = make_campaign(tmp_path / "in", "sleep 600\n", "  timeout: 2\n")
     begin = time.monotonic()
     summary = run(path, tmp_path / "out", select="one-1")
-    assert time.monotonic() - begin < 20
+    assert time.monotonic() - begin < 300
     assert summary.records[0].verdict == "errored"
     assert "execution.timeout" in summary.records[0].reason
 
 
 def test_a_timeout_in_a_pack_costs_one_run(tmp_path: Path) -> None:
     script = PASS + '[ "$1" != 2 ] || sleep 600\n'
-    path = make_campaign(tmp_path / "in", script, "  timeout: 3\n  runs_per_job: 3\n")
+    path = make_campaign(tmp_path / "in", script, "  timeout: 30\n  runs_per_job: 3\n")
     summary = run(path, tmp_path / "out")
     assert verdicts(summary) == {"one-1/0": "passed", "one-2/0": "errored", "one-3/0": "passed"}
 
@@ -291,7 +291,7 @@ def test_a_campaign_goes_on_in_the_environment_that_it_was_begun_in(
 
 
 def test_kill_9_loses_nothing_and_resume_finishes_the_campaign(tmp_path: Path) -> None:
-    path = make_campaign(tmp_path / "in", PASS + "sleep 0.3\n")
+    path = make_campaign(tmp_path / "in", PASS + '[ "$1" = 1 ] || sleep 600\n')
     program = (
         "import sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path;"
         "from support.campaigns.local import run; run(Path(sys.argv[2]), Path(sys.argv[3]), runs=3)"
@@ -303,7 +303,8 @@ def test_kill_9_loses_nothing_and_resume_finishes_the_campaign(tmp_path: Path) -
     process.wait()
     (campaign,) = (tmp_path / "o").iterdir()
     stored = {path: path.stat().st_mtime_ns for path in campaign.glob("one-*/*/run.json")}
-    assert 0 < len(stored) < 9
+    assert 0 < len(stored) <= 3
+    (campaign / "_config/files/step.sh").write_text(PASS)
     resumed = resume(campaign)
     assert set(verdicts(resumed).values()) == {"passed"}
     assert len(resumed.records) == 9
@@ -363,18 +364,16 @@ def test_no_run_is_stored_where_a_link_leads(tmp_path: Path) -> None:
 
 
 def test_a_configuration_alone_gets_more_runs_and_a_killed_session_goes_on(tmp_path: Path) -> None:
-    path = make_campaign(tmp_path / "in", f"{PASS}\nsleep 0.2")
+    path = make_campaign(tmp_path / "in", f'{PASS}[ "${{3##*/}}" -lt 3 ] || sleep 600\n')
     campaign = run(path, tmp_path / "out", runs=2).campaign
     seeds = seeds_of(campaign / "one-2")
     words = ["exec", "local", "run", "--resume", campaign, "--config", "one-2"]
     words += ["--runs", "5", "--runtime", "process", "--jobs", "1"]
     process = subprocess.Popen([Path(sys.executable).with_name("vast"), *words])
-    end = time.monotonic() + 60
-    while not (campaign / "one-2" / "2" / "run.json").exists():
-        assert time.monotonic() < end
-        time.sleep(0.05)
+    eventually(lambda: (campaign / "one-2" / "2" / "run.json").exists())
     process.kill()
     process.wait()
+    (campaign / "_config/files/step.sh").write_text(PASS)
     index = CampaignIndex(tmp_path / "out", campaign.name)
     index.refresh()
     assert (index.summary().planned, index.summary().state) == (9, "incomplete")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -27,7 +26,9 @@ SHOW = "from pathlib import Path\nprint('data', *sorted(p.name for p in Path(DAT
 
 @pytest.fixture(scope="module")
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = write_campaign(tmp_path_factory.mktemp("notebooks") / "results")
+    folder = tmp_path_factory.mktemp("notebooks")
+    root = write_campaign(folder / "results")
+    begin = f"{DATA}\nimport os, pathlib, time\npathlib.Path({str(folder / 'begun')!r}).touch()"
     write(root / "_config" / "analysis" / "helper.py", "ANSWER = 'of the helper'\n")
     add_notebooks(
         root,
@@ -35,7 +36,12 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "Files": dict.fromkeys(SCOPES, (DATA, SHOW)),
             "Failing": {"run": (DATA, "import helper\nprint(helper.ANSWER)", "1 / 0", "print(7)")},
             "Endless": {
-                "run": (f"{DATA}\nimport os\nprint('pid', os.getpid())\nwhile True: pass",)
+                "run": (f"{begin}\nprint('pid', os.getpid(), flush=True)\nwhile True: pass",)
+            },
+            "Held": {
+                "run": (
+                    f"{begin}\nwhile not os.path.exists({str(folder / 'go')!r}): time.sleep(0.05)",
+                )
             },
             "Dying": {"run": (f"{DATA}\nimport os\nos._exit(3)",)},
             "Evil": {"run": (DATA, f"from IPython.display import HTML\nHTML({EVIL!r})")},
@@ -50,8 +56,16 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def page(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[ShownPage]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
-        with shown(root.parent, "--notebook-timeout", "5") as page:
+        with shown(root.parent) as page:
             yield page
+
+
+@pytest.fixture
+def begun(root: Path) -> Path:
+    """A file that is made when one of the notebooks begins that do not end soon."""
+    file = root.parents[1] / "begun"
+    file.unlink(missing_ok=True)
+    return file
 
 
 def execute(page: ShownPage, workload: str, scope: str = "run", more: str = ""):
@@ -89,7 +103,9 @@ def test_a_notebook_is_executed_once_until_something_changes(page: ShownPage, ro
 def test_listing_executes_nothing_and_shows_what_is_known(page: ShownPage) -> None:
     scope = SCOPES["run"].replace("run=0", "run=1")
     before = {one["workload"]: one for one in page.get(f"api/notebooks?{scope}").data}
-    assert list(before) == ["Files", "Failing", "Endless", "Dying", "Evil", "Nothing", "Needing"]
+    assert list(before) == [
+        "Files", "Failing", "Endless", "Held", "Dying", "Evil", "Nothing", "Needing",
+    ]  # fmt: skip
     assert all(one["result"] is None and not one["running"] for one in before.values())
     assert page.get(f"api/notebook?{scope}&workload=Files").status == 405
     done = page.post(f"api/notebook?{scope}&workload=Files").data
@@ -144,16 +160,30 @@ def test_a_notebook_without_the_line_says_so(page: ShownPage) -> None:
     assert not result["has_output"]
 
 
-def test_a_notebook_that_takes_too_long_is_stopped_and_keeps_no_other_back(page: ShownPage) -> None:
+def test_a_notebook_that_takes_long_keeps_no_other_back(
+    page: ShownPage, root: Path, begun: Path
+) -> None:
     with ThreadPoolExecutor() as pool:
-        endless = pool.submit(execute, page, "Endless")
-        time.sleep(0.2)
-        assert execute(page, "Files", "config", "&again=1")["fault"] == ""
-        assert not endless.done()
-        result = endless.result()
-    assert result["fault"] == "Cell 1 was stopped: the notebook may take 5 s."
-    kernel = output(page, result).split("pid ")[-1].split()[0]
-    eventually(lambda: not Path("/proc", kernel).exists(), 20, "the kernel was left behind")
+        held = pool.submit(execute, page, "Held")
+        try:
+            eventually(begun.exists)
+            assert execute(page, "Files", "config", "&again=1")["fault"] == ""
+            assert not held.done()
+        finally:
+            (root.parents[1] / "go").touch()
+        assert held.result()["fault"] == ""
+
+
+def test_a_notebook_that_takes_too_long_is_stopped(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    with shown(root.parent, "--notebook-timeout", "5") as page:
+        result = execute(page, "Endless")
+        assert result["fault"] == "Cell 1 was stopped: the notebook may take 5 s."
+        kernel = output(page, result).split("pid ")[-1].split()[0]
+        gone = "the kernel was left behind"
+        eventually(lambda: not Path("/proc", kernel).exists(), told=gone)
 
 
 def test_output_has_no_rights(page: ShownPage) -> None:
@@ -185,13 +215,15 @@ def test_there_is_nothing_elsewhere(page: ShownPage, path: str) -> None:
     assert page.get(path).status in {403, 404}
 
 
-def test_the_server_ends_while_a_notebook_is_executed(root: Path, tmp_path: Path) -> None:
+def test_the_server_ends_while_a_notebook_is_executed(
+    root: Path, tmp_path: Path, begun: Path
+) -> None:
     with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor() as pool:
         patch.setenv("XDG_CACHE_HOME", str(tmp_path))
         with shown(root.parent) as page:
             path = f"api/notebook?{SCOPES['run']}&workload=Endless"
             waiting = pool.submit(page.post, path)
-            time.sleep(2)
+            eventually(begun.exists)
         assert waiting.result().data["error"]
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import socket
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,10 +14,11 @@ from urllib.parse import quote, urlencode
 import pytest
 from support.campaigns.local import make_campaign
 from support.campaigns.stored import NAME, write_campaign
+from support.patience import PATIENCE, eventually
 from support.servers.page import ShownPage, shown
 
 FAIL_SECOND = 'echo "no goal for $1"; [ "$1" != 2 ]\n'
-SLOW = "sleep 60\n"
+SLOW = "sleep 600\n"
 QUICK = {"runtime": "process"}
 
 
@@ -34,7 +34,7 @@ def started_in(folder: Path, *options: str, **settings: Any) -> Iterator[ShownPa
 def events(page: ShownPage) -> Iterator[Iterator[dict[str, Any]]]:
     """What the server tells of campaigns that were started from the page."""
     host, _, port = page.address.split("/")[2].partition(":")
-    with socket.create_connection((host, int(port)), 60) as connection:
+    with socket.create_connection((host, int(port)), PATIENCE) as connection:
         request = f"GET {page.base}api/events HTTP/1.1\r\nHost: localhost\r\n\r\n"
         connection.sendall(request.encode())
         lines = iter(connection.makefile("r"))
@@ -55,13 +55,6 @@ def ended(page: ShownPage) -> tuple[dict[str, Any], list[str]]:
 
 def start(page: ShownPage, **choices: str) -> Any:
     return page.post(f"api/start?{urlencode(QUICK | choices)}")
-
-
-def wait_for(condition: Callable[[], bool], seconds: float = 60) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "it did not happen in time"
-        time.sleep(0.05)
 
 
 def running(folder: Path) -> bool:
@@ -179,7 +172,7 @@ def test_one_campaign_at_a_time_and_stop_ends_it(tmp_path: Path) -> None:
         refused = start(page)
         assert refused.status == 409
         assert refused.data["error"].startswith("A campaign is being run from this page")
-        wait_for(lambda: running(tmp_path))
+        eventually(lambda: running(tmp_path))
         page.post("api/stop")
         end, lines = ended(page)
         assert (end["code"], end["stopping"]) == (130, True)
@@ -217,7 +210,7 @@ def test_a_server_that_ends_stops_what_it_runs(tmp_path: Path, end: signal.Signa
     make_campaign(tmp_path / "in", SLOW)
     with started_in(tmp_path, "-o", "in/test.vast", end=end) as page:
         start(page, jobs="1")
-        wait_for(lambda: running(tmp_path))
+        eventually(lambda: running(tmp_path))
     assert not running(tmp_path)
     (record,) = (tmp_path / "results").glob("*/one-1/0/run.json")
     assert json.loads(record.read_text())["verdict"] == "interrupted"

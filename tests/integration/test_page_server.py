@@ -14,6 +14,7 @@ from urllib.request import urlopen
 import pytest
 from support.campaigns.drives import record_drive
 from support.campaigns.stored import NAME, START, add_map, write, write_campaign, write_run
+from support.patience import PATIENCE
 from support.servers.page import VAST, ShownPage, shown
 
 EVIL = "<img src=x onerror=alert(1)>"
@@ -215,7 +216,7 @@ def test_a_fault_of_the_request_is_an_error_with_words(page: ShownPage) -> None:
 
 def test_a_run_is_announced_as_soon_as_it_is_stored(tmp_path: Path) -> None:
     root = write_campaign(tmp_path, outputs=False)
-    with shown(tmp_path) as page, socket.create_connection(_place(page), 10) as connection:
+    with shown(tmp_path) as page, socket.create_connection(_place(page), PATIENCE) as connection:
         request = f"GET {page.base}api/events HTTP/1.1\r\nHost: localhost\r\n\r\n"
         connection.sendall(request.encode())
         stream = connection.makefile("r")
@@ -278,23 +279,38 @@ def test_a_campaign_folder_is_shown_among_its_neighbours(results: Path) -> None:
         assert list(page.get("api/campaigns").data["campaigns"]) == [NAME]
 
 
-def _prepared(page: ShownPage) -> list[dict[str, int | bool]]:
-    """What the page is told of tables until all of them are there."""
+HELD = """
+import pathlib, time
+
+def held(results_dir, config_dir):
+    while not pathlib.Path({go!r}).exists():
+        time.sleep(0.05)
+    return True, ""
+"""
+
+
+def _prepared(page: ShownPage, go: Path) -> list[dict[str, int | bool]]:
+    """What the page is told of tables until all of them are there; lets them be made."""
     told: list[dict[str, int | bool]] = []
-    with urlopen(f"{page.address}api/events", timeout=60) as stream:  # noqa: S310
+    with urlopen(f"{page.address}api/events", timeout=PATIENCE) as stream:  # noqa: S310
         for line in stream:
             if line == b"event: preparing\n":
                 told.append(json.loads(next(stream).removeprefix(b"data: ")))
+                go.touch()
                 if not told[-1]["running"]:
                     break
     return told
 
 
 def test_the_page_is_there_while_tables_are_made_and_says_so(tmp_path: Path) -> None:
-    root = write_campaign(tmp_path, variants=[{"speed": 1.0}], runs=1)
+    results, go = tmp_path / "results", tmp_path / "go"
+    root = write_campaign(results, variants=[{"speed": 1.0}], runs=1)
     write(root / "_transient" / "configurations.yaml", "configs: []\n")
-    with shown(tmp_path, postprocess=True) as page:
-        first, *_, last = _prepared(page)
+    section = "results_processing:\n  postprocessing: ['held.py:held']\n"
+    write(root / "_config" / "hall.vast", f"version: 1\n{section}")
+    write(root / "_config" / "held.py", HELD.format(go=str(go)))
+    with shown(results, postprocess=True) as page:
+        first, *_, last = _prepared(page, go)
         assert first == {"done": 0, "total": 1, "running": True, "changed": False}
         assert last == {"done": 1, "total": 1, "running": False, "changed": True}
         metrics = page.get(f"api/campaigns/{NAME}/metrics").data

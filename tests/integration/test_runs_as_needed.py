@@ -6,7 +6,6 @@ import json
 import shlex
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -16,6 +15,7 @@ from support.campaigns.local import DECISIONS as SUMMED_UP
 from support.campaigns.local import SOUND_BROKEN_MIXED as SCRIPT
 from support.campaigns.local import Recorder, make_campaign, resume, run, verdicts
 from support.pages import code_blocks
+from support.patience import eventually
 
 from robovast.analysis.provenance import write_graph, write_metadata
 
@@ -85,17 +85,15 @@ def test_workers_run_ahead_only_beside_what_is_needed(tmp_path: Path) -> None:
 
 
 def test_kill_9_and_resume_need_the_same_runs(tmp_path: Path) -> None:
-    path = make_campaign(tmp_path / "in", f"sleep 0.3\n{SCRIPT}", RULE)
+    path = make_campaign(tmp_path / "in", f'[ "$1" != 3 ] || sleep 600\n{SCRIPT}', RULE)
     words = ["--vast-file", path, "exec", "local", "run", tmp_path / "out"]
     words += ["--runtime", "process", "--jobs", "1"]
     process = subprocess.Popen([Path(sys.executable).with_name("vast"), *words])
-    end = time.monotonic() + 60
-    while not list((tmp_path / "out").glob("*/one-2/0/run.json")):
-        assert time.monotonic() < end
-        time.sleep(0.05)
+    eventually(lambda: list((tmp_path / "out").glob("*/one-2/0/run.json")))
     process.kill()
     process.wait()
     (campaign,) = (tmp_path / "out").iterdir()
+    (campaign / "_config/files/step.sh").write_text(SCRIPT)
     recorder = Recorder()
     summary = resume(campaign, recorder, jobs=1)
     assert verdicts(summary) == NEEDED

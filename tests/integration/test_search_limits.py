@@ -115,7 +115,7 @@ def test_02_a_killed_search_continues_the_same_sequence(tmp_path: Path, extra: s
 def _killed_after(pause: float, command: list[str], out: Path) -> None:
     process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL)
     try:
-        eventually(lambda: any(out.glob("*/.running/lock")), 30, "no search runs")
+        eventually(lambda: any(out.glob("*/.running/lock")), told="no search runs")
         time.sleep(pause)
     finally:
         os.killpg(process.pid, signal.SIGKILL)

@@ -133,8 +133,10 @@ from pathlib import Path
 from robovast.base.errors import StorageError
 from robovast.base.locks import exclusive_folder
 work, done = Path(sys.argv[1]), 0
-until = time.monotonic() + 1
-while time.monotonic() < until:
+print("ready", flush=True)
+sys.stdin.readline()
+until = time.monotonic() + 180
+while done < 10 and time.monotonic() < until:
     try:
         with exclusive_folder(work, "taken"):
             with open(work / "mine", "x"):
@@ -149,11 +151,13 @@ print(done)
 
 def test_one_of_many_programs_is_in_a_folder_that_each_removes(tmp_path: Path) -> None:
     arguments = [sys.executable, "-c", WORKER, str(tmp_path / ".running")]
-    pipe = subprocess.PIPE
-    programs = [subprocess.Popen(arguments, stdout=pipe, stderr=pipe, text=True) for _ in range(3)]
-    ended = [program.communicate() for program in programs]
-    assert [error for _, error in ended] == ["", "", ""]
-    assert sum(int(output) for output, _ in ended) > 20
+    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    programs = [subprocess.Popen(arguments, text=True, **pipes) for _ in range(3)]
+    assert [program.stdout.readline() for program in programs] == ["ready\n"] * 3
+    for program in programs:
+        program.stdin.write("begin\n")
+        program.stdin.flush()
+    assert [program.communicate() for program in programs] == [("10\n", "")] * 3
     assert list(tmp_path.iterdir()) == []
 
 

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from support.campaigns.finished import finished_campaign
-from support.patience import eventually
+from support.patience import PATIENCE, eventually
 
 from robovast.analysis.tables.columnar import update_columnar
 from robovast.campaign.layout import Layout
@@ -32,12 +32,12 @@ def test_ctrl_c_ends_a_query_at_once(tmp_path: Path) -> None:
     ) as process:  # fmt: skip
         try:
             assert process.stdin is not None
+            eventually(lambda: catches_ctrl_c(process.pid), told="Python does not begin")
             process.stdin.write(ENDLESS.encode())
             process.stdin.close()
-            eventually(lambda: catches_ctrl_c(process.pid), told="Python does not begin")
             eventually(lambda: not catches_ctrl_c(process.pid), told="the query does not begin")
             process.send_signal(signal.SIGINT)
-            assert process.wait(5) == -signal.SIGINT
+            assert process.wait(PATIENCE) == -signal.SIGINT
             assert process.stderr is not None
             assert process.stderr.read() == b""
         finally:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 
 from support.patience import eventually
@@ -10,19 +11,21 @@ from support.processes import marked
 
 from robovast.evaluation.server.preparing import Preparation, Prepared
 
+SLEEP = f"600.{time.time_ns()}"
+"""How long what a child has started sleeps, and no other process of this machine [s]."""
 CHILD = """\
 import os, signal, subprocess, sys, time
 from pathlib import Path
-print("one: 1 run, nothing changed", flush=True)
-print("three: is no campaign of it", flush=True)
-if sys.argv[1] == "quick":
-    Path("two/data.db").touch()
-    print("two: 1 run, 1 worked on", flush=True)
-    sys.exit()
-if sys.argv[1] == "killed":
-    subprocess.Popen(["sleep", "600.25"])
-    os.kill(os.getpid(), signal.SIGKILL)
 try:
+    print("one: 1 run, nothing changed", flush=True)
+    print("three: is no campaign of it", flush=True)
+    if sys.argv[1] == "quick":
+        Path("two/data.db").touch()
+        print("two: 1 run, 1 worked on", flush=True)
+        sys.exit()
+    if sys.argv[1] == "killed":
+        subprocess.Popen(["sleep", sys.argv[2]])
+        os.kill(os.getpid(), signal.SIGKILL)
     time.sleep(600)
 except KeyboardInterrupt:
     print("interrupted; finished work is kept", flush=True)
@@ -34,7 +37,7 @@ def preparation(folder: Path, how: str, said: list[str]) -> Preparation:
     for campaign in campaigns:
         campaign.mkdir(exist_ok=True)
     child = f"import os; os.chdir({str(folder)!r})\n{CHILD}"
-    return Preparation([sys.executable, "-c", child, how], campaigns, said.append)
+    return Preparation([sys.executable, "-c", child, how, SLEEP], campaigns, said.append)
 
 
 def test_it_counts_campaigns_and_says_whether_any_table_was_made(tmp_path: Path) -> None:
@@ -70,7 +73,7 @@ def test_one_that_is_killed_is_no_longer_waited_for(tmp_path: Path) -> None:
     eventually(lambda: not made.state().running)
     assert made.state() == Prepared(1, 2, False, False)
     assert "was ended by SIGKILL; `vast results postprocess` does the rest" in said[-1]
-    eventually(lambda: not marked("600.25"))
+    eventually(lambda: not marked(SLEEP))
 
 
 def test_a_name_may_have_a_colon(tmp_path: Path) -> None:
