@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from robovast_testbed.errors import StartFailed
 from robovast_testbed.kubernetes import Cluster
 from support.kube.chart import of_kind, rendered
+from support.kube.definitions import (
+    CRDS,
+    NEWER,
+    OLDER,
+    VERSIONS,
+    Redefined,
+    as_version,
+    now,
+    of_chart_0_1_0,
+    of_one_version,
+    read,
+    redefined,
+)
 from support.kube.operator_process import campaign
 from support.patience import eventually
-
-CRDS = Path(__file__).parents[2] / "crds"
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +33,7 @@ def server(control_plane: Cluster) -> Cluster:
     """A cluster that knows Campaigns, and one of them."""
     control_plane.kubectl("apply", "--server-side", "--force-conflicts", f"--filename={CRDS}")
     control_plane.kubectl(
-        *("wait", "--for=condition=Established", "--timeout=180s"),
+        *("wait", "--for=condition=Established", "--timeout=20s"),
         *("crd/campaigns.robovast.io", "crd/configurations.robovast.io"),
     )
     made = campaign("there", "default", 2, 3)
@@ -32,16 +42,17 @@ def server(control_plane: Cluster) -> Cluster:
     return control_plane
 
 
-def change(server: Cluster, spec: dict[str, Any]) -> str:
-    """What is said to a change of the Campaign; empty when it is taken."""
-    patch = json.dumps({"spec": spec})
+def change(server: Cluster, version: str, spec: dict[str, Any]) -> str:
+    """What is said to a change of the Campaign in a version; empty when it is taken."""
+    patch, kind = json.dumps({"spec": spec}), f"campaigns.{version}.robovast.io"
     try:
-        server.kubectl("patch", "campaign", "there", "--type=merge", f"--patch={patch}")
+        server.kubectl("patch", kind, "there", "--type=merge", f"--patch={patch}")
     except StartFailed as refusal:
         return str(refusal)
     return ""
 
 
+@pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize(
     ("spec", "said"),
     [
@@ -58,11 +69,12 @@ def change(server: Cluster, spec: dict[str, Any]) -> str:
     ],
 )
 def test_a_change_that_cannot_be_is_refused_with_its_reason(
-    server: Cluster, spec: dict[str, Any], said: str
+    server: Cluster, version: str, spec: dict[str, Any], said: str
 ) -> None:
-    assert said in change(server, spec)
+    assert said in change(server, version, spec)
 
 
+@pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize(
     "spec",
     [
@@ -73,63 +85,21 @@ def test_a_change_that_cannot_be_is_refused_with_its_reason(
         {"scheduling": {"nodeAffinity": {"preferred": [{"key": "fast", "operator": "Exists"}]}}},
     ],
 )
-def test_what_may_change_does(server: Cluster, spec: dict[str, Any]) -> None:
-    assert change(server, spec) == ""
-
-
-NEWER = "v1beta1"
-"""What the definitions know and do not serve yet."""
-
-
-class Fresh:
-    """A cluster by a kubectl that remembers nothing which others would go by later."""
-
-    def __init__(self, server: Cluster, folder: Path) -> None:
-        self._server, self._folder = server, folder
-
-    def kubectl(self, *arguments: str, stdin: str | None = None) -> str:
-        return self._server.kubectl(f"--cache-dir={self._folder}", *arguments, stdin=stdin)
-
-
-def define(server: Fresh, change: Callable[[list[dict[str, Any]]], None]) -> None:
-    """Apply the definition of Campaigns with other versions."""
-    definition = yaml.safe_load((CRDS / "campaign.yaml").read_text())
-    change(definition["spec"]["versions"])
-    apply = ("apply", "--server-side", "--force-conflicts", "--filename=-")
-    server.kubectl(*apply, stdin=json.dumps(definition))
-
-
-def serves_newer(server: Fresh) -> bool:
-    try:
-        server.kubectl("get", f"--raw=/apis/robovast.io/{NEWER}/campaigns")
-    except StartFailed:
-        return False
-    return True
+def test_what_may_change_does(server: Cluster, version: str, spec: dict[str, Any]) -> None:
+    assert change(server, version, spec) == ""
 
 
 @pytest.fixture
-def both(server: Cluster, tmp_path: Path) -> Iterator[Fresh]:
-    """The cluster as a later version of the chart makes it, which serves both versions."""
-    fresh = Fresh(server, tmp_path)
-    define(fresh, lambda versions: versions[1].update(served=True))
-    eventually(lambda: serves_newer(fresh))
-    yield fresh
-    define(fresh, lambda versions: None)
-    eventually(lambda: not serves_newer(fresh))
+def redefinable(server: Cluster, tmp_path: Path) -> Iterator[Redefined]:
+    """The cluster as this chart makes it, and in the end again."""
+    with redefined(server, tmp_path) as made:
+        yield made
 
 
-def read(server: Fresh, version: str, name: str) -> dict[str, Any]:
-    """The Campaign as a client of one version sees it."""
-    path = f"/apis/robovast.io/{version}/namespaces/default/campaigns/{name}"
-    found: dict[str, Any] = json.loads(server.kubectl("get", f"--raw={path}"))
-    assert found.pop("apiVersion") == f"robovast.io/{version}"
-    return found
-
-
-def tell(server: Fresh, name: str) -> None:
+def tell(server: Cluster, name: str) -> None:
     """Write a status as the operator does."""
     metadata = {"name": name, "namespace": "default"}
-    said = {"apiVersion": "robovast.io/v1alpha1", "kind": "Campaign", "metadata": metadata}
+    said = {"apiVersion": f"robovast.io/{OLDER}", "kind": "Campaign", "metadata": metadata}
     server.kubectl(
         *("apply", "--server-side", "--force-conflicts", "--subresource=status"),
         *("--field-manager=robovast-operator", "--filename=-"),
@@ -137,50 +107,146 @@ def tell(server: Fresh, name: str) -> None:
     )
 
 
-@pytest.mark.parametrize(("one", "other"), [("v1alpha1", NEWER), (NEWER, "v1alpha1")])
+@pytest.mark.parametrize(("one", "other"), [(OLDER, NEWER), (NEWER, OLDER)])
 def test_what_was_written_as_one_version_is_read_and_changed_as_the_other(
-    both: Fresh, one: str, other: str
+    server: Cluster, one: str, other: str
 ) -> None:
     """By `kubectl apply` of either kind, as from Git, and with the same rules."""
     name = f"as-{one}"
-    made = {**campaign(name, "default", 2, 3), "apiVersion": f"robovast.io/{one}"}
-    both.kubectl("apply", "--filename=-", stdin=json.dumps(made))
-    tell(both, name)
-    assert read(both, one, name) == read(both, other, name)
-    made = {**made, "apiVersion": f"robovast.io/{other}"}
+    made = as_version(campaign(name, "default", 2, 3), one)
+    server.kubectl("apply", "--filename=-", stdin=json.dumps(made))
+    tell(server, name)
+    assert read(server, one, "default", name) == read(server, other, "default", name)
+    made = as_version(made, other)
     made["spec"] = {**made["spec"], "parallelism": 7}
-    both.kubectl("apply", "--filename=-", stdin=json.dumps(made))
-    both.kubectl("apply", "--server-side", "--force-conflicts", "-f", "-", stdin=json.dumps(made))
-    assert read(both, one, name)["spec"]["parallelism"] == 7
+    server.kubectl("apply", "--filename=-", stdin=json.dumps(made))
+    server.kubectl("apply", "--server-side", "--force-conflicts", "-f", "-", stdin=json.dumps(made))
+    assert read(server, one, "default", name)["spec"]["parallelism"] == 7
     made["spec"] = {**made["spec"], "image": "another"}
     with pytest.raises(StartFailed, match="`image` cannot be changed"):
-        both.kubectl("apply", "--filename=-", stdin=json.dumps(made))
-    definition = json.loads(both.kubectl("get", "crd", "campaigns.robovast.io", "--output=json"))
-    assert definition["status"]["storedVersions"] == ["v1alpha1"]
+        server.kubectl("apply", "--filename=-", stdin=json.dumps(made))
+    definition: Any = server.get("crd", "campaigns.robovast.io")
+    assert definition["status"]["storedVersions"] == [OLDER]
+
+
+@pytest.mark.parametrize(("one", "other"), [(OLDER, NEWER), (NEWER, OLDER)])
+def test_a_field_that_leaves_git_together_with_the_version_leaves_the_object(
+    server: Cluster, one: str, other: str
+) -> None:
+    """A tool that applies is the same one in either version, so its fields stay its own."""
+    apply = ("apply", "--server-side", "--field-manager=tool", "--filename=-")
+    made = campaign(f"from-{one}", "default", 2, 3)
+    with_field = {**made, "spec": {**made["spec"], "queueName": "q"}}
+    server.kubectl(*apply, stdin=json.dumps(as_version(with_field, one)))
+    server.kubectl(*apply, stdin=json.dumps(as_version(made, other)))
+    found = read(server, one, "default", f"from-{one}")
+    assert "queueName" not in found["spec"]
+    assert [(m["manager"], m["apiVersion"]) for m in found["metadata"]["managedFields"]] == [
+        ("tool", f"robovast.io/{other}")
+    ]
+
+
+def test_kubectl_shows_the_newer_version_and_the_older_one_when_asked(
+    server: Cluster, tmp_path: Path
+) -> None:
+    shown = ("get", "campaign", "there", "--output=jsonpath={.apiVersion}")
+    assert server.kubectl(*shown) == f"robovast.io/{NEWER}"
+    older = ("get", f"campaigns.{OLDER}.robovast.io", "there", shown[-1])
+    assert server.kubectl(*older) == f"robovast.io/{OLDER}"
+    assert f"VERSION:    {NEWER}" in server.kubectl("explain", "campaign")
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_an_object_of_either_version_is_listed_waited_for_edited_and_deleted(
+    server: Cluster, version: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = f"used-{version}"
+    made = [campaign(name, "default", 2, 3, queueName=name), addition(name, name)]
+    for obj in made:
+        server.kubectl("apply", "-f", "-", stdin=json.dumps(as_version(obj, version)))
+    tell(server, name)
+    for kind, selected in (("campaigns", "spec.queueName"), ("configurations", "spec.campaign")):
+        resource = f"{kind}.{version}.robovast.io"
+        chosen = ("get", resource, f"--field-selector={selected}={name}", "--no-headers")
+        (line,) = server.kubectl(*chosen).splitlines()
+        assert line.split()[0] == name
+    chosen = ("get", f"campaigns.{version}.robovast.io", "--field-selector=status.state=Running")
+    assert name in server.kubectl(*chosen)
+    campaigns, configurations = (
+        f"{kind}.{version}.robovast.io/{name}" for kind in ("campaigns", "configurations")
+    )
+    state = "--for=jsonpath={.status.state}=Running"
+    assert "condition met" in server.kubectl("wait", campaigns, state, "--timeout=20s")
+    editor = tmp_path / "editor"
+    editor.write_text("#!/bin/sh\nsed -i 's/runs: 2$/runs: 9/; s/queueName: .*/queueName: q/' $1\n")
+    editor.chmod(0o755)
+    monkeypatch.setenv("KUBE_EDITOR", str(editor))
+    for one in (campaigns, configurations):
+        assert "edited" in server.kubectl("edit", one)
+    assert read(server, version, "default", name)["spec"]["queueName"] == "q"
+    runs = server.kubectl("get", configurations, "--output=jsonpath={.spec.runs}")
+    assert runs == "9"
+    assert server.kubectl("delete", campaigns, configurations).count("deleted") == 2
+
+
+def addition(name: str, campaign_name: str) -> dict[str, Any]:
+    """A Configuration of a Campaign."""
+    spec = {"campaign": campaign_name, "parameters": [{"x": 7}], "runs": 2}
+    metadata = {"name": name, "namespace": "default"}
+    return {"kind": "Configuration", "metadata": metadata, "spec": spec}
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_configuration_stays_with_its_campaign_in_either_version(
+    server: Cluster, version: str
+) -> None:
+    made = as_version(addition(f"stays-{version}", "one"), version)
+    server.kubectl("apply", "--filename=-", stdin=json.dumps(made))
+    made["spec"]["campaign"] = "two"
+    with pytest.raises(StartFailed, match="`campaign` cannot be changed"):
+        server.kubectl("apply", "--filename=-", stdin=json.dumps(made))
 
 
 def test_a_rollback_to_a_chart_that_knows_both_goes_on_and_to_one_that_does_not_cannot(
-    both: Fresh,
+    redefinable: Redefined,
 ) -> None:
-    """So both have to be known before the newer one is served."""
-    made = {**campaign("later", "default", 2, 3), "apiVersion": f"robovast.io/{NEWER}"}
-    both.kubectl("apply", "--server-side", "--filename=-", stdin=json.dumps(made))
-    define(both, lambda versions: None)
-    eventually(lambda: not serves_newer(both))
-    tell(both, "later")
-    assert read(both, "v1alpha1", "later")["status"] == {"state": "Running"}
-    define(both, lambda versions: versions.pop() and None)
+    """So both had to be known before the newer one was served."""
+    cluster = redefinable
+    made = as_version(campaign("later", "default", 2, 3), NEWER)
+    cluster.kubectl("apply", "--server-side", "--filename=-", stdin=json.dumps(made))
+    cluster.define(of_chart_0_1_0())
+    tell(cluster, "later")
+    assert read(cluster, OLDER, "default", "later")["status"] == {"state": "Running"}
+    cluster.define(of_one_version())
 
     def refused() -> str:
         try:
-            tell(both, "later")
+            tell(cluster, "later")
         except StartFailed as refusal:
             return str(refusal)
         return ""
 
     assert "invalid group/version" in eventually(refused)
-    define(both, lambda versions: None)
+    cluster.define(now())
     eventually(lambda: not refused())
+    assert cluster.stored_versions() == [[OLDER]] * 2
+
+
+def test_after_a_rollback_kubectl_asks_in_vain_until_it_reads_the_kinds_anew(
+    redefinable: Redefined,
+) -> None:
+    """As docs/cluster-admin.md says, with its remedy; the older version is found by its name."""
+    listing = ("get", "campaigns", "--output=name")
+    assert "there" in redefinable.kubectl(*listing)
+    remembered = redefinable.cache.rename(redefinable.cache.with_name("remembered"))
+    redefinable.define(of_chart_0_1_0())
+    remembered.rename(redefinable.cache)
+    with pytest.raises(StartFailed, match="could not find the requested resource"):
+        redefinable.kubectl(*listing)
+    named = ("get", f"campaigns.{OLDER}.robovast.io", "--output=name")
+    assert "there" in redefinable.kubectl(*named)
+    redefinable.kubectl("api-resources", "--api-group=robovast.io")
+    assert "there" in redefinable.kubectl(*listing)
 
 
 def test_a_document_is_kept_as_its_user_wrote_it(server: Cluster) -> None:
@@ -199,20 +265,31 @@ def test_every_field_is_explained(server: Cluster) -> None:
     assert "as ranges" in told
 
 
-def test_the_table_says_what_a_person_asks(server: Cluster) -> None:
-    table = server.kubectl("get", "vcamp")
+@pytest.mark.parametrize("version", VERSIONS)
+def test_the_table_says_what_a_person_asks(server: Cluster, version: str) -> None:
+    campaigns, configurations = (
+        f"{kind}.{version}.robovast.io" for kind in ("campaigns", "configurations")
+    )
+    table = server.kubectl("get", campaigns)
     assert table.split("\n")[0].split() == [
         "NAME", "STATE", "PROGRESS", "ACTIVE", "WAITING",
         "PASSED", "FAILED", "ERRORED", "VERDICT", "AGE",
     ]  # fmt: skip
-    assert "QUEUE" in server.kubectl("get", "campaigns", "--output=wide")
+    assert table.split("\n")[0] == server.kubectl("get", "vcamp").split("\n")[0]
+    assert "QUEUE" in server.kubectl("get", campaigns, "--output=wide")
+    made = as_version(addition("shown", "there"), version)
+    server.kubectl("apply", "--filename=-", stdin=json.dumps(made))
+    assert server.kubectl("get", configurations).split("\n")[0].split() == [
+        "NAME", "CAMPAIGN", "VARIANTS", "PROGRESS", "PASSED", "FAILED", "ERRORED", "AGE",
+    ]  # fmt: skip
     assert "there" in server.kubectl("get", "robovast", "--output=name")
-    selected = ("get", "campaigns", "--output=name", "--field-selector")
+    selected = ("get", campaigns, "--output=name", "--field-selector")
     assert "there" not in server.kubectl(*selected, "spec.queueName=none")
 
 
-def test_an_unknown_key_is_refused_not_dropped(server: Cluster) -> None:
-    wrong = campaign("wrong", "default", 1, 1)
+@pytest.mark.parametrize("version", VERSIONS)
+def test_an_unknown_key_is_refused_not_dropped(server: Cluster, version: str) -> None:
+    wrong = as_version(campaign("wrong", "default", 1, 1), version)
     wrong["spec"]["vast"]["execution"]["runz"] = 3
     with pytest.raises(StartFailed, match="runz"):
         server.kubectl("create", "--filename=-", stdin=json.dumps(wrong))
@@ -230,9 +307,9 @@ SECRETS = [
 ]
 
 
-def create(server: Cluster, name: str, spec: dict[str, Any]) -> str:
+def create(server: Cluster, name: str, spec: dict[str, Any], version: str = OLDER) -> str:
     """What is said to a new Campaign; empty when it is taken."""
-    made = campaign(name, "default", 1, 1)
+    made = as_version(campaign(name, "default", 1, 1), version)
     made["spec"] |= spec
     try:
         server.kubectl("create", "--filename=-", stdin=json.dumps(made))
@@ -241,11 +318,12 @@ def create(server: Cluster, name: str, spec: dict[str, Any]) -> str:
     return ""
 
 
+@pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("spec", SECRETS)
 def test_a_secret_that_was_not_made_for_campaigns_is_refused_with_the_remedy(
-    server: Cluster, spec: dict[str, Any]
+    server: Cluster, version: str, spec: dict[str, Any]
 ) -> None:
-    told = create(server, "thief", spec)
+    told = create(server, "thief", spec, version)
     assert "their names begin with `robovast-`" in told
     assert "policies.secretNames" in told
 
@@ -268,7 +346,7 @@ def test_an_administrator_can_allow_secrets_by_name_and_what_is_stored_stays_cha
     define(allowing)
     try:
         for number, spec in enumerate(SECRETS):
-            eventually(lambda: not create(server, f"older-{number}", spec))  # noqa: B023
+            eventually(lambda: not create(server, f"older-{number}", spec), 20)  # noqa: B023
         other = {"storage": {"secretName": "other"}}
         assert "their names begin with" in create(server, "thief", other)
     finally:

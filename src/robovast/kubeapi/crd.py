@@ -3,9 +3,8 @@
 A structural schema can say less than JSON Schema: no references, one type at each place. Where
 a value may be of several kinds, any is let through here and the operator says what is wrong.
 
-Both versions have one schema, so that the API server converts by the name alone. The second one is
-not served yet: after a rollback to a definition that does not know it, nobody could apply an object
-that was written as it any more (docs/api.md).
+Both versions have one schema, so that the API server converts by the name alone. The older one is
+stored, so that a rollback to definitions that serve no other finds every object (docs/api.md).
 """
 
 from __future__ import annotations
@@ -311,7 +310,7 @@ def _crd(
             "versions": [
                 {
                     "name": version,
-                    "served": version == VERSION,
+                    "served": True,
                     "storage": version == VERSION,
                     "subresources": {"status": {}},
                     "additionalPrinterColumns": columns,

@@ -17,9 +17,9 @@ from robovast.kubeapi.secret_names import MADE_FOR_CAMPAIGNS
 
 GROUP = "robovast.io"
 VERSION = "v1alpha1"
-"""Of the stored objects, which operator and command line use."""
+"""Of the stored objects. Operator and command line use it, since every chart serves it."""
 NEXT_VERSION = "v1beta1"
-"""The same schema under the name that stays; a later version of the chart serves it."""
+"""The same schema under the name that stays, which manifests of people should have."""
 API_VERSION = f"{GROUP}/{VERSION}"
 
 CAMPAIGN_LABEL = f"{GROUP}/campaign"
