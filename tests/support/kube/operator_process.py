@@ -138,7 +138,29 @@ def prepare(cluster: Cluster, nodes: int, stages: list[str], *, tainted: bool = 
     )
 
 
-FINISHED = {"many": 200, "few": 6, "hunted": 300, "seek": 17, "more": 17}
+HELD_STAGE = """\
+apiVersion: kwok.x-k8s.io/v1alpha1
+kind: Stage
+metadata: {{name: robovast-held-{campaign}}}
+spec:
+  weight: 1000
+  resourceRef: {{apiGroup: v1, kind: Pod}}
+  selector:
+    matchLabels: {{robovast.io/role: shard, robovast.io/campaign: {campaign}}}
+    matchExpressions:
+      - {{key: .metadata.deletionTimestamp, operator: DoesNotExist}}
+      - {{key: .metadata.labels.go, operator: DoesNotExist}}
+      - {{key: .status.phase, operator: In, values: [Running]}}
+  delay: {{durationMilliseconds: 36000000}}
+  next: {{}}
+"""
+"""The pods of a campaign whose runs go on until each gets the label `go`."""
+
+
+FINISHED = {
+    "many": 200, "few": 6, "hunted": 300, "seek": 17, "more": 17,
+    "busy": 10, "stopped": 4, "waiting": 4, "newer": 4,
+}  # fmt: skip
 """Runs of the campaigns that come to their end on fake nodes, by name."""
 
 
@@ -167,6 +189,7 @@ def fake_cluster(control_plane: Cluster) -> Cluster:
     stages += needed_stages("needed", 3, 50, 18)
     stages += measured_stages("measured", 300)
     stages += failing_stages("sour", 60)
+    stages.append(HELD_STAGE.format(campaign="busy"))
     prepare(control_plane, 4, stages)
     return control_plane
 
