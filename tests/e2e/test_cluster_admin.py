@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shutil
@@ -16,8 +17,11 @@ import yaml
 from robovast_testbed import gobuild, programs
 from robovast_testbed.helm import helm
 from robovast_testbed.kubernetes import Cluster
+from support.campaigns.local import make_campaign
+from support.kube.definitions import NEWER, as_version
 from support.kube.held_runs import HELD, release_until_finished
 from support.kube.lab import (
+    QUICK,
     ROOT,
     SYSTEM,
     VAST,
@@ -104,7 +108,7 @@ def answers(forward: str, log: str, shell: dict[str, str]) -> bool:
 
 
 def older_chart(folder: Path) -> Path:
-    """A chart as an earlier version might have been: fewer objects, values and fields."""
+    """A chart as an earlier version might have been: fewer objects, values, fields and versions."""
     chart = folder / "older"
     shutil.copytree(CHART, chart)
     text = (chart / "Chart.yaml").read_text()
@@ -113,10 +117,10 @@ def older_chart(folder: Path) -> Path:
         (chart / name).unlink()
     path = chart / "files/crds/campaign.yaml"
     crd = yaml.safe_load(path.read_text())
-    version, *_ = crd["spec"]["versions"]
-    crd["spec"]["versions"] = [version]
-    version["additionalPrinterColumns"].pop()
-    del version["schema"]["openAPIV3Schema"]["properties"]["spec"]["properties"]["acceptance"]
+    crd["spec"]["versions"][1]["served"] = False
+    for version in crd["spec"]["versions"]:
+        version["additionalPrinterColumns"].pop()
+        del version["schema"]["openAPIV3Schema"]["properties"]["spec"]["properties"]["acceptance"]
     path.write_text(yaml.safe_dump(crd))
     path = chart / "templates/operator.yaml"
     lines = path.read_text().splitlines(keepends=True)
@@ -183,18 +187,25 @@ def test_campaigns_outlive_upgrade_rollback_and_removal(older: Cluster, lab: Lab
     logs = [path.read_text() for path in home.glob("_jobs/*/logs/system.log")]
     assert "".join(logs).count("Executing scenario") == 6, "no run is repeated"
     assert lab.campaign("done")["status"]["runs"] == done["status"]["runs"]
+    script = make_campaign(lab.folder / "newer", "true\n", document=QUICK)
+    newer = as_version(lab.prepared(script, "newer"), NEWER)
+    newer["spec"]["suspend"] = True
+    lab.kubectl("apply", "--server-side", "--filename=-", stdin=json.dumps(newer))
 
     helm(cluster, "rollback", "robovast", "1", *RELEASE)
     wait_until_working(cluster)
     assert columns(cluster) == few
     assert identity(cluster, *kept[0]) == before[0]
+    cluster.kubectl("api-resources", "--api-group=robovast.io")  # kubectl remembers the newer one
+    lab.vast("exec", "cluster", "resume", "-n", lab.namespace, "-i", "newer")
+    lab.wait("newer")
     lab.quick("again", "true\n", "  runs_per_job: 3\n")
     lab.wait("again")
 
     helm(cluster, "uninstall", "robovast", *RELEASE)
     assert identity(cluster, *kept[1]) == before[1]
     names = {item["metadata"]["name"] for item in lab.get("campaigns")["items"]}
-    assert names == {"done", "underway", "again"}
+    assert names == {"done", "underway", "newer", "again"}
     install(cluster)
     copy_credentials(cluster, lab.namespace)
     assert lab.campaign("done")["status"] == done["status"]

@@ -33,7 +33,7 @@ def server(control_plane: Cluster) -> Cluster:
     """A cluster that knows Campaigns, and one of them."""
     control_plane.kubectl("apply", "--server-side", "--force-conflicts", f"--filename={CRDS}")
     control_plane.kubectl(
-        *("wait", "--for=condition=Established", "--timeout=20s"),
+        *("wait", "--for=condition=Established", "--timeout=60s"),
         *("crd/campaigns.robovast.io", "crd/configurations.robovast.io"),
     )
     made = campaign("there", "default", 2, 3)
@@ -346,7 +346,7 @@ def test_an_administrator_can_allow_secrets_by_name_and_what_is_stored_stays_cha
     define(allowing)
     try:
         for number, spec in enumerate(SECRETS):
-            eventually(lambda: not create(server, f"older-{number}", spec), 20)  # noqa: B023
+            eventually(lambda: not create(server, f"older-{number}", spec))  # noqa: B023
         other = {"storage": {"secretName": "other"}}
         assert "their names begin with" in create(server, "thief", other)
     finally:
