@@ -15,7 +15,7 @@ class Settings:
     """Settings of the operator."""
 
     agent_image: str
-    """Image of the fetch, agent, compose, finish and purge containers."""
+    """Image of the agent, compose, finish and purge containers."""
     endpoint: str
     """URL of the S3 server as pods reach it, for Campaigns that name none."""
     region: str | None = None

@@ -4,8 +4,8 @@
     python tests/bench/composed_pods.py [--variants 100 10000]
 
 Each variant has parameters of 3.3 kB of YAML, as those of the example robot_navigation have. The
-compose Job, `fetch` of the last pack, of one run, and the finish Job are executed as processes
-beside a MinIO of the testbed; prints CPU seconds and largest memory of each.
+compose Job, the agent of the last pack, of one run, until that is prepared, and the finish Job are
+executed as processes beside a MinIO of the testbed; prints CPU seconds and largest memory of each.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import json
 import os
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -22,7 +23,9 @@ sys.path[:0] = [str(Path(__file__).parents[1] / part) for part in (".", "testbed
 
 from robovast_testbed import bed, network, s3  # noqa: E402
 from support.campaigns.local import DOCUMENT, make_campaign  # noqa: E402
-from support.kube.pod_processes import Campaign, Pod  # noqa: E402
+from support.kube.pod_processes import Campaign, Pod, pids_of  # noqa: E402
+
+from robovast.kubeapi.pod_contract.exit_codes import AgentExit  # noqa: E402
 
 PLUGIN = """\
 from robovast.common.variation import Variation
@@ -48,13 +51,16 @@ def execute(pod: Pod, command: str, *arguments: object, index: int = 0) -> None:
     process = pod.command(command, *arguments, index=index)
     largest, ended = 0, 0
     while not ended:  # what is reported at the end has what the parent had at its beginning
-        largest = max(largest, memory(process.pid))
+        with suppress(OSError):
+            largest = max(largest, *map(memory, pids_of(pod.work)))
+        if pod.script.exists():
+            process.terminate()
         time.sleep(0.02)
         ended, status, used = os.wait4(process.pid, os.WNOHANG)
     process.returncode = os.waitstatus_to_exitcode(status)
     text = f"{used.ru_utime + used.ru_stime:.2f} s CPU, {largest / 1024:.0f} MiB"
     print(f"  {command}: {text}" + (f", exit {process.returncode}" if process.returncode else ""))
-    if process.returncode:
+    if process.returncode not in (0, AgentExit.RUNS_LEFT):
         print(pod.log(command)[-1000:])
 
 
@@ -74,11 +80,11 @@ def measure(server: s3.Server, root: Path, variants: int) -> None:
         plan = campaign.root / "plan/campaign.json"
         known = {**json.loads(plan.read_text()), **({"composed": digest} if digest else {})}
         plan.write_text(json.dumps(known))
-        execute(Pod(campaign), "fetch", index=variants - 1)
+        execute(Pod(campaign), "agent", index=variants - 1)
         execute(Pod(campaign), "finish")
         plan.write_text(json.dumps({k: v for k, v in known.items() if k != "composed"}))
         print("  as of a campaign that an older version composed:")
-        execute(Pod(campaign), "fetch", index=variants - 1)
+        execute(Pod(campaign), "agent", index=variants - 1)
     finally:
         campaign.close()
 

@@ -63,10 +63,10 @@ def test_images_that_the_node_cannot_execute_are_told(lab: Lab, tmp_path: Path) 
     assert "architecture" in told
 
 
-def shrink_fetch(lab: Lab) -> Iterator[Manifest]:
-    """Give the container `fetch` of the namespace's pods less memory than it needs."""
-    name, group = f"small-fetch-{lab.namespace}", "admissionregistration.k8s.io/v1"
-    amounts = [f"/spec/initContainers/1/resources/{kind}/memory" for kind in ("limits", "requests")]
+def shrink_agent(lab: Lab) -> Iterator[Manifest]:
+    """Give the container `agent` of the namespace's pods less memory than it needs."""
+    name, group = f"small-agent-{lab.namespace}", "admissionregistration.k8s.io/v1"
+    amounts = [f"/spec/containers/0/resources/{kind}/memory" for kind in ("limits", "requests")]
     patches = ", ".join(f'JSONPatch{{op: "replace", path: "{p}", value: "24Mi"}}' for p in amounts)
     yield {
         "apiVersion": group,
@@ -102,10 +102,10 @@ def shrink_fetch(lab: Lab) -> Iterator[Manifest]:
 
 def test_a_container_of_ours_that_lacks_memory_is_told(lab: Lab) -> None:
     """Whenever the policy begins to hold: no later pod comes to its run."""
-    lab.cluster.apply(*shrink_fetch(lab))
+    lab.cluster.apply(*shrink_agent(lab))
     lab.quick("small", "true\n", "  runs: 20\n", parallelism=2)
     told = wait_stalled(lab, "small", "OutOfMemory")
-    assert "fetch" in told
+    assert "agent" in told
 
 
 @contextmanager
@@ -157,15 +157,6 @@ def at_work(lab: Lab) -> bool:
     """Whether all pods of the campaign are ready."""
     jobs = lab.get("jobs", "--selector=robovast.io/campaign=cut-off")["items"]
     return any(job["status"].get("ready") == 3 for job in jobs)
-
-
-def test_an_agent_that_lacks_memory_is_told(lab: Lab) -> None:
-    """The run beside it ends when it hears nothing more."""
-    policies = json.dumps(list(shrink_fetch(lab)))
-    agent = policies.replace("/initContainers/1/", "/containers/1/").replace("small-fetch", "agent")
-    lab.cluster.apply(*json.loads(agent))
-    lab.quick("small", "sleep 30\n", "  runs: 5\n", parallelism=2)
-    assert "agent" in wait_stalled(lab, "small", "OutOfMemory")
 
 
 EXIT = bytes.fromhex("31ff b83c000000 0f05")

@@ -9,6 +9,8 @@ import json
 import os
 import random
 import re
+import signal
+import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -28,7 +30,7 @@ from support.campaigns.local import (
     run,
     verdicts,
 )
-from support.kube.pod_processes import Campaign, Pod, keys_by_path
+from support.kube.pod_processes import Campaign, Pod, keys_by_path, pids_of
 from support.patience import eventually
 from support.servers.refusing_s3_proxy import refusing
 
@@ -243,7 +245,7 @@ def test_whatever_others_have_stored_a_pod_executes_its_runs(make: Make) -> None
     store.put_bytes(bucket, "one-3/1/run.json", text.encode())
     again = make(script, extra, **REUSED)
     pods = [Pod(again) for _ in range(6)]
-    assert [pod.run(index) for index, pod in enumerate(pods)] == [0] * 6, pods[0].log("fetch")
+    assert [pod.run(index) for index, pod in enumerate(pods)] == [0] * 6, pods[0].log("agent")
     assert not [n for n in again.verdicts() if "reused_from" in again.record(n)]
 
 
@@ -254,10 +256,10 @@ def test_of_a_pack_the_runs_before_the_first_that_is_damaged_are_taken_over(make
     damage(campaign, keys_by_path(campaign.store, campaign.bucket)["one-2/0/out.csv"])
     again = make(PASS, SEED + PACK, **REUSED)
     pod = Pod(again)
-    assert pod.run() == 0, pod.log("fetch")
+    assert pod.run() == 0, pod.log("agent")
     origins = {n: again.record(n).get("reused_from") for n in again.verdicts()}
     assert origins == {"one-1/0": f"{campaign.name}/one-1/0", "one-2/0": None, "one-3/0": None}
-    assert "one-2/0 is not reused" in pod.log("fetch")
+    assert "one-2/0 is not reused" in pod.log("agent")
     assert not list(pod.work.rglob("reused"))
 
 
@@ -268,7 +270,7 @@ def test_a_damaged_log_of_another_campaign_is_not_waited_for(make: Make) -> None
     damage(campaign, f"_jobs/{campaign.record('one-1/0')['job']}/logs/system.log")
     again = make(PASS, SEED, **REUSED)
     pod = Pod(again)
-    assert pod.run() == 0, pod.log("fetch")
+    assert pod.run() == 0, pod.log("agent")
     assert "reused_from" not in again.record("one-1/0")
 
 
@@ -478,16 +480,100 @@ def test_a_pod_that_is_told_to_end_keeps_what_is_over(make: Make) -> None:
 def test_a_container_ends_with_its_agent(make: Make) -> None:
     campaign = make("sleep 600\n")
     pod = Pod(campaign)
-    pod.fetch()
-    script = pod.work / "config/start.sh"
-    script.write_text(script.read_text().replace("silence=120", "silence=14"))
-    container, agent = pod.start_run(), pod.command("agent")
+    agent = pod.command("agent")
+    eventually(pod.script.exists, 60)
+    pod.script.write_text(pod.script.read_text().replace("silence=120", "silence=14"))
+    container = pod.start_run()
     eventually(lambda: "Executing scenario" in pod.log("start"))
     heartbeat = pod.work / "config/heartbeat"
     before = heartbeat.read_text()
     eventually(lambda: heartbeat.read_text() != before)
     pod.kill(agent)
     assert container.wait(20) == 0  # not a second silence after the run's end
+
+
+@contextlib.contextmanager
+def preparing(campaign: Campaign) -> Iterator[Callable[[], object]]:
+    """Pods of a campaign come no further than their first request; gives what waits for that."""
+    endpoint = campaign.plan.endpoint
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(60)
+        campaign.change(endpoint=f"http://127.0.0.1:{server.getsockname()[1]}")
+        try:
+            yield server.accept
+        finally:
+            campaign.change(endpoint=endpoint)
+
+
+@one_server
+def test_a_pod_that_is_told_to_end_while_it_prepares_ends_at_once(make: Make) -> None:
+    campaign = make(PASS, PACK)
+    pod = Pod(campaign)
+    with preparing(campaign) as begun:
+        container, agent = pod.start_run(), pod.command("agent")
+        begun()
+        heartbeat = pod.work / "config/heartbeat"
+        before = heartbeat.read_text()
+        eventually(lambda: heartbeat.read_text() != before)
+        agent.terminate()
+        assert (agent.wait(20), container.wait(20)) == (75, 0)
+    assert not pod.script.exists()
+    assert Pod(campaign).run() == 0
+    assert set(campaign.verdicts().values()) == {"passed"}
+
+
+@one_server
+def test_when_the_process_that_prepares_is_killed_another_pod_is_made(make: Make) -> None:
+    """As the kernel does it when memory runs out."""
+    campaign = make(PASS, PACK)
+    pod = Pod(campaign)
+    with preparing(campaign) as begun:
+        container, agent = pod.start_run(), pod.command("agent")
+        begun()
+        (prepares,) = (pid for pid in pids_of(pod.work) if os.getsid(pid) == agent.pid != pid)
+        os.kill(prepares, signal.SIGKILL)
+        assert (agent.wait(20), container.wait(20)) == (75, 0)
+    assert "prepares the runs was ended by SIGKILL" in pod.message()["error"]
+    assert Pod(campaign).run() == 0
+
+
+@one_server
+@pytest.mark.parametrize("moment", ["before", "while", "when"])
+def test_an_agent_that_is_killed_before_its_runs_costs_nothing(make: Make, moment: str) -> None:
+    """The containers that wait for it end, so that another pod is made."""
+    campaign = make(PASS, PACK)
+    pod = Pod(campaign)
+    container = pod.start_run(silence=8)
+    if moment == "before":
+        pod.kill(pod.command("agent"))
+        container.terminate()  # as it does itself after ten minutes
+    elif moment == "while":
+        with preparing(campaign) as begun:
+            agent = pod.command("agent")
+            begun()
+            eventually(lambda: (pod.work / "config/heartbeat").read_text().strip())
+            pod.kill(agent)
+    else:
+        assert pod.prepare() == 0
+        pod.kill()
+    if moment != "when":
+        assert container.wait(60) == 0
+    assert campaign.verdicts() == {}
+    later = Pod(campaign)
+    assert later.run() == 0
+    assert later.message()["passed"] == "0-2"
+    assert set(campaign.verdicts().values()) == {"passed"}
+
+
+@one_server
+def test_a_file_of_the_user_begins_no_run_and_gives_no_order(make: Make) -> None:
+    names = ("start.sh", "order", "heartbeat")
+    step = PASS + 'cat /config/order 2>/dev/null || cat "${0%/*/*}/order" >&2\n'
+    extra = f"  run_files: [{', '.join(names)}]\n"
+    campaign = make(step, extra, files=dict.fromkeys(names, "end\n"))
+    assert Pod(campaign).run() == 0
+    assert campaign.verdicts() == {"one-1/0": "passed"}
+    assert "run 1" in campaign.read("_jobs/job-0/logs/system.log")
 
 
 @one_server
@@ -529,8 +615,6 @@ def test_of_two_pods_for_one_index_each_run_is_stored_once(make: Make) -> None:
     pods = [Pod(campaign), Pod(campaign)]
     agents = []
     for pod in pods:
-        pod.fetch()
-    for pod in pods:
         pod.start_run()
         agents.append(pod.command("agent"))
     assert [agent.wait(60) for agent in agents] == [0, 0]
@@ -566,11 +650,10 @@ def test_killed_at_any_moment_a_campaign_completes(make: Make, tmp_path: Path) -
         for held in (True, True, True, False):
             hold.write_text(last if held else "")
             pod = Pod(campaign)
-            pod.fetch(index)
             pod.start_run()
-            agent = pod.command("agent")
+            agent = pod.command("agent", index=index)
             with contextlib.suppress(subprocess.TimeoutExpired):
-                assert agent.wait(chance.uniform(0.7, 2.5)) == 0
+                assert agent.wait(chance.uniform(0.3, 4.0)) == 0
                 assert not held, "it ended before its last run did"
             pod.kill()
             for run_path in campaign.verdicts():
@@ -652,23 +735,28 @@ def test_refused_storage_is_told(make: Make) -> None:
     campaign = make(PASS)
     (campaign.root / "credentials/secretKey").write_text("wrong")
     pod = Pod(campaign)
-    assert pod.fetch() == 77
+    assert pod.prepare() == 76
     told = pod.message_file.read_text()
     assert campaign.plan.endpoint in told
     assert "Check the secret key" in told
 
 
 @one_server
-def test_an_agent_that_is_refused_says_so_beside_its_verdicts(make: Make) -> None:
+def test_an_agent_that_is_refused_says_so_beside_its_verdicts(
+    make: Make, s3_server: Server
+) -> None:
     campaign = make(PASS)
-    pod = Pod(campaign)
-    assert pod.fetch() == 0
-    (campaign.root / "credentials/secretKey").write_text("wrong")
-    container, agent = pod.start_run(), pod.command("agent")
-    assert (agent.wait(30), container.wait(30)) == (77, 0)
+
+    def refuses(method: str, path: str) -> tuple[int, str] | None:
+        return (403, "AccessDenied") if method == "PUT" and "/one-1/0/" in path else None
+
+    with refusing(s3_server.endpoint, refuses) as endpoint:
+        campaign.change(endpoint=f"http://{endpoint}")
+        pod = Pod(campaign)
+        assert pod.run() == 77, "a pod of other runs may succeed"
     told = pod.message()
     assert (told["passed"], told["failed"], told["errored"]) == ("", "", "")
-    assert campaign.plan.endpoint in told["error"]
+    assert endpoint in told["error"]
 
 
 WRITES = {
@@ -682,9 +770,9 @@ WRITES = {
 @pytest.mark.parametrize(
     ("why", "answer", "code"),
     [
-        ("no right to make buckets", (403, "AccessDenied"), 77),
-        ("a key that may read only", (403, "AccessDenied"), 77),
-        ("a quota that is used up", (400, "XMinioAdminBucketQuotaExceeded"), 77),
+        ("no right to make buckets", (403, "AccessDenied"), 76),
+        ("a key that may read only", (403, "AccessDenied"), 76),
+        ("a quota that is used up", (400, "XMinioAdminBucketQuotaExceeded"), 76),
         ("a quota that is used up", (507, "XMinioStorageFull"), 74),
     ],
 )
@@ -701,10 +789,9 @@ def test_storage_that_takes_nothing_is_noticed_before_anything_is_executed(
     with refusing(s3_server.endpoint, refuses) as endpoint:
         campaign.change(endpoint=f"http://{endpoint}")
         pod = Pod(campaign)
-        assert pod.fetch() == code, pod.log("fetch")
+        assert pod.prepare() == code, pod.log("agent")
     assert answer[1] in pod.message_file.read_text()
-    order = pod.work / "config/order"
-    assert not order.exists() or not order.read_text().strip(), "nothing was ordered"
+    assert (pod.work / "config/order").read_text().split() == ["end"], "nothing else was ordered"
 
 
 @one_server
@@ -728,12 +815,12 @@ def test_a_name_that_is_too_long_for_the_server_ends_the_tries(
 def test_a_run_that_no_pod_gets_beyond_is_given_up(make: Make) -> None:
     """As one that fills the disk of its node, and is evicted there."""
     campaign = make(PASS, PACK)
-    assert Pod(campaign).fetch() == 0
+    assert Pod(campaign).prepare() == 0
     begun = campaign.read("_transient/job-0.params.yaml").encode()
     assert b"attempt 1, runs 0-2" in begun
     for number in range(2, MOST_STARTS):
         campaign.store.put_bytes(campaign.bucket, f"_transient/job-0-{number}.params.yaml", begun)
-    assert Pod(campaign).fetch() == 0, "the last one that may"
+    assert Pod(campaign).prepare() == 0, "the last one that may"
     assert campaign.verdicts() == {}
     pod = Pod(campaign)
     assert pod.run() == 11, pod.log("agent")
@@ -761,16 +848,18 @@ def test_a_run_that_fills_the_disk_is_stored_with_what_it_wrote(make: Make) -> N
 
 
 @one_server
-def test_a_fetch_that_fills_the_disk_says_so_and_is_tried_again(make: Make, tmp_path: Path) -> None:
+def test_a_disk_that_is_full_before_the_runs_is_told_and_tried_again(
+    make: Make, tmp_path: Path
+) -> None:
     pod = Pod(make(PASS, PACK))
     with small_disk(pod.work):
-        (pod.work / "fetch.log").symlink_to(tmp_path / "fetch.log")
+        (pod.work / "agent.log").symlink_to(tmp_path / "agent.log")
         with contextlib.suppress(OSError), (pod.work / "big").open("wb") as file:
             file.write(bytes(2**24))
-        assert pod.fetch() == 74
+        assert pod.prepare() == 74
         assert re.fullmatch(
             r"error: (\S+: )?the disk is full\. Free some space, then repeat it\.\n",
-            pod.log("fetch"),
+            pod.log("agent"),
         )
 
 
@@ -788,7 +877,7 @@ def test_a_wrong_plan_or_document_is_told(
     campaign = make(PASS)
     (campaign.root / "plan" / file).write_text(text)
     pod = Pod(campaign)
-    assert pod.fetch() == code
+    assert pod.prepare() == code
     assert told in pod.message_file.read_text()
 
 
@@ -851,7 +940,7 @@ def test_a_list_of_bad_runs_that_is_not_what_finish_stored_is_refused(
     campaign.store.make_bucket(campaign.bucket)
     campaign.store.put_bytes(campaign.bucket, list_key(list_name("0-1")), b"0-2")
     pod = Pod(campaign)
-    assert pod.fetch(0, "--attempt", 2, "--repeat", name) == 64
+    assert pod.prepare(0, "--attempt", 2, "--repeat", name) == 64
     assert (
         list_key(name) in pod.message_file.read_text() or "stored" in pod.message_file.read_text()
     )
@@ -931,7 +1020,7 @@ def test_a_campaign_of_plugins_is_composed_once(composed: Campaign, version: str
 def test_what_is_not_as_it_was_composed_is_refused_by_name(composed: Campaign, key: str) -> None:
     composed.store.put_bytes(composed.bucket, key, b"[]")
     pod = Pod(composed)
-    assert pod.fetch() == 65
+    assert pod.prepare() == 65
     assert f"{key.removeprefix('_config/')}: is another" in pod.message_file.read_text()
 
 
@@ -947,7 +1036,7 @@ def test_inputs_that_are_not_those_of_the_plan_are_refused_by_name(make: Make, c
     elif change == "removed":
         step.unlink()
     pod = Pod(campaign)
-    assert pod.fetch() == (0 if change == "nothing" else 65)
+    assert pod.prepare() == (0 if change == "nothing" else 65)
     said = {"nothing": "", "edited": "is another", "removed": "is missing"}[change]
     assert (f"files/step.sh: {said}" in pod.message_file.read_text()) == bool(said)
 
@@ -960,10 +1049,10 @@ def test_another_expansion_than_the_planned_one_is_refused(make: Make) -> None:
     (entry,) = campaign.plan.entries
     same = entry.model_copy(update={"digest": variants_digest(variants)})
     campaign.change(entries=(same,))
-    assert Pod(campaign).fetch() == 0
+    assert Pod(campaign).prepare() == 0
     campaign.change(entries=(entry.model_copy(update={"digest": variants_digest(variants[:1])}),))
     pod = Pod(campaign)
-    assert pod.fetch() == 65
+    assert pod.prepare() == 65
     assert "`one` does not expand to the variants" in pod.message_file.read_text()
 
 

@@ -170,6 +170,30 @@ def test_links_in_a_pod_lead_nowhere(make: Make, host: Path) -> None:
 
 
 @one_server
+@pytest.mark.parametrize("inside", [False, True])
+def test_links_that_an_image_makes_before_its_run_is_prepared_lead_nowhere(
+    make: Make, host: Path, inside: bool
+) -> None:
+    """Its container lives by then, and may write to its output."""
+    campaign = make('echo 1 > "$3/out.csv"\n')
+    pod = Pod(campaign)
+    for name in (".job", "_jobs", "one-1", "one-2", "one-3"):
+        place = pod.out / name
+        if inside:
+            place.mkdir(parents=True)
+            for below in ("lock", "held", "job-0", "0"):
+                (place / below).symlink_to(host / "authorized_keys" if name == ".job" else host)
+            place.chmod(0)
+        else:
+            pod.out.mkdir(exist_ok=True)
+            place.symlink_to(host)
+    pod.out.chmod(0o2777)
+    assert pod.run() == 0, pod.log("agent")
+    assert campaign.verdicts() == ALL_PASSED
+    assert campaign.read("one-1/0/out.csv") == "1\n"
+
+
+@one_server
 def test_logs_of_a_job_that_goes_on_are_its_own(make: Make, tmp_path: Path) -> None:
     other = tmp_path / "other" / "job-0"
     other.mkdir(parents=True)

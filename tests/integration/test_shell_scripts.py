@@ -17,7 +17,7 @@ SCRIPTS = [
     *sorted(ROOT.glob("src/robovast/analysis/postprocessing/tools/*.sh")),
     *sorted(ROOT.glob("configs/examples/*/files/*.sh")),
     *(ROOT / "scripts" / name for name in NAMES),
-    ROOT / "src/robovast/agent/start.sh",
+    *sorted(ROOT.glob("src/robovast/agent/*.sh")),
     ROOT / "src/robovast/execution/local/run.sh.in",
     ROOT / "container/build.sh",
     ROOT / ".ci/run",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from robovast.base.errors import InputError
+from robovast.kubeapi.pod_contract.pack_request import AGENT, FETCH
 from robovast_cli.kube.api import Json
 
 
@@ -18,6 +19,12 @@ def has_begun(pod: Json, container: str) -> bool:
     """Whether a container has a log."""
     states = (s.get("state") or {} for s in _statuses(pod) if s["name"] == container)
     return any("running" in state or "terminated" in state for state in states)
+
+
+def is_prepared(pod: Json) -> bool:
+    """Whether its containers no longer wait for the agent; those of earlier versions never do."""
+    agent = next((s for s in _statuses(pod) if s["name"] == AGENT), {})
+    return agent.get("started") is not False or "terminated" in (agent.get("state") or {})
 
 
 def check_container(pod: Json, name: str) -> None:
@@ -58,7 +65,8 @@ def _reasons(pod: Json) -> Iterator[str]:
             told = f"{waiting.get('reason')}: {waiting['message']}"
             yield f"waits for its container {container['name']}: {told}"
     for container in _statuses(pod):
-        if "running" in (container.get("state") or {}):
+        running = "running" in (container.get("state") or {})
+        if running and container["name"] in ("compat-version", FETCH, AGENT):
             yield f"is being prepared by its container {container['name']}"
 
 

@@ -9,7 +9,7 @@ from robovast.execution.compat import INCOMPATIBLE
 from robovast.kubeapi.notice import Order
 from robovast.kubeapi.pod_contract.exit_codes import USELESS, AgentExit
 from robovast.kubeapi.pod_contract.mounts import DOCUMENT_FILE, PLAN_FILE
-from robovast.kubeapi.pod_contract.pack_request import PackRequest
+from robovast.kubeapi.pod_contract.pack_request import AGENT, RUN, PackRequest
 from robovast.kubeapi.pod_contract.pods import failure_policy, on_exit
 from robovast.kubeapi.pod_contract.sightings import FILE, Sightings
 from robovast.kubeapi.resources import ROLE_LABEL, SHARD_LABEL, SHARD_ROLE, Scheduling
@@ -46,6 +46,9 @@ NOTIFY_KEEP = 3600
 _QUIET = {"argocd.argoproj.io/ignore-resource-updates": "true"}
 """A GitOps tool need not look at an application again for each change of a Job or pod."""
 
+_RUN_IS_MEANT = {"kubectl.kubernetes.io/default-container": RUN}
+"""`kubectl logs` and `exec` without a container's name."""
+
 
 def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Object:
     """The Indexed Job of a shard: a completion index for each pack."""
@@ -62,14 +65,13 @@ def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Objec
         "suspend": queue is not None or accepted.spec.suspend,
         **failure_policy(
             on_exit("FailJob", "compat-version", [INCOMPATIBLE]),
-            on_exit("FailJob", "fetch", USELESS),
-            on_exit("FailJob", "agent", [AgentExit.OTHER_OWNER]),
-            on_exit("FailIndex", "agent", [AgentExit.FAILED, AgentExit.ERRORED, AgentExit.REFUSED]),
-            on_exit("Ignore", "fetch", [AgentExit.STORAGE]),  # it costs time, no tries
-            on_exit("Ignore", "agent", [AgentExit.STORAGE]),
+            on_exit("FailJob", AGENT, {*USELESS} - {AgentExit.REFUSED}),
+            on_exit("FailIndex", AGENT, [AgentExit.FAILED, AgentExit.ERRORED, AgentExit.REFUSED]),
+            on_exit("Ignore", AGENT, [AgentExit.STORAGE]),  # it costs time, no tries
         ),
     }
     job["spec"]["template"]["spec"] = pod
+    job["spec"]["template"]["metadata"]["annotations"] = {**_QUIET, **_RUN_IS_MEANT}
     if queue is not None:
         job["metadata"]["labels"][QUEUE_LABEL] = queue
     if accepted.spec.queue_priority_class_name is not None:

@@ -10,7 +10,7 @@ from signal import SIGKILL, SIGTERM
 from robovast.execution.compat import INCOMPATIBLE
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
 from robovast.kubeapi.pod_contract.messages import error_in
-from robovast.kubeapi.pod_contract.pack_request import INDEX_ANNOTATION, RUN
+from robovast.kubeapi.pod_contract.pack_request import AGENT, FETCH, INDEX_ANNOTATION, RUN
 from robovast.kubeapi.pod_contract.sightings import Sightings
 from robovast_operator.kube.lenient import LARGEST, mapping, number, ranges, text
 from robovast_operator.kube.objects import Object
@@ -33,6 +33,7 @@ _EXITS = {
     AgentExit.BAD_DOCUMENT: "InvalidDocument",
     AgentExit.OTHER_OWNER: "OtherOwner",
     AgentExit.STORAGE: "Storage",
+    AgentExit.REFUSED_AT_START: "StorageRefuses",
     AgentExit.REFUSED: "StorageRefuses",
     INCOMPATIBLE: "Incompatible",
 }
@@ -114,7 +115,7 @@ def troubles_of(pod: Object) -> Iterator[Trouble]:
             yield trouble
 
 
-_OWN = frozenset({"compat-version", "fetch", "agent", "compose", "finish", "process", "purge"})
+_OWN = frozenset({"compat-version", FETCH, AGENT, "compose", "finish", "process", "purge"})
 """Our own containers: how they end is no result of a run."""
 
 _ORDINARY = frozenset(
@@ -136,7 +137,7 @@ def _ending(container: Object, ended: Object) -> Trouble | None:
         return None
     if code in _EXITS:
         reason = _EXITS[code]
-        final = reason in _FINAL and (name, reason) != ("agent", "StorageRefuses")
+        final = reason in _FINAL and (name, code) != (AGENT, AgentExit.REFUSED)
         return Trouble(reason, told or f"{name}: exit {code}", final=final)
     if ended.get("reason") == "OOMKilled":
         return Trouble("OutOfMemory", f"the container {name} needs more memory than its limit")

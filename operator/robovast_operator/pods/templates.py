@@ -1,7 +1,8 @@
 """The pods of a campaign, as pure functions of it.
 
-A run's pod: `compat-version` and `fetch` before, then the user's `robovast` container and its
-secondaries beside our `agent`. Only our own containers see credentials; nobody sees a token.
+A run's pod: `compat-version` before, then our `agent` beside the user's `robovast` container and
+its secondaries, which wait until it has prepared the run. Only our own containers see credentials;
+nobody sees a token.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Container, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
+from robovast.agent.scripts import AWAIT, START
 from robovast.agent.silence import SILENT
 from robovast.base.docstrings import WITHOUT
 from robovast.common.execution import COMPAT_VERSION
@@ -17,7 +19,7 @@ from robovast.execution.compat import COMPAT_SCRIPT
 from robovast.execution.contract import CONFIG, OUT
 from robovast.kubeapi.notice import NOTICE_VARIABLE, Order
 from robovast.kubeapi.pod_contract.mounts import SECRET_MODE, Mount
-from robovast.kubeapi.pod_contract.pack_request import FETCH, PackRequest
+from robovast.kubeapi.pod_contract.pack_request import AGENT, PackRequest
 from robovast.kubeapi.pod_contract.pods import (
     BESIDE_RUNS,
     OWN_USER,
@@ -51,7 +53,7 @@ CAMPAIGN = (Mount.PLAN, Mount.FILES, Mount.CREDENTIALS)
 SHM = "/dev/shm"  # noqa: S108
 
 DEADLINE_MARGIN = 3600
-"""Beside the runs themselves: pulling images, fetching, storing [s]."""
+"""Beside the runs themselves: pulling images, preparing, storing [s]."""
 
 GRACE_SECONDS = 60
 """For runs that are told to end, and for what is just being stored."""
@@ -73,15 +75,14 @@ def run_pod(
     spec = _pod(accepted, plan, execution.kubernetes.jobs)
     spec["initContainers"] = [
         _compat(accepted, settings),
-        _own(settings, FETCH, [FETCH, *request.arguments], CAMPAIGN),
         *_secondaries(accepted, settings),
     ]
     asked = disk(execution.kubernetes.ephemeral_storage, accepted.spec.cluster or "", "")
     if asked is not None:
         settings = replace(settings, work_request=str(asked), work_limit=str(asked))
     spec["containers"] = [
+        _agent(settings, request),
         _run_container(accepted, settings, "robovast", [], execution.resources),
-        _agent(settings),
     ]
     if execution.kubernetes.device_claims:
         spec["resourceClaims"] = device_claims(execution.kubernetes.device_claims)
@@ -243,7 +244,7 @@ def _run_container(
     return {
         "name": name,
         "image": accepted.image,
-        "command": ["bash", f"{CONFIG}/start.sh", *arguments],
+        "command": ["bash", "-c", AWAIT.read_text(), f"{CONFIG}/{START.name}", *arguments],
         "resources": container_resources(accepted, resources) | _devices(accepted),
         "securityContext": confined(settings.restricted_runs),
         "volumeMounts": [
@@ -334,23 +335,32 @@ def _own(
     return own_container(settings.agent_image, name, arguments, mounts, resources, variables)
 
 
-def _agent(settings: Settings) -> Object:
-    """The container that stores the runs; its pod is not ready while a run is silent."""
+def _agent(settings: Settings, request: PackRequest) -> Object:
+    """The container that prepares and stores the runs.
+
+    It is not started until they are prepared, and not ready while a run is silent.
+    """
     requests = {**BESIDE_RUNS["requests"]}
     if settings.work_request:
         requests["ephemeral-storage"] = settings.work_request
     resources = {**BESIDE_RUNS, "requests": requests}
-    if not settings.silence_minutes:
-        return _own(settings, "agent", ["agent"], CAMPAIGN, resources)
-    arguments = ["agent", "--silence", f"{settings.silence_minutes * 60:g}"]
-    return _own(settings, "agent", arguments, CAMPAIGN, resources) | {
-        "readinessProbe": {
-            "exec": {"command": ["test", "!", "-e", f"{Mount.WORK.path}/{SILENT}"]},
-            "periodSeconds": 60,
-            "timeoutSeconds": 20,
-            "failureThreshold": 1,
-        },
-    }
+    arguments = [AGENT, *request.arguments]
+    probes = {"startupProbe": _probe("-e", f"config/{START.name}") | _WHILE_PREPARING}
+    if settings.silence_minutes:
+        arguments += ["--silence", f"{settings.silence_minutes * 60:g}"]
+        probes["readinessProbe"] = _probe("!", "-e", SILENT) | _WHILE_RUNNING
+    return _own(settings, AGENT, arguments, CAMPAIGN, resources) | probes
+
+
+_WHILE_PREPARING = {"initialDelaySeconds": 3, "periodSeconds": 5, "failureThreshold": 17_280}
+"""The first look comes when most are prepared, and the last after a day."""
+_WHILE_RUNNING = {"periodSeconds": 60, "failureThreshold": 1}
+
+
+def _probe(*words: str) -> Object:
+    """A probe by `test`, the last of whose words is a path in the pod's own volume."""
+    command = ["test", *words[:-1], f"{Mount.WORK.path}/{words[-1]}"]
+    return {"exec": {"command": command}, "timeoutSeconds": 20}
 
 
 def container_resources(accepted: Accepted, resources: Resources) -> Object:

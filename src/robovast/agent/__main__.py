@@ -6,16 +6,11 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
 
 from robovast.agent import quick_start  # isort: skip  # before whatever imports minio
 from robovast.agent.mounts import Folders
-from robovast.base.errors import RobovastError
-from robovast.base.file_errors import sentence
-from robovast.kubeapi.pod_contract.exit_codes import AgentExit, exit_code_of_error
-from robovast.kubeapi.pod_contract.messages import write_error
+from robovast.agent.reporting import reported
 from robovast.kubeapi.pod_contract.mounts import Mount
 from robovast.kubeapi.pod_contract.pack_request import (
     ATTEMPT,
@@ -30,9 +25,8 @@ INDEX = "JOB_COMPLETION_INDEX"
 """Variable that Kubernetes sets in the pods of an Indexed Job."""
 
 _COMMANDS = {
-    "fetch": "prepare the runs of a pod",
-    "agent": "store the runs of a pod as they end",
-    "hold": "keep the run of a pod alive, and store nothing",
+    "agent": "prepare the runs of a pod, and store them as they end",
+    "hold": "prepare the run of a pod and keep it alive, and store nothing",
     "compose": "expand a document and store what its pods need",
     "propose": "score what a search has run, and propose what it runs next",
     "finish": "complete a campaign's results and sum them up",
@@ -49,34 +43,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parse(sys.argv[1:] if arguments is None else arguments)
     given = {name: getattr(options, name) for name in Folders.__dataclass_fields__}
     folders = Folders(**{name: value for name, value in given.items() if value is not None})
-    try:
-        return _carry_out(options, folders)
-    except (RobovastError, OSError) as error:
-        text = sentence(error) if isinstance(error, OSError) else str(error)
-        print(f"error: {text}", file=sys.stderr)  # noqa: T201
-        with suppress(OSError):  # on a disk that is full; Kubernetes falls back to the log
-            write_error(
-                folders.message, text, as_json=options.command in {"agent", "compose", "propose"}
-            )
-        return exit_code_of_error(error)
+    as_json = options.command in {"agent", "compose", "propose"}
+    return reported(lambda: _carry_out(options, folders), folders.message, as_json=as_json)
 
 
-def _carry_out(options: argparse.Namespace, folders: Folders) -> AgentExit:
-    module = import_module(f"robovast.agent.{options.command}")
-    quick_start.done()
+def _carry_out(options: argparse.Namespace, folders: Folders) -> int:
+    module = quick_start.load(f"robovast.agent.{options.command}")
     arguments: list[object] = [folders]
     index = int(os.environ.get(INDEX, "0"))
-    if options.command == "fetch":
-        asked = options.first_pack, index, options.attempt, options.repeat, options.run
-        arguments.append(PackRequest(*asked))
-    elif options.command == "agent":
-        arguments.append(options.silence)
+    if options.command == "agent":
+        request = PackRequest(options.first_pack, index, options.attempt, options.repeat)
+        arguments += [request, options.silence]
+    elif options.command == "hold":
+        arguments.append(PackRequest(0, run=options.run))
     elif options.command == "notify":
         arguments.append(index)
     elif options.command == "share":
         place = Endpoint.parse(options.endpoint, options.region)
         arguments.append(module.Request(options.campaign, options.bucket, place, options.uid))
-    code: AgentExit = getattr(module, options.command)(*arguments)
+    code: int = getattr(module, options.command)(*arguments)
     return code
 
 
@@ -96,21 +81,21 @@ def _parser(names: Sequence[str]) -> argparse.ArgumentParser:
             command.add_argument(f"--{folder}", type=Path, metavar="PATH")
         for seen in ("config-seen", "out-seen"):
             command.add_argument(f"--{seen}", metavar="PATH", help="as runs see it")
-        if name == "fetch":
+        if name == "agent":
             _add_runs(command)
-        elif name == "agent":
             told = "after how long without a line in its log a run is told to be silent [s]"
             command.add_argument("--silence", type=float, default=0.0, metavar="S", help=told)
+        elif name == "hold":
+            command.add_argument(ONLY, type=int, required=True, help="id of the run")
         elif name == "share":
             _add_results(command)
     return parser
 
 
-def _add_runs(fetch: argparse.ArgumentParser) -> None:
-    fetch.add_argument(FIRST_PACK, type=int, default=0, help=f"the pack or group of ${INDEX} 0")
-    fetch.add_argument(ATTEMPT, type=int, default=1, help="which repetition it is, from 1")
-    fetch.add_argument(REPEAT, help="name of the list of runs that are repeated")
-    fetch.add_argument(ONLY, type=int, help="id of the only run, of which nothing is stored")
+def _add_runs(agent: argparse.ArgumentParser) -> None:
+    agent.add_argument(FIRST_PACK, type=int, default=0, help=f"the pack or group of ${INDEX} 0")
+    agent.add_argument(ATTEMPT, type=int, default=1, help="which repetition it is, from 1")
+    agent.add_argument(REPEAT, help="name of the list of runs that are repeated")
 
 
 def _add_results(share: argparse.ArgumentParser) -> None:

@@ -1,4 +1,4 @@
-"""`agent`: runs beside the runs of a pod, stores each finished one, and reports at the end."""
+"""`agent`: prepares the runs of a pod, stores each that has ended, and reports at the end."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from robovast.agent.job_files import prepare_later_job
 from robovast.agent.mounts import Folders
 from robovast.agent.pack import Pack, PodStart, read_pack
 from robovast.agent.pod_process import follow_job
+from robovast.agent.preparation import prepare_apart
 from robovast.agent.results import Results
 from robovast.agent.silence import SILENT, Silence
 from robovast.agent.untrusted_files import SIDE_BY_SIDE
@@ -26,43 +27,54 @@ from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit, exit_code_of
 from robovast.kubeapi.pod_contract.messages import BAD_TOLD, BadRun, Verdicts
+from robovast.kubeapi.pod_contract.pack_request import PackRequest
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
 
 
-def agent(folders: Folders, silence: float = 0.0) -> AgentExit:
-    """Follow the jobs of a pod, as `fetch` prepared them, until every run has a verdict.
+def agent(folders: Folders, request: PackRequest, silence: float = 0.0) -> int:
+    """Prepare the runs of a pod, and follow its jobs until every run has a verdict.
 
     Args:
         folders: of the pod.
+        request: which runs.
         silence: how long a run may write nothing to its log until that is reported [s]; 0: never.
 
     Raises:
+        KilledError: the process that prepares them was killed.
         StorageError: results cannot be stored.
         OSError: the pod's disk cannot be written.
     """
+    container = RunContainer(folders)
+    container.begin()
+    stop = Event()
+    try:
+        with call_on_signals(stop.set):
+            code = prepare_apart(folders, request, stop)
+            return code or _follow(folders, container, silence, stop)
+    finally:
+        container.end()
+
+
+def _follow(folders: Folders, container: RunContainer, silence: float, stop: Event) -> AgentExit:
+    """Follow the jobs of a pod that are prepared; the first one is ordered already."""
     pack = read_pack(folders.pack)
     verdicts = dict(pack.done)
     bad: list[RunRecord] = []
     took: list[float] = []
-    container = RunContainer(folders)
-    stop = Event()
     try:
         if pack.first is not None:
-            container.beat_for_ever()
             credentials = Credentials.from_folder(folders.credentials)
             endpoint = Endpoint.parse(pack.endpoint, pack.region)
             store = ObjectStore(endpoint, credentials, connections=SIDE_BY_SIDE + 2)
-            with call_on_signals(stop.set), Background() as background:
+            with Background() as background:
                 bucket = Bucket(store, pack.bucket, pack.owner)
-                bucket.claim()
                 results = Results(bucket, pack, os.environ.get("POD_NAME", ""))
                 keeper = _Keeper(folders, results, background, verdicts, bad, took)
                 watched = Silence(folders.work / SILENT, silence)
                 _follow_jobs(folders, pack, container, keeper, stop, watched)
         return _ending(pack, verdicts)
     finally:
-        container.end()
         told = [BadRun.of(record) for record in bad]
         Verdicts.of(verdicts, _not_needed(pack, verdicts), took, told).write(folders.message)
 

@@ -14,6 +14,9 @@ from robovast.agent.mounts import Folders
 from robovast.base import safe_paths
 from robovast.base.stopwatch import Stopwatch
 
+ORDERS = ("order", "heartbeat")
+"""Files in the folder of a run's inputs."""
+
 HEARTBEAT = 5.0
 """How often the agent renews its sign of life [s]."""
 
@@ -32,12 +35,17 @@ class RunContainer:
         self._answers = folders.answers
         self._out = folders.out
 
-    def prepare(self) -> None:
-        """Create the files, before any container starts."""
-        self._answers.mkdir(parents=True)
-        (self._answers / "lock").touch()
-        for name in ("order", "heartbeat"):
+    def begin(self) -> None:
+        """Create the files of orders; the folders may be mounted already, so they stay."""
+        for folder in (self._config, self._out):
+            folder.mkdir(parents=True, exist_ok=True)
+        for name in ORDERS:
             (self._config / name).write_bytes(_padded(""))
+
+    def prepare(self) -> None:
+        """Create the folder of the answers, whatever was made of it while nobody looked."""
+        safe_paths.make_folder(self._answers, self._out)
+        safe_paths.create_file(self._answers / "lock", self._out).close()
 
     def run(self, job: int) -> None:
         """Order job 1, 2, …; its inputs must be in place."""

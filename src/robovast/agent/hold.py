@@ -1,4 +1,4 @@
-"""`hold`: keeps a run that somebody looks into alive, and stores nothing of it."""
+"""`hold`: prepares a run that somebody looks into, keeps it alive, and stores nothing of it."""
 
 from __future__ import annotations
 
@@ -6,15 +6,28 @@ from threading import Event
 
 from robovast.agent.container_control import RunContainer
 from robovast.agent.mounts import Folders
+from robovast.agent.preparation import prepare_apart
 from robovast.base.signals import call_on_signals
-from robovast.kubeapi.pod_contract.exit_codes import AgentExit
+from robovast.kubeapi.pod_contract.pack_request import PackRequest
 
 
-def hold(folders: Folders) -> AgentExit:
-    """Let the containers of a pod go on after their run, until the pod is told to end."""
+def hold(folders: Folders, request: PackRequest) -> int:
+    """Let the containers of a pod go on after their run, until the pod is told to end.
+
+    Args:
+        folders: of the pod.
+        request: the run.
+
+    Raises:
+        KilledError: the process that prepares it was killed.
+    """
     container, stop = RunContainer(folders), Event()
-    container.beat_for_ever()
-    with call_on_signals(stop.set):
-        stop.wait()
-    container.end()
-    return AgentExit.PASSED
+    container.begin()
+    try:
+        with call_on_signals(stop.set):
+            code = prepare_apart(folders, request, stop)
+            if code == 0:
+                stop.wait()
+            return code
+    finally:
+        container.end()

@@ -24,7 +24,6 @@ ENVIRONMENT_FILE = "environment.sh"
 def prepare_output(folders: Folders, job: PodStart) -> None:
     """Create the folders that a job writes to, in place of those of earlier jobs."""
     out = folders.out
-    out.mkdir(parents=True, exist_ok=True)
     safe_paths.remove(out / JOBS, out)
     safe_paths.make_folder(Layout(out).job(job.name) / LOGS, out)
     if not is_pack(job):

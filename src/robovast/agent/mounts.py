@@ -78,5 +78,5 @@ class Folders:
 
     @property
     def pack(self) -> Path:
-        """The file that `fetch` writes for `agent`."""
+        """What the process that prepares the runs leaves to the agent."""
         return self.work / "pack.json"

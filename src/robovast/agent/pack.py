@@ -1,4 +1,4 @@
-"""The pack of a pod, as `fetch` passes it on to `agent`."""
+"""The pack of a pod, as the process that prepares it passes it on to the agent."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ def job_name(pack: int, number: int) -> str:
 
 
 def read_pack(path: Path) -> Pack:
-    """The pack as `fetch` wrote it."""
+    """The pack as it was written."""
     data = json.loads(path.read_text(encoding="utf-8"))
     done = {int(id_): Verdict(verdict) for id_, verdict in data["done"].items()}
     changed = {

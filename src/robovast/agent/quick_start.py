@@ -1,6 +1,6 @@
-"""Makes our containers of a run's pod start sooner; to be imported before anything else of them.
+"""Makes our container of a run's pod start sooner; to be imported before anything else of it.
 
-Each pod has two, whose starts take more CPU than all that they do then.
+Each pod has one, whose start takes more CPU than all that it does then.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
+from importlib import import_module
 from types import ModuleType
 from typing import Any
 
@@ -44,14 +45,18 @@ def _import_minio() -> None:
             del sys.modules[name]
 
 
-def done() -> None:
-    """Collect garbage from now on; what is there will never be any."""
-    if _IS_BESIDE_RUN:
-        gc.freeze()
-        gc.enable()
+def load(name: str) -> Any:
+    """Import a module, and collect garbage from then on; what is there will never be any."""
+    if not _IS_BESIDE_RUN:
+        return import_module(name)
+    gc.disable()
+    module = import_module(name)
+    gc.freeze()
+    gc.enable()
+    return module
 
 
-_IS_BESIDE_RUN = "robovast.agent" in sys.orig_argv and sys.argv[1:2] in (["agent"], ["fetch"])
+_IS_BESIDE_RUN = "robovast.agent" in sys.orig_argv and sys.argv[1:2] in (["agent"], ["hold"])
 if _IS_BESIDE_RUN:
     gc.disable()  # until everything is imported: hardly anything of that is garbage
     os.environ[_WITHOUT_PLUGINS] = "__all__"

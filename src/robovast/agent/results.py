@@ -158,7 +158,7 @@ class Results:
         self._next_snapshot = time.monotonic() + SNAPSHOT_INTERVAL
 
     def _name(self, job: PackStart) -> str:
-        """Name of a job in the bucket: `fetch` has claimed the pod's first one."""
+        """Name of a job in the bucket: the pod's first one was claimed before."""
         if job.index == 1:
             return job.name
         if job.index not in self._names:

@@ -14,8 +14,8 @@ from robovast.kubeapi.names import CREDENTIALS_SECRET
 from robovast.kubeapi.pod_contract.exit_codes import USELESS
 from robovast.kubeapi.pod_contract.mounts import Mount
 from robovast.kubeapi.pod_contract.pods import (
-    AGENT,
     OWN_USER,
+    PROGRAM,
     WHOLE_CAMPAIGN,
     confined_pod,
     failure_policy,
@@ -163,7 +163,7 @@ def agent_image(jobs: Iterable[Mapping[str, Any]]) -> str | None:
     pods = (job["spec"]["template"]["spec"] for job in jobs)
     for pod in pods:
         for container in [*pod["containers"], *(pod.get("initContainers") or ())]:
-            if tuple(container.get("command") or ())[: len(AGENT)] == AGENT:
+            if tuple(container.get("command") or ())[: len(PROGRAM)] == PROGRAM:
                 return str(container["image"])
     return None
 

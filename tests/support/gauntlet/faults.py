@@ -105,21 +105,27 @@ def replace_operator(arena: Arena, chance: Random) -> None:
 
 
 def kill_agent(arena: Arena, chance: Random) -> None:
-    _kill_one(arena, chance, _is_agent)
+    """With the process that prepares runs, if they are not prepared yet."""
+    agents = _soon(lambda: [p for p in arena.processes(_is_agent) if _is_first(p)])
+    chance.choice(agents).signal(signal.SIGKILL)
 
 
 def _is_agent(command: Sequence[str]) -> bool:
     return {"robovast.agent", "agent"} <= set(command)
 
 
-def kill_fetch(arena: Arena, chance: Random) -> None:
-    """Or whatever other container of ours begins or ends something."""
-    ours = ("fetch", "finish", "purge", "compose")
-    _kill_one(
-        arena,
-        chance,
-        lambda command: "robovast.agent" in command and any(word in command for word in ours),
-    )
+def kill_preparation(arena: Arena, chance: Random) -> None:
+    """The process of an agent that prepares runs, or what else begins or ends something."""
+    others = {"finish", "purge", "compose"}
+
+    def is_ours(command: Sequence[str]) -> bool:
+        return "robovast.agent" in command and not others.isdisjoint(command)
+
+    def found() -> list[Process]:
+        preparing = [p for p in arena.processes(_is_agent) if not _is_first(p)]
+        return [*preparing, *arena.processes(is_ours)]
+
+    chance.choice(_soon(found)).signal(signal.SIGKILL)
 
 
 def kill_run(arena: Arena, chance: Random) -> None:
@@ -384,7 +390,7 @@ FAULTS: dict[str, Do] = {
     "operator killed": kill_operator,
     "operator's pod lost": replace_operator,
     "agent killed": kill_agent,
-    "fetch, finish or purge killed": kill_fetch,
+    "preparation, finish or purge killed": kill_preparation,
     "run's container killed": kill_run,
     "run's pod told to end": evict_run,
     "run's pod lost": forget_run,

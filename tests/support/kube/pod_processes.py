@@ -1,4 +1,4 @@
-"""Pods of a campaign as plain processes: fetch, then start.sh beside the agent, and a real S3."""
+"""Pods of a campaign as plain processes: the agent beside start.sh, and a real S3."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from uuid import uuid4
 
 from robovast_testbed.s3 import Server
 
+from robovast.agent.scripts import AWAIT
 from robovast.execution.local.process_environment import process_environment
 from robovast.model.document import load_document
 from robovast.model.expansion import compose, select_any
@@ -172,6 +173,11 @@ class Pod:
     def out(self) -> Path:
         return self.work / "out"
 
+    @property
+    def script(self) -> Path:
+        """What the containers of a run wait for: it is there when the run is prepared."""
+        return self.work / "config/start.sh"
+
     def command(self, name: str, *arguments: object, index: int = 0) -> subprocess.Popen[bytes]:
         """Start one of our own containers."""
         root = self.campaign.root
@@ -193,12 +199,13 @@ class Pod:
         """Do our own work on the whole campaign; returns the exit code."""
         return self.command(name).wait(60)
 
-    def start_run(self, secondary: str = "") -> subprocess.Popen[bytes]:
-        """Start a container of the user's image."""
+    def start_run(self, secondary: str = "", silence: int = 120) -> subprocess.Popen[bytes]:
+        """Start a container of the user's image; how long its agent may be silent before [s]."""
         environment = process_environment(print)
+        text = AWAIT.read_text().replace("silence=120", f"silence={silence}")
         return self._spawn(
             f"start{secondary}.log",
-            ["bash", str(self.work / "config/start.sh"), *filter(None, [secondary])],
+            ["bash", "-c", text, str(self.script), *filter(None, [secondary])],
             {"PATH": f"{environment}/bin:{os.environ['PATH']}", "ENABLE_X11": "false"},
         )
 
@@ -215,23 +222,26 @@ class Pod:
         self.processes.append(process)
         return process
 
-    def fetch(self, index: int = 0, *arguments: object) -> int:
-        return self.command("fetch", *arguments, index=index).wait(60)
+    def prepare(self, index: int = 0, *arguments: object) -> int:
+        """A pod that is killed when its runs are prepared: 0; its exit code if it ends before."""
+        agent = self.command("agent", *arguments, index=index)
+        eventually(lambda: agent.poll() is not None or self.script.exists(), 60)
+        if agent.poll() is None:
+            self.kill(agent)
+            return 0
+        return agent.returncode
 
     def run(self, index: int = 0, *arguments: object, secondaries: tuple[str, ...] = ()) -> int:
         """A pod from its beginning to its end; returns the agent's exit code."""
-        assert self.fetch(index, *arguments) == 0, self.log("fetch")
         containers = [self.start_run(name) for name in (*secondaries, "")]
-        code = self.command("agent").wait(120)
+        code = self.command("agent", *arguments, index=index).wait(180)
         assert [container.wait(30) for container in containers] == [0] * len(containers)
         return code
 
     def start(self, index: int = 0) -> tuple[subprocess.Popen[bytes], subprocess.Popen[bytes]]:
         """Start the containers `robovast` and `agent`; both are at work then."""
-        assert self.fetch(index) == 0, self.log("fetch")
-        containers = self.start_run(), self.command("agent")
-        heartbeat = self.work / "config/heartbeat"
-        eventually(lambda: heartbeat.read_text().strip())
+        containers = self.start_run(), self.command("agent", index=index)
+        eventually(self.script.exists, 60)
         return containers
 
     def log(self, name: str) -> str:

@@ -1,4 +1,4 @@
-"""What fetch, agent and start.sh tell each other by files."""
+"""What the agent and start.sh tell each other by files."""
 
 import fcntl
 import math
@@ -13,11 +13,11 @@ import pytest
 from support.patience import PATIENCE, eventually
 
 from robovast.agent.container_control import RunContainer
-from robovast.agent.fetch import START
 from robovast.agent.job_files import prepare_output, write_environment
 from robovast.agent.mounts import Folders
 from robovast.agent.pack import Pack, PodStart, read_pack
 from robovast.agent.pod_process import follow_job
+from robovast.agent.scripts import START
 from robovast.agent.silence import Silence
 from robovast.campaign.records import EndedRun
 from robovast.campaign.verdict import Verdict
@@ -43,9 +43,15 @@ def make_pack(**changes: object) -> Pack:
 
 @pytest.fixture
 def folders(tmp_path: Path) -> Folders:
-    folders = Folders(work=tmp_path)
-    folders.config.mkdir()
-    return folders
+    return Folders(work=tmp_path)
+
+
+def prepared(folders: Folders) -> RunContainer:
+    """The container of a run whose files are there."""
+    container = RunContainer(folders)
+    container.begin()
+    container.prepare()
+    return container
 
 
 def test_a_pack_is_read_as_it_was_written(tmp_path: Path) -> None:
@@ -78,8 +84,7 @@ def test_the_worst_verdict_decides(verdicts: list[Verdict], code: AgentExit) -> 
 
 
 def test_orders_are_rewritten_in_place_and_whole(folders: Folders) -> None:
-    container = RunContainer(folders)
-    container.prepare()
+    container = prepared(folders)
     inode = (folders.config / "order").stat().st_ino
     container.run(12)
     container.end()
@@ -94,8 +99,7 @@ def begin(folders: Folders, ago: float = 0.0) -> None:
 
 
 def test_a_job_has_taken_as_long_as_it_did_when_its_agent_looks_late(folders: Folders) -> None:
-    container = RunContainer(folders)
-    container.prepare()
+    container = prepared(folders)
     begin(folders, ago=100.0)
     stopwatch = container.started(1)
     assert stopwatch is not None
@@ -105,8 +109,7 @@ def test_a_job_has_taken_as_long_as_it_did_when_its_agent_looks_late(folders: Fo
 
 
 def test_a_container_is_gone_when_its_lock_is_free_and_it_left_no_code(folders: Folders) -> None:
-    container = RunContainer(folders)
-    container.prepare()
+    container = prepared(folders)
     assert not container.is_gone(1), "it did not start yet"
     with (folders.answers / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -119,8 +122,7 @@ def test_a_container_is_gone_when_its_lock_is_free_and_it_left_no_code(folders: 
 
 
 def test_a_container_that_was_killed_before_its_first_order_is_gone(folders: Folders) -> None:
-    container = RunContainer(folders)
-    container.prepare()
+    container = prepared(folders)
     with (folders.answers / "lock").open("w") as lock:
         assert not container.is_gone(1), "it may be just about to take the lock"
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -130,8 +132,7 @@ def test_a_container_that_was_killed_before_its_first_order_is_gone(folders: Fol
 
 
 def test_whatever_a_run_makes_of_the_answers_hangs_nobody(folders: Folders, tmp_path: Path) -> None:
-    container = RunContainer(folders)
-    container.prepare()
+    container = prepared(folders)
     begin(folders)
     (folders.answers / "2.started.now").touch()
     assert container.started(2) is None
@@ -167,8 +168,7 @@ class Received:
 def test_a_clock_that_is_set_makes_no_run_overdue(
     folders: Folders, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    container = RunContainer(folders)
-    container.prepare()
+    prepared(folders)
     job = make_pack(runs=RUNS[:1]).job(1, RUNS[:1])
     prepare_output(folders, job)
     (folders.out / RUNS[0].path / "test.xml").write_text("<testsuite><testcase/></testsuite>")
@@ -195,8 +195,7 @@ def test_a_clock_that_is_set_makes_no_run_overdue(
 
 def test_a_clock_that_is_set_makes_no_agent_silent(folders: Folders, tmp_path: Path) -> None:
     """Bash's own SECONDS follows the clock of the machine; here it runs away."""
-    container = RunContainer(folders)
-    container.prepare()
+    container = prepared(folders)
     container.run(1)
     job = folders.out / "_jobs" / "job-0"
     write_environment(folders, {"ROBOVAST_OUT_DIR": str(folders.out), "OUTPUT_DIR": str(job)})

@@ -12,7 +12,7 @@ START = """\
 import sys
 from importlib import import_module
 
-for command in ("fetch", "agent"):
+for command in ("prepare", "agent"):
     import_module(f"robovast.agent.{command}")
 from robovast.model.document.execution import Execution
 
@@ -39,7 +39,7 @@ from importlib import import_module
 
 from pydantic import BaseModel
 
-for command in ("fetch", "agent"):
+for command in ("prepare", "agent"):
     import_module(f"robovast.agent.{command}")
 
 
@@ -62,7 +62,7 @@ def test_no_model_is_built_before_it_is_needed() -> None:
 
 
 def test_the_agent_imports_neither_documents_nor_what_of_minio_is_for_administrators() -> None:
-    """A document is read by `fetch`."""
+    """A document is read by a process of its own, before the runs."""
     command = [sys.executable, "-X", "importtime", "-m", "robovast.agent", "agent", "--help"]
     told = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     imported = {line.rpartition("|")[2].strip() for line in told.stderr.splitlines()}

@@ -6,25 +6,38 @@ from typing import Any
 
 import pytest
 
-from robovast.kubeapi.pod_contract.pack_request import FETCH, INDEX_ANNOTATION, PackRequest
+from robovast.kubeapi.pod_contract.pack_request import (
+    AGENT,
+    FETCH,
+    INDEX_ANNOTATION,
+    PackRequest,
+)
 from robovast.model.packs import Block, PlanSpec
 
 PLAN = PlanSpec(blocks=(Block(first_variant=0, variants=3, runs=4),), runs_per_job=5)
 
 
-def pod(request: PackRequest) -> dict[str, Any]:
-    command = ["python", "-m", "robovast.agent", FETCH, *request.arguments]
-    return {
-        "metadata": {"annotations": {INDEX_ANNOTATION: str(request.index)}},
-        "spec": {"initContainers": [{"name": "other"}, {"name": FETCH, "command": command}]},
-    }
+def pod(request: PackRequest, earlier: bool = False) -> dict[str, Any]:
+    """Of this operator, or of one whose pods had a container more for that."""
+    program, other = ["python", "-m", "robovast.agent"], {"name": "other"}
+    if earlier:
+        command = [*program, FETCH, *request.arguments]
+        spec = {
+            "initContainers": [other, {"name": FETCH, "command": command}],
+            "containers": [other, {"name": AGENT, "command": [*program, AGENT, "--silence", "9"]}],
+        }
+    else:
+        command = [*program, AGENT, *request.arguments, "--silence", "9"]
+        spec = {"initContainers": [other], "containers": [{"name": AGENT, "command": command}]}
+    return {"metadata": {"annotations": {INDEX_ANNOTATION: str(request.index)}}, "spec": spec}
 
 
+@pytest.mark.parametrize("earlier", [False, True])
 @pytest.mark.parametrize(
     "asked", [PackRequest(0), PackRequest(500, 3), PackRequest(2, 1, 4, "0123abcd")]
 )
-def test_a_pod_tells_what_it_was_asked(asked: PackRequest) -> None:
-    assert PackRequest.of_pod(pod(asked)) == asked
+def test_a_pod_tells_what_it_was_asked(asked: PackRequest, earlier: bool) -> None:
+    assert PackRequest.of_pod(pod(asked, earlier)) == asked
 
 
 def test_its_runs_are_those_of_its_pack_or_of_its_group_of_bad_runs() -> None:
@@ -42,7 +55,7 @@ def test_its_runs_are_those_of_its_pack_or_of_its_group_of_bad_runs() -> None:
         {"metadata": {"annotations": {INDEX_ANNOTATION: "0"}}, "spec": {"initContainers": []}},
         {
             "metadata": {"annotations": {INDEX_ANNOTATION: "x"}},
-            "spec": {"initContainers": [{"name": FETCH, "command": ["--first-pack", "1"]}]},
+            "spec": {"containers": [{"name": AGENT, "command": ["--first-pack", "1"]}]},
         },
     ],
 )

@@ -38,7 +38,7 @@ def test_the_scripts_end_with_the_codes_that_runs_are_judged_by() -> None:
 
 def test_our_containers_look_where_their_volumes_are_and_write_to_the_pods_own_alone() -> None:
     folders = Folders()
-    container = own_container("image", "fetch", ["fetch"], [m for m in Mount if m != Mount.WORK])
+    container = own_container("image", "agent", ["agent"], [m for m in Mount if m != Mount.WORK])
     places = {mount["name"]: Path(mount["mountPath"]) for mount in container["volumeMounts"]}
     assert places == {str(mount): getattr(folders, mount) for mount in Mount}
     writable = [m["name"] for m in container["volumeMounts"] if not m.get("readOnly")]

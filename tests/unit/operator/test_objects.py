@@ -79,7 +79,7 @@ def test_only_our_own_containers_see_credentials_and_nobody_a_token() -> None:
     assert pod["automountServiceAccountToken"] is False
     for name, container in containers(job).items():
         mounts = {mount["name"] for mount in container.get("volumeMounts", ())}
-        assert ("credentials" in mounts) == (name in {"fetch", "agent"}), name
+        assert ("credentials" in mounts) == (name == "agent"), name
     text = json.dumps(job)
     assert "secretKeyRef" not in text
     assert "hostPath" not in text
@@ -93,7 +93,7 @@ def test_our_containers_read_no_docstrings_but_those_that_explain_documents() ->
             "containers"
         ]
     without = {c["name"] for c in found if any(v["name"] == WITHOUT for v in c.get("env", ()))}
-    assert without == {"fetch", "agent", "finish"}
+    assert without == {"agent", "finish"}
 
 
 def test_a_run_container_sees_its_inputs_and_its_output_and_may_not_change_the_former() -> None:
@@ -111,8 +111,8 @@ def test_containers_start_in_the_order_of_the_contract() -> None:
     assert isinstance(made, Accepted)
     job = job_of(made)
     pod = job["spec"]["template"]["spec"]
-    assert [c["name"] for c in pod["initContainers"]] == ["compat-version", "fetch", "sim"]
-    assert [c["name"] for c in pod["containers"]] == ["robovast", "agent"]
+    assert [c["name"] for c in pod["initContainers"]] == ["compat-version", "sim"]
+    assert [c["name"] for c in pod["containers"]] == ["agent", "robovast"]
     assert containers(job)["sim"]["restartPolicy"] == "Always"
 
 
@@ -125,10 +125,8 @@ def test_exit_codes_decide_what_is_tried_again() -> None:
     }
     assert told == {
         ("FailJob", "compat-version"): [78],
-        ("FailJob", "fetch"): [64, 65, 73, 77],
-        ("FailJob", "agent"): [73],
+        ("FailJob", "agent"): [64, 65, 73, 76],
         ("FailIndex", "agent"): [10, 11, 77],
-        ("Ignore", "fetch"): [74],
         ("Ignore", "agent"): [74],
     }
 

@@ -51,11 +51,18 @@ def pod(
     metadata: dict[str, Any] | None = None,
     told: dict[str, str] | None = None,
     ready: bool = True,
+    started: bool = True,
     **states: dict[str, Any],
 ) -> Any:
     """A pod as the API server has it, with the states of its containers."""
     containers = [
-        {"name": name.replace("_", "-"), "image": "runs:1", "ready": ready, "state": state}
+        {
+            "name": name.replace("_", "-"),
+            "image": "runs:1",
+            "ready": ready,
+            "started": started,
+            "state": state,
+        }
         for name, state in states.items()
     ]
     ours = ("compat-version", "fetch")
@@ -97,7 +104,7 @@ CAUSES: dict[str, tuple[str, Any]] = {
     "no node has room": ("Unschedulable", pod("Pending", NO_ROOM)),
     "Secret of the storage is missing": (
         "Configuration",
-        pod("Pending", fetch=waits("CreateContainerConfigError", "secret not found")),
+        pod("Pending", agent=waits("CreateContainerConfigError", "secret not found")),
     ),
     "wrong architecture": (
         "Container",
@@ -105,7 +112,7 @@ CAUSES: dict[str, tuple[str, Any]] = {
     ),
     "no bash in the image": (
         "Container",
-        pod("Running", UNREADY, fetch=DONE, robovast=ended(128, "StartError", BASH), agent=RUNNING),
+        pod("Running", UNREADY, robovast=ended(128, "StartError", BASH), agent=RUNNING),
     ),
     "no shell in the image": (
         "Container",
@@ -113,15 +120,23 @@ CAUSES: dict[str, tuple[str, Any]] = {
     ),
     "own container out of memory": (
         "OutOfMemory",
-        pod("Failed", compat_version=DONE, fetch=ended(137, "OOMKilled")),
+        pod("Failed", compat_version=ended(137, "OOMKilled")),
     ),
     "agent out of memory": (
         "OutOfMemory",
-        pod("Failed", fetch=DONE, robovast=DONE, agent=ended(137, "OOMKilled")),
+        pod("Failed", robovast=DONE, agent=ended(137, "OOMKilled")),
     ),
     "storage cannot be used": (
         "Storage",
+        pod("Failed", agent=ended(74, message="no server at http://s3:9000")),
+    ),
+    "fetch of an earlier operator": (
+        "Storage",
         pod("Failed", fetch=ended(74, message="no server at http://s3:9000")),
+    ),
+    "process that prepares out of memory": (
+        "OutOfMemory",
+        pod("Failed", robovast=DONE, agent=ended(75, "OOMKilled", '{"error": "by SIGKILL"}')),
     ),
     "evicted": (
         "Evicted",
@@ -169,6 +184,17 @@ def test_each_cause_is_told(reason: str, told: Any) -> None:
     assert len(found.message) > 20
 
 
+def test_a_pod_that_is_being_prepared_for_long_is_not_silent() -> None:
+    slow = pod("Running", UNREADY, ready=False, started=False, robovast=RUNNING, agent=RUNNING)
+    assert cause(slow) is None
+
+
+def test_what_a_server_refuses_from_the_start_it_refuses_every_pod() -> None:
+    refused = {code: cause(pod("Failed", agent=ended(code))) for code in (76, 77)}
+    told = {code: (t.reason, t.final) for code, t in refused.items() if t is not None}
+    assert told == {76: ("StorageRefuses", True), 77: ("StorageRefuses", False)}
+
+
 def test_the_table_of_causes_names_all_of_them() -> None:
     """Quota and Refused are told by events alone, lost words by what becomes of Jobs."""
     table = DOCS.read_text().partition("### Why nothing moves")[2].partition("\n## ")[0]
@@ -208,10 +234,10 @@ def test_no_run_is_lost_because_its_pod_is_in_another_cluster(
 
 
 def test_what_was_in_the_way_of_pods_before_is_over() -> None:
-    old = pod("Failed", fetch=ended(74, message="no server"), index=1, minutes=90)
+    old = pod("Failed", agent=ended(74, message="no server"), index=1, minutes=90)
     assert cause(old, completed="0-5") is None
     assert cause(old, failed="1") is None
-    newer = [pod("Pending", index=1, minutes=m, fetch=RUNNING) for m in (2, 5)]
+    newer = [pod("Pending", index=1, minutes=m, agent=RUNNING) for m in (2, 5)]
     assert cause(*newer, old) is None
     found = cause(newer[0], old)
     assert found is not None, "the last one before it tells, as long as the newest says nothing"
@@ -220,7 +246,7 @@ def test_what_was_in_the_way_of_pods_before_is_over() -> None:
 
 def test_pods_that_wait_are_no_stall_while_others_work() -> None:
     waiting = [pod("Pending", NO_ROOM, index=i) for i in range(80)]
-    dead = pod("Failed", fetch=ended(74), index=90)
+    dead = pod("Failed", agent=ended(74), index=90)
     assert cause(*waiting, dead, at_work=True, active=100, ready=20) is None
     found = cause(*waiting, dead, active=100)
     assert found is not None

@@ -11,8 +11,8 @@ from typing import Any
 
 from robovast.kubeapi.names import child_name
 from robovast.kubeapi.pod_contract.mounts import Object
-from robovast.kubeapi.pod_contract.pack_request import FETCH, RUN, PackRequest
-from robovast.kubeapi.pod_contract.pods import AGENT
+from robovast.kubeapi.pod_contract.pack_request import AGENT, FETCH, RUN, PackRequest
+from robovast.kubeapi.pod_contract.pods import PROGRAM
 from robovast.kubeapi.resources import API_VERSION, CAMPAIGN_LABEL, ROLE_LABEL, UID_LABEL
 
 ROLE = "debug"
@@ -33,11 +33,14 @@ def debug_pod(campaign: Mapping[str, Any], job: Mapping[str, Any], run: int) -> 
     """
     name, uid = campaign["metadata"]["name"], campaign["metadata"]["uid"]
     spec: Object = deepcopy(job["spec"]["template"]["spec"])
-    for container in (*spec["initContainers"], *spec["containers"]):
+    asked = PackRequest(0, run=run).arguments
+    containers = [*spec["initContainers"], *spec["containers"]]
+    by_fetch = any(container["name"] == FETCH for container in containers)
+    for container in containers:
         if container["name"] == FETCH:
-            container["command"] = [*AGENT, FETCH, *PackRequest(0, run=run).arguments]
-        elif container["name"] == "agent":
-            container["command"] = [*AGENT, "hold"]
+            container["command"] = [*PROGRAM, FETCH, *asked]
+        elif container["name"] == AGENT:
+            container["command"] = [*PROGRAM, "hold", *([] if by_fetch else asked)]
             container.pop("readinessProbe", None)
         elif container["name"] == RUN:
             container["env"] = [*container.get("env", ()), KEEP_PROCESSES]

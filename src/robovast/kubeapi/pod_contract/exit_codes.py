@@ -29,11 +29,16 @@ class AgentExit(IntEnum):
     """Storage, or the pod's own disk, gave up: try again."""
     RUNS_LEFT = 75
     """Some runs were not executed to their end: try again."""
+    REFUSED_AT_START = 76
+    """The S3 server refuses for good, before any run: it would refuse every other pod, too."""
     REFUSED = 77
     """The S3 server refuses for good: trying again is useless."""
 
 
-USELESS = (AgentExit.BAD_PLAN, AgentExit.BAD_DOCUMENT, AgentExit.OTHER_OWNER, AgentExit.REFUSED)
+USELESS = (
+    *(AgentExit.BAD_PLAN, AgentExit.BAD_DOCUMENT, AgentExit.OTHER_OWNER),
+    *(AgentExit.REFUSED_AT_START, AgentExit.REFUSED),
+)
 """Codes with which another pod would end, too."""
 
 
@@ -41,10 +46,16 @@ class PlanError(RobovastError):
     """The plan has another version, or lacks what is asked for."""
 
 
+class KilledError(RobovastError):
+    """A process of ours was killed before it had done its work."""
+
+
 def exit_code_of_error(error: Exception) -> AgentExit:
     """The exit code for a command's exception."""
     if isinstance(error, PlanError):
         return AgentExit.BAD_PLAN
+    if isinstance(error, KilledError):
+        return AgentExit.RUNS_LEFT
     if isinstance(error, InputError | CannotRunError):
         return AgentExit.BAD_DOCUMENT
     if isinstance(error, OtherOwnerError):

@@ -1,4 +1,4 @@
-"""Which runs a pod executes, as the operator asks it in the arguments of `fetch`."""
+"""Which runs a pod executes, as the operator asks it in the arguments of the agent."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ from robovast.model.repetition import retry_groups
 
 INDEX_ANNOTATION = "batch.kubernetes.io/job-completion-index"
 
+AGENT = "agent"
+"""The container that prepares a pod's runs and stores them; also its command."""
+
 FETCH = "fetch"
-"""The init container that prepares a pod's runs; also the agent's command in it."""
+"""The init container that prepared them in Jobs of earlier operators; also its command."""
 
 RUN = "robovast"
 """The container of the runs."""
@@ -42,8 +45,11 @@ class PackRequest:
         """What a pod was asked; None when it is none of ours."""
         meta = pod["metadata"]
         annotations = meta.get("annotations") or {}
-        containers = pod["spec"].get("initContainers") or ()
-        words = next((c.get("command") or () for c in containers if c["name"] == FETCH), ())
+        spec = pod["spec"]
+        containers = (*(spec.get("initContainers") or ()), *(spec.get("containers") or ()))
+        words = next(
+            (c.get("command") or () for c in containers if c["name"] in (FETCH, AGENT)), ()
+        )
         asked = dict(pairwise(words))
         try:
             return cls(
@@ -57,7 +63,7 @@ class PackRequest:
 
     @property
     def arguments(self) -> list[str]:
-        """Arguments of `fetch`; the pod knows its index itself."""
+        """Arguments of the agent; the pod knows its index itself."""
         if self.run is not None:
             return [ONLY, str(self.run)]
         repeat = [REPEAT, self.repeat] if self.repeat else []

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from robovast.kubeapi.pod_contract.mounts import Mount, Object
 from robovast.kubeapi.resources import NodeAffinity, NodeRequirement, Scheduling
 
-AGENT = ("python", "-m", "robovast.agent")
+PROGRAM = ("python", "-m", "robovast.agent")
 
 OWN_USER = 1000
 """User id of our own containers in pods without a run's files."""
@@ -114,7 +114,7 @@ def own_container(
     return {
         "name": name,
         "image": image,
-        "command": [*AGENT, *arguments],
+        "command": [*PROGRAM, *arguments],
         "resources": resources,
         "securityContext": confined() | {"readOnlyRootFilesystem": True},
         "env": [*folders, *variables],

@@ -17,7 +17,7 @@ from robovast.kubeapi.pod_contract.pack_request import RUN
 from robovast_cli.commands.results.downloading import named_results
 from robovast_cli.kube.api import Kubernetes, connect
 from robovast_cli.kube.api_errors import NotFoundError
-from robovast_cli.kube.pods import check_container, has_begun, waiting_reason
+from robovast_cli.kube.pods import check_container, has_begun, is_prepared, waiting_reason
 from robovast_cli.kube.runs import CampaignRuns, Executor
 from robovast_cli.kube.status import CampaignState, lookup
 from robovast_cli.kube.store import place_of
@@ -161,6 +161,8 @@ class RunLog:
             lines = list(self._kube.log(executor.name, container))
         except NotFoundError:  # the pod has gone meanwhile
             return False
+        if not lines and not is_prepared(executor.pod):
+            return False
         shared = executor.runs > 1 and container == RUN
         parts = has_parts(lines) if shared else False
         begun = list(part_of(lines, self._run)) if parts else []
@@ -198,7 +200,7 @@ class RunLog:
     def _waiting(self, executor: Executor | None) -> str:
         """Why a run is neither executed nor stored."""
         campaign = self._runs.campaign
-        if executor is not None and has_begun(executor.pod, RUN):
+        if executor is not None and is_prepared(executor.pod) and has_begun(executor.pod, RUN):
             return f"its pod {executor.name} has not come to it yet"
         if executor is not None:
             return waiting_reason(executor.pod)

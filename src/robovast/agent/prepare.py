@@ -1,8 +1,12 @@
-"""`fetch`: prepares the runs of a pod, before any of its containers starts."""
+"""Prepares the runs of a pod, while its other containers wait.
+
+These are of the user's image, which may have put anything into `out` meanwhile.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -17,12 +21,13 @@ from robovast.agent.campaign import (
     open_composed,
 )
 from robovast.agent.claims import claim_job, hopeless
-from robovast.agent.container_control import RunContainer
+from robovast.agent.container_control import ORDERS, RunContainer
 from robovast.agent.job_files import prepare_output, write_environment, write_parameters
 from robovast.agent.mounts import Folders
 from robovast.agent.pack import Deciding, Pack
 from robovast.agent.results import Results
 from robovast.agent.reuse import key_parts, take_over
+from robovast.agent.scripts import START
 from robovast.execution.contract import contract_files
 from robovast.execution.generate import copy_file
 from robovast.execution.job_config import build_config_folder, job_environment
@@ -37,11 +42,9 @@ from robovast.model.quantities import machine_cpus, machine_memory
 from robovast.model.scenario import read_scenario
 from robovast.storage.bucket_names import REUSE_BUCKET
 
-START = Path(__file__).with_name("start.sh")
 
-
-def fetch(folders: Folders, request: PackRequest) -> AgentExit:
-    """Prepare the first job of a pod, or end the pod if nothing is left to run.
+def prepare(folders: Folders, request: PackRequest) -> AgentExit:
+    """Prepare the first job of a pod and order it; if nothing is left to run, order the end.
 
     Raises:
         PlanError: there is no such pack.
@@ -73,15 +76,17 @@ def fetch(folders: Folders, request: PackRequest) -> AgentExit:
     job = pack.first
     if job is not None:
         pack = dataclasses.replace(pack, environment=_environment(campaign, document, job))
-        _build_config(campaign, pack, [run for run in left if run.id not in pack.done], common)
+        _fill_config(campaign, pack, [run for run in left if run.id not in pack.done], common)
         prepare_output(folders, job)
         write_environment(folders, pack.environment)
-    else:
-        copy_file(START, folders.config / START.name)
-    container = RunContainer(folders)
-    container.prepare()
     pack.write(folders.pack)
-    container.run(1) if job is not None else container.end()
+    container = RunContainer(folders)
+    if job is None:
+        container.end()
+        return AgentExit.PASSED
+    container.prepare()
+    container.run(1)
+    _let_begin(folders)
     return AgentExit.PASSED
 
 
@@ -228,8 +233,20 @@ def _common_files(campaign: Campaign, document: Document) -> Path:
     return common
 
 
-def _build_config(campaign: Campaign, pack: Pack, left: Sequence[Run], common: Path) -> None:
+def _fill_config(campaign: Campaign, pack: Pack, left: Sequence[Run], common: Path) -> None:
+    """Fill the folder of inputs; what is ours in it is no input's."""
     folders = campaign.folders
-    build_config_folder(folders.config, common, PackStart(0, tuple(left)), pack.scenario)
+    made = folders.scratch / "config"
+    build_config_folder(made, common, PackStart(0, tuple(left)), pack.scenario)
+    for path in made.iterdir():
+        if path.name not in {*ORDERS, START.name}:
+            os.rename(path, folders.config / path.name)
     if pack.first is not None:  # which may have some of the runs only
         write_parameters(folders, pack.first, pack.scenario)
+
+
+def _let_begin(folders: Folders) -> None:
+    """Put start.sh in place, for which the run's containers wait: nothing may follow."""
+    copy = folders.scratch / START.name
+    copy_file(START, copy)
+    os.rename(copy, folders.config / START.name)

@@ -1,0 +1,11 @@
+"""The shell scripts that run in the containers of a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+START = Path(__file__).with_name("start.sh")
+"""Runs the jobs that the agent orders."""
+
+AWAIT = Path(__file__).with_name("await.sh")
+"""Waits until the agent has prepared the run; the operator puts its text into the pod."""

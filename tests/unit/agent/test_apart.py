@@ -1,0 +1,75 @@
+"""Work in a process of its own: how it ends, and what its original hears of it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+from threading import Event, Thread
+
+import pytest
+
+from robovast.agent.apart import apart
+
+
+def nothing() -> None:
+    """What is begun meanwhile."""
+
+
+@pytest.mark.parametrize("code", [0, 1, 65])
+def test_its_exit_code_is_told_and_nothing_of_it_stays(code: int, tmp_path: Path) -> None:
+    mark: list[int] = []
+
+    def work() -> int:
+        mark.append(1)
+        (tmp_path / "pid").write_text(str(os.getpid()))
+        return code
+
+    assert apart(work, nothing, Event()) == code
+    assert mark == [], "it has worked on a copy"
+    assert int((tmp_path / "pid").read_text()) != os.getpid()
+
+
+def test_a_signal_that_ends_it_is_told() -> None:
+    def work() -> int:
+        os.kill(os.getpid(), signal.SIGKILL)
+        return 0
+
+    assert apart(work, nothing, Event()) == -signal.SIGKILL
+
+
+def test_a_mistake_of_ours_is_in_the_log(capfd: pytest.CaptureFixture[str]) -> None:
+    def work() -> int:
+        print("so far")
+        raise ValueError("a mistake")
+
+    assert apart(work, nothing, Event()) == 1
+    out, err = capfd.readouterr()
+    assert out == "so far\n"
+    assert "ValueError: a mistake" in err
+
+
+def test_it_ends_no_caller_twice(tmp_path: Path) -> None:
+    """Neither an exit nor its clean-up of the caller is done in the copy."""
+    log = tmp_path / "log"
+    try:
+        apart(lambda: sys.exit(3), nothing, Event())
+    finally:
+        with log.open("a") as file:
+            file.write("cleaned up\n")
+    assert log.read_text() == "cleaned up\n"
+
+
+def test_it_is_ended_when_its_original_is_told_to_end() -> None:
+    stop = Event()
+
+    def work() -> int:
+        time.sleep(600)
+        return 0
+
+    def meanwhile() -> None:
+        Thread(target=lambda: (time.sleep(0.2), stop.set())).start()
+
+    assert apart(work, meanwhile, stop) == -signal.SIGKILL
