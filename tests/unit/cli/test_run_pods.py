@@ -1,0 +1,58 @@
+"""What the pod of a run says of itself before there is a log."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from robovast_cli.kube.pods import is_prepared, waiting_reason
+
+RUNNING = {"running": {"startedAt": "2026-11-21T08:00:00Z"}}
+DONE = {"terminated": {"exitCode": 0}}
+NOT_YET = {"waiting": {"reason": "PodInitializing"}}
+NO_IMAGE = {"waiting": {"reason": "ImagePullBackOff", "message": "Back-off pulling"}}
+
+
+def pod(started: bool, agent: Any, run: Any, **before: Any) -> Any:
+    """A pod as the API server has it, with the states of its containers."""
+    containers = [
+        {"name": "agent", "started": started, "state": agent},
+        {"name": "robovast", "started": "running" in run, "state": run},
+    ]
+    init = [{"name": name.replace("_", "-"), "state": state} for name, state in before.items()]
+    status = {"initContainerStatuses": init, "containerStatuses": containers}
+    return {"metadata": {"name": "p"}, "status": status}
+
+
+@pytest.mark.parametrize(
+    ("pod", "told"),
+    [
+        (pod(False, NOT_YET, NOT_YET, compat_version=RUNNING), "by its container compat-version"),
+        (pod(False, RUNNING, RUNNING, compat_version=DONE, sim=RUNNING), "by its container agent"),
+        (
+            pod(False, NO_IMAGE, RUNNING, compat_version=DONE),
+            "for its container agent: ImagePullBackOff: Back-off pulling",
+        ),
+        (
+            pod(False, NOT_YET, NOT_YET, compat_version=DONE, fetch=RUNNING),
+            "by its container fetch",
+        ),
+    ],
+    ids=["version", "agent", "image", "earlier operator"],
+)
+def test_a_pod_that_is_not_prepared_says_by_whom(pod: Any, told: str) -> None:
+    assert not is_prepared(pod)
+    assert waiting_reason(pod).endswith(told)
+
+
+@pytest.mark.parametrize(
+    "pod",
+    [
+        pod(True, RUNNING, RUNNING, compat_version=DONE),
+        pod(False, DONE, RUNNING, compat_version=DONE),
+    ],
+    ids=["at work", "ended"],
+)
+def test_no_other_pod_is_said_to_be_in_preparation(pod: Any) -> None:
+    assert is_prepared(pod)
