@@ -181,7 +181,7 @@ def test_links_that_an_image_makes_before_its_run_is_prepared_lead_nowhere(
         place = pod.out / name
         if inside:
             place.mkdir(parents=True)
-            for below in ("lock", "held", "job-0", "0"):
+            for below in ("lock", "job-0", "0"):
                 (place / below).symlink_to(host / "authorized_keys" if name == ".job" else host)
             place.chmod(0)
         else:

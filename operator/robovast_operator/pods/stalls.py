@@ -167,13 +167,9 @@ def _is_silent(pod: Object, moment: datetime) -> bool:
     agent: Object = next((c for c in containers_of(pod) if c["name"] == "agent"), {})
     running = (agent.get("state") or {}).get("running")
     since = _readiness(pod).get("lastTransitionTime")
-    preparing = agent.get("started") is False
-    if (
-        running is None
-        or preparing
-        or agent.get("ready") is not False
-        or not isinstance(since, str)
-    ):
+    if agent.get("started") is False:  # it still prepares the run
+        return False
+    if running is None or agent.get("ready") is not False or not isinstance(since, str):
         return False
     started = running.get("startedAt")
     return isinstance(started, str) and parse_time(started) + timedelta(seconds=60) < moment

@@ -50,6 +50,8 @@ from robovast_operator.settings import Settings
 CAMPAIGN = (Mount.PLAN, Mount.FILES, Mount.CREDENTIALS)
 """What our own containers see of a campaign."""
 
+_AWAIT_SCRIPT = AWAIT.read_text(encoding="utf-8")
+
 SHM = "/dev/shm"  # noqa: S108
 
 DEADLINE_MARGIN = 3600
@@ -244,7 +246,7 @@ def _run_container(
     return {
         "name": name,
         "image": accepted.image,
-        "command": ["bash", "-c", AWAIT.read_text(), f"{CONFIG}/{START.name}", *arguments],
+        "command": ["bash", "-c", _AWAIT_SCRIPT, f"{CONFIG}/{START.name}", *arguments],
         "resources": container_resources(accepted, resources) | _devices(accepted),
         "securityContext": confined(settings.restricted_runs),
         "volumeMounts": [

@@ -43,7 +43,10 @@ class RunContainer:
             (self._config / name).write_bytes(_padded(""))
 
     def prepare(self) -> None:
-        """Create the folder of the answers, whatever was made of it while nobody looked."""
+        """Leave nothing in the output folder but that of the answers, whatever was put there."""
+        for name in safe_paths.names(self._out, self._out):
+            if self._out / name != self._answers:
+                safe_paths.remove(self._out / name, self._out)
         safe_paths.make_folder(self._answers, self._out)
         safe_paths.create_file(self._answers / "lock", self._out).close()
 

@@ -74,19 +74,19 @@ def prepare(folders: Folders, request: PackRequest) -> AgentExit:
             parts = key_parts(campaign, document, pack.scenario, left, environment, common)
             pack = _reusing(campaign, dataclasses.replace(pack, keys=parts))
     job = pack.first
+    container = RunContainer(folders)
     if job is not None:
+        container.prepare()
         pack = dataclasses.replace(pack, environment=_environment(campaign, document, job))
         _fill_config(campaign, pack, [run for run in left if run.id not in pack.done], common)
         prepare_output(folders, job)
         write_environment(folders, pack.environment)
     pack.write(folders.pack)
-    container = RunContainer(folders)
     if job is None:
         container.end()
-        return AgentExit.PASSED
-    container.prepare()
-    container.run(1)
-    _let_begin(folders)
+    else:
+        container.run(1)
+        _let_begin(folders)
     return AgentExit.PASSED
 
 
