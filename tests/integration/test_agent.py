@@ -496,11 +496,11 @@ def test_a_container_ends_with_its_agent(make: Make) -> None:
 def preparing(campaign: Campaign) -> Iterator[Callable[[], object]]:
     """Pods of a campaign come no further than their first request; gives what waits for that."""
     endpoint = campaign.plan.endpoint
-    with socket.create_server(("127.0.0.1", 0)) as server:
+    with socket.create_server(("127.0.0.1", 0)) as server, contextlib.ExitStack() as asked:
         server.settimeout(60)
         campaign.change(endpoint=f"http://127.0.0.1:{server.getsockname()[1]}")
         try:
-            yield server.accept
+            yield lambda: asked.enter_context(server.accept()[0])
         finally:
             campaign.change(endpoint=endpoint)
 
@@ -569,8 +569,8 @@ def test_an_agent_that_is_killed_before_its_runs_costs_nothing(make: Make, momen
 def test_a_file_of_the_user_begins_no_run_and_gives_no_order(make: Make) -> None:
     names = ("start.sh", "order", "heartbeat")
     step = PASS + 'cat /config/order 2>/dev/null || cat "${0%/*/*}/order" >&2\n'
-    extra = f"  run_files: [{', '.join(names)}]\n"
-    campaign = make(step, extra, files=dict.fromkeys(names, "end\n"))
+    document = DOCUMENT.replace("['files/*']", f"['files/*', {', '.join(names)}]")
+    campaign = make(step, document=document, files=dict.fromkeys(names, "end\n"))
     assert Pod(campaign).run() == 0
     assert campaign.verdicts() == {"one-1/0": "passed"}
     assert "run 1" in campaign.read("_jobs/job-0/logs/system.log")
