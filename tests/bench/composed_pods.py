@@ -52,7 +52,7 @@ def execute(pod: Pod, command: str, *arguments: object, index: int = 0) -> None:
     largest, ended = 0, 0
     while not ended:  # what is reported at the end has what the parent had at its beginning
         with suppress(OSError):
-            largest = max(largest, *map(memory, pids_of(pod.work)))
+            largest = max([largest, *map(memory, pids_of(pod.work))])
         if pod.script.exists():
             process.terminate()
         time.sleep(0.02)

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from support.kube.fake_cluster import SCENARIO, SETTINGS, accepted, campaign
 
+from robovast.agent.scripts import AWAIT
 from robovast.base.docstrings import WITHOUT
 from robovast.kubeapi.pod_contract.pack_request import PackRequest
 from robovast.kubeapi.source_files import inline_files
@@ -28,15 +29,16 @@ from robovast_operator.pods.jobs import (
     task_job,
 )
 from robovast_operator.pods.templates import inline_items, run_pod
+from robovast_operator.settings import Settings
 
 FILES = {"scenario.osc": SCENARIO.encode()}
 
 
-def job_of(made: Accepted) -> dict[str, Any]:
+def job_of(made: Accepted, settings: Settings = SETTINGS) -> dict[str, Any]:
     revision = next_revision(made, (), (), made.identity.child("plan-0"))
     assert revision is not None
     (shard,) = first_attempts(made.identity, [revision])
-    return shard_job(made, SETTINGS, shard)
+    return shard_job(made, settings, shard)
 
 
 def containers(job: dict[str, Any]) -> dict[str, dict[str, Any]]:
@@ -114,6 +116,29 @@ def test_containers_start_in_the_order_of_the_contract() -> None:
     assert [c["name"] for c in pod["initContainers"]] == ["compat-version", "sim"]
     assert [c["name"] for c in pod["containers"]] == ["agent", "robovast"]
     assert containers(job)["sim"]["restartPolicy"] == "Always"
+
+
+def test_containers_of_a_run_wait_until_its_agent_has_prepared_it() -> None:
+    obj = campaign()
+    obj["spec"]["vast"]["execution"]["secondary_containers"] = ["sim"]
+    made = accept(obj, FILES, SETTINGS)
+    assert isinstance(made, Accepted)
+    found = containers(job_of(made))
+    waiting = ["bash", "-c", AWAIT.read_text(), "/config/start.sh"]
+    assert found["robovast"]["command"] == waiting
+    assert found["sim"]["command"] == [*waiting, "sim"]
+    agent = found["agent"]
+    assert agent["command"][3:8] == ["agent", "--first-pack", "0", "--attempt", "1"]
+    probe = agent["startupProbe"]
+    assert probe["exec"]["command"] == ["test", "-e", "/robovast/work/config/start.sh"]
+    assert probe["periodSeconds"] * probe["failureThreshold"] >= 24 * 3600, "inputs may be large"
+    quiet = containers(job_of(made, replace(SETTINGS, silence_minutes=0)))["agent"]
+    assert ("startupProbe" in quiet, "readinessProbe" in quiet) == (True, False)
+
+
+def test_people_who_name_no_container_mean_the_run() -> None:
+    template = job_of(accepted())["spec"]["template"]["metadata"]
+    assert template["annotations"]["kubectl.kubernetes.io/default-container"] == "robovast"
 
 
 def test_exit_codes_decide_what_is_tried_again() -> None:
