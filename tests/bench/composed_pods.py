@@ -49,12 +49,13 @@ def memory(pid: int) -> int:
 def execute(pod: Pod, command: str, *arguments: object, index: int = 0) -> None:
     """Do it, and say what it cost."""
     process = pod.command(command, *arguments, index=index)
-    largest, ended = 0, 0
+    largest, ended, told = 0, 0, False
     while not ended:  # what is reported at the end has what the parent had at its beginning
         with suppress(OSError):
             largest = max([largest, *map(memory, pids_of(pod.work))])
-        if pod.script.exists():
+        if not told and pod.script.exists():
             process.terminate()
+            told = True
         time.sleep(0.02)
         ended, status, used = os.wait4(process.pid, os.WNOHANG)
     process.returncode = os.waitstatus_to_exitcode(status)
