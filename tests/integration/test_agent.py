@@ -481,7 +481,7 @@ def test_a_container_ends_with_its_agent(make: Make) -> None:
     campaign = make("sleep 600\n")
     pod = Pod(campaign)
     agent = pod.command("agent")
-    eventually(pod.script.exists, 60)
+    eventually(pod.script.exists)
     pod.script.write_text(pod.script.read_text().replace("silence=120", "silence=14"))
     container = pod.start_run()
     eventually(lambda: "Executing scenario" in pod.log("start"))

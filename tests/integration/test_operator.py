@@ -41,7 +41,7 @@ def test_two_hundred_runs_cost_little_and_their_end_nothing(
     """What `tests/bench/cluster_scale.py` measures at ten thousand, in little."""
     begin = fake_cluster.audit_log.stat().st_size
     fake_cluster.apply(campaign("many", namespace, 20, 10, parallelism=100))
-    eventually(lambda: finished(fake_cluster, namespace, "many"), 120, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "many"), told=operator.told)
     wrote = write_requests(fake_cluster, begin, namespace)
     ours = sum(count for key, count in wrote.items() if key.startswith(ACCOUNT))
     assert 5 <= ours <= 0.05 * 200 + 15, wrote
@@ -68,7 +68,7 @@ def test_runs_that_are_not_needed_are_counted_apart_as_their_pods_say(
     runs = {"min": 3, "max": 50, "decide": {"good": 0.05, "bad": 0.2, "error": 0.05}}
     made = campaign("needed", namespace, 3, runs)
     fake_cluster.apply(made)
-    eventually(lambda: finished(fake_cluster, namespace, "needed"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "needed"), told=operator.told)
     state = status(fake_cluster, namespace, "needed")
     assert (state["progress"], state["state"]) == ("54/54", "Finished")
     assert (state["runs"]["total"], state["runs"]["notNeeded"]) == (150, 96)
@@ -103,11 +103,11 @@ def test_packs_are_planned_in_rounds_by_what_pods_took_and_a_killed_operator_goe
         longest = max((plan["rounds"] for plan in plans), key=len, default=[])
         return [(round_["runs"], round_["size"]) for round_ in longest]
 
-    eventually(rounds, 60, operator.told)
+    eventually(rounds, told=operator.told)
     operator.kill()
     after = new_operator("two")
     after.start()
-    eventually(lambda: finished(fake_cluster, namespace, "measured"), 120, after.told)
+    eventually(lambda: finished(fake_cluster, namespace, "measured"), told=after.told)
     state = status(fake_cluster, namespace, "measured")
     assert (state["progress"], state["state"]) == ("300/300", "Finished")
     assert [shard["passed"] for shard in state["shards"]] == [runs for runs, _ in rounds()]
@@ -139,7 +139,7 @@ def test_pods_go_to_the_nodes_that_a_campaign_requires(
     fake_cluster.apply(made)
     operator = new_operator()
     operator.start()
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     pods: Any = fake_cluster.get(
         "pods", f"--namespace={namespace}", "--selector=robovast.io/role=shard"
     )
@@ -153,7 +153,7 @@ def test_an_admin_sees_health_and_figures_but_no_series_per_campaign(
     operator = new_operator(ROBOVAST_PORT=str(port))
     operator.start()
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     assert page(port, "healthz") == page(port, "readyz") == "ok"
     figures = page(port, "metrics")
     assert 'robovast_runs{state="passed"}' in figures
@@ -173,7 +173,7 @@ def test_a_leader_that_is_killed_is_followed_by_the_other_replica(
     eventually(lambda: "one leads" in other.told(), 30, other.told)
     operator.kill()
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, other.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=other.told)
     jobs = fake_cluster.get("jobs", f"--namespace={namespace}")["items"]
     assert len(list(jobs)) == 2  # type: ignore[call-overload]
     assert "two leads" in other.told()
@@ -183,7 +183,7 @@ def test_a_namespace_goes_while_the_operator_is_down(
     fake_cluster: Cluster, namespace: str, operator: OperatorProcess
 ) -> None:
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     operator.kill()
     fake_cluster.kubectl("delete", "namespace", namespace, "--timeout=60s")
     fake_cluster.kubectl("create", "namespace", namespace)
@@ -195,7 +195,7 @@ def test_an_operator_whose_clock_jumps_goes_by_the_servers(
 ) -> None:
     """Jobs that are kept for some time are not removed at once, and times in a status are right."""
     fake_cluster.apply(campaign("few", namespace, 3, 2, ttlSecondsAfterFinished=600))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     with operator.shifted(3600):
         fake_cluster.kubectl("--namespace", namespace, "label", "campaign", "few", "looked=at")
         fake_cluster.apply(campaign("later", namespace, 3, 2, suspend=True))
@@ -229,7 +229,7 @@ def test_an_upload_of_earlier_results_is_ended_before_newer_ones_are_uploaded(
     fake_cluster: Cluster, namespace: str, operator: OperatorProcess
 ) -> None:
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     made: Any = fake_cluster.get("jobs", f"--namespace={namespace}")["items"]
     (finish,) = (job for job in made if job["metadata"]["labels"]["robovast.io/role"] == "finish")
     name, labels = finish["metadata"]["name"], finish["metadata"]["labels"]

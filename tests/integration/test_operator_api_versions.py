@@ -25,7 +25,7 @@ def test_a_campaign_of_either_version_runs_to_its_end(
     fake_cluster.apply(as_version(campaign("few", namespace, 3, 2), version))
     operator = new_operator()
     operator.start()
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     for shown in VERSIONS:
         kind = f"campaigns.{shown}.robovast.io"
 
@@ -50,7 +50,7 @@ def test_a_campaign_of_either_version_runs_to_its_end(
         "--timeout=60s",
     )
     jobs = ("jobs", f"--namespace={namespace}")
-    eventually(lambda: not fake_cluster.get(*jobs)["items"], 60)
+    eventually(lambda: not fake_cluster.get(*jobs)["items"])
 
 
 @pytest.mark.parametrize(("of_campaign", "of_addition"), [(OLDER, NEWER), (NEWER, OLDER)])
@@ -75,7 +75,7 @@ def test_a_configuration_of_one_version_adds_runs_to_a_campaign_of_the_other(
         state = status(fake_cluster, namespace, "few")
         return state.get("finishedShards") == 2 and state["state"] == "Finished"
 
-    eventually(over, 60, operator.told)
+    eventually(over, told=operator.told)
 
     def told() -> Any:
         found: Any = fake_cluster.get("configuration", "extra", f"--namespace={namespace}")
@@ -106,7 +106,7 @@ def test_vast_works_on_a_campaign_of_the_newer_version(
 
     assert "few" in vast("monitor", "--once")
     vast("resume", "-i", "few")
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     assert "6/6" in vast("monitor", "--once")
     vast("run-cleanup", "-i", "few")
     left = ("get", "campaigns", f"--namespace={namespace}", "--output=name")

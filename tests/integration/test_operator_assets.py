@@ -71,7 +71,7 @@ def rejection(cluster: Cluster, namespace: str, reason: str, operator: OperatorP
         told = condition(status(cluster, namespace, "few"), "Accepted")
         return told["message"] if told.get("reason") == reason else None
 
-    said: str = eventually(found, 60, operator.told)
+    said: str = eventually(found, told=operator.told)
     return said
 
 
@@ -94,7 +94,7 @@ def test_a_claim_is_mounted_once_it_is_there_and_its_owner_allows_that(
     assert label in message
     assert not fake_cluster.get("jobs", f"--namespace={namespace}")["items"]
     fake_cluster.kubectl(*label.split())
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 90, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     pods: Any = fake_cluster.get(
         "pods", f"--namespace={namespace}", "--selector=robovast.io/role=shard"
     )
@@ -134,7 +134,7 @@ def test_pods_ask_for_devices_by_the_templates_of_their_namespace(
         selector = "--selector=robovast.io/role=shard"
         return fake_cluster.get("pods", f"--namespace={namespace}", selector)["items"]
 
-    spec = eventually(pods, 90, operator.told)[0]["spec"]
+    spec = eventually(pods, told=operator.told)[0]["spec"]
     wanted = [{"name": "device-0", "resourceClaimTemplateName": "camera"}]
     assert spec["resourceClaims"] == wanted
     having = {

@@ -48,8 +48,8 @@ def test_the_first_job_of_a_document_of_many_entries_waits_for_none_of_their_obj
         runs = [(item.get("status") or {}).get("runs", {}) for item in found["items"]]
         return len(runs) == ENTRIES and all(run.get("passed") == 1 for run in runs)
 
-    eventually(lambda: finished(fake_cluster, namespace, "hunted"), 120, operator.told)
-    eventually(told, 120, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "hunted"), told=operator.told)
+    eventually(told, told=operator.told)
     done = writes(fake_cluster, namespace)
     assert done.index("create jobs") < done.index("create configurations")
     assert done.count("create configurations") == ENTRIES

@@ -131,7 +131,7 @@ def test_an_operator_that_may_not_list_is_not_ready_and_works_as_soon_as_it_may(
     assert status(fake_cluster, namespace, "few") == {}
     assert "cannot be listed" in operator.told()
     proxy.mend()
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     assert page(port, "readyz") == "ok"
 
 
@@ -172,7 +172,7 @@ def test_a_server_that_cannot_stream_lists_is_listed_and_watched(
     refused = proxy.break_("GET", "sendInitialEvents", refuse(422))
     operator = start()
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     assert_right(fake_cluster, namespace)
     assert operator.alive
     assert (busy.hits, refused.hits) == (1, 1)
@@ -242,7 +242,7 @@ def test_every_busy_answer_is_waited_for_as_long_as_it_says(
     ]
     operator = start()
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     assert [fault.times for fault in faults] == [0, 0, 0, 0]
     assert_right(fake_cluster, namespace)
     last: dict[tuple[str, str], float] = {}
@@ -272,7 +272,7 @@ def test_writes_whose_answers_are_lost_make_nothing_twice(
     faults = [proxy.break_(*fault) for fault in LOST.values()]
     operator = start()
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 90, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     missed = [name for name, fault in zip(LOST, faults, strict=True) if not fault.hits]
     assert not missed
     assert_right(fake_cluster, namespace)
@@ -293,7 +293,7 @@ def test_an_event_that_may_not_be_made_keeps_nothing_from_being_done(
     proxy.break_("POST", "/events", refuse(403))
     operator = start()
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     assert_right(fake_cluster, namespace)
     assert "no Event" in operator.told()
 
@@ -314,7 +314,7 @@ def test_last_words_that_are_gone_before_they_are_read_are_asked_for_again(
     def finishes() -> list[str]:
         return [name for name in created(fake_cluster, namespace, "jobs") if "-finish-" in name]
 
-    eventually(lambda: len(finishes()) == 3, 60, operator.told)
+    eventually(lambda: len(finishes()) == 3, told=operator.told)
 
     def told() -> bool:
         stalled = condition(status(fake_cluster, namespace, "few"), "Stalled")
@@ -327,7 +327,7 @@ def test_last_words_that_are_gone_before_they_are_read_are_asked_for_again(
         "finish-1-2",
     ]
     proxy.mend()
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     state = status(fake_cluster, namespace, "few")
     assert (state["progress"], condition(state, "Stalled")["status"]) == ("6/6", "False")
 
@@ -339,6 +339,6 @@ def test_a_slow_server_makes_it_slow_and_nothing_else(
         proxy.break_(method, "", delay(1.5))
     operator = start(ROBOVAST_LEASE_SECONDS="15")
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 90, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     assert_right(fake_cluster, namespace)
     assert "cannot be renewed" not in operator.told()

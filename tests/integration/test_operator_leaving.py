@@ -101,7 +101,7 @@ def test_a_bucket_goes_with_its_campaign_whatever_goes_before(
     place: Place, operator: OperatorProcess, cascade: str, down: bool
 ) -> None:
     place.apply_with_config_map("few")
-    eventually(lambda: finished(place.cluster, place.namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(place.cluster, place.namespace, "few"), told=operator.told)
     bucket = status(place.cluster, place.namespace, "few")["bucket"]
     if down:
         operator.kill()
@@ -110,9 +110,9 @@ def test_a_bucket_goes_with_its_campaign_whatever_goes_before(
         place.delete("campaign/few", cascade=cascade)
         if down:
             operator.start()
-        eventually(lambda: place.purges(bucket), 60, operator.told)
+        eventually(lambda: place.purges(bucket), told=operator.told)
         assert not place.gone("few")
-    eventually(lambda: place.gone("few"), 60, operator.told)
+    eventually(lambda: place.gone("few"), told=operator.told)
 
 
 def test_a_bucket_goes_when_its_campaign_is_not_accepted_any_more(
@@ -132,8 +132,8 @@ def test_a_bucket_goes_when_its_campaign_is_not_accepted_any_more(
     eventually(rejected, 30, operator.told)
     with place.no_pods():
         place.delete("campaign/few")
-        eventually(lambda: place.purges(bucket), 60, operator.told)
-    eventually(lambda: place.gone("few"), 60, operator.told)
+        eventually(lambda: place.purges(bucket), told=operator.told)
+    eventually(lambda: place.gone("few"), told=operator.told)
 
 
 def test_a_campaign_that_was_never_accepted_goes_at_once(
@@ -185,7 +185,7 @@ def test_jobs_of_a_configuration_applied_by_hand_go_with_it(
     if down:
         eventually(lambda: "extra" not in place.names("configurations"))
         operator.start()
-    eventually(lambda: len(before - place.names("jobs")) == 1, 60, operator.told)
+    eventually(lambda: len(before - place.names("jobs")) == 1, told=operator.told)
 
 
 def ended(place: Place, operator: OperatorProcess) -> None:
@@ -197,7 +197,7 @@ def ended(place: Place, operator: OperatorProcess) -> None:
         state = status(place.cluster, place.namespace, "few")
         return state.get("finishedShards") == 2 and state["state"] == "Finished"
 
-    eventually(over, 60, operator.told)
+    eventually(over, told=operator.told)
     found = place.get("configuration", "extra")
     assert "ownerReferences" not in found["metadata"], "a GitOps tool does not prune what has one"
 
@@ -208,17 +208,17 @@ def test_a_bucket_that_may_not_be_removed_is_told_and_tried_again_when_that_is_a
     """The Job that removes it comes to its end in vain, as one does that the server refuses."""
     made = campaign("few", place.namespace, 3, 2, **DELETE)
     place.cluster.apply(made)
-    eventually(lambda: finished(place.cluster, place.namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(place.cluster, place.namespace, "few"), told=operator.told)
     with place.no_pods():
         place.delete("campaign/few")
         eventually(lambda: any("purge" in name for name in place.names("jobs")), 30, operator.told)
         (job,) = (name for name in place.names("jobs") if "purge" in name)
         place.kubectl("patch", "job", job, "--patch", '{"spec": {"activeDeadlineSeconds": 1}}')
-        told = eventually(lambda: not_purged(place), 60, operator.told)
+        told = eventually(lambda: not_purged(place), told=operator.told)
     assert f"kubectl delete job {job}" in told
     assert not place.gone("few")
     place.delete(f"job/{job}")
-    eventually(lambda: place.gone("few"), 60, operator.told)
+    eventually(lambda: place.gone("few"), told=operator.told)
 
 
 def not_purged(place: Place) -> str:

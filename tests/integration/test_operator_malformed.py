@@ -95,7 +95,7 @@ def test_a_stray_job_with_our_label_stops_nobody(
     operator.start()
     eventually(lambda: "ok" in page(port, "readyz"), 30, operator.told)
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     assert "ok" in page(port, "healthz")
 
 
@@ -122,7 +122,7 @@ def test_a_stray_job_with_all_labels_of_a_campaign_is_none_of_it(
         }
         fake_cluster.apply(job)
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 90, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
 
 
 def test_a_document_that_is_nested_deeply_ends_no_watch(
@@ -137,7 +137,7 @@ def test_a_document_that_is_nested_deeply_ends_no_watch(
     text = json.dumps(deep).replace('"HERE"', '{"a":' * 3000 + "1" + "}" * 3000)
     fake_cluster.kubectl("create", "--validate=false", "-f", "-", stdin=text)
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
 
     def refused() -> bool:
         path = '{.status.conditions[?(@.type=="Accepted")].message}'
@@ -185,7 +185,7 @@ def test_malformed_objects_leave_nothing_and_hinder_nobody(
         """Memory after so many have come, have been answered, and have gone [byte]."""
         make(count)
         eventually(told, 300, operator.told)
-        eventually(removed, 120, operator.told)
+        eventually(removed, told=operator.told)
         time.sleep(8)  # a comparison, after which what is free is given back
         return operator.memory()
 
@@ -219,14 +219,14 @@ def test_a_job_of_others_that_has_the_name_of_a_shard_is_told_until_it_is_gone(
         remedy = f"`kubectl delete job -n {namespace} {name}` removes them."
         return found.get("reason") == "NameTaken" and remedy in found.get("message", "")
 
-    eventually(told, 60, operator.told)
+    eventually(told, told=operator.told)
     fake_cluster.kubectl("delete", "job", name, f"--namespace={namespace}")
 
     def succeeded() -> bool:
         found = condition(status(fake_cluster, namespace, "hunted"), "Succeeded")
         return found.get("status") == "True"
 
-    eventually(succeeded, 90, operator.told)
+    eventually(succeeded, told=operator.told)
 
 
 def test_a_config_map_that_has_the_name_of_a_plan_is_told_and_others_go_on(
@@ -243,13 +243,13 @@ def test_a_config_map_that_has_the_name_of_a_plan_is_told_and_others_go_on(
     fake_cluster.kubectl("create", "configmap", name, f"--namespace={namespace}")
     operator.start()
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
 
     def told() -> bool:
         found = condition(status(fake_cluster, namespace, "hunted"), "Stalled")
         return name in found.get("message", "") and found["reason"] == "Invalid"
 
-    eventually(told, 60, operator.told)
+    eventually(told, told=operator.told)
     fake_cluster.kubectl("delete", "configmap", name, f"--namespace={namespace}")
     eventually(
         lambda: status(fake_cluster, namespace, "hunted").get("progress") == "6/6",

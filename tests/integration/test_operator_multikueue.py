@@ -145,7 +145,7 @@ def test_a_campaign_is_told_of_by_the_status_of_jobs_whose_pods_nobody_sees(
         found = status(cluster, namespace, "few").get("runs", {})
         return tuple(found.get(k, 0) for k in ("active", "passed", "undecided"))  # type: ignore[return-value]
 
-    eventually(lambda: runs() == (2, 1, 1), 60, operator.told)
+    eventually(lambda: runs() == (2, 1, 1), told=operator.told)
     state = status(cluster, namespace, "few")
     assert condition(state, "Stalled")["status"] == "False"
     assert condition(state, "Succeeded")["status"] == "Unknown"
@@ -154,12 +154,12 @@ def test_a_campaign_is_told_of_by_the_status_of_jobs_whose_pods_nobody_sees(
     another = shard(cluster, namespace, other_than=job["metadata"]["uid"])
     assert another["metadata"]["name"] == job["metadata"]["name"]
     assert another["spec"]["managedBy"] == MANAGER
-    eventually(lambda: runs() == (0, 0, 0), 60, operator.told)
+    eventually(lambda: runs() == (0, 0, 0), told=operator.told)
 
     conditions = [ended("SuccessCriteriaMet"), ended("Complete")]
     whole = {"completedIndexes": "0-5", "succeeded": 6, "completionTime": BEGUN}
     bring(cluster, another, **whole, conditions=conditions)
-    eventually(lambda: finished(cluster, namespace, "few"), 120, operator.told)
+    eventually(lambda: finished(cluster, namespace, "few"), told=operator.told)
     assert runs() == (0, 6, 0)
     pods: Any = cluster.get("pods", "--selector=robovast.io/role=shard", f"--namespace={namespace}")
     assert not pods["items"]

@@ -115,7 +115,7 @@ def test_lasting_trouble_is_told_once_and_so_is_that_nobody_could_be_told(
         campaign("few", namespace, 3, 2, notifications=[RECEIVER], scheduling=nowhere)
     )
     kill_often(operator)
-    eventually(lambda: status(fake_cluster, namespace, "few").get("notified"), 60)
+    eventually(lambda: status(fake_cluster, namespace, "few").get("notified"))
     assert status(fake_cluster, namespace, "few")["notified"] == ["stalled-1-Unschedulable"]
     pods: Any = eventually(
         lambda: fake_cluster.get(

@@ -31,7 +31,7 @@ def wait_stalled(cluster: Cluster, namespace: str, operator: OperatorProcess) ->
         found = condition(status(cluster, namespace, "few"), "Stalled")
         return found if found.get("status") == "True" else None
 
-    told: dict[str, str] = eventually(stalled, 60, operator.told)
+    told: dict[str, str] = eventually(stalled, told=operator.told)
     return told
 
 

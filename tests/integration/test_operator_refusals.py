@@ -39,13 +39,13 @@ def test_a_quota_is_told_and_once_it_is_raised_the_campaign_goes_on(
         state = status_of(fake_cluster, namespace, "few")
         return condition(state, "Stalled").get("reason") == "Quota"
 
-    eventually(told, 60, operator.told)
+    eventually(told, told=operator.told)
     message = condition(status_of(fake_cluster, namespace, "few"), "Stalled")["message"]
     assert "exceeded quota: small" in message
     assert 'robovast_reconcile_failures_total{reason="Quota"}' in page(port, "metrics")
     assert "robovast_campaigns_failing 1.0" in page(port, "metrics")
     fake_cluster.kubectl("delete", "resourcequota", "small", f"--namespace={namespace}")
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 90, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
 
 
 def test_objects_that_only_show_entries_hold_no_run_back(
@@ -62,7 +62,7 @@ def test_objects_that_only_show_entries_hold_no_run_back(
     operator = new_operator(ROBOVAST_STALL_SECONDS="2")
     operator.start()
     fake_cluster.apply(campaign("few", namespace, 3, 2))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 90, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     state = status_of(fake_cluster, namespace, "few")
     assert condition(state, "Stalled")["status"] == "False"
     events = json.loads(
@@ -86,5 +86,5 @@ def test_a_document_that_no_object_can_hold_is_told(
         state = status_of(fake_cluster, namespace, "few")
         return condition(state, "Stalled").get("reason") == "TooLarge"
 
-    eventually(told, 60, operator.told)
+    eventually(told, told=operator.told)
     assert not created(fake_cluster, namespace, "jobs")

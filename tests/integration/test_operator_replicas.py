@@ -50,7 +50,7 @@ def start_and_hear(operator: OperatorProcess, leader: str) -> None:
     told = f"{leader} leads"
     before = operator.told().count(told)
     operator.start()
-    eventually(lambda: operator.told().count(told) > before, 60, operator.told)
+    eventually(lambda: operator.told().count(told) > before, told=operator.told)
 
 
 def addition(namespace: str, name: str, value: int) -> dict[str, Any]:
@@ -84,7 +84,7 @@ def test_a_leader_that_is_killed_ten_times_is_followed_each_time_and_makes_nothi
         time.sleep(chance.uniform(0, 1))
         replicas[leader].kill()
         dead, leader = leader, next(name for name in replicas if name != leader)
-        eventually(lambda: holder(fake_cluster) == leader, 120)  # noqa: B023
+        eventually(lambda: holder(fake_cluster) == leader)  # noqa: B023
         start_and_hear(replicas[dead], leader)
 
     def ended() -> bool:
@@ -115,16 +115,16 @@ def test_a_leader_that_slept_while_the_other_took_over_does_nothing_more(
         creation = proxy.break_("POST", "/jobs", hold(fell_asleep, delay(0)), 1)
         asleep.start()
         try:
-            eventually(lambda: f"asleep-{namespace} leads" in asleep.told(), 60)
+            eventually(lambda: f"asleep-{namespace} leads" in asleep.told())
             awake.start()
             fake_cluster.apply(campaign("few", namespace, 3, 2))
             eventually(lambda: creation.hits, 30)
             asleep.signal(signal.SIGSTOP)
             fell_asleep.set()
-            eventually(lambda: finished(fake_cluster, namespace, "few"), 60, awake.told)
+            eventually(lambda: finished(fake_cluster, namespace, "few"), told=awake.told)
             before = len(proxy.seen)
             asleep.signal(signal.SIGCONT)
-            eventually(lambda: "another replica may lead" in asleep.told(), 60)
+            eventually(lambda: "another replica may lead" in asleep.told())
             time.sleep(1)
             assert writes_of(proxy, before) == []
         finally:
@@ -154,7 +154,7 @@ def test_a_restart_tells_the_truth_first_of_all_and_the_end_costs_no_write(
     fake_cluster.kubectl("cordon", "--selector=type=kwok")  # no run ends while it is there
     try:
         fake_cluster.apply(campaign("few", namespace, 3, 2))
-        (name,) = eventually(lambda: created(fake_cluster, namespace, "jobs"), 60)
+        (name,) = eventually(lambda: created(fake_cluster, namespace, "jobs"))
         operator.kill()
     finally:
         fake_cluster.kubectl("uncordon", "--selector=type=kwok")
@@ -170,7 +170,7 @@ def test_a_restart_tells_the_truth_first_of_all_and_the_end_costs_no_write(
         cpu, _ = operator.usage()
     assert first == "6/6"
     assert cpu <= 5
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     eventually(lambda: not writes_in(fake_cluster, 3), 60, "the operator goes on writing")
     since = fake_cluster.audit_log.stat().st_size
     time.sleep(8)
@@ -200,7 +200,7 @@ def test_a_namespace_with_buckets_to_delete_goes_once_the_operator_is_back(
     operator = new_operator()
     operator.start()
     fake_cluster.apply(campaign("few", namespace, 3, 2, storage={"retention": "Delete"}))
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 60, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     operator.kill()
     fake_cluster.kubectl("delete", "namespace", namespace, "--wait=false")
     left = ("get", "campaigns", f"--namespace={namespace}", "--output=name")

@@ -53,7 +53,7 @@ def test_a_search_grows_its_plan_whenever_the_operator_dies(
         operator.kill()
         deaths += 1
     operator.start()
-    eventually(lambda: finished(fake_cluster, namespace, "seek"), 120, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "seek"), told=operator.told)
     state = status(fake_cluster, namespace, "seek")
     told = {key: value for key, value in SAID[2].items() if key not in {"blocks", "digest"}}
     assert state["search"].pop("plan").endswith("-plan-1")
@@ -104,7 +104,7 @@ def test_a_search_that_has_ended_goes_on_when_its_budget_is_patched(
     applied(fake_cluster, namespace, "more")
     operator = new_operator()
     operator.start()
-    eventually(lambda: finished(fake_cluster, namespace, "more"), 120, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "more"), told=operator.told)
     patch = {"spec": {"vast": {"search": {"budget": [{"batches": 3}]}}}}
     inside = f"--namespace={namespace}"
     fake_cluster.kubectl(
@@ -115,7 +115,7 @@ def test_a_search_that_has_ended_goes_on_when_its_budget_is_patched(
         120,
         operator.told,
     )
-    eventually(lambda: finished(fake_cluster, namespace, "more"), 120, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "more"), told=operator.told)
     assert created(fake_cluster, namespace, "jobs").total() == 8, "three shards, four proposals"
     (plan,) = [
         item
@@ -133,13 +133,13 @@ def test_of_many_plans_the_first_and_the_last_few_are_left(
     operator = new_operator(ROBOVAST_LEASE_SECONDS="1")
     operator.start()
     inside = f"--namespace={namespace}"
-    eventually(lambda: finished(fake_cluster, namespace, "more"), 120, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "more"), told=operator.told)
     for number in range(2, 8):
         patch = {"spec": {"vast": {"search": {"budget": [{"batches": number + 1}]}}}}
         fake_cluster.kubectl(
             *(inside, "patch", "campaign", "more", "--type=merge", f"--patch={json.dumps(patch)}")
         )
-        eventually(lambda number=number: str(number) in plans(fake_cluster, namespace), 60)  # type: ignore[misc]
+        eventually(lambda number=number: str(number) in plans(fake_cluster, namespace))  # type: ignore[misc]
         if number == 4:
             operator.kill()
             operator.start()
@@ -164,7 +164,7 @@ def test_the_runs_of_a_search_wait_for_their_queue_once_they_are_proposed(
     applied(fake_cluster, namespace, "seek", queueName="lab")
     operator = new_operator()
     operator.start()
-    eventually(lambda: "0" in jobs(fake_cluster, namespace), 60, operator.told)
+    eventually(lambda: "0" in jobs(fake_cluster, namespace), told=operator.told)
     found = jobs(fake_cluster, namespace)
     assert found["0"]["metadata"]["labels"]["kueue.x-k8s.io/queue-name"] == "lab"
     assert found["0"]["spec"]["suspend"] is True
@@ -191,6 +191,6 @@ def test_a_stopped_search_executes_nothing_goes_on_and_leaves_nothing_when_delet
         operator.told,
     )
     fake_cluster.kubectl(inside, "delete", "campaign", "seek")
-    eventually(lambda: not jobs(fake_cluster, namespace), 60, operator.told)
+    eventually(lambda: not jobs(fake_cluster, namespace), told=operator.told)
     named = ("get", "configmaps", "--selector=robovast.io/campaign=seek", "--output=name")
-    eventually(lambda: not fake_cluster.kubectl(inside, *named).strip(), 60, operator.told)
+    eventually(lambda: not fake_cluster.kubectl(inside, *named).strip(), told=operator.told)

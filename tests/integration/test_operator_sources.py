@@ -51,7 +51,7 @@ def test_later_runs_have_the_files_of_the_first_whatever_becomes_of_the_config_m
     fake_cluster: Cluster, namespace: str, operator: OperatorProcess, gone: bool
 ) -> None:
     apply(fake_cluster, namespace, "first", suspend=True)
-    eventually(lambda: status(fake_cluster, namespace, "few").get("bucket"), 60, operator.told)
+    eventually(lambda: status(fake_cluster, namespace, "few").get("bucket"), told=operator.told)
     operator.kill()
     if gone:
         fake_cluster.kubectl("delete", "configmap/mine", f"--namespace={namespace}")
@@ -63,7 +63,7 @@ def test_later_runs_have_the_files_of_the_first_whatever_becomes_of_the_config_m
         *("patch", "campaign", "few", f"--namespace={namespace}", "--type=merge"),
         *("--patch", resume),
     )
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 90, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     assert condition(status(fake_cluster, namespace, "few"), "Passed")["status"] == "True"
     copy = copy_of(fake_cluster, namespace)
     assert (copy["data"]["note.txt"], copy["immutable"]) == ("first", True)
@@ -79,7 +79,7 @@ def test_files_that_were_changed_before_they_were_copied_are_told(
 ) -> None:
     """As of a campaign that a version without copies has begun."""
     apply(fake_cluster, namespace, "first", suspend=True)
-    eventually(lambda: status(fake_cluster, namespace, "few").get("bucket"), 60, operator.told)
+    eventually(lambda: status(fake_cluster, namespace, "few").get("bucket"), told=operator.told)
     operator.kill()
     copy = copy_of(fake_cluster, namespace)["metadata"]["name"]
     fake_cluster.kubectl("delete", f"configmap/{copy}", f"--namespace={namespace}")
@@ -90,11 +90,11 @@ def test_files_that_were_changed_before_they_were_copied_are_told(
         found = condition(status(fake_cluster, namespace, "few"), "Accepted")
         return (found["status"], found["reason"]) == (truth, reason)
 
-    eventually(lambda: accepted("False", "SourceChanged"), 60, operator.told)
+    eventually(lambda: accepted("False", "SourceChanged"), told=operator.told)
     told = condition(status(fake_cluster, namespace, "few"), "Accepted")["message"]
     assert "`note.txt`" in told
     apply(fake_cluster, namespace, "first")
-    eventually(lambda: finished(fake_cluster, namespace, "few"), 90, operator.told)
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
     assert accepted("True", "Valid")
 
 
@@ -109,7 +109,7 @@ def test_runs_of_configurations_that_come_and_go_keep_their_places(
         meta = {"name": name, "namespace": namespace}
         kind = {"apiVersion": "robovast.io/v1alpha1", "kind": "Configuration"}
         fake_cluster.apply({**kind, "metadata": meta, "spec": spec})
-        eventually(lambda: len(plans(fake_cluster, namespace)) > others, 60, operator.told)  # noqa: B023
+        eventually(lambda: len(plans(fake_cluster, namespace)) > others, told=operator.told)  # noqa: B023
         fake_cluster.kubectl("delete", f"configuration/{name}", f"--namespace={namespace}")
     documents = [plan["data"]["document.vast"] for plan in plans(fake_cluster, namespace)]
     assert [text.count("- name: a") for text in documents] == [0, 1, 1]

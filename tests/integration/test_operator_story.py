@@ -22,11 +22,11 @@ def test_a_failing_campaign_is_told_from_its_plan_to_its_results_in_about_ten_li
         lines = described.rpartition("Events:")[2].splitlines()
         return [line for line in lines if "robovast-operator" in line]
 
-    eventually(lambda: any("RunFailed" in line for line in told()), 60, operator.told)
+    eventually(lambda: any("RunFailed" in line for line in told()), told=operator.told)
     operator.kill()
     after = new_operator("two")
     after.start()
-    eventually(lambda: finished(fake_cluster, namespace, "sour"), 120, after.told)
+    eventually(lambda: finished(fake_cluster, namespace, "sour"), told=after.told)
     reasons = [line.split()[1] for line in told()]
     assert sorted(set(reasons)) == sorted(
         {

@@ -108,10 +108,10 @@ class Release:
             found = self.kubectl("get", "pods", chosen, "--output=name")
             return found.split()
 
-        pod = eventually(running, 60, self.told)[0]
+        pod = eventually(running, told=self.told)[0]
         self.kubectl("label", pod, "go=on")
         wanted = f"{before + 1}/10"
-        eventually(lambda: self.status("busy").get("progress") == wanted, 60, self.told)
+        eventually(lambda: self.status("busy").get("progress") == wanted, told=self.told)
 
     def ends(self, name: str, seconds: float = 120) -> None:
         """Wait until the results of a campaign are complete, each of its runs counted once."""
@@ -146,12 +146,12 @@ def start(release: Release) -> None:
         release.ends(name)
     assert release.is_true("few", "Passed")
     assert release.is_true("sour", "Passed", "False")
-    eventually(lambda: release.is_true("wrong", "Accepted", "False"), 60, release.told)
-    eventually(lambda: release.status("stopped").get("state") == "Suspended", 60, release.told)
+    eventually(lambda: release.is_true("wrong", "Accepted", "False"), told=release.told)
+    eventually(lambda: release.status("stopped").get("state") == "Suspended", told=release.told)
     for name in ("waiting", "leaving"):
-        eventually(lambda n=name: release.is_true(n, "Stalled"), 60, release.told)  # type: ignore[misc]
+        eventually(lambda n=name: release.is_true(n, "Stalled"), told=release.told)  # type: ignore[misc]
     release.kubectl("delete", "campaign", "leaving", "--wait=false")
-    eventually(lambda: any("purge" in job for job in release.made()[0]), 60, release.told)
+    eventually(lambda: any("purge" in job for job in release.made()[0]), told=release.told)
     for _ in range(2):
         release.end_run()
 
@@ -170,7 +170,7 @@ def test_campaigns_in_every_state_outlive_upgrade_rollback_and_another_upgrade(
         assert release.status("busy")["state"] == "Running"
         assert {name: release.read(name) for name in ended} == ended
         for name in names:
-            eventually(lambda n=name: release.standing(n) == blocked[n], 60, release.told)  # type: ignore[misc]
+            eventually(lambda n=name: release.standing(n) == blocked[n], told=release.told)  # type: ignore[misc]
         assert release.made() == made, "nothing is executed again"
         assert release.cluster.stored_versions() == [[OLDER]] * 2
 
@@ -178,7 +178,7 @@ def test_campaigns_in_every_state_outlive_upgrade_rollback_and_another_upgrade(
     nothing_has_changed(*BLOCKED)
     release.apply("stopped", NEWER, suspend=True, parallelism=3)
     release.apply("newer", NEWER, scheduling=release.nowhere())
-    eventually(lambda: release.is_true("newer", "Stalled"), 60, release.told)
+    eventually(lambda: release.is_true("newer", "Stalled"), told=release.told)
     blocked |= {name: release.standing(name) for name in ("newer", "stopped")}
     made = release.made()
 
@@ -191,7 +191,7 @@ def test_campaigns_in_every_state_outlive_upgrade_rollback_and_another_upgrade(
     for name in ("stopped", "waiting", "newer"):
         release.ends(name)
     listed = ("get", f"campaigns.{OLDER}.robovast.io", "--output=name")
-    eventually(lambda: "leaving" not in release.kubectl(*listed), 120, release.told)
+    eventually(lambda: "leaving" not in release.kubectl(*listed), told=release.told)
     ended |= {name: release.read(name) for name in ("stopped", "waiting", "newer")}
     made = release.made()
 

@@ -54,7 +54,7 @@ def test_a_campaign_on_the_oldest_version_comes_to_its_end_or_says_what_that_lac
             found = condition(status(oldest_cluster, "lab", "few"), "Passed")
             return found.get("status") == "True"
 
-        eventually(passed, 60, operator.told)
+        eventually(passed, told=operator.told)
         state = status(oldest_cluster, "lab", "few")
         assert (state["progress"], state["state"]) == ("6/6", "Finished")
         oldest_cluster.kubectl("--namespace=lab", "delete", "campaign", "few", "--timeout=20s")

@@ -61,7 +61,7 @@ class Redefined(Cluster):
             known = {v["name"]: v["served"] for v in definition["spec"]["versions"]}
             for version in VERSIONS:
                 wanted = known.get(version, False)
-                eventually(lambda v=version, w=wanted, p=plural: self.serves(v, p) == w, 60)  # type: ignore[misc]
+                eventually(lambda v=version, w=wanted, p=plural: self.serves(v, p) == w)  # type: ignore[misc]
         shutil.rmtree(self.cache, ignore_errors=True)
 
     def serves(self, version: str, plural: str = "campaigns") -> bool:

@@ -225,7 +225,7 @@ class Pod:
     def prepare(self, index: int = 0, *arguments: object) -> int:
         """A pod that is killed when its runs are prepared: 0; its exit code if it ends before."""
         agent = self.command("agent", *arguments, index=index)
-        eventually(lambda: agent.poll() is not None or self.script.exists(), 60)
+        eventually(lambda: agent.poll() is not None or self.script.exists())
         if agent.poll() is None:
             self.kill(agent)
             return 0
@@ -241,7 +241,7 @@ class Pod:
     def start(self, index: int = 0) -> tuple[subprocess.Popen[bytes], subprocess.Popen[bytes]]:
         """Start the containers `robovast` and `agent`; both are at work then."""
         containers = self.start_run(), self.command("agent", index=index)
-        eventually(self.script.exists, 60)
+        eventually(self.script.exists)
         return containers
 
     def log(self, name: str) -> str:

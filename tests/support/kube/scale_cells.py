@@ -137,7 +137,7 @@ def measure(cell: Cell) -> Result:
 def _running(operator: OperatorProcess) -> Iterator[None]:
     operator.start()
     try:
-        eventually(lambda: "leads" in operator.told(), 60, operator.told)
+        eventually(lambda: "leads" in operator.told(), told=operator.told)
         yield
     finally:
         operator.stop()
@@ -245,9 +245,9 @@ def _template(cell: Cell, requests: Requests) -> Any:
     """
     requests.post(CAMPAIGNS, _campaign(cell, "sample", cell.pack))
     chosen = f"{JOBS}?labelSelector=robovast.io/role=shard"
-    job = eventually(lambda: requests.get(chosen)["items"], 60)[0]
+    job = eventually(lambda: requests.get(chosen)["items"])[0]
     done = f"{CAMPAIGNS}/sample"
-    eventually(lambda: requests.get(done).get("status", {}).get("state") == "Finished", 120)
+    eventually(lambda: requests.get(done).get("status", {}).get("state") == "Finished")
     return job
 
 
@@ -277,7 +277,7 @@ class _Ours:
             time.sleep(0.25)
         result.seconds = self._told[-1][0] - started
         result.writes = dict(write_requests(self._cluster, begin))
-        eventually(lambda: self._status().get("state") == "Finished", 120)
+        eventually(lambda: self._status().get("state") == "Finished")
         result.cpu, result.memory = self._used()
         result.idle = self._idle()
         result.stale = _staleness(self._stored, self._told)
