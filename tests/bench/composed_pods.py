@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import signal
 import sys
 import time
 from contextlib import suppress
@@ -54,7 +55,7 @@ def execute(pod: Pod, command: str, *arguments: object, index: int = 0) -> None:
         with suppress(OSError):
             largest = max([largest, *map(memory, pids_of(pod.work))])
         if not told and pod.script.exists():
-            process.terminate()
+            os.kill(process.pid, signal.SIGTERM)
             told = True
         time.sleep(0.02)
         ended, status, used = os.wait4(process.pid, os.WNOHANG)
