@@ -31,7 +31,7 @@ from support.campaigns.local import (
     verdicts,
 )
 from support.kube.pod_processes import Campaign, Pod, keys_by_path, pids_of
-from support.patience import eventually
+from support.patience import PATIENCE, eventually
 from support.servers.refusing_s3_proxy import refusing
 
 from robovast.agent import reuse
@@ -394,7 +394,7 @@ def test_a_run_that_kills_its_process_is_errored_and_the_others_go_on(make: Make
 
 @one_server
 def test_a_timeout_costs_one_run(make: Make) -> None:
-    campaign = make(PASS + '[ "$1" != 2 ] || sleep 600\n', PACK + "  timeout: 6\n")
+    campaign = make(PASS + '[ "$1" != 2 ] || sleep 600\n', PACK + "  timeout: 20\n")
     assert Pod(campaign).run() == 11
     assert campaign.verdicts() == {"one-1/0": "passed", "one-2/0": "errored", "one-3/0": "passed"}
     assert "execution.timeout" in campaign.record("one-2/0")["reason"]
@@ -402,7 +402,7 @@ def test_a_timeout_costs_one_run(make: Make) -> None:
 
 @one_server
 def test_runs_with_a_secondary_container(make: Make) -> None:
-    script = 'if [[ $CONTAINER_NAME ]]; then echo "$CONTAINER_NAME is up"; exec sleep 60; fi\n'
+    script = 'if [[ $CONTAINER_NAME ]]; then echo "$CONTAINER_NAME is up"; exec sleep 600; fi\n'
     extra = "  secondary_containers: [nav]\n  pre_command: /config/files/pre.sh\n" + PACK
     seen = 'until grep -q sleep "$OUTPUT_DIR/resource_usage_nav.csv"; do sleep 0.1; done'
     step = f'sleep 0.5; {seen}\n[ "$1" != 2 ] || kill -9 $PPID\n'
@@ -421,7 +421,7 @@ def test_a_container_that_is_killed_costs_one_run(make: Make) -> None:
     container, agent = pod.start()
     eventually(lambda: (pod.out / "one-2/0/out.csv").exists())
     pod.kill(container)
-    assert agent.wait(30) == 75
+    assert agent.wait(PATIENCE) == 75
     assert pod.message() == {"passed": "0", "failed": "", "errored": "1", "counts": [1, 0, 1]}
     assert "SIGKILL" in campaign.record("one-2/0")["reason"]
     assert campaign.read("one-2/0/out.csv") == "2,a\n"
@@ -442,7 +442,7 @@ def test_what_kubernetes_alone_knows_of_pods_is_in_the_records_of_the_runs_that_
     container, agent = pod.start()
     eventually(lambda: (pod.out / "one-2/0/out.csv").exists())
     pod.kill(container)
-    agent.wait(30)
+    agent.wait(PATIENCE)
     later = Pod(campaign)
     assert later.run() == 11
     assert campaign.record("one-1/0")["image_digest"] == ""
@@ -471,7 +471,7 @@ def test_a_pod_that_is_told_to_end_keeps_what_is_over(make: Make) -> None:
     eventually(lambda: (pod.out / "one-2/0/out.csv").exists())
     container.terminate()  # first, as it may happen: its run then writes a verdict
     agent.terminate()
-    assert (agent.wait(30), container.wait(30)) == (75, 0)
+    assert (agent.wait(PATIENCE), container.wait(PATIENCE)) == (75, 0)
     assert campaign.verdicts() == {"one-1/0": "passed"}
     assert pod.message() == {"passed": "0", "failed": "", "errored": "", "counts": [1, 0, 0]}
 
@@ -482,14 +482,14 @@ def test_a_container_ends_with_its_agent(make: Make) -> None:
     pod = Pod(campaign)
     agent = pod.command("agent")
     eventually(pod.script.exists)
-    pod.script.write_text(pod.script.read_text().replace("silence=120", "silence=14"))
+    pod.script.write_text(pod.script.read_text().replace("silence=120", "silence=30"))
     container = pod.start_run()
     eventually(lambda: "Executing scenario" in pod.log("start"))
     heartbeat = pod.work / "config/heartbeat"
     before = heartbeat.read_text()
     eventually(lambda: heartbeat.read_text() != before)
     pod.kill(agent)
-    assert container.wait(20) == 0  # not a second silence after the run's end
+    assert container.wait(58) == 0  # not a second silence after the run's end
 
 
 @contextlib.contextmanager
@@ -516,7 +516,7 @@ def test_a_pod_that_is_told_to_end_while_it_prepares_ends_at_once(make: Make) ->
         before = heartbeat.read_text()
         eventually(lambda: heartbeat.read_text() != before)
         agent.terminate()
-        assert (agent.wait(20), container.wait(20)) == (75, 0)
+        assert (agent.wait(PATIENCE), container.wait(PATIENCE)) == (75, 0)
     assert not pod.script.exists()
     assert Pod(campaign).run() == 0
     assert set(campaign.verdicts().values()) == {"passed"}
@@ -532,7 +532,7 @@ def test_when_the_process_that_prepares_is_killed_another_pod_is_made(make: Make
         begun()
         (prepares,) = (pid for pid in pids_of(pod.work) if os.getsid(pid) == agent.pid != pid)
         os.kill(prepares, signal.SIGKILL)
-        assert (agent.wait(20), container.wait(20)) == (75, 0)
+        assert (agent.wait(PATIENCE), container.wait(PATIENCE)) == (75, 0)
     assert "prepares the runs was ended by SIGKILL" in pod.message()["error"]
     assert Pod(campaign).run() == 0
 
@@ -557,7 +557,7 @@ def test_an_agent_that_is_killed_before_its_runs_costs_nothing(make: Make, momen
         assert pod.prepare() == 0
         pod.kill()
     if moment != "when":
-        assert container.wait(60) == 0
+        assert container.wait(PATIENCE) == 0
     assert campaign.verdicts() == {}
     later = Pod(campaign)
     assert later.run() == 0
@@ -617,7 +617,7 @@ def test_of_two_pods_for_one_index_each_run_is_stored_once(make: Make) -> None:
     for pod in pods:
         pod.start_run()
         agents.append(pod.command("agent"))
-    assert [agent.wait(60) for agent in agents] == [0, 0]
+    assert [agent.wait(PATIENCE) for agent in agents] == [0, 0]
     for run_path in ("one-1/0", "one-2/0", "one-3/0"):
         keys = keys_by_path(campaign.store, campaign.bucket, run_path)
         files = [campaign.store.read(campaign.bucket, keys[f"{run_path}/{n}"]) for n in range(100)]
@@ -627,15 +627,20 @@ def test_of_two_pods_for_one_index_each_run_is_stored_once(make: Make) -> None:
 
 
 @one_server
-def test_the_server_may_restart_in_the_middle(make: Make, s3_server: Server) -> None:
-    campaign = make(PASS + "sleep 0.5\n", PACK)
+def test_the_server_may_restart_in_the_middle(
+    make: Make, s3_server: Server, tmp_path: Path
+) -> None:
+    hold = tmp_path / "hold"
+    hold.touch()
+    campaign = make(PASS + f'while [ -e "{hold}" ]; do sleep 0.1; done\n', PACK)
     pod = Pod(campaign)
     _, agent = pod.start()
     eventually(lambda: "Executing scenario" in pod.log("start"))
     s3_server.stop()
+    hold.unlink()
     eventually(lambda: "ended with code" in pod.log("start"))
     s3_server.start()
-    assert agent.wait(60) == 0, pod.log("agent")
+    assert agent.wait(PATIENCE) == 0, pod.log("agent")
     assert set(campaign.verdicts().values()) == {"passed"}
 
 

@@ -92,7 +92,7 @@ class FaultyApi:
     def _in_loop(self, act: Callable[[str], int], path: str) -> int:
         done: Future[int] = Future()
         self._loop.call_soon_threadsafe(lambda: done.set_result(act(path)))
-        return done.result(timeout=10)
+        return done.result(timeout=60)
 
     def _open(self, path: str) -> list[_Watch]:
         return [watch for watch in self._watches if re.search(path, watch.path)]
@@ -295,10 +295,10 @@ def faulty_api(cluster: Cluster) -> Iterator[FaultyApi]:
 
     thread = threading.Thread(target=run, daemon=True)
     thread.start()
-    proxy.address = ready.result(timeout=10)
+    proxy.address = ready.result(timeout=60)
     try:
         yield proxy
     finally:
         with suppress(RuntimeError):
             proxy._loop.call_soon_threadsafe(ended.set)
-        thread.join(timeout=20)
+        thread.join(timeout=60)

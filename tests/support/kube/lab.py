@@ -218,7 +218,7 @@ def own_operator(lab: Lab) -> Iterator[Callable[[], None]]:
     lab.cluster.kubectl(*deployment, "--replicas=0")
     lab.cluster.kubectl(
         *("--namespace", SYSTEM, "wait", "pod", "--selector=app=robovast-operator"),
-        *("--for=delete", "--timeout=60s"),
+        *("--for=delete", "--timeout=180s"),
     )
     environment = {
         **os.environ,
@@ -246,9 +246,13 @@ def own_operator(lab: Lab) -> Iterator[Callable[[], None]]:
         yield restart
     finally:
         processes[-1].terminate()
-        processes[-1].wait(timeout=30)
+        processes[-1].wait(timeout=180)
         log.close()
         lab.cluster.kubectl(*deployment, "--replicas=1")
+        lab.cluster.kubectl(
+            *("--namespace", SYSTEM, "rollout", "status", "deployment/robovast-operator"),
+            "--timeout=180s",
+        )
 
 
 def files(campaign: Path) -> set[str]:

@@ -133,7 +133,7 @@ def prepare(cluster: Cluster, nodes: int, stages: list[str], *, tainted: bool = 
     text = yaml.safe_dump_all(rights)
     cluster.kubectl("--namespace", SYSTEM, "apply", "--server-side", "-f", "-", stdin=text)
     cluster.kubectl(
-        *("wait", "--for=condition=Established", "--timeout=20s"),
+        *("wait", "--for=condition=Established", "--timeout=180s"),
         *("crd/campaigns.robovast.io", "crd/configurations.robovast.io"),
     )
 
@@ -282,7 +282,7 @@ class OperatorProcess:
     def stop(self) -> None:
         if self._process is not None and self._process.poll() is None:
             self._process.terminate()
-            self._process.wait(timeout=30)
+            self._process.wait(timeout=180)
 
     @property
     def alive(self) -> bool:
@@ -361,7 +361,7 @@ def free_port() -> int:
 def page(port: int, name: str) -> str:
     """One of the operator's own pages; empty while it does not answer."""
     try:
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}/{name}", timeout=5) as answer:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/{name}", timeout=10) as answer:
             return str(answer.read().decode())
     except OSError:
         return ""

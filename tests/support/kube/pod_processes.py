@@ -30,7 +30,7 @@ from robovast.storage.bucket_runs import open_run
 from robovast.storage.download_plan import plan_download
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
-from support.patience import eventually
+from support.patience import PATIENCE, eventually
 
 MARKER = "ROBOVAST_TEST_POD"
 
@@ -197,7 +197,7 @@ class Pod:
 
     def task(self, name: str) -> int:
         """Do our own work on the whole campaign; returns the exit code."""
-        return self.command(name).wait(60)
+        return self.command(name).wait(PATIENCE)
 
     def start_run(self, secondary: str = "", silence: int = 120) -> subprocess.Popen[bytes]:
         """Start a container of the user's image; how long its agent may be silent before [s]."""
@@ -234,8 +234,8 @@ class Pod:
     def run(self, index: int = 0, *arguments: object, secondaries: tuple[str, ...] = ()) -> int:
         """A pod from its beginning to its end; returns the agent's exit code."""
         containers = [self.start_run(name) for name in (*secondaries, "")]
-        code = self.command("agent", *arguments, index=index).wait(180)
-        assert [container.wait(30) for container in containers] == [0] * len(containers)
+        code = self.command("agent", *arguments, index=index).wait(2 * PATIENCE)
+        assert [container.wait(PATIENCE) for container in containers] == [0] * len(containers)
         return code
 
     def start(self, index: int = 0) -> tuple[subprocess.Popen[bytes], subprocess.Popen[bytes]]:
