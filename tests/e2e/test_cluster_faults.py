@@ -79,7 +79,8 @@ def run_processes(lab: Lab) -> list[int]:
             mine = hosts & set(path.read_bytes().split(b"\0"))
             status = (path.parent / "status").read_text()
             first = re.search(r"^NSpid:\t\d+\t1$", status, re.MULTILINE)
-            if mine and first and b"start.sh" in (path.parent / "cmdline").read_bytes():
+            command = (path.parent / "cmdline").read_bytes()
+            if mine and first and command.startswith(b"bash\0/config/start.sh\0"):
                 found.append(int(path.parent.name))
     return found
 
