@@ -492,6 +492,45 @@ def test_a_container_ends_with_its_agent(make: Make) -> None:
     assert container.wait(58) == 0  # not a second silence after the run's end
 
 
+@one_server
+def test_a_run_whose_agent_was_silent_for_too_long_has_no_verdict(make: Make) -> None:
+    """The agent was held up, as by a disk that hangs, and goes on: its run was ended by us."""
+    campaign = make("sleep 600\n")
+    pod = Pod(campaign)
+    agent = pod.command("agent")
+    eventually(pod.script.exists)
+    pod.script.write_text(pod.script.read_text().replace("silence=120", "silence=14"))
+    container = pod.start_run()
+    eventually(lambda: "Executing scenario" in pod.log("start"))
+    agent.send_signal(signal.SIGSTOP)
+    assert container.wait(PATIENCE) == 0
+    agent.send_signal(signal.SIGCONT)
+    assert agent.wait(PATIENCE) == 75
+    assert campaign.verdicts() == {}
+
+
+@one_server
+def test_a_pod_that_was_held_for_long_goes_on(make: Make) -> None:
+    """As with a machine that slept: its clock goes on, and its agent writes a little later."""
+    campaign = make("sleep 25\n")
+    pod = Pod(campaign)
+    agent = pod.command("agent")
+    eventually(pod.script.exists)
+    pod.script.write_text(pod.script.read_text().replace("silence=120", "silence=14"))
+    container = pod.start_run()
+    eventually(lambda: "Executing scenario" in pod.log("start"))
+    held = list(pids_of(pod.work))
+    for pid in held:
+        os.kill(pid, signal.SIGSTOP)
+    time.sleep(16)
+    for pid in sorted(held, key=lambda pid: os.getsid(pid) == agent.pid):
+        if os.getsid(pid) == agent.pid:
+            time.sleep(1)
+        os.kill(pid, signal.SIGCONT)
+    assert (agent.wait(PATIENCE), container.wait(PATIENCE)) == (0, 0)
+    assert campaign.verdicts() == {"one-1/0": "passed"}
+
+
 @contextlib.contextmanager
 def preparing(campaign: Campaign) -> Iterator[Callable[[], object]]:
     """Pods of a campaign come no further than their first request; gives what waits for that."""

@@ -10,7 +10,7 @@
 #   N.oom            the kernel has killed processes of job N for lack of memory
 #   N.code.CODE      it has ended with this exit code
 #   N.over.NAME      it has ended in the secondary container NAME
-#   terminated       somebody else told the main container to end
+#   terminated       somebody else told the main container to end, or the agent was silent
 # Answers are empty files, which a full disk still takes.
 #
 # With ROBOVAST_KEEP_PROCESSES, what is left when a job ends is not killed: somebody may have come in to look.
@@ -20,6 +20,7 @@
 name=$1
 here=${BASH_SOURCE[0]%/*}
 silence=120 # how long the agent may be silent [s]
+again=6     # when to look once more: if the machine slept, the agent has still to write [s]
 grace=10    # how long a job may take to end when it is told to [s]
 
 word='' number='' job=0 child='' begun=0 terminated='' held=''
@@ -49,12 +50,14 @@ read_kills() {
     done
 } 2>/dev/null
 
-agent_lives() {
+is_fresh() {
     local beat='' uptime
     read -r beat <"$here/heartbeat"
     read_uptime
     ((uptime - ${beat:-$begun} < silence))
 }
+
+agent_lives() { is_fresh || { pause "$again"; is_fresh; }; }
 
 # Sets job; false when there is no other.
 await_job() {
@@ -90,13 +93,15 @@ enter_job() {
     exec bash "$here/secondary_entrypoint.sh"
 }
 
-# Ends the job when that is ordered, or when nobody is there to store it.
+# Ends the job when that is ordered, or when nobody is there to store it: as if somebody had told the
+# container to end, so that an agent that goes on does not take it for the run's own end.
 watch_orders() {
+    local told=$child
     exec 8>&-
-    while pause 0.5 && read_order && [[ $word == run ]] && ((number == job)) && agent_lives; do
-        :
+    while pause 0.5 && read_order && [[ $word == run ]] && ((number == job)); do
+        agent_lives || { told=$$; break; }
     done
-    kill -TERM "$child"
+    kill -TERM "$told"
     sleep "$grace"
     kill -KILL -- "-$child"
 }
