@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 import traceback
 from collections.abc import Callable
 from contextlib import suppress
@@ -32,10 +33,11 @@ def apart(work: Callable[[], int], meanwhile: Callable[[], None], stop: Event) -
     if not pid:
         _do_and_end(work)
     meanwhile()
-    while not stop.wait(LOOK):
+    while not stop.is_set():  # a handler that sets it while this thread waits for it may hang
         ended, status = os.waitpid(pid, os.WNOHANG)
         if ended:
             return os.waitstatus_to_exitcode(status)
+        time.sleep(LOOK)
     os.kill(pid, signal.SIGKILL)
     return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
 

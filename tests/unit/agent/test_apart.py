@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -73,3 +74,38 @@ def test_it_is_ended_when_its_original_is_told_to_end() -> None:
         Thread(target=lambda: (time.sleep(0.2), stop.set())).start()
 
     assert apart(work, meanwhile, stop) == -signal.SIGKILL
+
+
+AT_EACH_LINE = """\
+import signal, sys, threading, time
+from robovast.agent import apart
+from robovast.base.signals import call_on_signals
+
+def at_line(line):
+    left = line
+
+    def look(frame, event, _):
+        nonlocal left
+        if event == "line" and frame.f_code.co_filename in (apart.__file__, threading.__file__):
+            left -= 1
+            if left == 0:
+                signal.raise_signal(signal.SIGTERM)
+        return look
+
+    def meanwhile():
+        sys.settrace(look)
+        sys._getframe(1).f_trace = look
+
+    stop = threading.Event()
+    with call_on_signals(stop.set):
+        apart.apart(lambda: time.sleep(60) or 0, meanwhile, stop)
+        sys.settrace(None)
+
+for line in range(1, 20):
+    at_line(line)
+"""
+
+
+def test_a_signal_at_any_moment_ends_it() -> None:
+    """Its handler must not need what the interrupted line holds."""
+    subprocess.run([sys.executable, "-c", AT_EACH_LINE], timeout=60, check=True)
