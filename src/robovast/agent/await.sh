@@ -11,6 +11,7 @@
 here=${0%/*}
 answers=${here%/*}/out/.job
 silence=120  # how long the agent may be silent [s]
+again=6      # when to look once more, as in start.sh [s]
 patience=600 # how long it may take to come: its image may have to be pulled [s]
 
 name=$1 word='' beat='' uptime='' begun=''
@@ -32,11 +33,13 @@ read_uptime() {
     uptime=${uptime%%.*}
 }
 
-agent_lives() {
+is_expected() {
     read -r beat <"$here/heartbeat"
     read_uptime
     if [[ $beat ]]; then ((uptime - beat < silence)); else ((uptime - begun < patience)); fi
 }
+
+agent_lives() { is_expected || { pause "$again"; is_expected; }; }
 
 trap leave TERM INT
 exec 7<> <(:)

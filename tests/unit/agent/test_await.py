@@ -59,6 +59,12 @@ def prepare(folders: Folders) -> None:
     (folders.work / "start.sh").rename(folders.config / "start.sh")
 
 
+def beat(folders: Folders, ago: float = 0.0) -> None:
+    """Give a sign of life of the agent."""
+    uptime = time.clock_gettime(time.CLOCK_BOOTTIME) - ago
+    (folders.config / "heartbeat").write_text(f"{uptime:.0f}".ljust(31) + "\n")
+
+
 @pytest.mark.parametrize("names", [(), ("nav",)], ids=["main", "secondary"])
 def test_it_becomes_the_script_that_it_waits_for(
     folders: Folders, started: list[Waiting], names: tuple[str, ...]
@@ -99,11 +105,26 @@ def test_an_agent_that_comes_too_late_leaves_the_runs_to_another_pod(
 def test_an_agent_that_died_is_not_waited_for(folders: Folders, started: list[Waiting]) -> None:
     container = RunContainer(folders)
     container.begin()
-    beat = time.clock_gettime(time.CLOCK_BOOTTIME)
-    (folders.config / "heartbeat").write_text(f"{beat:.0f}".ljust(31) + "\n")
+    beat(folders)
     started.append(Waiting(folders, silence=3, patience=0))
     time.sleep(1)
     assert started[0].process.poll() is None
+    assert started[0].end() == ""
+
+
+def test_an_agent_that_was_held_up_with_its_machine_is_waited_for(
+    folders: Folders, started: list[Waiting]
+) -> None:
+    """When a machine has slept, its uptime is at once that of an agent that was silent."""
+    container = RunContainer(folders)
+    container.begin()
+    beat(folders, ago=600)
+    started.append(Waiting(folders))
+    time.sleep(1)
+    beat(folders)
+    time.sleep(7)
+    assert started[0].process.poll() is None
+    container.end()
     assert started[0].end() == ""
 
 
