@@ -7,6 +7,7 @@ import os
 import re
 import time
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from threading import Thread
 
@@ -68,7 +69,9 @@ class RunContainer:
 
     def _beat(self) -> None:
         while True:
-            _rewrite(self._config / "heartbeat", f"{time.clock_gettime(time.CLOCK_BOOTTIME):.0f}")
+            uptime = time.clock_gettime(time.CLOCK_BOOTTIME)
+            with suppress(OSError):  # of a moment, as some disks have it when they are full
+                _rewrite(self._config / "heartbeat", f"{uptime:.0f}")
             time.sleep(HEARTBEAT)
 
     def started(self, job: int) -> Stopwatch | None:

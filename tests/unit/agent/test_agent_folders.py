@@ -92,6 +92,21 @@ def test_orders_are_rewritten_in_place_and_whole(folders: Folders) -> None:
     assert (folders.config / "order").stat().st_ino == inode
 
 
+def test_a_sign_of_life_that_cannot_be_written_is_not_the_last(
+    folders: Folders, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robovast.agent.container_control.HEARTBEAT", 0.05)
+    container = prepared(folders)
+    heartbeat, aside = folders.config / "heartbeat", folders.config / "aside"
+    container.beat_for_ever()
+    eventually(lambda: heartbeat.read_text().strip())
+    heartbeat.rename(aside)
+    time.sleep(0.5)
+    aside.write_text("".ljust(31) + "\n")
+    aside.rename(heartbeat)
+    eventually(lambda: heartbeat.read_text().strip())
+
+
 def begin(folders: Folders, ago: float = 0.0) -> None:
     """Say what a container says when its first job begins."""
     uptime = time.clock_gettime(time.CLOCK_BOOTTIME) - ago
